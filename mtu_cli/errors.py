@@ -1,0 +1,101 @@
+"""Problems of input, in one form for every file and command, and the exit codes."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+EXIT_DONE = 0
+EXIT_INPUT = 2
+EXIT_GATE = 3
+
+SHOWN_PROBLEMS = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """One fault of the input: where it stands, what it is, what was expected.
+
+    `line` is a line of a YAML file or a row of a CSV file, both as a text editor counts
+    them. `path` is a place inside a YAML document (``components.dx_x.unit``), `column` the
+    name of a CSV column or the 1-based character of an equation.
+    """
+
+    what: str
+    file: str | None = None
+    line: int | None = None
+    path: str | None = None
+    column: str | int | None = None
+    value: str | None = None
+    expected: str | None = None
+    row: int | None = None
+
+    def __str__(self) -> str:
+        place = self.file or ""
+        if self.line is not None:
+            place += f":{self.line}" if place else f"line {self.line}"
+        if self.row is not None:
+            place += f", row {self.row}" if place else f"row {self.row}"
+        if isinstance(self.column, str):
+            place += f", column '{self.column}'"
+        text = f"{place}: " if place else ""
+        if self.path:
+            text += f"{self.path}: "
+        text += self.what
+        if isinstance(self.column, int):
+            text += f" at column {self.column}"
+        if self.value is not None:
+            text += f": {shorten(self.value)!r}"
+        if self.expected:
+            text += f"; expected {self.expected}"
+        return text
+
+
+class MtuError(Exception):
+    """Base of every error that is reported to the user without a traceback."""
+
+
+class InputError(MtuError):
+    """The input or the call is at fault (exit code 2); carries every problem found."""
+
+    def __init__(self, problems: Problem | Iterable[Problem]) -> None:
+        listed = (problems,) if isinstance(problems, Problem) else tuple(problems)
+        self.problems: tuple[Problem, ...] = listed
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        shown = [str(problem) for problem in self.problems[:SHOWN_PROBLEMS]]
+        if len(self.problems) > SHOWN_PROBLEMS:
+            shown.append(f"... and {len(self.problems) - SHOWN_PROBLEMS} more of this kind")
+        return "\n".join(shown)
+
+
+def fault(what: str, **place: str | int | None) -> InputError:
+    """An InputError with a single problem: ``raise fault("...", file=..., expected=...)``."""
+    return InputError(Problem(what=what, **place))  # type: ignore[arg-type]  # fields by name
+
+
+def shorten(text: str, width: int = 60) -> str:
+    """Text cut to `width` characters, so that one message stays one line."""
+    return text if len(text) <= width else text[: width - 3] + "..."
+
+
+def closest(name: str, names: Iterable[str]) -> str | None:
+    """The known name that `name` was probably meant to be, or None."""
+    known: Sequence[str] = [str(candidate) for candidate in names]
+    folded = {candidate.casefold(): candidate for candidate in known}
+    if name.casefold() in folded:
+        return folded[name.casefold()]
+    found = difflib.get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.6)
+    return folded[found[0]] if found else None
+
+
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """The ending of an unknown-name message: the closest name, or the known ones."""
+    known = list(names)
+    near = closest(name, known)
+    if near is not None:
+        return f"did you mean {near!r}?"
+    listing = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
+    return f"one of: {listing}" if known else "none is known here"

@@ -1,0 +1,118 @@
+"""The syntax tree of an equation: what it holds, its names, its text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+Operator = Literal["+", "-", "*", "/", "**"]
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A literal, or the constant pi."""
+
+    value: float
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A position, a constant, a covariate or a component."""
+
+    name: str
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class Negative:
+    """Unary minus."""
+
+    operand: Node
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class Binary:
+    """``left operator right``; `column` is the operator's."""
+
+    operator: Operator
+    left: Node
+    right: Node
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """``function(arguments)``."""
+
+    function: str
+    arguments: tuple[Node, ...]
+    column: int
+
+
+Node = Number | Name | Negative | Binary | Call
+
+
+def children(node: Node) -> tuple[Node, ...]:
+    """The operands of a node, from left to right."""
+    match node:
+        case Negative(operand):
+            return (operand,)
+        case Binary(_, left, right):
+            return (left, right)
+        case Call(_, arguments):
+            return arguments
+    return ()
+
+
+def walk(node: Node) -> Iterator[Node]:
+    """Every node of the tree, parents first, from left to right."""
+    yield node
+    for child in children(node):
+        yield from walk(child)
+
+
+def names(node: Node) -> dict[str, int]:
+    """The names in the tree with the column of their first use."""
+    found: dict[str, int] = {}
+    for item in walk(node):
+        if isinstance(item, Name):
+            found[item.name] = min(item.column, found.get(item.name, item.column))
+    return found
+
+
+_PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
+
+
+def to_text(node: Node) -> str:
+    """The equation as text that parses back to the same tree."""
+    return _text(node, 0)
+
+
+def _text(node: Node, outer: int) -> str:
+    match node:
+        case Number(value):
+            text = repr(value)
+            return text[:-2] if text.endswith(".0") else text
+        case Name(name):
+            return name
+        case Call(function, arguments):
+            return f"{function}({', '.join(_text(item, 0) for item in arguments)})"
+        case Negative(operand):
+            return _wrap(f"-{_text(operand, 3)}", outer > 1)
+        case Binary(operator, left, right):
+            own = _PRECEDENCE[operator]
+            # The left side of ** and the right side of the others need parentheses at
+            # equal precedence: ** groups to the right, the others to the left.
+            left_text = _text(left, own + (operator == "**"))
+            right_text = _text(right, own if operator == "**" else own + 1)
+            joint = f"{left_text}{operator}{right_text}"
+            if operator in "+-":
+                joint = f"{left_text} {operator} {right_text}"
+            return _wrap(joint, own < outer)
+
+
+def _wrap(text: str, needed: bool) -> str:
+    return f"({text})" if needed else text

@@ -1,0 +1,45 @@
+"""Units of the contract and the internal ones: mm, rad, degC, min."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+LENGTH = 1
+"""Dimension of a length as its exponent; an angle (and um/m) has 0."""
+ANGLE = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit of a reading: `to_internal` times a number of it gives mm or rad."""
+
+    name: str
+    dimension: int
+    to_internal: float
+
+
+UNITS: dict[str, Unit] = {
+    unit.name: unit
+    for unit in (
+        Unit("um", LENGTH, 1e-3),
+        Unit("mm", LENGTH, 1.0),
+        Unit("nm", LENGTH, 1e-6),
+        Unit("arcsec", ANGLE, pi / 648000.0),
+        Unit("urad", ANGLE, 1e-6),
+        Unit("mrad", ANGLE, 1e-3),
+        Unit("rad", ANGLE, 1.0),
+        Unit("deg", ANGLE, pi / 180.0),
+        Unit("um/m", ANGLE, 1e-6),
+    )
+}
+
+UM = UNITS["um"].to_internal
+ARCSEC = UNITS["arcsec"].to_internal
+
+DIMENSION_NAMES = {LENGTH: "a length (mm)", ANGLE: "an angle or ratio (rad)"}
+
+
+def dimension_name(dimension: int) -> str:
+    """A dimension in words; `dimension` is the exponent of length."""
+    return DIMENSION_NAMES.get(dimension, f"mm^{dimension}")
