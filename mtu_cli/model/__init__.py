@@ -1,0 +1,1 @@
+"""What a machine is: equations that are linear in unknown functions of position."""

@@ -1,0 +1,279 @@
+"""How far off will a feature-to-feature length be, and will it conform?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mtu_cli.files.part import LoadedPart
+from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
+from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.settings import PROBABILITY, Settings, Warned
+from mtu_cli.model.trials import Measure, PointTrials
+from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
+from mtu_cli.stats.validation import Validation
+from mtu_cli.stats.workspace import Workspace
+
+JOINT_TRIALS = 200_000
+"""Trials behind the joint probability of conformance; its standard error is stated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conformance:
+    """Probability that the error of a future part is within -+ `tolerance` (mm)."""
+
+    tolerance: float
+    probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Length:
+    """One length; mm and mm^2. `variance` follows the settings' correlation.
+
+    `variance_uncorrelated` leaves out the measured correlation between components;
+    `u_bounds` are what u could be if the two largest contributors among components that do
+    not share passes were correlated with -1 or +1 (`pair` names them, None where there are
+    not two).
+    """
+
+    id: str
+    start: str
+    end: str
+    nominal: float
+    error: float
+    variance: float
+    dof: float
+    k: float
+    interval95: tuple[float, float]
+    independent_variance: float
+    variance_uncorrelated: float
+    u_bounds: tuple[float, float]
+    pair: tuple[str, str] | None
+    conformance: Conformance | None
+    validation: Validation
+
+    @property
+    def u(self) -> float:
+        """Standard uncertainty."""
+        return float(np.sqrt(self.variance))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LengthsResult:
+    """All lengths of a part; `joint_conformance` (probability, its standard error)."""
+
+    prediction: Prediction
+    lengths: tuple[Length, ...]
+    joint_conformance: tuple[float, float] | None
+    run: MonteCarloResult
+    warnings: tuple[Warned, ...]
+
+
+def predict_lengths(
+    model: MachineModel,
+    part: LoadedPart,
+    settings: Settings,
+    covariates: Mapping[str, float] | None = None,
+) -> LengthsResult:
+    """Predicts every length of the part: Gilsinn & Ling 2004, eqs. (20)-(22), with the
+    covariance of the two ends.
+
+    Raises InputError for a missing covariate or coordinate, or a part without lengths.
+    """
+    entries = part.part.lengths
+    used = [name for entry in entries for name in (entry.start, entry.end)]
+    ids, points, warnings = feature_points(part, model, used)
+    prediction = predict(model, ids, points, covariates)
+    pairs = np.array([[ids.index(entry.start), ids.index(entry.end)] for entry in entries])
+    delta = np.nan_to_num(points[pairs[:, 1]] - points[pairs[:, 0]])
+    nominal = np.linalg.norm(delta, axis=1)
+    gradient = length_gradient(prediction, pairs, delta)
+    measure = length_measure(prediction, pairs, delta)
+    errors = measure(prediction.mean[:, None], Workspace())[:, 0]
+    names = tuple(entry.id for entry in entries)
+    trial_model = PointTrials(
+        prediction, names, measure, errors, gradient, independent=settings.independent
+    )
+    run = settings.run(trial_model)
+    lengths = _lengths(
+        model, part, settings, prediction, gradient, nominal, errors, run, covariates
+    )
+    dof = np.array([length.dof for length in lengths])
+    return LengthsResult(
+        prediction=prediction,
+        lengths=lengths,
+        joint_conformance=_joint_conformance(trial_model, lengths, settings),
+        run=run,
+        warnings=(
+            *warnings,
+            *_planar_warnings(model, delta, names),
+            *outside_warnings(prediction),
+            *dof_warnings(names, dof),
+        ),
+    )
+
+
+def length_gradient(prediction: Prediction, pairs: FloatArray, delta: FloatArray) -> FloatArray:
+    """dL/dE (lengths, rows): minus and plus the nominal unit vector, eq. (22)."""
+    a = len(prediction.axes)
+    unit = delta / np.linalg.norm(delta, axis=1)[:, None]
+    columns = [AXES.index(axis) for axis in prediction.axes]
+    gradient = np.zeros((len(pairs), len(prediction.mean)))
+    for i, (start, end) in enumerate(pairs):
+        gradient[i, start * a : start * a + a] -= unit[i, columns]
+        gradient[i, end * a : end * a + a] += unit[i, columns]
+    return gradient
+
+
+def length_measure(prediction: Prediction, pairs: FloatArray, delta: FloatArray) -> Measure:
+    """Length minus nominal, eqs. (20)-(21), from the errors of the ends.
+
+    L - L0 = (2 delta.e + e.e) / (L + L0): no digits are lost to the difference of two lengths.
+    """
+    a = len(prediction.axes)
+    columns = [AXES.index(axis) for axis in prediction.axes]
+    L0 = np.linalg.norm(delta, axis=1)[:, None]
+    directions = delta[:, columns]
+
+    def measure(errors: FloatArray, work: Workspace) -> FloatArray:
+        grown = np.zeros((len(pairs), errors.shape[1]))
+        for j in range(a):
+            e = errors[pairs[:, 1] * a + j] - errors[pairs[:, 0] * a + j]
+            grown += (2 * directions[:, j, None] + e) * e
+        return grown / (np.sqrt(L0**2 + grown) + L0)
+
+    return measure
+
+
+def _lengths(
+    model: MachineModel,
+    part: LoadedPart,
+    settings: Settings,
+    prediction: Prediction,
+    gradient: FloatArray,
+    nominal: FloatArray,
+    errors: FloatArray,
+    run: MonteCarloResult,
+    covariates: Mapping[str, float] | None,
+) -> tuple[Length, ...]:
+    shared = prediction.variance(gradient)
+    independent = gradient**2 @ prediction.independent_variance
+    total = independent if settings.independent else shared.total
+    dofs = np.full(len(total), np.inf) if settings.independent else shared.dof
+    apart = predict(replace(model, joint=()), prediction.ids, prediction.points, covariates)
+    uncorrelated = apart.variance(gradient).total
+    lengths = []
+    for i, entry in enumerate(part.part.lengths):
+        u, dof = float(np.sqrt(total[i])), float(dofs[i])
+        k95 = coverage_factor(PROBABILITY, dof)
+        bounds, pair = _bounds(prediction, shared.by_block[:, i])
+        lengths.append(
+            Length(
+                id=entry.id,
+                start=entry.start,
+                end=entry.end,
+                nominal=float(nominal[i]),
+                error=float(errors[i]),
+                variance=float(total[i]),
+                dof=dof,
+                k=settings.coverage_factor,
+                interval95=(float(errors[i] - k95 * u), float(errors[i] + k95 * u)),
+                independent_variance=float(independent[i]),
+                variance_uncorrelated=float(uncorrelated[i]),
+                u_bounds=bounds,
+                pair=pair,
+                conformance=_conformance(entry.tolerance_um, float(errors[i]), u, dof),
+                validation=settings.validate(float(errors[i]), u, dof, run, i),
+            )
+        )
+    return tuple(lengths)
+
+
+def _bounds(
+    prediction: Prediction, by_block: FloatArray
+) -> tuple[tuple[float, float], tuple[str, str] | None]:
+    """u if the two largest blocks were correlated with -1 or +1."""
+    total = float(by_block.sum())
+    largest = np.argsort(-by_block, kind="stable")[:2]
+    if len(largest) < 2 or by_block[largest[1]] <= 0:
+        u = float(np.sqrt(total))
+        return (u, u), None
+    cross = 2 * float(np.sqrt(by_block[largest[0]] * by_block[largest[1]]))
+    names = [" + ".join(prediction.blocks[b].names) for b in largest]
+    low = float(np.sqrt(max(total - cross, 0.0)))
+    return (low, float(np.sqrt(total + cross))), (names[0], names[1])
+
+
+def _conformance(
+    tolerance_um: float | None, error: float, u: float, dof: float
+) -> Conformance | None:
+    """P(|error of a future part| <= tolerance) with t at the effective degrees of freedom."""
+    from scipy.special import ndtr, stdtr
+
+    if tolerance_um is None:
+        return None
+    tolerance = tolerance_um * 1e-3
+    if u == 0:
+        return Conformance(tolerance=tolerance, probability=float(abs(error) <= tolerance))
+
+    def below(t: float) -> float:
+        return float(ndtr(t) if np.isinf(dof) else stdtr(dof, t))
+
+    inside = below((tolerance - error) / u) - below((-tolerance - error) / u)
+    return Conformance(tolerance=tolerance, probability=inside)
+
+
+class _AllWithin:
+    """1 where every toleranced length of a trial's part is within its tolerance, else 0."""
+
+    def __init__(self, model: PointTrials, limits: FloatArray) -> None:
+        self.names = ("all_within",)
+        self.linear_mean = None
+        self.u_exists = (True,)
+        self.model = model
+        self.limits = limits[:, None]
+
+    def draw(self, rng: np.random.Generator, m: int) -> object:
+        from mtu_cli.stats.blocks import Draws
+
+        values = self.model.draw(rng, m).values
+        within = (np.abs(values) <= self.limits).all(axis=0)
+        return Draws(values=within[None, :].astype(np.float64))
+
+
+def _joint_conformance(
+    model: PointTrials, lengths: Sequence[Length], settings: Settings
+) -> tuple[float, float] | None:
+    """Probability that one part conforms in all its toleranced lengths, and its standard error.
+
+    The lengths of a part are correlated, so this is not the product of their probabilities.
+    """
+    limits = np.array([x.conformance.tolerance if x.conformance else np.inf for x in lengths])
+    if np.isfinite(limits).sum() < 2:
+        return None
+    result = monte_carlo(
+        _AllWithin(model, limits),
+        seed=settings.seed,
+        trials=settings.trials or JOINT_TRIALS,
+        threads=settings.threads,
+    )
+    p = float(result.mean[0])
+    return p, float(np.sqrt(p * (1 - p) / result.trials))
+
+
+def _planar_warnings(model: MachineModel, delta: FloatArray, names: Sequence[str]) -> list[Warned]:
+    missing = [axis for axis in AXES if axis not in model.axes]
+    return [
+        Warned(
+            code="axis-without-equation",
+            message=f"the machine has no E{axis}: lengths along {axis} ({names[i]}, ...) are "
+            "taken as free of error there",
+        )
+        for axis in missing
+        for i in np.flatnonzero(np.abs(delta[:, AXES.index(axis)]) > 1e-9)[:1]
+    ]

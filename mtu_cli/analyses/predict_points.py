@@ -1,0 +1,96 @@
+"""How far off will each feature be, and how sure is that?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.files.part import LoadedPart
+from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
+from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.settings import PROBABILITY, Settings, Warned
+from mtu_cli.model.trials import PointTrials
+from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.validation import Validation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointsResult:
+    """Errors (rows,) at all features, rows being (feature, axis); mm and mm^2.
+
+    `variance`, `dof` under the settings' correlation; `interval95` (rows, 2) with t;
+    `covariance` (rows, rows); `passes`, `repeatability`, `coefficients` (rows,) split the
+    variance; `validations` clause 8 of each row.
+    """
+
+    prediction: Prediction
+    points: FloatArray
+    coverage_factor: float
+    variance: FloatArray
+    dof: FloatArray
+    interval95: FloatArray
+    covariance: FloatArray
+    coefficients: FloatArray
+    passes: FloatArray
+    repeatability: FloatArray
+    validations: tuple[Validation, ...]
+    trials: int
+    converged: bool
+    warnings: tuple[Warned, ...]
+
+
+def predict_points(
+    model: MachineModel,
+    part: LoadedPart,
+    settings: Settings,
+    covariates: Mapping[str, float] | None = None,
+) -> PointsResult:
+    """Predicts every feature of the part: eq. (1) and (18) of Gilsinn & Ling 2004, with the
+    covariance of shared coefficients and passes; each interval checked by Monte Carlo.
+
+    Raises InputError for a missing covariate or coordinate.
+    """
+    ids, points, warnings = feature_points(part, model)
+    prediction = predict(model, ids, points, covariates)
+    rows = np.eye(len(prediction.mean))
+    split = prediction.variance(rows)
+    total, dof = split.total, split.dof
+    covariance = prediction.covariance
+    if settings.independent:
+        total = prediction.independent_variance
+        covariance = np.diag(total)
+        dof = np.full(len(total), np.inf)
+    names = tuple(f"{i}.{axis}" for i in ids for axis in prediction.axes)
+    trial_model = PointTrials(
+        prediction,
+        names,
+        lambda errors, work: errors,
+        prediction.mean,
+        rows,
+        independent=settings.independent,
+    )
+    run = settings.run(trial_model)
+    u = np.sqrt(total)
+    factor = np.array([coverage_factor(PROBABILITY, value) for value in dof])
+    return PointsResult(
+        prediction=prediction,
+        points=points,
+        coverage_factor=settings.coverage_factor,
+        variance=total,
+        dof=dof,
+        interval95=np.column_stack([prediction.mean - factor * u, prediction.mean + factor * u]),
+        covariance=covariance,
+        coefficients=split.coefficients,
+        passes=split.passes,
+        repeatability=split.repeatability,
+        validations=tuple(
+            settings.validate(prediction.mean[i], u[i], dof[i], run, i) for i in range(len(u))
+        ),
+        trials=run.trials,
+        converged=run.converged,
+        warnings=(*warnings, *outside_warnings(prediction), *dof_warnings(names, dof)),
+    )

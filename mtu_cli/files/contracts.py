@@ -1,0 +1,193 @@
+"""From YAML documents to checked contracts, with every problem of a file at once."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError
+
+from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.files.contract_errors import existing_path, path_text, shown_value, to_problems
+from mtu_cli.files.yaml_file import YamlDocument, YamlPath
+
+SCHEMA_VERSION = 1
+
+
+class Contract(BaseModel):
+    """Base of all contract models: no unknown keys, no coercion, finite numbers, frozen."""
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Notice:
+    """Something the user should know that stops nothing: a report's warning."""
+
+    code: str
+    message: str
+
+
+M = TypeVar("M", bound=Contract)
+T = TypeVar("T")
+
+
+@dataclass(slots=True)
+class Findings:
+    """Collects the problems of one document; `add` finds file and line from the path."""
+
+    document: YamlDocument
+    problems: list[Problem] = field(default_factory=list)
+
+    def add(
+        self, path: YamlPath, what: str, *, value: object = None, expected: str | None = None
+    ) -> None:
+        """One more problem at `path`; `value` is shown as it would be written in YAML."""
+        path = existing_path(path, self.document)
+        self.problems.append(
+            Problem(
+                what=what,
+                file=self.document.source.shown,
+                line=self.document.line_of(*path),
+                path=path_text(path) or None,
+                value=None if value is None else shown_value(value),
+                expected=expected,
+            )
+        )
+
+    def keys(self, *path: str | int) -> tuple[str, ...]:
+        """The keys of a mapping as they stand in the file, those with faults included."""
+        data: Any = self.document.data
+        for step in path:
+            try:
+                data = data[step]
+            except (KeyError, IndexError, TypeError):
+                return ()
+        return tuple(data) if isinstance(data, dict) else ()
+
+
+def check_contract(
+    document: YamlDocument, model: type[M], kind: str, check: Callable[[M, Findings], None]
+) -> M:
+    """The document as a checked `model`.
+
+    `check` adds the problems that need more than one value. Where parts of the document are
+    faulty in themselves it still sees the sound rest: faulty entries of mappings are left
+    out, faulty items of lists and faulty single values are None.
+
+    Raises InputError with all problems, in the order of their lines.
+    """
+    _check_kind(document, kind)
+    findings = Findings(document)
+    try:
+        checked = model.model_validate(document.data)
+    except ValidationError as error:
+        findings.problems.extend(to_problems(error, document, model))
+        checked = _salvage(model, _without_unknown(document.data, error))
+    check(checked, findings)
+    if findings.problems:
+        raise InputError(sorted(findings.problems, key=lambda problem: problem.line or 0))
+    return checked
+
+
+def _check_kind(document: YamlDocument, kind: str) -> None:
+    wanted = f"mtu/{kind}/{SCHEMA_VERSION}"
+    data = document.data
+    findings = Findings(document)
+    if not isinstance(data, dict):
+        findings.add(
+            (), f"not a {kind} file", value=data, expected=f"keys such as 'schema: {wanted}'"
+        )
+    elif "schema" in data and data["schema"] != wanted:
+        findings.add(("schema",), f"not a {kind} file", value=data["schema"], expected=wanted)
+    elif "schema" not in data:
+        near = closest("schema", [key for key in data if key != "name"])
+        hint = f" (rename {near!r})" if near is not None else ""
+        findings.add((), "the key 'schema' is missing", expected=f"'schema: {wanted}'{hint}")
+    if findings.problems:
+        raise InputError(findings.problems)
+
+
+def _without_unknown(data: Any, error: ValidationError) -> Any:
+    unknown = {item["loc"] for item in error.errors() if item["type"] == "extra_forbidden"}
+
+    def copy(value: Any, path: YamlPath) -> Any:
+        if isinstance(value, dict):
+            entries = ((key, (*path, key), item) for key, item in value.items())
+            return {key: copy(item, own) for key, own, item in entries if own not in unknown}
+        if isinstance(value, list):
+            return [copy(item, (*path, index)) for index, item in enumerate(value)]
+        return value
+
+    return copy(data, ())
+
+
+def _salvage(model: type[M], data: Mapping[str, Any]) -> M:
+    values: dict[str, Any] = {}
+    for name, info in model.model_fields.items():
+        key = info.alias or name
+        if data.get(key) is None:
+            required = info.is_required()
+            values[name] = None if required else info.get_default(call_default_factory=True)
+            continue
+        whole = Annotated[info.annotation, *info.metadata] if info.metadata else info.annotation
+        found, value = _attempt(whole, data[key])
+        values[name] = value if found else _salvage_items(info.annotation, data[key])
+    return model.model_construct(**values)
+
+
+def _salvage_items(annotation: Any, data: Any) -> Any:
+    origin = get_origin(annotation)
+    if origin is dict:
+        item_type = get_args(annotation)[1]
+        pairs = data.items() if isinstance(data, dict) else ()
+        tried = ((key, _attempt(item_type, item)) for key, item in pairs)
+        return {key: value for key, (found, value) in tried if found}
+    if origin is list:
+        item_type = get_args(annotation)[0]
+        items = data if isinstance(data, list) else ()
+        return [_attempt(item_type, item)[1] for item in items]
+    return None
+
+
+def _attempt(annotation: Any, data: Any) -> tuple[bool, Any]:
+    try:
+        return True, TypeAdapter(annotation).validate_python(data, strict=True)
+    except ValidationError:
+        return False, None
+
+
+def present(items: Iterable[T | None] | None) -> list[tuple[int, T]]:
+    """The sound items of a list with their index."""
+    return [(index, item) for index, item in enumerate(items or ()) if item is not None]
+
+
+def duplicates(names: Iterable[tuple[int, str]]) -> list[tuple[int, str, int]]:
+    """Every (index, name, first index) whose name stands further up already."""
+    first: dict[str, int] = {}
+    found = []
+    for index, name in names:
+        if name in first:
+            found.append((index, name, first[name]))
+        first.setdefault(name, index)
+    return found
+
+
+_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z_0-9]*")
+
+
+def is_identifier(name: str) -> bool:
+    """Whether an equation can use the name."""
+    return _IDENTIFIER.fullmatch(name) is not None
+
+
+def _id_text(value: object) -> object:
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+IdText = Annotated[str, BeforeValidator(_id_text, json_schema_input_type=str | int)]
+"""A name that may be written as a whole number: feature 3 is feature '3'."""

@@ -1,0 +1,117 @@
+"""Machine files (``mtu/machine/1``): read, checked, and their equations as linear forms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from mtu_cli.files.contracts import Findings, Notice, check_contract, present
+from mtu_cli.files.machine_checks import check_components, check_effect_covariance, check_names
+from mtu_cli.files.machine_contract import (
+    Axis,
+    Component,
+    Constant,
+    Effect,
+    Machine,
+    Parameter,
+)
+from mtu_cli.files.machine_equations import Vocabulary, check_equations
+from mtu_cli.files.source import Source
+from mtu_cli.files.yaml_file import YamlDocument, read_yaml
+from mtu_cli.language import LinearForm
+
+__all__ = [
+    "Axis",
+    "Component",
+    "Constant",
+    "Effect",
+    "LoadedMachine",
+    "Machine",
+    "Parameter",
+    "load_machine",
+    "machine_from",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedMachine:
+    """A checked machine with its equations written as linear forms in the components.
+
+    `forms` by equation (``Ex``); `effect_forms` one such mapping an effect, linear in the
+    effect's parameters and in the components.
+    """
+
+    source: Source
+    machine: Machine
+    forms: dict[str, LinearForm]
+    effect_forms: tuple[dict[str, LinearForm], ...]
+    warnings: tuple[Notice, ...]
+    document: YamlDocument
+
+    def line_of(self, *path: str | int) -> int | None:
+        """The line of a value of the file: ``line_of("components", "dx_x")``."""
+        return self.document.line_of(*path)
+
+
+def load_machine(path: Path, role: str = "machine") -> LoadedMachine:
+    """Reads and checks a machine file.
+
+    Raises InputError with all problems of the file, each with its line.
+    """
+    return machine_from(read_yaml(path, role))
+
+
+def machine_from(document: YamlDocument) -> LoadedMachine:
+    """Checks a machine that was read already.
+
+    Raises InputError with all problems of the document.
+    """
+    forms: dict[str, LinearForm] = {}
+    effect_forms: list[dict[str, LinearForm]] = []
+
+    def check(machine: Machine, findings: Findings) -> None:
+        check_names(machine, findings)
+        check_components(machine, findings)
+        vocabulary = Vocabulary.of(machine, findings)
+        forms.update(check_equations(machine.equations, vocabulary, findings, ("equations",)))
+        for index, effect in present(machine.effects):
+            check_effect_covariance(effect, index, findings)
+            path = ("effects", index, "equations")
+            own = vocabulary.with_parameters(effect)
+            effect_forms.append(check_equations(effect.equations, own, findings, path))
+
+    machine = check_contract(document, Machine, "machine", check)
+    return LoadedMachine(
+        source=document.source,
+        machine=machine,
+        forms=forms,
+        effect_forms=tuple(effect_forms),
+        warnings=_warnings(machine, forms, effect_forms, document),
+        document=document,
+    )
+
+
+_NEEDS_COEFFICIENTS = ("covariance", "s_repeat", "pass_covariance", "u_future")
+
+
+def _warnings(
+    machine: Machine,
+    forms: dict[str, LinearForm],
+    effect_forms: list[dict[str, LinearForm]],
+    document: YamlDocument,
+) -> tuple[Notice, ...]:
+    notices = []
+    used = {name for form in (*forms.values(),) for name in form.coefficients}
+    used |= {
+        name for group in effect_forms for form in group.values() for name in form.coefficients
+    }
+    shown = document.source.shown
+    for name, component in machine.components.items():
+        place = f"{shown}:{document.line_of('components', name)}: components.{name}"
+        if name not in used:
+            notices.append(Notice(code="unused-component", message=f"{place}: in no equation"))
+        idle = [key for key in _NEEDS_COEFFICIENTS if getattr(component, key) is not None]
+        if component.coefficients is None and idle:
+            message = f"{place}: {', '.join(idle)} without coefficients: not used"
+            notices.append(Notice(code="incomplete-component", message=message))
+    return tuple(notices)

@@ -1,0 +1,138 @@
+"""What a machine file must fulfil beyond the shape of its values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mtu_cli.files.contracts import Findings, duplicates, is_identifier, present
+from mtu_cli.files.machine_contract import Component, Effect, Machine
+from mtu_cli.files.machine_equations import POSITIONS, is_covariate
+from mtu_cli.files.yaml_file import YamlPath
+from mtu_cli.language.functions import MACHINE_FUNCTIONS
+
+TOLERANCE = 1e-9
+"""Relative to the standard deviations: symmetry and eigenvalues of the correlation matrix."""
+
+
+def check_names(machine: Machine, findings: Findings) -> None:
+    """Names of constants, covariates, components and parameters: usable, and used once."""
+    taken = dict.fromkeys(("pi", *MACHINE_FUNCTIONS), "part of the equation language")
+    positions = dict.fromkeys(POSITIONS, "a position")
+    covariates = [name for name in machine.covariates or () if isinstance(name, str)]
+    constants = findings.keys("constants")
+    components = findings.keys("components")
+    for index, name in enumerate(covariates):
+        _check_name(name, ("covariates", index), taken | positions, findings)
+    for index, name, _ in duplicates(enumerate(covariates)):
+        findings.add(("covariates", index), "the covariate is listed twice", value=name)
+    taken |= dict.fromkeys(covariates, "a covariate")
+    for name in constants:
+        _check_name(name, ("constants", name), taken, findings)
+    taken |= positions | dict.fromkeys(constants, "a constant")
+    for name in components:
+        _check_name(name, ("components", name), taken, findings)
+    taken |= dict.fromkeys(components, "a component")
+    for index, effect in present(machine.effects):
+        for name in effect.parameters:
+            _check_name(name, ("effects", index, "parameters", name), taken, findings)
+    named = [(index, effect.name) for index, effect in present(machine.effects)]
+    for index, name, _ in duplicates(named):
+        findings.add(("effects", index, "name"), "a second effect of this name", value=name)
+    for name, axis in (machine.axes or {}).items():
+        if axis.travel_mm[0] >= axis.travel_mm[1]:
+            findings.add(
+                ("axes", name, "travel_mm"),
+                "wrong value",
+                value=axis.travel_mm,
+                expected="the lower end first",
+            )
+
+
+def _check_name(name: str, path: YamlPath, taken: dict[str, str], findings: Findings) -> None:
+    if not is_identifier(name):
+        findings.add(
+            path,
+            "not a name that equations can use",
+            value=name,
+            expected="letters, digits and _, no digit first",
+        )
+    elif name in taken:
+        findings.add(path, f"the name is taken: it is {taken[name]}", value=name)
+    elif is_covariate(name) and path[0] != "covariates":
+        findings.add(path, "the name is taken: it is a covariate", value=name)
+
+
+def check_components(machine: Machine, findings: Findings) -> None:
+    """Degrees, sizes and matrices of the components."""
+    for name, component in (machine.components or {}).items():
+        path: YamlPath = ("components", name)
+        if component.of is None and component.degree != 0:
+            findings.add(
+                (*path, "degree"),
+                "a component without `of` is a constant",
+                value=component.degree,
+                expected="degree 0, or `of: x`",
+            )
+        else:
+            _check_sizes(component, path, findings)
+        if component.u_future is not None:
+            for key in ("s_repeat", "pass_covariance"):
+                if getattr(component, key) is not None:
+                    findings.add((*path, key), "given beside u_future, which stands for it")
+
+
+def _check_sizes(component: Component, path: YamlPath, findings: Findings) -> None:
+    size = component.degree + 1
+    if component.coefficients is not None and len(component.coefficients) != size:
+        kind = f"of degree {component.degree}" if component.of else "without `of`"
+        findings.add(
+            (*path, "coefficients"),
+            f"{len(component.coefficients)} coefficients of a component {kind}",
+            expected=f"{size}",
+        )
+    if component.covariance is not None:
+        _check_matrix(component.covariance, size, (*path, "covariance"), findings)
+    if component.pass_covariance is not None:
+        passes = 1 if component.of is None else 2
+        _check_matrix(component.pass_covariance, passes, (*path, "pass_covariance"), findings)
+
+
+def check_effect_covariance(effect: Effect, index: int, findings: Findings) -> None:
+    """The covariance of an effect's parameters, in their order."""
+    if effect.covariance is not None:
+        path: YamlPath = ("effects", index, "covariance")
+        _check_matrix(effect.covariance, len(effect.parameters), path, findings)
+
+
+def _check_matrix(
+    rows: Sequence[Sequence[float]], size: int, path: YamlPath, findings: Findings
+) -> None:
+    lengths = [len(row) for row in rows]
+    if lengths != [size] * size:
+        widths = "/".join(str(length) for length in sorted(set(lengths))) or "0"
+        findings.add(
+            path, f"{len(rows)} rows of {widths} numbers", expected=f"{size} rows of {size}"
+        )
+        return
+    import numpy as np
+
+    fault = _covariance_fault(np.array(rows, dtype=np.float64))
+    if fault is not None:
+        findings.add(path, fault, value=rows, expected="a covariance matrix")
+
+
+def _covariance_fault(matrix: Any) -> str | None:
+    import numpy as np
+
+    variances = np.diagonal(matrix)
+    if (variances < 0).any():
+        return "a variance is negative"
+    # Coefficients differ by powers of mm: only scaled to correlations are they comparable.
+    scale = np.sqrt(variances)
+    correlation = matrix / np.outer(*[np.where(scale > 0, scale, 1.0)] * 2)
+    if np.abs(correlation - correlation.T).max() > TOLERANCE:
+        return "not symmetric"
+    if np.linalg.eigvalsh((correlation + correlation.T) / 2)[0] < -TOLERANCE * len(matrix):
+        return "not positive semidefinite: a combination has a negative variance"
+    return None

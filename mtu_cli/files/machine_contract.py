@@ -1,0 +1,156 @@
+"""The shape of a machine file (``mtu/machine/1``): its keys, and what each holds."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from mtu_cli.files.contract_errors import told, unit_expectation
+from mtu_cli.files.contracts import Contract
+from mtu_cli.units import UNITS
+
+AxisName = Literal["x", "y", "z"]
+EquationName = Literal["Ex", "Ey", "Ez"]
+Matrix = list[list[float]]
+MAX_DEGREE = 9
+
+NonNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0)]
+
+
+def _known_unit(text: str) -> str:
+    if text not in UNITS:
+        raise told("unknown unit", unit_expectation(text))
+    return text
+
+
+def _number_or_keys(value: object) -> object:
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return {"value": value}
+    if value is not None and not isinstance(value, (dict, Constant)):
+        raise told("wrong value", "a number, or {value: ..., u: ...}")
+    return value
+
+
+def _as_text(value: object) -> object:
+    # An equation may be a bare number: `Ez: 0`.
+    return repr(value) if isinstance(value, (int, float)) and value is not True else value
+
+
+UnitName = Annotated[
+    str, AfterValidator(_known_unit), Field(json_schema_extra={"enum": list(UNITS)})
+]
+EquationText = Annotated[str, BeforeValidator(_as_text, json_schema_input_type=str | float)]
+Equations = Annotated[dict[EquationName, EquationText], Field(min_length=1)]
+
+
+class Axis(Contract):
+    """A linear axis of the machine."""
+
+    travel_mm: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(
+        description="Lowest and highest position, mm"
+    )
+
+
+class Constant(Contract):
+    """A named number of the equations, in mm, rad, degC or min."""
+
+    value: float = Field(description="Value in mm, rad, degC or min")
+    u: NonNegative = Field(default=0.0, description="Standard uncertainty, in the value's unit")
+
+
+NumberOrConstant = Annotated[
+    Constant, BeforeValidator(_number_or_keys, json_schema_input_type=float | Constant)
+]
+
+
+class Component(Contract):
+    """One error component: a polynomial in the position along one axis, or a constant.
+
+    Matrices and deviations are in `unit` (squared), positions in mm; `coefficients` ascend
+    in powers of mm. `pass_covariance` is of the intercept at `pass_center_mm` (0 where it is
+    not given) and the slope.
+    """
+
+    of: AxisName | None = Field(
+        default=None, description="The axis it depends on; none: a constant"
+    )
+    unit: UnitName = Field(description="Unit of readings and coefficients")
+    degree: Annotated[int, Field(ge=0, le=MAX_DEGREE)] = Field(
+        default=1, description="Degree of the polynomial; 0 without `of`"
+    )
+    says: str | None = Field(default=None, description="What it is, in words")
+    notes: str | None = Field(default=None, description="Free text")
+    coefficients: Annotated[list[float], Field(min_length=1)] | None = Field(
+        default=None, description="Known coefficients, ascending powers of mm"
+    )
+    covariance: Matrix | None = Field(default=None, description="Covariance of the coefficients")
+    s_repeat: NonNegative | None = Field(default=None, description="Repeatability of one visit")
+    pass_covariance: Matrix | None = Field(
+        default=None, description="Pass-to-pass covariance of intercept and slope"
+    )
+    pass_center_mm: float | None = Field(default=None, description="Where that intercept is taken")
+    dof: Positive | None = Field(default=None, description="Degrees of freedom")
+    pass_dof: NonNegative | None = Field(default=None, description="... of pass_covariance")
+    repeat_dof: NonNegative | None = Field(default=None, description="... of s_repeat")
+    u_future: NonNegative | None = Field(
+        default=None,
+        description="Standard uncertainty of a future observation, where no more is known",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _degree(cls, data: Any) -> Any:
+        # The degree that is not written follows from what is; the contract's 1 else.
+        if isinstance(data, dict) and data.get("degree") is None:
+            coefficients = data.get("coefficients")
+            if isinstance(coefficients, list) and coefficients:
+                return data | {"degree": len(coefficients) - 1 if data.get("of") else 0}
+            return data | {"degree": 1 if data.get("of") is not None else 0}
+        return data
+
+
+class Parameter(Contract):
+    """A fitted number of an effect."""
+
+    value: float = Field(description="Value in `unit`")
+    u: NonNegative = Field(default=0.0, description="Standard uncertainty in `unit`")
+    unit: UnitName
+
+
+class Effect(Contract):
+    """An effect that was found and declared: equations linear in its own parameters."""
+
+    name: Annotated[str, Field(min_length=1)]
+    family: str | None = None
+    axis: str | None = None
+    covariate: str | None = None
+    says: str | None = Field(default=None, description="What it is, in words")
+    parameters: dict[str, Parameter]
+    covariance: Matrix | None = Field(
+        default=None, description="Covariance over the parameters in their order, in their units"
+    )
+    equations: Equations = Field(description="mm; linear in the parameters")
+    found: dict[str, Any] = Field(default={}, description="Where it was found, free")
+
+
+class Machine(Contract):
+    """A machine as its equations."""
+
+    schema_: Literal["mtu/machine/1"] = Field(alias="schema")
+    name: Annotated[str, Field(min_length=1)]
+    says: str | None = Field(default=None, description="What it is, in words")
+    notes: str | None = Field(default=None, description="Free text")
+    reference_temperature_degC: float = Field(default=20.0, description="degC")  # noqa: N815  # unit
+    axes: dict[AxisName, Axis] = Field(default={}, description="The linear axes")
+    constants: dict[str, NumberOrConstant] = Field(
+        default={}, description="Names for the equations; x, y or z here fixes that coordinate"
+    )
+    covariates: list[str] = Field(
+        default=[],
+        description="Columns beyond dir_x, time_min, sequence, T_..._degC that equations use",
+    )
+    components: Annotated[dict[str, Component], Field(min_length=1)]
+    equations: Equations = Field(description="mm; linear in the components")
+    effects: list[Effect] = Field(default=[], description="What close-loop added")

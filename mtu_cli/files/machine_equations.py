@@ -1,0 +1,106 @@
+"""The equations of a machine file: known names, linear in the components, in mm."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mtu_cli.errors import did_you_mean
+from mtu_cli.files.contracts import Findings
+from mtu_cli.files.machine_contract import Effect, Machine
+from mtu_cli.files.yaml_file import YamlPath
+from mtu_cli.language import EquationError, LinearForm, Node, check_dimension, linear_form, names
+from mtu_cli.language import parse as parse_equation
+from mtu_cli.units import LENGTH, UNITS
+
+POSITIONS = ("x", "y", "z")
+COVARIATES = ("dir_x", "dir_y", "dir_z", "time_min", "sequence")
+_TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
+
+
+def is_covariate(name: str) -> bool:
+    """Whether a name is a covariate of every machine: dir_x, time_min, T_spindle_degC, ..."""
+    return name in COVARIATES or _TEMPERATURE.fullmatch(name) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Vocabulary:
+    """The names that equations may use; `linear` are those they must be linear in.
+
+    `dimensions` are exponents of length, None where a name may stand for anything.
+    """
+
+    linear: frozenset[str]
+    dimensions: Mapping[str, int | None]
+
+    @classmethod
+    def of(cls, machine: Machine, findings: Findings) -> Vocabulary:
+        """The names of a machine; those whose own entry is faulty count as known."""
+        components = findings.keys("components")
+        dimensions: dict[str, int | None] = dict.fromkeys(components)
+        dimensions |= dict.fromkeys(findings.keys("constants"))
+        dimensions |= dict.fromkeys(COVARIATES)
+        dimensions |= dict.fromkeys(name for name in machine.covariates or () if name is not None)
+        dimensions |= dict.fromkeys(POSITIONS, LENGTH)
+        for name, component in (machine.components or {}).items():
+            dimensions[name] = UNITS[component.unit].dimension
+        return cls(frozenset(components), dimensions)
+
+    def with_parameters(self, effect: Effect) -> Vocabulary:
+        """These names and the parameters of one effect."""
+        own = {name: UNITS[item.unit].dimension for name, item in effect.parameters.items()}
+        return Vocabulary(self.linear | set(own), {**self.dimensions, **own})
+
+
+def check_equations(
+    equations: Mapping[Any, str] | None, vocabulary: Vocabulary, findings: Findings, path: YamlPath
+) -> dict[str, LinearForm]:
+    """Each sound equation as a linear form; the faults of the others go to `findings`."""
+    forms = {}
+    for name, text in (equations or {}).items():
+        try:
+            node = parse_equation(text)
+        except EquationError as error:
+            _add(findings, (*path, name), error)
+            continue
+        if _names_are_known(node, vocabulary, findings, (*path, name)):
+            form = _linear(node, vocabulary, findings, (*path, name))
+            if form is not None:
+                forms[name] = form
+    return forms
+
+
+def _names_are_known(
+    node: Node, vocabulary: Vocabulary, findings: Findings, path: YamlPath
+) -> bool:
+    unknown = [
+        (name, column)
+        for name, column in names(node).items()
+        if name not in vocabulary.dimensions and not is_covariate(name)
+    ]
+    for name, column in unknown:
+        hint = did_you_mean(name, vocabulary.dimensions)
+        _add(findings, path, EquationError(f"unknown name {name!r}", column, hint))
+    return not unknown
+
+
+def _linear(
+    node: Node, vocabulary: Vocabulary, findings: Findings, path: YamlPath
+) -> LinearForm | None:
+    try:
+        form = linear_form(node, vocabulary.linear)
+        check_dimension(node, LENGTH, vocabulary.dimensions)
+    except EquationError as error:
+        _add(findings, path, error)
+        return None
+    return form
+
+
+def _add(findings: Findings, path: YamlPath, error: EquationError) -> None:
+    document = findings.document
+    place = ".".join(str(step) for step in path)
+    findings.problems.append(
+        error.problem(file=document.source.shown, line=document.line_of(*path), path=place)
+    )

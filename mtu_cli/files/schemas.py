@@ -1,0 +1,32 @@
+"""JSON Schemas of the YAML contracts, for editors."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from mtu_cli.errors import did_you_mean, fault
+
+KINDS: dict[str, tuple[str, str]] = {
+    "machine": ("mtu_cli.files.machine_contract", "Machine"),
+    "part": ("mtu_cli.files.part", "Part"),
+    "study": ("mtu_cli.files.study", "Study"),
+}
+"""Module and model of each kind; the modules are imported when asked for."""
+
+
+def json_schema(kind: str) -> dict[str, Any]:
+    """The JSON Schema (draft 2020-12) of ``mtu/<kind>/1``.
+
+    Raises InputError for a kind that there is not.
+    """
+    if kind not in KINDS:
+        raise fault("unknown schema", value=kind, expected=did_you_mean(kind, KINDS))
+    module, name = KINDS[kind]
+    model = getattr(import_module(module), name)
+    schema: dict[str, Any] = model.model_json_schema(by_alias=True, mode="validation")
+    head = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": f"mtu/{kind}/1",
+    }
+    return head | schema | {"title": f"mtu {kind}"}

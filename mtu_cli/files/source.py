@@ -1,0 +1,151 @@
+"""An input file as the reports know it, and its bytes with plain words for what is wrong."""
+
+from __future__ import annotations
+
+import codecs
+import hashlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from mtu_cli.errors import Problem, closest, fault
+
+_CHUNK = 1 << 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """One input file: its role in the run, its name in reports and the hash of its bytes.
+
+    `shown` never is an absolute path; `rows` counts the data rows of a CSV file.
+    """
+
+    role: str
+    path: Path
+    shown: str
+    sha256: str
+    rows: int | None = None
+
+
+def shown_path(path: Path) -> str:
+    """The name of a file in reports and messages, with ``/`` on every system.
+
+    A relative path as given, an absolute one relative to the working folder where it lies
+    beneath it, else the bare file name: reports hold no absolute paths.
+    """
+    if not path.is_absolute():
+        return Path(os.path.normpath(path)).as_posix()
+    try:
+        return path.resolve().relative_to(Path.cwd().resolve()).as_posix()
+    except (ValueError, OSError):
+        return path.name
+
+
+def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[Source, bytes]:
+    """The file's bytes and its Source.
+
+    Raises InputError for a missing file (with the closest name in its folder), a folder, a
+    file that may not be read, is empty or is larger than `max_bytes`.
+    """
+    shown = shown_path(path)
+    try:
+        if path.is_dir():
+            raise fault("is a folder", file=shown, expected=f"a file ({role})")
+        size = path.stat().st_size
+        if max_bytes is not None and size > max_bytes:
+            raise fault(
+                f"has {size} bytes", file=shown, expected=f"at most {max_bytes} bytes ({role})"
+            )
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise fault("no such file", file=shown, expected=_nearby(path)) from None
+    except PermissionError:
+        raise fault("may not be read: permission denied", file=shown) from None
+    except (OSError, ValueError) as error:
+        raise fault(f"cannot be read: {reason(error)}", file=shown) from None
+    if not content:
+        raise fault("the file is empty", file=shown, expected=f"a {role} file")
+    digest = hashlib.sha256(content).hexdigest()
+    return Source(role=role, path=path, shown=shown, sha256=digest), content
+
+
+def missing_file(folder: Path, name: str) -> Problem | None:
+    """The Problem of a `name` below `folder` that is no file, or None where it is one."""
+    path = folder / name
+    try:
+        if path.exists() and not path.is_dir():
+            return None
+        if path.is_dir():
+            return Problem(what="is a folder", value=name, expected="a file")
+    except (OSError, ValueError) as error:
+        return Problem(what=f"cannot be read: {reason(error)}", value=name)
+    near = _near_name(path)
+    hint = None if near is None else f"did you mean {(Path(name).parent / near).as_posix()!r}?"
+    return Problem(what="no such file", value=name, expected=hint)
+
+
+def reason(error: Exception) -> str:
+    """What the system says about a failed file operation, without the path."""
+    text = error.strerror if isinstance(error, OSError) else None
+    return (text or str(error)).lower()
+
+
+def _nearby(path: Path) -> str | None:
+    near = _near_name(path)
+    if near is not None:
+        return f"did you mean {shown_path(path.parent / near)!r}?"
+    return None if path.parent.is_dir() else "a path to an existing folder"
+
+
+def _near_name(path: Path) -> str | None:
+    try:
+        return closest(path.name, [entry.name for entry in path.parent.iterdir()])
+    except (OSError, ValueError):
+        return None
+
+
+def check_text(content: bytes, shown: str) -> None:
+    """Raises InputError where the bytes are no UTF-8 text, with the place of the first fault."""
+    _check_kind(content, shown)
+    null = content.find(b"\0")
+    if null >= 0:
+        raise fault(
+            f"not a text file: byte {null + 1} is zero",
+            file=shown,
+            line=_line_at(content, null),
+            expected="UTF-8 text",
+        )
+    if content.isascii():
+        return
+    decoder = codecs.getincrementaldecoder("utf-8")()
+    view = memoryview(content)
+    for start in range(0, len(content), _CHUNK):
+        held = len(decoder.getstate()[0])
+        end = min(start + _CHUNK, len(content))
+        try:
+            decoder.decode(view[start:end], final=end == len(content))
+        except UnicodeDecodeError as error:
+            at = start - held + error.start
+            raise fault(
+                f"not UTF-8: byte {at + 1} is 0x{content[at]:02x}",
+                file=shown,
+                line=_line_at(content, at),
+                expected="text saved as UTF-8",
+            ) from None
+
+
+def _check_kind(content: bytes, shown: str) -> None:
+    start = content[:512].removeprefix(codecs.BOM_UTF8).lstrip().lower()
+    what = None
+    if start.startswith((b"<!doctype html", b"<html", b"<head", b"<body")):
+        what = "looks like a web page, not like data: was a login or error page saved?"
+    elif content.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        what = "looks like an Excel workbook"
+    elif content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        what = "is UTF-16 text"
+    if what is not None:
+        raise fault(what, file=shown, expected="text saved as UTF-8")
+
+
+def _line_at(content: bytes, offset: int) -> int:
+    return content.count(b"\n", 0, offset) + 1

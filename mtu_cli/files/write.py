@@ -1,0 +1,144 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+import stat
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from mtu_cli.errors import InputError, MtuError, Problem, fault
+from mtu_cli.files.source import reason, shown_path
+
+
+@dataclass(slots=True)
+class _Pending:
+    """One file on its way: the caller's path, the file behind it, the temporary file."""
+
+    path: Path
+    target: Path
+    temporary: Path | None = None
+    backup: Path | None = None
+    placed: bool = False
+
+
+def write_files(contents: Mapping[Path, bytes], *, inputs: Iterable[Path] = ()) -> None:
+    """Writes all files, or none: temporary files beside the targets, then renames.
+
+    `inputs` are the files that the run has read; none of them is overwritten.
+
+    Raises InputError for a target that is an input or a folder, stands twice, lies in a
+    missing folder, or may not be written; no target is changed then.
+    """
+    _check_targets(list(contents), list(inputs))
+    pending = [_Pending(path, path.resolve()) for path in contents]
+    files = [item for item in pending if _is_replaceable(item.target)]
+    current = pending[0] if pending else None
+    try:
+        for current in files:
+            _write_temporary(current, contents[current.path])
+        for current in files:
+            _replace(current)
+        for current in pending:
+            if current not in files:
+                current.target.write_bytes(contents[current.path])
+    except OSError as error:
+        _restore(files)
+        name = shown_path(current.path) if current is not None else None
+        raise fault(f"cannot be written: {reason(error)}", file=name) from None
+    except BaseException:
+        _restore(files)
+        raise
+    finally:
+        for item in files:
+            _remove(item.temporary)
+            _remove(item.backup)
+
+
+def _check_targets(targets: list[Path], inputs: list[Path]) -> None:
+    problems = []
+    seen: dict[Path, Path] = {}
+    for path in targets:
+        shown = shown_path(path)
+        target = path.resolve()
+        if path.is_dir():
+            problems.append(Problem(what="is a folder", file=shown, expected="a file to write"))
+        elif not target.parent.is_dir():
+            folder = shown_path(path.parent)
+            what = f"the folder {folder!r} does not exist"
+            problems.append(Problem(what=what, file=shown))
+        if target in seen and _is_replaceable(target):
+            problems.append(Problem(what="two outputs name the same file", file=shown))
+        seen[target] = path
+        if any(_same(path, source) for source in inputs):
+            what = "is an input of this run and is not overwritten"
+            problems.append(Problem(what=what, file=shown, expected="another name"))
+    if problems:
+        raise InputError(problems)
+
+
+def _same(path: Path, other: Path) -> bool:
+    try:
+        return path.resolve() == other.resolve() or path.samefile(other)
+    except OSError:
+        return False
+
+
+def _is_replaceable(target: Path) -> bool:
+    # A device such as /dev/stdout is written to; renaming over it would destroy it.
+    return not target.exists() or target.is_file()
+
+
+def _beside(target: Path, ending: str) -> Path:
+    return target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.{ending}")
+
+
+def _write_temporary(item: _Pending, content: bytes) -> None:
+    temporary = _beside(item.target, "tmp")
+    flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_BINARY", 0)
+    descriptor = os.open(temporary, flags, 0o666)
+    item.temporary = temporary
+    with os.fdopen(descriptor, "wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    if item.target.exists():
+        # A rename would also replace a file that is write-protected on purpose.
+        if not os.access(item.target, os.W_OK):
+            raise PermissionError(13, "Permission denied")
+        temporary.chmod(stat.S_IMODE(item.target.stat().st_mode))
+
+
+def _replace(item: _Pending) -> None:
+    if item.temporary is None:
+        raise MtuError(f"no temporary file for {item.path}")
+    if item.target.exists():
+        backup = _beside(item.target, "bak")
+        try:
+            os.link(item.target, backup)
+        except OSError:
+            shutil.copy2(item.target, backup)
+        item.backup = backup
+    os.replace(item.temporary, item.target)
+    item.placed = True
+
+
+def _restore(files: list[_Pending]) -> None:
+    for item in files:
+        if item.placed:
+            with suppress(OSError):
+                if item.backup is None:
+                    item.target.unlink()
+                else:
+                    os.replace(item.backup, item.target)
+            item.placed = False
+
+
+def _remove(path: Path | None) -> None:
+    if path is not None:
+        with suppress(OSError):
+            path.unlink()

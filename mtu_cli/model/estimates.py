@@ -1,0 +1,144 @@
+"""What is known of the components: coefficients, their covariance, scatter of future passes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import Unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComponentEstimate:
+    """One component as a polynomial of its axis, in internal units (mm or rad, per mm^k).
+
+    `coefficients` (k,) in ascending powers; `covariance` C (k, k) their covariance, shared by
+    all predictions; `pass_covariance` D (k, k) the pass-to-pass covariance, shared by all
+    points of one part; `s_repeat` the repeatability of one visit, independent from visit to
+    visit. `pass_dof` and `repeat_dof` belong to the mean squares behind them (inf: known
+    exactly; pass_dof 0: one mean square, `repeat_dof`, stands behind all of them).
+    `n_passes` is given where C is the between-pass mean square over that number.
+    `independent_covariance` and `independent_s` are the paper's s^2 (X'X)^-1 and s.
+    """
+
+    name: str
+    of: str | None
+    unit: Unit
+    coefficients: FloatArray
+    covariance: FloatArray
+    pass_covariance: FloatArray
+    s_repeat: float
+    pass_dof: float
+    repeat_dof: float
+    n_passes: int | None = None
+    independent_covariance: FloatArray | None = None
+    independent_s: float | None = None
+    position_range: tuple[float, float] | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def degree(self) -> int:
+        """Degree of the polynomial."""
+        return len(self.coefficients) - 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointPasses:
+    """Components that were read in the same passes, or parameters estimated together.
+
+    `covariance` and `pass_covariance` (K, K) replace the components' own blocks; K counts
+    their coefficients (`widths` of them each) in the order of `components`. `kept` is the
+    share of the measured off-diagonal scatter that is pass-to-pass drift (the rest is
+    repeatability).
+    """
+
+    components: tuple[str, ...]
+    widths: tuple[int, ...]
+    covariance: FloatArray
+    pass_covariance: FloatArray
+    pass_dof: float
+    n_passes: int | None
+    kept: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimates:
+    """All components of a machine, and which of them were estimated jointly."""
+
+    components: dict[str, ComponentEstimate]
+    joint: tuple[JointPasses, ...] = ()
+    warnings: tuple[tuple[str, str], ...] = field(default=())
+
+
+def from_centre(center: float, k: int, q: int) -> FloatArray:
+    """T (k, q) from (intercept at the centre, slope) to coefficients at position 0.
+
+    intercept + slope (p - c) = (intercept - c slope) + slope p.
+    """
+    T = np.zeros((k, q))
+    T[0, 0] = 1.0
+    if q == 2:
+        T[0, 1], T[1, 1] = -center, 1.0
+    return T
+
+
+def to_centre(center: float, D: FloatArray) -> FloatArray:
+    """The (q, q) covariance of intercept at the centre and slope from coefficient space."""
+    q = min(2, len(D))
+    T = np.zeros((q, len(D)))
+    T[0] = center ** np.arange(len(D))
+    if q == 2:
+        T[1] = np.arange(len(D)) * center ** np.maximum(np.arange(len(D)) - 1, 0)
+    result: FloatArray = T @ D @ T.T
+    return result
+
+
+def known_component(
+    *,
+    name: str,
+    of: str | None,
+    unit: Unit,
+    coefficients: FloatArray,
+    covariance: FloatArray | None,
+    pass_covariance: FloatArray | None,
+    pass_center: float | None,
+    s_repeat: float | None,
+    u_future: float | None,
+    dof: float | None,
+    pass_dof: float | None,
+    repeat_dof: float | None,
+) -> ComponentEstimate:
+    """A component whose figures a machine file states, in the component's own unit.
+
+    `u_future`, the standard uncertainty of a future observation, is all that many published
+    tables give: it counts as repeatability, independent from point to point, or, without an
+    axis, as shared by all points of a part.
+    """
+    f = unit.to_internal
+    k = len(coefficients)
+    q = min(2, k)
+    D = np.zeros((q, q)) if pass_covariance is None else np.asarray(pass_covariance, float)
+    repeat = 0.0 if s_repeat is None else s_repeat
+    if u_future is not None:
+        if of is None:
+            D = np.array([[u_future**2]])
+        else:
+            repeat = u_future
+    T = from_centre(pass_center or 0.0, k, q)
+    overall = inf if dof is None else float(dof)
+    shared = pass_covariance is not None or (of is None and u_future is not None)
+    return ComponentEstimate(
+        name=name,
+        of=of,
+        unit=unit,
+        coefficients=np.asarray(coefficients, float) * f,
+        covariance=(np.zeros((k, k)) if covariance is None else np.asarray(covariance, float))
+        * f**2,
+        pass_covariance=T @ D @ T.T * f**2,
+        s_repeat=repeat * f,
+        pass_dof=(overall if pass_dof is None else float(pass_dof)) if shared else 0.0,
+        repeat_dof=overall if repeat_dof is None else float(repeat_dof),
+    )

@@ -1,0 +1,81 @@
+"""The features of a part as arrays, and what the predictions of them must warn of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from mtu_cli.files.part import LoadedPart
+from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.prediction import Prediction
+from mtu_cli.model.settings import Warned
+from mtu_cli.stats.least_squares import FloatArray
+
+FEW_DOF = 3.0
+
+
+def feature_points(
+    part: LoadedPart, model: MachineModel, chosen: Iterable[str] | None = None
+) -> tuple[tuple[str, ...], FloatArray, list[Warned]]:
+    """Ids, nominal coordinates (n, 3) in mm (nan: not given) and warnings.
+
+    A coordinate that a constant of the machine fixes (its effective z) is the machine's.
+    """
+    features = part.part.features
+    ids = tuple(features) if chosen is None else tuple(dict.fromkeys(chosen))
+    points = np.array(
+        [[features[i].x_mm, features[i].y_mm, _z(features[i].z_mm, part.part.z_mm)] for i in ids],
+        dtype=np.float64,
+    ).reshape(len(ids), 3)
+    warnings: list[Warned] = []
+    for axis, value in model.position_constants().items():
+        column = points[:, AXES.index(axis)]
+        if (np.isfinite(column) & (np.abs(column - value) > 1e-9)).any():
+            warnings.append(
+                Warned(
+                    code="position-fixed",
+                    message=f"the machine fixes {axis} at {value:g} mm; the part's own {axis} "
+                    "is used for nominal lengths only",
+                )
+            )
+    return ids, points, warnings
+
+
+def _z(own: float | None, common: float | None) -> float:
+    if own is not None:
+        return own
+    return np.nan if common is None else common
+
+
+def outside_warnings(prediction: Prediction) -> list[Warned]:
+    """One warning a component whose measured range the features leave."""
+    by_component: dict[str, list[tuple[str, float, float, float]]] = {}
+    for point, component, position, low, high in prediction.outside:
+        by_component.setdefault(component, []).append((point, position, low, high))
+    warnings = []
+    for component, found in by_component.items():
+        point, position, low, high = found[0]
+        others = f" and {len(found) - 1} more" if len(found) > 1 else ""
+        warnings.append(
+            Warned(
+                code="outside-measured-range",
+                message=f"{component} was measured from {low:g} to {high:g} mm; feature "
+                f"{point!r} at {position:g} mm{others} is outside: the line is a guess there",
+            )
+        )
+    return warnings
+
+
+def dof_warnings(what: Sequence[str], dof: FloatArray) -> list[Warned]:
+    """Fewer than three effective degrees of freedom: Student's t has no variance there."""
+    few = [name for name, value in zip(what, dof, strict=True) if value < FEW_DOF]
+    if not few:
+        return []
+    return [
+        Warned(
+            code="few-degrees-of-freedom",
+            message=f"fewer than 3 effective degrees of freedom behind {', '.join(few[:6])}"
+            f"{' and more' if len(few) > 6 else ''}: use the 95 % interval, not u",
+        )
+    ]

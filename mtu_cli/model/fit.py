@@ -1,0 +1,181 @@
+"""A machine's components from readings, from a components report, or from its own file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.components_file import (
+    ComponentsReport,
+    ReportedComponent,
+    ReportedGroup,
+)
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.model.estimates import (
+    ComponentEstimate,
+    Estimates,
+    JointPasses,
+    from_centre,
+    known_component,
+)
+from mtu_cli.model.estimation import ComponentFit, fit_component
+from mtu_cli.model.joint import shared_passes
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import UNITS
+
+if TYPE_CHECKING:
+    from mtu_cli.files.readings import Readings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineFit:
+    """Every component that readings were given for, and the groups that share passes."""
+
+    components: dict[str, ComponentFit]
+    joint: tuple[JointPasses, ...]
+
+
+def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
+    """Fits every component that was read.
+
+    Raises InputError naming every component of the machine that has neither readings nor
+    coefficients.
+    """
+    components = machine.machine.components
+    read = set(readings.components)
+    missing = [
+        Problem(
+            what=f"the component {name!r} has neither readings nor coefficients",
+            file=machine.source.shown,
+            line=machine.line_of("components", name),
+            path=f"components.{name}",
+            expected=f"readings of it in {_shown(readings)}, or coefficients here",
+        )
+        for name, component in components.items()
+        if name not in read and component.coefficients is None
+    ]
+    if missing:
+        raise InputError(missing)
+    fits = {
+        name: fit_component(readings, name, component)
+        for name, component in components.items()
+        if name in read
+    }
+    return MachineFit(components=fits, joint=shared_passes(fits))
+
+
+def _shown(readings: Readings) -> str:
+    return ", ".join(source.shown for source in readings.sources)
+
+
+def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estimates:
+    """Readings win over coefficients in the machine file."""
+    found = from_machine_file(machine)
+    if fit is None:
+        return Estimates(components=found)
+    found |= {name: item.estimate for name, item in fit.components.items()}
+    return Estimates(components=found, joint=fit.joint)
+
+
+def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
+    """The components whose coefficients the machine file states."""
+    found: dict[str, ComponentEstimate] = {}
+    for name, entry in machine.machine.components.items():
+        if entry.coefficients is None:
+            continue
+        found[name] = known_component(
+            name=name,
+            of=entry.of,
+            unit=UNITS[entry.unit],
+            coefficients=np.asarray(entry.coefficients, float),
+            covariance=_matrix(entry.covariance),
+            pass_covariance=_matrix(entry.pass_covariance),
+            pass_center=entry.pass_center_mm,
+            s_repeat=entry.s_repeat,
+            u_future=entry.u_future,
+            dof=entry.dof,
+            pass_dof=entry.pass_dof,
+            repeat_dof=entry.repeat_dof,
+        )
+    return found
+
+
+def _matrix(values: list[list[float]] | None) -> FloatArray | None:
+    return None if values is None else np.asarray(values, float)
+
+
+def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> Estimates:
+    """The components of a fit-components report, which win over the machine file.
+
+    Raises InputError where the report and the machine disagree on a component's axis, unit
+    or degree.
+    """
+    found = from_machine_file(machine)
+    problems: list[Problem] = []
+    for name, item in report.components.items():
+        entry = machine.machine.components.get(name)
+        if entry is None:
+            continue
+        same_unit = UNITS[entry.unit].dimension == UNITS[item.unit].dimension
+        if entry.of != item.of or not same_unit:
+            problems.append(
+                Problem(
+                    what=f"{name!r} is of {item.of} in {item.unit} in the components report",
+                    file=report.source.shown,
+                    path=f"results.components.{name}",
+                    expected=f"of {entry.of} in {entry.unit}, as in {machine.source.shown}",
+                )
+            )
+        found[name] = _reported(name, item)
+    if problems:
+        raise InputError(problems)
+    joint = [
+        _joint(group, found)
+        for group in report.joint
+        if all(name in found for name in group.components)
+    ]
+    return Estimates(components=found, joint=tuple(joint))
+
+
+def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:
+    unit = UNITS[item.unit]
+    f = unit.to_internal
+    k = len(item.coefficients)
+    T = from_centre(item.pass_center_mm, k, min(2, k))
+    independent = item.covariance_independent
+    return ComponentEstimate(
+        name=name,
+        of=item.of,
+        unit=unit,
+        coefficients=np.asarray(item.coefficients, float) * f,
+        covariance=np.asarray(item.covariance, float) * f**2,
+        pass_covariance=T @ np.asarray(item.pass_covariance, float) @ T.T * f**2,
+        s_repeat=item.s_repeat * f,
+        pass_dof=np.inf if item.pass_dof is None else item.pass_dof,
+        repeat_dof=np.inf if item.repeat_dof is None else item.repeat_dof,
+        n_passes=item.n_passes,
+        independent_covariance=None if independent is None else np.asarray(independent) * f**2,
+        independent_s=None if item.s is None else item.s * f,
+        position_range=item.position_range_mm,
+    )
+
+
+def _joint(group: ReportedGroup, found: dict[str, ComponentEstimate]) -> JointPasses:
+    f = np.concatenate(
+        [
+            np.full(width, found[name].unit.to_internal)
+            for name, width in zip(group.components, group.widths, strict=True)
+        ]
+    )
+    return JointPasses(
+        components=tuple(group.components),
+        widths=tuple(group.widths),
+        covariance=np.asarray(group.coefficient_covariance, float) * np.outer(f, f),
+        pass_covariance=np.asarray(group.pass_covariance, float) * np.outer(f, f),
+        pass_dof=group.pass_dof,
+        n_passes=group.n_passes,
+        kept=group.kept,
+    )

@@ -1,0 +1,96 @@
+"""Covariance between components that were read in the same passes.
+
+Drift moves all components together; Gilsinn & Ling 2004 close by asking for the
+cross-correlation of the components. Where passes are shared it can be measured: the
+deviations of the passes' own lines, taken over all components at once, have a mean square
+that is unbiased for every linear function of them, with the passes' degrees of freedom. What
+repeatability contributes is taken out of each component's own block as `stats.mixed` does
+it, and out of the products by the same factor, so that the whole stays a covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mtu_cli.model.estimates import JointPasses, from_centre
+from mtu_cli.model.estimation import ComponentFit, InstrumentFit
+from mtu_cli.stats.least_squares import FloatArray
+
+
+def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
+    """The groups of components that share passes, with their joint covariances.
+
+    Two components share passes if one instrument read both in the same (pass, direction)
+    pairs and nothing says otherwise: with a `setup` column the set-ups must agree, with times
+    the passes must overlap; a laser reads one component a set-up, so without either its passes
+    are not shared.
+    """
+    groups: list[list[ComponentFit]] = []
+    for fit in fits.values():
+        if len(fit.instruments) != 1 or not fit.instruments[0].fit.separated:
+            continue
+        for group in groups:
+            if _share(group[0].instruments[0], fit.instruments[0]):
+                group.append(fit)
+                break
+        else:
+            groups.append([fit])
+    return tuple(_joint(group) for group in groups if len(group) > 1)
+
+
+def _share(a: InstrumentFit, b: InstrumentFit) -> bool:
+    if a.role != b.role or a.keys != b.keys:
+        return False
+    if any(a.setups) or any(b.setups):
+        return a.setups == b.setups
+    if np.isfinite(a.starts).all() and np.isfinite(b.starts).all():
+        overlap = (a.starts <= b.ends) & (b.starts <= a.ends)
+        return bool(overlap.all())
+    return a.role == "lbb"
+
+
+def _joint(group: Sequence[ComponentFit]) -> JointPasses:
+    fits = [item.instruments[0].fit for item in group]
+    widths = tuple(len(fit.plain.coefficients) for fit in fits)
+    T = _block([from_centre(f.center, w, len(f.D)) for f, w in zip(fits, widths, strict=True)])
+    deviations = np.column_stack([fit.deviations for fit in fits])
+    dof = fits[0].pass_dof
+    n = fits[0].n_passes
+    S = deviations.T @ deviations / dof
+    between = S - S * (_block([np.ones_like(fit.D) for fit in fits]) > 0)
+    split = _block([fit.split for fit in fits])
+    D = split @ S @ split.T
+    off = D - D * (_block([np.ones_like(fit.D) for fit in fits]) > 0)
+    C = _block([item.estimate.covariance for item in group]) + (T @ between @ T.T) / n
+    size = float(np.linalg.norm(_unitless(between, S)))
+    return JointPasses(
+        components=tuple(item.name for item in group),
+        widths=widths,
+        covariance=C,
+        pass_covariance=T @ D @ T.T,
+        pass_dof=float(dof),
+        n_passes=n,
+        kept=float(np.linalg.norm(_unitless(off, S))) / size if size > 0 else 1.0,
+    )
+
+
+def _unitless(part: FloatArray, S: FloatArray) -> FloatArray:
+    scale = np.sqrt(np.diag(S))
+    scale[scale == 0] = 1.0
+    result: FloatArray = part / np.outer(scale, scale)
+    return result
+
+
+def _block(parts: Sequence[FloatArray]) -> FloatArray:
+    """Block-diagonal matrix of the parts."""
+    rows = sum(part.shape[0] for part in parts)
+    columns = sum(part.shape[1] for part in parts)
+    whole = np.zeros((rows, columns))
+    row = column = 0
+    for part in parts:
+        whole[row : row + part.shape[0], column : column + part.shape[1]] = part
+        row += part.shape[0]
+        column += part.shape[1]
+    return whole

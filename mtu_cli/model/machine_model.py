@@ -1,0 +1,283 @@
+"""The machine as a design matrix: E = J theta + remainder at any set of points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mtu_cli.errors import InputError, Problem, did_you_mean
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.language import LinearForm, Node, evaluate, names
+from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.mixed import polynomial
+from mtu_cli.units import UNITS
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Term:
+    """One component (or effect parameter) and its lever arm in each equation."""
+
+    estimate: ComponentEstimate
+    levers: dict[str, Node]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineModel:
+    """A machine with all its components known.
+
+    `axes` are the axes that have an equation, `terms` the components in the order of theta,
+    `remainders` what the equations hold beside components, `constants` name -> (value, u).
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    terms: tuple[Term, ...]
+    remainders: dict[str, tuple[Node, ...]]
+    constants: dict[str, tuple[float, float]]
+    joint: tuple[JointPasses, ...]
+
+    def covariates(self) -> tuple[str, ...]:
+        """Names that the equations use beside positions, constants and components."""
+        used: dict[str, int] = {}
+        for term in self.terms:
+            for lever in term.levers.values():
+                used |= names(lever)
+        for nodes in self.remainders.values():
+            for node in nodes:
+                used |= names(node)
+        known = {*AXES, *self.constants}
+        return tuple(sorted(name for name in used if name not in known))
+
+    def position_constants(self) -> dict[str, float]:
+        """Coordinates that a constant of the machine fixes."""
+        return {name: self.constants[name][0] for name in AXES if name in self.constants}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """The machine at n points: rows are (point, axis), points first.
+
+    `J` (n*a, K) in theta, `levers` (n*a, c) of each term, `remainder` (n*a,) in mm,
+    `constant_columns` (n*a, m) derivatives after the uncertain constants.
+    """
+
+    J: FloatArray
+    levers: FloatArray
+    remainder: FloatArray
+    columns: tuple[slice, ...]
+
+
+def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
+    """Joins a machine file and the estimates of its components.
+
+    Raises InputError for a component of the equations that has neither readings nor
+    coefficients, with the line of the machine file.
+    """
+    forms: list[dict[str, LinearForm]] = [machine.forms]
+    found = dict(estimates.components)
+    joint = list(estimates.joint)
+    renames: list[dict[str, str]] = [{}]
+    for effect, form in zip(machine.machine.effects, machine.effect_forms, strict=True):
+        rename = {name: f"{effect.name}.{name}" for name in effect.parameters}
+        parameters, together = _effect_estimates(effect, rename)
+        found |= parameters
+        joint += together
+        forms.append(form)
+        renames.append(rename)
+    axes = tuple(axis for axis in AXES if any(f"E{axis}" in form for form in forms))
+    levers: dict[str, dict[str, Node]] = {name: {} for name in found}
+    remainders: dict[str, list[Node]] = {axis: [] for axis in axes}
+    missing: dict[str, None] = {}
+    for form, rename in zip(forms, renames, strict=True):
+        for equation, linear in form.items():
+            axis = equation[1:]
+            for name, lever in linear.coefficients.items():
+                full = rename.get(name, name)
+                if full in levers:
+                    levers[full][axis] = lever
+                else:
+                    missing[full] = None
+            if linear.remainder is not None:
+                remainders[axis].append(linear.remainder)
+    if missing:
+        raise InputError([_no_estimate(machine, name) for name in missing])
+    terms = [Term(estimate=found[name], levers=lever) for name, lever in levers.items() if lever]
+    return MachineModel(
+        name=machine.machine.name,
+        axes=axes,
+        terms=tuple(terms),
+        remainders={axis: tuple(nodes) for axis, nodes in remainders.items()},
+        constants={
+            name: (constant.value, constant.u)
+            for name, constant in machine.machine.constants.items()
+        },
+        joint=tuple(joint),
+    )
+
+
+def _no_estimate(machine: LoadedMachine, name: str) -> Problem:
+    return Problem(
+        what=f"the component {name!r} has neither readings nor coefficients",
+        file=machine.source.shown,
+        line=machine.line_of("components", name),
+        path=f"components.{name}",
+        expected="readings of it (--lbb, --laser), coefficients here, or a components report (-c)",
+    )
+
+
+def _effect_estimates(
+    effect: Any, rename: Mapping[str, str]
+) -> tuple[dict[str, ComponentEstimate], list[JointPasses]]:
+    """The parameters of an effect as components without an axis, known to their u."""
+    estimates: dict[str, ComponentEstimate] = {}
+    for name, parameter in effect.parameters.items():
+        unit = UNITS[parameter.unit]
+        estimates[rename[name]] = ComponentEstimate(
+            name=rename[name],
+            of=None,
+            unit=unit,
+            coefficients=np.array([parameter.value * unit.to_internal]),
+            covariance=np.array([[(parameter.u * unit.to_internal) ** 2]]),
+            pass_covariance=np.zeros((1, 1)),
+            s_repeat=0.0,
+            pass_dof=0.0,
+            repeat_dof=np.inf,
+        )
+    if effect.covariance is None:
+        return estimates, []
+    factors = np.array([UNITS[p.unit].to_internal for p in effect.parameters.values()])
+    C = np.asarray(effect.covariance, float) * np.outer(factors, factors)
+    group = JointPasses(
+        components=tuple(estimates),
+        widths=(1,) * len(estimates),
+        covariance=C,
+        pass_covariance=np.zeros_like(C),
+        pass_dof=np.inf,
+        n_passes=None,
+    )
+    return estimates, [group]
+
+
+def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
+    """Raises InputError naming every covariate that the equations need and nobody gave."""
+    missing = [name for name in model.covariates() if name not in given]
+    if missing:
+        raise InputError(
+            [
+                Problem(
+                    what=f"the equations of {model.name!r} need the covariate {name!r}",
+                    expected=f"--at {name}=VALUE"
+                    + (f" ({did_you_mean(name, given)})" if given else ""),
+                )
+                for name in missing
+            ]
+        )
+
+
+def design(
+    model: MachineModel, points: FloatArray, covariates: Mapping[str, FloatArray | float]
+) -> Design:
+    """J, lever arms and remainder at `points` (n, 3) in mm (nan where a coordinate is unknown).
+
+    Row (i, axis) holds dE_axis/dtheta at point i: lever arm times powers of the component's
+    position. Gilsinn & Ling 2004, eq. (1), or any other set of linear equations.
+
+    Raises InputError where a needed coordinate is unknown or a value is not finite.
+    """
+    values: dict[str, FloatArray | float] = {
+        name: pair[0] for name, pair in model.constants.items()
+    }
+    place = {axis: points[:, i] for i, axis in enumerate(AXES)} | {
+        axis: np.full(len(points), value) for axis, value in model.position_constants().items()
+    }
+    values |= place
+    values |= {name: covariates[name] for name in model.covariates()}
+    n, a = len(points), len(model.axes)
+    widths = [len(term.estimate.coefficients) for term in model.terms]
+    starts = np.concatenate([[0], np.cumsum(widths)]).astype(int)
+    J = np.zeros((n, a, starts[-1]))
+    levers = np.zeros((n, a, len(model.terms)))
+    for t, term in enumerate(model.terms):
+        rows = _powers(term.estimate, place, n)
+        for i, axis in enumerate(model.axes):
+            if axis in term.levers:
+                levers[:, i, t] = evaluate(term.levers[axis], values)
+                J[:, i, starts[t] : starts[t + 1]] = levers[:, i, t, None] * rows
+    remainder = np.zeros((n, a))
+    for i, axis in enumerate(model.axes):
+        for node in model.remainders[axis]:
+            remainder[:, i] += evaluate(node, values)
+    _check_finite(model, J, remainder, points)
+    return Design(
+        J=J.reshape(n * a, -1),
+        levers=levers.reshape(n * a, -1),
+        remainder=remainder.reshape(n * a),
+        columns=tuple(slice(starts[t], starts[t + 1]) for t in range(len(widths))),
+    )
+
+
+def _powers(estimate: ComponentEstimate, place: Mapping[str, FloatArray], n: int) -> FloatArray:
+    if estimate.of is None:
+        return np.ones((n, 1))
+    return polynomial(place[estimate.of], estimate.degree)
+
+
+def _check_finite(
+    model: MachineModel, J: FloatArray, remainder: FloatArray, points: FloatArray
+) -> None:
+    bad = ~(np.isfinite(J).all(axis=2) & np.isfinite(remainder))
+    if not bad.any():
+        return
+    i, a = np.argwhere(bad)[0]
+    unknown = [axis for k, axis in enumerate(AXES) if np.isnan(points[i, k])]
+    unknown = [axis for axis in unknown if axis not in model.constants]
+    place = ", ".join(f"{axis}={points[i, k]:g}" for k, axis in enumerate(AXES))
+    raise InputError(
+        Problem(
+            what=f"the equation E{model.axes[a]} has no finite value at {place}",
+            expected=(
+                f"a value for {unknown[0]} (z_mm in the part, or a constant of the machine)"
+                if unknown
+                else "an equation that is defined at every feature"
+            ),
+        )
+    )
+
+
+def theta(model: MachineModel) -> FloatArray:
+    """The coefficients of all terms, one after the other, (K,)."""
+    return np.concatenate([term.estimate.coefficients for term in model.terms])
+
+
+def constant_derivatives(
+    model: MachineModel, points: FloatArray, covariates: Mapping[str, FloatArray | float]
+) -> tuple[FloatArray, FloatArray]:
+    """dE/dc (rows, m) after the uncertain constants, and their variances (m,).
+
+    Central differences over one standard uncertainty: exact for offsets, which enter the
+    equations linearly, and the slope over the constant's own range otherwise.
+    """
+    uncertain = [(name, value, u) for name, (value, u) in model.constants.items() if u > 0]
+    columns = []
+    for name, value, u in uncertain:
+        ends = []
+        for end in (value + u, value - u):
+            shifted = _with_constant(model, name, end, u)
+            rows = design(shifted, points, covariates)
+            ends.append(rows.J @ theta(model) + rows.remainder)
+        columns.append((ends[0] - ends[1]) / (2 * u))
+    rows_count = len(points) * len(model.axes)
+    D = np.column_stack(columns) if columns else np.zeros((rows_count, 0))
+    return D, np.array([u**2 for _, _, u in uncertain])
+
+
+def _with_constant(model: MachineModel, name: str, value: float, u: float) -> MachineModel:
+    from dataclasses import replace
+
+    return replace(model, constants=model.constants | {name: (value, u)})

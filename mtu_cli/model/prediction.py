@@ -1,0 +1,301 @@
+"""Errors of points with their full covariance: the propagation that every command uses.
+
+For points p, q of one future part and a component with design rows x_p, x_q
+
+    Cov = x_p' (C + D) x_q + [p = q] s_repeat^2,
+
+C the coefficients' covariance, D the pass-to-pass covariance, s_repeat the repeatability of
+one visit. Gilsinn & Ling 2004, eq. (18), is the case in which all of it counts as repeatability.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mtu_cli.model.estimates import ComponentEstimate, JointPasses
+from mtu_cli.model.machine_model import (
+    AXES,
+    MachineModel,
+    Term,
+    check_covariates,
+    constant_derivatives,
+    design,
+    theta,
+)
+from mtu_cli.stats.least_squares import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """Coefficients that share a covariance, seen from the points: G (rows, k) = J columns.
+
+    `C`, `D` (k, k); `noise` (rows, c) holds lever arms times s_repeat of its components.
+    """
+
+    names: tuple[str, ...]
+    G: FloatArray
+    C: FloatArray
+    D: FloatArray
+    noise: FloatArray
+    pass_dof: float
+    repeat_dof: float
+    n_passes: int | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variance:
+    """Variance (m,) of m linear measurands with effective degrees of freedom (m,).
+
+    `by_block` (blocks, m) are the shares of the blocks; `coefficients`, `passes` and
+    `repeatability` (m,) split the variance by its nature.
+    """
+
+    total: FloatArray
+    dof: FloatArray
+    by_block: FloatArray
+    coefficients: FloatArray
+    passes: FloatArray
+    repeatability: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """Errors at n points in a axes; rows are (point, axis), points first.
+
+    `mean` (n*a,) in mm, `independent_variance` (n*a,) under the papers' independence.
+    `outside` lists (point, component, position, low, high) beyond the measured range.
+    """
+
+    ids: tuple[str, ...]
+    axes: tuple[str, ...]
+    points: FloatArray
+    mean: FloatArray
+    blocks: tuple[Block, ...]
+    independent_variance: FloatArray
+    outside: tuple[tuple[str, str, float, float, float], ...]
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance (n*a, n*a) of the errors of one future part, mm^2."""
+        rows = len(self.mean)
+        total = np.zeros((rows, rows))
+        for block in self.blocks:
+            total += block.G @ (block.C + block.D) @ block.G.T
+            total += noise_covariance(block.noise, len(self.axes))
+        return total
+
+    @cached_property
+    def mean_covariance(self) -> FloatArray:
+        """Covariance of the mean error over infinitely many parts: the coefficients' alone."""
+        total = np.zeros((len(self.mean), len(self.mean)))
+        for block in self.blocks:
+            total += block.G @ block.C @ block.G.T
+        return total
+
+    def row(self, point: str, axis: str) -> int:
+        """Row of a point's error along an axis."""
+        return self.ids.index(point) * len(self.axes) + self.axes.index(axis)
+
+    def variance(self, A: FloatArray) -> Variance:
+        """Variance of the linear measurands A E, A (m, n*a): law of propagation with covariance.
+
+        Effective degrees of freedom by Welch-Satterthwaite (JCGM 100, G.4.1) over the
+        independent mean squares behind the variance. With n passes C is S/n and D is
+        S - s^2 M, S the between-pass mean square and s^2 M what repeatability alone would
+        give, so g'(C + D)g + s^2 w = (1 + 1/n) g'S g + s^2 (w - g'M g).
+        """
+        parts = [_block_variance(block, A, len(self.axes)) for block in self.blocks]
+        by_block = np.array([part.sum(axis=0) for part, _, _ in parts])
+        total = by_block.sum(axis=0)
+        spread = np.zeros(len(A))
+        for _, squares, dofs in parts:
+            for square, dof in zip(squares, dofs, strict=True):
+                spread += 0.0 if np.isinf(dof) else square**2 / dof
+        with np.errstate(divide="ignore", invalid="ignore"):
+            dof = np.where(spread > 0, total**2 / spread, np.inf)
+        split = np.array([part for part, _, _ in parts]).sum(axis=0)
+        return Variance(
+            total=total,
+            dof=dof,
+            by_block=by_block,
+            coefficients=split[0],
+            passes=split[1],
+            repeatability=split[2],
+        )
+
+
+def _block_variance(
+    block: Block, A: FloatArray, axes: int
+) -> tuple[FloatArray, list[FloatArray], list[float]]:
+    """(3, m) variance by nature; the mean squares and their degrees of freedom."""
+    g = A @ block.G
+    of_C = np.einsum("mi,ij,mj->m", g, block.C, g)
+    of_D = np.einsum("mi,ij,mj->m", g, block.D, g)
+    noise = np.zeros(len(A))
+    for column in block.noise.T:
+        at_point = (A * column).reshape(len(A), -1, axes).sum(axis=2)
+        noise += (at_point**2).sum(axis=1)
+    split = np.array([of_C, of_D, noise])
+    if block.pass_dof == 0:
+        return split, [of_C + of_D + noise], [block.repeat_dof]
+    if block.n_passes is None:
+        return split, [of_C + of_D, noise], [block.pass_dof, block.repeat_dof]
+    between = (block.n_passes + 1) * of_C
+    return split, [between, of_C + of_D + noise - between], [block.pass_dof, block.repeat_dof]
+
+
+def noise_covariance(noise: FloatArray, axes: int) -> FloatArray:
+    """(rows, rows): axes of one point share a visit's error, points do not."""
+    rows = len(noise)
+    per_point = noise.reshape(rows // axes, axes, -1)
+    blocks = np.einsum("pic,pjc->pij", per_point, per_point)
+    total = np.zeros((rows, rows))
+    for p, block in enumerate(blocks):
+        total[p * axes : (p + 1) * axes, p * axes : (p + 1) * axes] = block
+    return total
+
+
+def predict(
+    model: MachineModel,
+    ids: Sequence[str],
+    points: FloatArray,
+    covariates: Mapping[str, FloatArray | float] | None = None,
+) -> Prediction:
+    """The errors (actual minus nominal) that the machine makes at `points` (n, 3), mm.
+
+    `covariates` gives each covariate of the equations a value, or one a point.
+
+    Raises InputError for a missing covariate or coordinate.
+    """
+    given = covariates or {}
+    check_covariates(model, given)
+    rows = design(model, points, given)
+    blocks = _blocks(model, rows.J, rows.levers, rows.columns)
+    derivatives, variances = constant_derivatives(model, points, given)
+    if derivatives.shape[1]:
+        blocks.append(_constants_block(model, derivatives, variances))
+    return Prediction(
+        ids=tuple(ids),
+        axes=model.axes,
+        points=points,
+        mean=rows.J @ theta(model) + rows.remainder,
+        blocks=tuple(blocks),
+        independent_variance=_independent(model, rows.J, rows.levers, rows.columns)
+        + derivatives**2 @ variances,
+        outside=_outside(model, ids, points),
+    )
+
+
+def _blocks(
+    model: MachineModel, J: FloatArray, levers: FloatArray, columns: Sequence[slice]
+) -> list[Block]:
+    index = {term.estimate.name: t for t, term in enumerate(model.terms)}
+    blocks: list[Block] = []
+    taken: set[str] = set()
+    for group in model.joint:
+        kept = [name for name in group.components if name in index]
+        if len(kept) < 2:
+            continue
+        inside = _positions_in_group(group, kept)
+        estimates = [model.terms[index[name]].estimate for name in kept]
+        blocks.append(
+            Block(
+                names=tuple(kept),
+                G=np.column_stack([J[:, columns[index[name]]] for name in kept]),
+                C=group.covariance[np.ix_(inside, inside)],
+                D=group.pass_covariance[np.ix_(inside, inside)],
+                noise=np.column_stack(
+                    [levers[:, index[estimate.name]] * estimate.s_repeat for estimate in estimates]
+                ),
+                pass_dof=group.pass_dof,
+                repeat_dof=sum(estimate.repeat_dof for estimate in estimates),
+                n_passes=group.n_passes,
+            )
+        )
+        taken.update(kept)
+    for t, term in enumerate(model.terms):
+        if term.estimate.name not in taken:
+            blocks.append(_own_block(term, J[:, columns[t]], levers[:, t]))
+    return blocks
+
+
+def _positions_in_group(group: JointPasses, kept: Sequence[str]) -> list[int]:
+    """Rows of the kept components in a group's covariance."""
+    starts = np.concatenate([[0], np.cumsum(group.widths)]).astype(int)
+    return [
+        row
+        for name, start, width in zip(group.components, starts, group.widths, strict=False)
+        if name in kept
+        for row in range(start, start + width)
+    ]
+
+
+def _own_block(term: Term, G: FloatArray, lever: FloatArray) -> Block:
+    estimate = term.estimate
+    return Block(
+        names=(estimate.name,),
+        G=G,
+        C=estimate.covariance,
+        D=estimate.pass_covariance,
+        noise=(lever * estimate.s_repeat)[:, None],
+        pass_dof=estimate.pass_dof,
+        repeat_dof=estimate.repeat_dof,
+        n_passes=estimate.n_passes,
+    )
+
+
+def _constants_block(model: MachineModel, G: FloatArray, variances: FloatArray) -> Block:
+    k = len(variances)
+    return Block(
+        names=tuple(name for name, (_, u) in model.constants.items() if u > 0),
+        G=G,
+        C=np.diag(variances),
+        D=np.zeros((k, k)),
+        noise=np.zeros((len(G), 1)),
+        pass_dof=0.0,
+        repeat_dof=np.inf,
+        n_passes=None,
+    )
+
+
+def independent_parts(estimate: ComponentEstimate) -> tuple[FloatArray, float]:
+    """(k, k) and s^2 such that a future observation has variance x'Cx + s^2.
+
+    Gilsinn & Ling 2004, eqs. (9)-(11); for a component of a machine file, whose readings
+    are not at hand, the same total variance without its correlation.
+    """
+    if estimate.independent_covariance is not None and estimate.independent_s is not None:
+        return estimate.independent_covariance, estimate.independent_s**2
+    return estimate.covariance + estimate.pass_covariance, estimate.s_repeat**2
+
+
+def _independent(
+    model: MachineModel, J: FloatArray, levers: FloatArray, columns: Sequence[slice]
+) -> FloatArray:
+    total = np.zeros(len(J))
+    for t, term in enumerate(model.terms):
+        C, s2 = independent_parts(term.estimate)
+        G = J[:, columns[t]]
+        total += np.einsum("ri,ij,rj->r", G, C, G) + levers[:, t] ** 2 * s2
+    return total
+
+
+def _outside(
+    model: MachineModel, ids: Sequence[str], points: FloatArray
+) -> tuple[tuple[str, str, float, float, float], ...]:
+    found = []
+    fixed = model.position_constants()
+    for term in model.terms:
+        estimate = term.estimate
+        if estimate.of is None or estimate.position_range is None:
+            continue
+        low, high = estimate.position_range
+        column = points[:, AXES.index(estimate.of)]
+        position = np.full(len(points), fixed[estimate.of]) if estimate.of in fixed else column
+        beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9))
+        found += [(ids[i], estimate.name, float(position[i]), low, high) for i in beyond]
+    return tuple(found)

@@ -1,0 +1,254 @@
+"""A virtual machine: readings of its components and points of the parts it makes.
+
+Every random quantity has its own stream, so that asking for more parts does not change the
+readings, nor more repeats the parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.language import Node, evaluate
+from mtu_cli.language import names as names_of
+from mtu_cli.model.estimates import ComponentEstimate
+from mtu_cli.model.machine_model import AXES, MachineModel, design, theta
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.mixed import polynomial
+
+IntArray = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadingsPlan:
+    """How the components are read: `passes` in each of `directions`, at `positions` (mm)."""
+
+    passes: int
+    directions: tuple[int, ...]
+    positions: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartsPlan:
+    """How parts are made and measured.
+
+    `repeats` CMM measurements a feature with standard uncertainty `cmm_u` (mm); a random
+    offset of every part with standard deviation `part_offset` (mm); features are machined in
+    the part's order, every `reverse_every`-th part in the opposite one (0: never), each
+    taking `minutes`. `effects` are (axis, equation in mm), `covariates` (name, equation).
+    """
+
+    parts: int
+    repeats: int
+    cmm_u: float
+    part_offset: float
+    reverse_every: int
+    minutes: float
+    effects: tuple[tuple[str, Node], ...] = ()
+    covariates: tuple[tuple[str, Node], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedReadings:
+    """Columns of a readings file; `error` in each component's own unit."""
+
+    component: tuple[str, ...]
+    unit: tuple[str, ...]
+    position: FloatArray
+    pass_number: IntArray
+    direction: IntArray
+    error: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedPoints:
+    """Columns of a points file; one row per (part, feature, repeat).
+
+    `measured` (n, axes) in mm; `covariates` hold sequence, time, directions and any declared.
+    """
+
+    axes: tuple[str, ...]
+    part: tuple[str, ...]
+    feature: tuple[str, ...]
+    repeat: IntArray
+    measured: FloatArray
+    covariates: dict[str, FloatArray]
+
+
+def _stream(seed: int, *key: int) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
+
+
+def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> SimulatedReadings:
+    """Readings of every component: its polynomial, a draw of D a pass, s_repeat a reading.
+
+    A component without an axis is read once a pass, forward only.
+    """
+    rows: list[tuple[str, str, float, int, int, float]] = []
+    for c, term in enumerate(model.terms):
+        estimate = term.estimate
+        rng = _stream(seed, 0, c)
+        positions = np.zeros(1) if estimate.of is None else plan.positions[estimate.of]
+        directions = (0,) if estimate.of is None else plan.directions
+        for number in range(1, plan.passes + 1):
+            for sign in directions:
+                errors = _one_pass(estimate, positions[::sign] if sign else positions, rng)
+                rows += [
+                    (estimate.name, estimate.unit.name, float(p), number, sign, float(e))
+                    for p, e in zip(positions[::sign] if sign else positions, errors, strict=True)
+                ]
+    component, unit, position, number_, direction, error = zip(*rows, strict=True)
+    return SimulatedReadings(
+        component=component,
+        unit=unit,
+        position=np.array(position),
+        pass_number=np.array(number_),
+        direction=np.array(direction),
+        error=np.array(error),
+    )
+
+
+def _one_pass(
+    estimate: ComponentEstimate, positions: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    b = estimate.coefficients + _normal(rng, estimate.pass_covariance)
+    powers = polynomial(positions, estimate.degree)
+    noise = estimate.s_repeat * rng.standard_normal(len(positions))
+    errors: FloatArray = (powers @ b + noise) / estimate.unit.to_internal
+    return errors
+
+
+def _normal(rng: np.random.Generator, covariance: FloatArray) -> FloatArray:
+    """One draw from N(0, covariance), which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    draw: FloatArray = vectors @ (
+        np.sqrt(np.clip(values, 0.0, None)) * rng.standard_normal(len(values))
+    )
+    return draw
+
+
+def simulate_points(
+    model: MachineModel,
+    ids: Sequence[str],
+    points: FloatArray,
+    plan: PartsPlan,
+    seed: int,
+) -> SimulatedPoints:
+    """CMM points of `plan.parts` parts with features `ids` at `points` (n, 3), mm.
+
+    A part has one draw of every component's D and of its offset, a feature one draw of every
+    component's s_repeat, a repeat one of the CMM's.
+
+    Raises InputError for an effect that uses an unknown name or has no finite value.
+    """
+    n, a = len(ids), len(model.axes)
+    columns = [AXES.index(axis) for axis in model.axes]
+    measured, covariates = [], []
+    for part in range(plan.parts):
+        rng = _stream(seed, 1, part)
+        values = _covariates(points, plan, part)
+        errors = _part_errors(model, points, values, rng)
+        errors += plan.part_offset * rng.standard_normal(a)
+        errors += _effects(model, points, plan.effects, values)
+        cmm = _stream(seed, 2, part).standard_normal((plan.repeats, n, a)) * plan.cmm_u
+        measured.append(points[:, columns] + errors + cmm)
+        covariates.append(values)
+    keys = list(covariates[0])
+    return SimulatedPoints(
+        axes=model.axes,
+        part=tuple(
+            str(p + 1) for p in range(plan.parts) for _ in range(plan.repeats) for _ in range(n)
+        ),
+        feature=tuple(ids) * (plan.repeats * plan.parts),
+        repeat=np.tile(np.repeat(np.arange(1, plan.repeats + 1), n), plan.parts),
+        measured=np.concatenate([m.reshape(-1, a) for m in measured]),
+        covariates={
+            key: np.concatenate([np.tile(values[key], plan.repeats) for values in covariates])
+            for key in keys
+        },
+    )
+
+
+def _covariates(points: FloatArray, plan: PartsPlan, part: int) -> dict[str, FloatArray]:
+    """Sequence, time and approach directions of one part's features, and the declared ones."""
+    n = len(points)
+    backward = plan.reverse_every > 0 and (part + 1) % plan.reverse_every == 0
+    visits = np.arange(n)[::-1] if backward else np.arange(n)
+    values: dict[str, FloatArray] = {
+        "sequence": np.full(n, part + 1.0),
+        "time_min": np.empty(n),
+    }
+    values["time_min"][visits] = (part * n + np.arange(n)) * plan.minutes
+    for k, axis in enumerate(AXES):
+        if np.isfinite(points[:, k]).all() and np.ptp(points[:, k]) > 0:
+            values[f"dir_{axis}"] = _directions(points[:, k], visits)
+    for name, node in plan.covariates:
+        values[name] = _value(name, node, points, values)
+    return values
+
+
+def _directions(coordinate: FloatArray, visits: IntArray) -> FloatArray:
+    """Sign of the last move along an axis, in the order of visits; the first move is positive."""
+    result = np.ones(len(coordinate))
+    last, sign = None, 1.0
+    for i in visits:
+        if last is not None and coordinate[i] != last:
+            sign = 1.0 if coordinate[i] > last else -1.0
+        last = coordinate[i]
+        result[i] = sign
+    return result
+
+
+def _value(
+    what: str, node: Node, points: FloatArray, values: Mapping[str, FloatArray]
+) -> FloatArray:
+    place = {axis: points[:, k] for k, axis in enumerate(AXES)} | dict(values)
+    unknown = [name for name in names_of(node) if name not in place]
+    if unknown:
+        raise InputError(
+            Problem(
+                what=f"the equation of {what!r} uses the unknown name {unknown[0]!r}",
+                column=names_of(node)[unknown[0]],
+                expected=", ".join(place),
+            )
+        )
+    found = np.broadcast_to(np.asarray(evaluate(node, place), float), (len(points),))
+    if not np.isfinite(found).all():
+        raise InputError(Problem(what=f"the equation of {what!r} has no finite value"))
+    return np.array(found)
+
+
+def _part_errors(
+    model: MachineModel,
+    points: FloatArray,
+    values: Mapping[str, FloatArray],
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Errors (n, axes) of one part's features."""
+    given: dict[str, FloatArray | float] = dict(values)
+    rows = design(model, points, given)
+    state = theta(model)
+    n, a = len(points), len(model.axes)
+    noise = np.zeros((n, a))
+    levers = rows.levers.reshape(n, a, -1)
+    for t, (term, columns) in enumerate(zip(model.terms, rows.columns, strict=True)):
+        state[columns] += _normal(rng, term.estimate.pass_covariance)
+        visits = rng.standard_normal(n) * term.estimate.s_repeat
+        noise += levers[:, :, t] * visits[:, None]
+    errors: FloatArray = (rows.J @ state + rows.remainder).reshape(n, a) + noise
+    return errors
+
+
+def _effects(
+    model: MachineModel,
+    points: FloatArray,
+    effects: Sequence[tuple[str, Node]],
+    values: Mapping[str, FloatArray],
+) -> FloatArray:
+    total = np.zeros((len(points), len(model.axes)))
+    for axis, node in effects:
+        total[:, model.axes.index(axis)] += _value(f"E{axis}", node, points, values)
+    return total

@@ -1,0 +1,1 @@
+"""Numbers in, numbers out: estimation, propagation and Monte Carlo; knows no machine."""

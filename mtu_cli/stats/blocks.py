@@ -1,0 +1,185 @@
+"""One block of Monte Carlo trials: what a model returns, and what is kept of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.stats.block_plan import BlockPlan
+from mtu_cli.stats.mixture_quantile import mixture_quantile
+from mtu_cli.stats.workspace import Workspace
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Draws:
+    """What a model returns for one block of m trials.
+
+    `values` (outputs, m): the outputs of the model.
+    `linear` (outputs, m): their first-order form, evaluated on the same draws.
+    `linear_u` (outputs, m) or (outputs, 1): standard deviation of `linear` given the trial's
+    variance scales (the chi-square draw of a scaled t). Given these, `linear` must be exactly
+    normal about `linear_mean`. None where it is not normal (rectangular inputs): then the
+    first-order form serves the mean, and u if the model states `linear_variance`.
+
+    The engine reads the arrays before the next `draw` in the same thread and never writes
+    to them, so a model may return arrays of its `Workspace`.
+    """
+
+    values: FloatArray
+    linear: FloatArray | None = None
+    linear_u: FloatArray | None = None
+
+
+class TrialModel(Protocol):
+    """A model that can draw m independent trials of all its outputs.
+
+    `names`: one for each output. `linear_mean` (outputs,): exact expectation of
+    `Draws.linear`; None where the model has no first-order form.
+
+    Two optional attributes: `linear_variance` (outputs,), the exact variance of `linear` over
+    everything, scales included (nan where unknown); without it the variance comes from
+    `linear_u`. `u_exists` (outputs,) of bool, False where an output has no standard deviation
+    (a t distribution of 2 degrees of freedom or fewer).
+
+    `draw` is called from several threads at once and must take all randomness from `rng`.
+    """
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+
+    @property
+    def linear_mean(self) -> FloatArray | None: ...
+
+    def draw(self, rng: np.random.Generator, m: int) -> Draws: ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockSummary:
+    """All that is kept of a block.
+
+    `statistics` (4, outputs): mean, variance, low end, high end of the block. `controls`
+    (4, outputs): the same statistics of the first-order form minus their exact expectation,
+    so of mean zero; 0 where that is unknown; None without a first-order form. `squares`
+    (outputs, outputs): sums of products about the block's mean. `lower`, `upper`
+    (outputs, tail): ordered values from the lowest up and from the highest down, on the
+    plan's grid; `linear_lower`, `linear_upper` the same of the first-order form minus the
+    normal expectation.
+    """
+
+    count: int
+    statistics: FloatArray
+    controls: FloatArray | None
+    squares: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    linear_lower: FloatArray | None
+    linear_upper: FloatArray | None
+
+
+def block_generator(seed: int, block: int) -> np.random.Generator:
+    """The stream of one block: it depends on the seed and the block's number alone."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(block,))
+    return np.random.Generator(np.random.SFC64(sequence))
+
+
+def not_finite_in(draws: Draws) -> NDArray[np.int64]:
+    """Trials (outputs,) whose value or first-order form is infinite or not a number."""
+    bad = ~np.isfinite(draws.values)
+    if draws.linear is not None:
+        bad |= ~np.isfinite(draws.linear)
+    return np.asarray(np.count_nonzero(bad, axis=1))
+
+
+class BlockSummariser:
+    """Turns the draws of a block into its summary; safe to call from several threads."""
+
+    def __init__(self, model: TrialModel, plan: BlockPlan) -> None:
+        self.plan = plan
+        self.linear_mean = model.linear_mean
+        self.linear_variance: FloatArray | None = getattr(model, "linear_variance", None)
+        self._work = Workspace()
+
+    def summarise(self, draws: Draws) -> BlockSummary:
+        """Summary of one block of finite values."""
+        values = draws.values
+        mean, squares = self._moments(values)
+        m = values.shape[1]
+        lower, upper = self._tails(values)
+        weights = self.plan.end_weights
+        statistics = np.array(
+            [mean, np.diagonal(squares) / (m - 1), lower @ weights, upper @ weights]
+        )
+        controls, linear_lower, linear_upper = self._control(draws)
+        return BlockSummary(
+            count=m,
+            statistics=statistics,
+            controls=controls,
+            squares=squares,
+            lower=lower,
+            upper=upper,
+            linear_lower=linear_lower,
+            linear_upper=linear_upper,
+        )
+
+    def _moments(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        mean: FloatArray = values.mean(axis=1)
+        centred = self._work.array("centred", values.shape)
+        np.subtract(values, mean[:, np.newaxis], out=centred)
+        return mean, centred @ centred.T
+
+    def _tails(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        outputs, m = values.shape
+        tail = min(self.plan.tail + 1, m)
+        work = self._work.array("tails", (outputs, m))
+        np.copyto(work, values)
+        if 2 * tail < m:
+            work.partition((tail - 1, m - tail), axis=1)
+            lower = np.sort(work[:, :tail], axis=1)
+            upper = np.sort(work[:, m - tail :], axis=1)[:, ::-1]
+        else:
+            work.sort(axis=1)
+            lower, upper = work[:, :tail].copy(), work[:, ::-1][:, :tail].copy()
+        return self.plan.on_grid(lower, m), self.plan.on_grid(upper, m)
+
+    def _control(
+        self, draws: Draws
+    ) -> tuple[FloatArray | None, FloatArray | None, FloatArray | None]:
+        linear, mean = draws.linear, self.linear_mean
+        if linear is None or mean is None:
+            return None, None, None
+        m = linear.shape[1]
+        centred = self._work.array("centred", linear.shape)
+        controls = np.zeros((4, linear.shape[0]))
+        linear_average = linear.mean(axis=1)
+        controls[0] = linear_average - mean
+        np.subtract(linear, linear_average[:, np.newaxis], out=centred)
+        variance = np.einsum("ij,ij->i", centred, centred) / (m - 1)
+        controls[1] = variance - self._expected_variance(draws, variance)
+        if draws.linear_u is None:
+            return controls, None, None
+        lower, upper = self._tails(linear)
+        u, plan = draws.linear_u, self.plan
+        fixed = u.shape[1] == 1
+        end = u[:, 0] * plan.normal_end if fixed else mixture_quantile(u, plan.end_probability)
+        controls[2] = lower @ plan.end_weights - (mean + end)
+        controls[3] = upper @ plan.end_weights - (mean - end)
+        if not fixed:
+            return controls, None, None
+        scores = u * plan.normal_scores
+        column = mean[:, np.newaxis]
+        return controls, lower - (column + scores), upper - (column - scores)
+
+    def _expected_variance(self, draws: Draws, observed: FloatArray) -> FloatArray:
+        given = np.full_like(observed, np.nan)
+        if self.linear_variance is not None:
+            given = np.asarray(self.linear_variance, dtype=np.float64)
+        if draws.linear_u is not None:
+            scale = np.einsum("ij,ij->i", draws.linear_u, draws.linear_u) / draws.linear_u.shape[1]
+            given = np.where(np.isnan(given), scale, given)
+        # An unknown expectation makes the control 0, which leaves the statistic as it is.
+        return np.where(np.isnan(given), observed, given)

@@ -1,0 +1,72 @@
+"""Coverage: effective degrees of freedom, coverage factors and numerical tolerance."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri, stdtrit
+
+FloatArray = NDArray[np.float64]
+
+
+def welch_satterthwaite(contributions: FloatArray, dof: FloatArray) -> float:
+    """Effective degrees of freedom of a sum of independent variances.
+
+    nu_eff = (sum v_i)^2 / sum(v_i^2 / nu_i), GUM (JCGM 100:2008) eq. (G.2b).
+
+    `contributions` (n,): the variances v_i = (c_i u(x_i))^2, not standard uncertainties.
+    `dof` (n,): nu_i > 0, which may be infinite. The result is not truncated to an integer
+    and is infinite where no contribution with finite degrees of freedom is above zero.
+
+    Raises ValueError for unequal lengths, a negative variance or nu_i <= 0.
+    """
+    v = np.asarray(contributions, dtype=np.float64)
+    nu = np.asarray(dof, dtype=np.float64)
+    if v.shape != nu.shape or v.ndim != 1:
+        raise ValueError(f"contributions {v.shape} and degrees of freedom {nu.shape} differ")
+    if not (np.all(v >= 0.0) and np.all(nu > 0.0)):
+        raise ValueError("variances must be at least 0 and degrees of freedom above 0")
+    total = float(v.sum())
+    if total == 0.0:
+        return math.inf
+    # Shares keep the squares of very small variances from underflowing.
+    share = v / total
+    denominator = float(np.sum(share**2 / nu))
+    return 1.0 / denominator if denominator > 0.0 else math.inf
+
+
+def coverage_factor(probability: float, dof: float = math.inf) -> float:
+    """k = t_p(nu) such that y -+ k u covers `probability` (two-sided), GUM G.3.
+
+    The normal quantile where `dof` is infinite. Non-integer `dof` is used as it is.
+
+    Raises ValueError for a probability outside (0, 1) or dof <= 0.
+    """
+    if not 0.0 < probability < 1.0:
+        raise ValueError(f"coverage probability {probability} is not between 0 and 1")
+    if not dof > 0.0:
+        raise ValueError(f"degrees of freedom {dof} are not above 0")
+    upper = 0.5 * (1.0 + probability)
+    return float(ndtri(upper) if math.isinf(dof) else stdtrit(dof, upper))
+
+
+def numerical_tolerance(u: float, digits: int = 2) -> float:
+    """delta = 10^l / 2, where u = c 10^l and c is an integer of `digits` digits.
+
+    JCGM 101:2008, 7.9.2. In the unit of u; 0 for u = 0, nan where u is not finite.
+
+    Raises ValueError for u < 0 or fewer than one digit.
+    """
+    if digits < 1:
+        raise ValueError(f"{digits} significant digits; at least 1 is needed")
+    if u < 0.0:
+        raise ValueError(f"standard uncertainty {u} is negative")
+    if u == 0.0:
+        return 0.0
+    if not math.isfinite(u):
+        return math.nan
+    # Formatting rounds first: 0.0996 to two digits is 10 x 10^-2, not 99 x 10^-3.
+    exponent = int(f"{u:.{digits - 1}e}".partition("e")[2])
+    return 0.5 * 10.0 ** (exponent - digits + 1)

@@ -1,0 +1,190 @@
+"""The one Monte Carlo engine: seeded, in blocks, threaded, adaptive (JCGM 101:2008, 7)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from mtu_cli.errors import fault
+from mtu_cli.stats.block_plan import FIRST_LOOK, BlockPlan
+from mtu_cli.stats.blocks import TrialModel
+from mtu_cli.stats.coverage import numerical_tolerance
+from mtu_cli.stats.pooling import Estimates, Gain, Pool
+from mtu_cli.stats.runner import BlockRunner, available_threads
+from mtu_cli.stats.single_block import single_block_estimates
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[int, int | None], None]
+
+LARGEST_PROBABILITY = 0.999
+"""Beyond it a block of 100/(1 - p) trials no longer fits the memory the engine promises."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonteCarloResult:
+    """Result of a Monte Carlo, each array (outputs,) in the unit of the output unless said.
+
+    `mean`, `u`: estimate and standard uncertainty (JCGM 101:2008, 7.6); u and `covariance`
+    (outputs, outputs) are nan where the model says that no standard deviation exists; `mean`
+    is then the plain sample mean and `se_mean` is nan. `low`, `high`: the probabilistically
+    symmetric coverage interval for `probability`; `shortest_low`, `shortest_high`: the shortest
+    (7.7). `se_*`: the Monte Carlo's own standard uncertainty of mean, u, low, high.
+    `converged`: 2 se is within the tolerance asked for, for every output and statistic.
+    `gain`: variance reduction by the control variate. `blocks`: how many blocks the standard
+    errors come from; 1 where they are asymptotic. `samples` (outputs, kept): the first trials.
+    """
+
+    names: tuple[str, ...]
+    trials: int
+    blocks: int
+    converged: bool
+    probability: float
+    mean: FloatArray
+    u: FloatArray
+    low: FloatArray
+    high: FloatArray
+    shortest_low: FloatArray
+    shortest_high: FloatArray
+    covariance: FloatArray
+    se_mean: FloatArray
+    se_u: FloatArray
+    se_low: FloatArray
+    se_high: FloatArray
+    gain: Gain
+    samples: FloatArray
+
+
+def monte_carlo(
+    model: TrialModel,
+    *,
+    seed: int,
+    trials: int | None = None,
+    probability: float = 0.95,
+    digits: int = 2,
+    tolerance_fraction: float = 1.0,
+    threads: int | None = None,
+    max_trials: int = 10_000_000,
+    keep: int = 2**18,
+    progress: Progress | None = None,
+) -> MonteCarloResult:
+    """Propagates distributions through `model` by Monte Carlo.
+
+    With `trials` exactly that many are run. Without, blocks are added until twice the standard
+    error of mean, u, low and high is at most `tolerance_fraction` times the numerical tolerance
+    of u at `digits` significant digits, for every output (JCGM 101:2008, 7.9.4; 0.2 for the
+    validation of clause 8), or `max_trials` is reached. Where no u exists, the interval ends
+    alone decide, with the u of a normal distribution of equal interval.
+
+    The same seed gives the same bits for any number of `threads`. `progress` is called with
+    trials done and the total (None while the count adapts). Fewer than 1000/(1 - p) trials run
+    as one block, without the control variate.
+
+    Raises InputError for settings out of range, too few trials (fewer than 2/(1 - p)), or
+    model values that are not finite, which are counted and never dropped.
+    """
+    _check(seed, trials, probability, digits, tolerance_fraction, threads, max_trials)
+    exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
+    if trials is None:
+        plan = BlockPlan.adaptive(probability)
+        if max_trials < FIRST_LOOK * plan.size:
+            plan = BlockPlan.fixed(max_trials, probability)
+    else:
+        plan = BlockPlan.fixed(trials, probability)
+    criterion = _Criterion(probability, digits, tolerance_fraction)
+    kept = min(keep, trials or max_trials)
+    with BlockRunner(model, plan, seed, threads or available_threads(), kept, progress) as run:
+        if plan.blocks == 1:
+            values = run.only_block()
+            estimates = single_block_estimates(values, probability, exists)
+        else:
+            pool = Pool(plan, exists)
+            estimates = _grow(run, pool, criterion, plan.blocks, max_trials // plan.size)
+        return MonteCarloResult(
+            names=tuple(model.names),
+            trials=run.trials,
+            blocks=run.blocks,
+            converged=criterion.ratio(estimates) <= 1.0,
+            probability=probability,
+            samples=run.samples(),
+            **{field.name: getattr(estimates, field.name) for field in fields(Estimates)},
+        )
+
+
+def _grow(
+    run: BlockRunner, pool: Pool, criterion: _Criterion, blocks: int | None, most: int
+) -> Estimates:
+    if blocks is not None:
+        run.run_to(blocks, pool)
+        return pool.estimates()
+    goal = FIRST_LOOK
+    while True:
+        run.run_to(goal, pool)
+        estimates = pool.estimates()
+        ratio = criterion.ratio(estimates)
+        if ratio <= 1.0 or goal >= most:
+            return estimates
+        # Standard errors fall as 1/sqrt(h). The goals follow from the results alone, so they
+        # are the same for any number of threads; a quarter more at least, to look rarely.
+        wanted = goal * min(4.0, max(1.25, 1.1 * ratio * ratio))
+        goal = min(most, math.ceil(wanted))
+
+
+@dataclass(frozen=True, slots=True)
+class _Criterion:
+    probability: float
+    digits: int
+    fraction: float
+
+    def ratio(self, estimates: Estimates) -> float:
+        """Largest of 2 se over the tolerance; converged at 1 or below."""
+        k = float(ndtri(0.5 * (1.0 + self.probability)))
+        largest = 0.0
+        for i, u in enumerate(estimates.u):
+            errors = [estimates.se_low[i], estimates.se_high[i]]
+            if math.isnan(u):
+                u = (estimates.high[i] - estimates.low[i]) / (2.0 * k)
+            else:
+                errors += [estimates.se_mean[i], estimates.se_u[i]]
+            tolerance = self.fraction * numerical_tolerance(float(u), self.digits)
+            twice = 2.0 * float(max(errors))
+            if twice > 0.0:
+                largest = max(largest, twice / tolerance if tolerance > 0.0 else math.inf)
+        return largest
+
+
+def _check(
+    seed: int,
+    trials: int | None,
+    probability: float,
+    digits: int,
+    fraction: float,
+    threads: int | None,
+    max_trials: int,
+) -> None:
+    if seed < 0:
+        raise fault("the seed is negative", value=str(seed), expected="an integer of 0 or more")
+    if not 0.0 < probability <= LARGEST_PROBABILITY:
+        raise fault(
+            "coverage probability out of range",
+            value=str(probability),
+            expected=f"above 0 and at most {LARGEST_PROBABILITY}",
+        )
+    least = math.ceil(round(2.0 / (1.0 - probability), 6))
+    asked = max_trials if trials is None else trials
+    if asked < least:
+        raise fault(
+            f"too few Monte Carlo trials for a {100 * probability:g} % interval",
+            value=str(asked),
+            expected=f"at least {least}",
+        )
+    if digits < 1:
+        raise fault("significant digits of u", value=str(digits), expected="at least 1")
+    if not fraction > 0.0:
+        raise fault("fraction of the tolerance", value=str(fraction), expected="above 0")
+    if threads is not None and threads < 1:
+        raise fault("number of threads", value=str(threads), expected="at least 1")

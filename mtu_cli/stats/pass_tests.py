@@ -1,0 +1,162 @@
+"""Tests on the passes of one component: scatter, trend, reversal, lack of fit.
+
+Each compares two mean squares that are independent on a balanced design; p values are from
+F or t with their exact degrees of freedom there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.mixed import IntArray, PassFit, polynomial
+
+MAX_POSITIONS = 400
+"""More distinct positions than this count as a continuous run, without replicates."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FTest:
+    """F with its degrees of freedom and p = P(F' > F)."""
+
+    F: float
+    p: float
+    df_numerator: int
+    df_denominator: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shift:
+    """A difference or a slope with its standard uncertainty u and p of Student's t."""
+
+    value: float
+    u: float
+    p: float
+    dof: int
+
+
+def _f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest | None:
+    from scipy.special import fdtrc
+
+    if df1 < 1 or df2 < 1 or denominator <= 0:
+        return None
+    F = numerator / denominator
+    return FTest(F=F, p=float(fdtrc(df1, df2, F)), df_numerator=df1, df_denominator=df2)
+
+
+def _shift(value: float, u: float, dof: int) -> Shift | None:
+    from scipy.special import stdtr
+
+    if dof < 1 or u <= 0:
+        return None
+    return Shift(value=value, u=u, p=float(2 * stdtr(dof, -abs(value) / u)), dof=dof)
+
+
+def pass_scatter(fit: PassFit) -> FTest | None:
+    """Do the passes differ by more than repeatability? None where that cannot be told.
+
+    F = sum_g dev_g' (Z_g'Z_g) dev_g / (q nu_b) / s_repeat^2: the extra sum of squares of one
+    line a pass over one line a direction.
+    """
+    if not fit.separated or fit.within_dof < 1:
+        return None
+    q = fit.deviations.shape[1]
+    extra = float(np.einsum("gi,gij,gj->", fit.deviations, fit.per_pass_precision, fit.deviations))
+    df = q * fit.pass_dof
+    return _f_test(extra / df, fit.s2, df, fit.within_dof)
+
+
+def pass_trend(fit: PassFit, order: FloatArray) -> Shift | None:
+    """Drift a pass of the level at the mean position, direction taken out.
+
+    `order` (G,) is the sequence of the passes in time. A trend means that passes are not
+    exchangeable, which D and every interval built on it assume.
+    """
+    if not fit.separated or fit.pass_dof < 2:
+        return None
+    level = fit.deviations[:, 0]
+    columns = [np.ones(len(order))]
+    if (fit.group_direction > 0).any() and (fit.group_direction < 0).any():
+        columns.append(fit.group_direction)
+    ranks = np.argsort(np.argsort(order, kind="stable"), kind="stable").astype(float)
+    columns.append(ranks - ranks.mean())
+    line = least_squares(np.column_stack(columns), level)
+    if line.rank < len(columns) or line.dof < 1:
+        return None
+    u = float(np.sqrt(line.s2 * line.unscaled_covariance[-1, -1]))
+    return _shift(float(line.coefficients[-1]), u, line.dof)
+
+
+def reversal(fit: PassFit) -> Shift | None:
+    """Mean reversal value (forward minus reverse, ISO 230-2) at the mean position.
+
+    Judged against pass-to-pass scatter: the passes are the units that were repeated.
+    """
+    forward, reverse = fit.group_direction > 0, fit.group_direction < 0
+    if not fit.separated or not forward.any() or not reverse.any() or fit.pass_dof < 1:
+        return None
+    level = fit.pass_coefficients[:, 0]
+    value = float(level[forward].mean() - level[reverse].mean())
+    count = 1 / forward.sum() + 1 / reverse.sum()
+    return _shift(value, float(np.sqrt(fit.between[0, 0] * count)), fit.pass_dof)
+
+
+def lack_of_fit(
+    y: FloatArray, position: FloatArray, degree: int, group: IntArray | None
+) -> FTest | None:
+    """Does a free mean at each position fit better than the polynomial?
+
+    Every pass keeps its own intercept and slope, so that pass-to-pass drift does not count as
+    error (Draper & Smith, Applied Regression Analysis, 1.5, within passes).
+    """
+    distinct, at = np.unique(position, return_inverse=True)
+    if len(distinct) <= degree + 1 or len(distinct) > MAX_POSITIONS:
+        return None
+    codes = np.zeros(len(y), np.int64)
+    if group is not None:
+        codes = np.unique(group, return_inverse=True)[1].astype(np.int64)
+    centred = position - position.mean()
+    span = max(float(np.ptp(position)), 1.0)
+    indicators = np.eye(len(distinct))[at]
+    free = _without_lines(
+        np.column_stack([indicators, polynomial(centred / span, degree), y]), centred, codes
+    )
+    m = len(distinct)
+    powers, response = free[:, m:-1], free[:, -1]
+    line = _fit_rank(powers, response)
+    means = _fit_rank(np.column_stack([powers, free[:, :m]]), response)
+    lines = _lines_rank(centred, codes)
+    df_pure = len(y) - lines - means[1]
+    df_lack = means[1] - line[1]
+    if df_pure < 1:
+        return None
+    return _f_test((line[0] - means[0]) / max(df_lack, 1), means[0] / df_pure, df_lack, df_pure)
+
+
+def _fit_rank(X: FloatArray, y: FloatArray) -> tuple[float, int]:
+    """Residual sum of squares and rank; columns that the passes' lines absorbed count as 0."""
+    live = X[:, np.abs(X).max(axis=0) > 1e-9]
+    if live.shape[1] == 0:
+        return float(y @ y), 0
+    found = least_squares(live, y)
+    return found.rss, found.rank
+
+
+def _without_lines(columns: FloatArray, centred: FloatArray, codes: IntArray) -> FloatArray:
+    """The columns (n, m) with every pass's own line taken out."""
+    result = columns.astype(np.float64, copy=True)
+    order = np.argsort(codes, kind="stable")
+    borders = np.searchsorted(codes[order], np.arange(1, codes.max() + 1))
+    for rows in np.split(order, borders):
+        Z = polynomial(centred[rows], 1)
+        result[rows] -= Z @ np.linalg.lstsq(Z, columns[rows], rcond=None)[0]
+    return result
+
+
+def _lines_rank(centred: FloatArray, codes: IntArray) -> int:
+    """Free parameters of one line a pass: 2 each, 1 where a pass has one position only."""
+    pairs = np.unique(np.column_stack([codes.astype(float), centred]), axis=0)
+    per_pass = np.bincount(pairs[:, 0].astype(np.int64))
+    return int(np.minimum(per_pass, 2).sum())

@@ -1,0 +1,174 @@
+"""Monte Carlo against slow plain versions; reproducibility, counts, faults, memory."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from trial_models import Bent, Other, Z, plain_blocks, slow_end
+
+from mtu_cli.errors import InputError
+from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
+from mtu_cli.stats.single_block import covered_ranks, symmetric_rank
+
+FloatArray = NDArray[np.float64]
+
+
+def same_bits(a: MonteCarloResult, b: MonteCarloResult) -> bool:
+    return all(
+        np.array_equal(getattr(a, field.name), getattr(b, field.name))
+        for field in fields(MonteCarloResult)
+    )
+
+
+@pytest.mark.parametrize("trials", [20_000, 20_003, 98_304])
+def test_plain_statistics_are_those_of_all_trials(trials: int) -> None:
+    model = Bent(0.1, control=False)
+    blocks, _ = plain_blocks(model, 5, trials)
+    result = monte_carlo(model, seed=5, trials=trials)
+    everything = np.concatenate(blocks)
+    assert len(everything) == trials == result.trials
+    assert result.mean[0] == pytest.approx(everything.mean(), rel=1e-12)
+    assert result.u[0] == pytest.approx(everything.std(ddof=1), rel=1e-12)
+    assert np.array_equal(result.samples[0], everything)
+    # Blocks longer by a trial are read at the same probabilities: a second-order difference.
+    near = 1e-12 if trials % len(blocks) == 0 else 1e-5
+    assert result.low[0] == pytest.approx(np.mean([slow_end(b, 0.025) for b in blocks]), rel=near)
+    assert result.high[0] == pytest.approx(np.mean([slow_end(b, 0.975) for b in blocks]), rel=near)
+    ends = [slow_end(b, 0.025) for b in blocks]
+    h = len(blocks)
+    assert result.se_low[0] == pytest.approx(np.std(ends, ddof=1) / np.sqrt(h), rel=1e-4)
+    assert result.se_mean[0] == pytest.approx(
+        np.std([b.mean() for b in blocks], ddof=1) / np.sqrt(h), rel=1e-3
+    )
+
+
+def test_control_by_slopes_from_the_other_blocks() -> None:
+    model = Bent(0.1)
+    values, linear = plain_blocks(model, 11, 98_304)
+    result = monte_carlo(model, seed=11, trials=98_304)
+    pairs = {
+        "mean": ([v.mean() for v in values], [w.mean() - 3.0 for w in linear]),
+        "low": (
+            [slow_end(v, 0.025) for v in values],
+            [slow_end(w, 0.025) - (3.0 - 2.0 * Z) for w in linear],
+        ),
+    }
+    for name, (statistic, control) in pairs.items():
+        adjusted = []
+        for i, (s, c) in enumerate(zip(statistic, control, strict=True)):
+            slope = np.polyfit(np.delete(control, i), np.delete(statistic, i), 1)[0]
+            adjusted.append(s - slope * c)
+        variance = np.var(adjusted, ddof=1) / len(adjusted)
+        assert getattr(result, name)[0] == pytest.approx(np.mean(adjusted), rel=1e-10)
+        assert getattr(result, f"se_{name}")[0] == pytest.approx(np.sqrt(variance), rel=1e-6)
+        plain = np.var(statistic, ddof=1) / len(statistic)
+        assert getattr(result.gain, name)[0] == pytest.approx(plain / variance, rel=1e-5)
+
+
+def test_covariance_of_several_outputs() -> None:
+    mixing = np.array([[1.0, 0.5, 0.0], [0.0, 2.0, -1.0]])
+    model = Other(lambda rng, m: mixing @ rng.standard_normal((3, m)), ("a", "b"))
+    result = monte_carlo(model, seed=2, trials=50_000)
+    assert result.covariance == pytest.approx(np.cov(result.samples), rel=1e-10)
+    assert result.covariance == pytest.approx(mixing @ mixing.T, abs=5 * 5 / np.sqrt(50_000))
+
+
+def test_covariance_carries_the_controlled_u() -> None:
+    result = monte_carlo(Bent(0.02), seed=2, trials=200_000)
+    assert result.gain.u[0] > 10.0
+    assert result.covariance[0, 0] == pytest.approx(result.u[0] ** 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("trials", [40, 41, 999, 1000, 19_999])
+def test_one_block_by_7_7(trials: int) -> None:
+    model = Bent(0.3, control=False)
+    (sample,), _ = plain_blocks(model, 4, trials)
+    ordered = sorted(sample)
+    q = int(0.95 * trials + 0.5) if (95 * trials) % 100 else 95 * trials // 100
+    r = (trials - q) // 2 if (trials - q) % 2 == 0 else (trials - q + 1) // 2
+    result = monte_carlo(model, seed=4, trials=trials)
+    assert result.blocks == 1
+    assert (result.low[0], result.high[0]) == (ordered[r - 1], ordered[r + q - 1])
+    widths = [ordered[j + q] - ordered[j] for j in range(trials - q)]
+    best = widths.index(min(widths))
+    assert (result.shortest_low[0], result.shortest_high[0]) == (ordered[best], ordered[best + q])
+    assert result.u[0] == pytest.approx(np.std(sample, ddof=1), rel=1e-12)
+
+
+def test_ranks_of_the_annex() -> None:
+    """JCGM 101:2008, D.7: M = 50 and p = 0.9 give q = 45 and r = 3 (D.5, D.6)."""
+    assert covered_ranks(50, 0.9) == 45
+    assert symmetric_rank(50, 45) == 3
+    assert covered_ranks(1_000_000, 0.95) == 950_000
+
+
+@pytest.mark.parametrize("trials", [1, 2, 39])
+def test_too_few_trials(trials: int) -> None:
+    with pytest.raises(InputError, match="at least 40"):
+        monte_carlo(Bent(), seed=1, trials=trials)
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [
+        ("seed", -1),
+        ("probability", 1.0),
+        ("probability", 0.0),
+        ("digits", 0),
+        ("tolerance_fraction", 0.0),
+        ("threads", 0),
+        ("max_trials", 10),
+    ],
+)
+def test_settings_out_of_range(setting: str, value: float) -> None:
+    settings = {"seed": 1, setting: value}
+    with pytest.raises(InputError):
+        monte_carlo(Bent(), **settings)  # type: ignore[arg-type]  # wrong on purpose
+
+
+@pytest.mark.parametrize("trials", [None, 1000, 123_457])
+def test_same_bits_for_any_number_of_threads(trials: int | None) -> None:
+    first = monte_carlo(Bent(0.1), seed=9, trials=trials, threads=1, tolerance_fraction=0.05)
+    for threads in (1, 2, 4):
+        again = monte_carlo(
+            Bent(0.1), seed=9, trials=trials, threads=threads, tolerance_fraction=0.05
+        )
+        assert same_bits(first, again)
+    assert not same_bits(first, monte_carlo(Bent(0.1), seed=10, trials=trials, threads=2))
+
+
+def test_same_bits_with_matrix_products() -> None:
+    mixing = np.random.default_rng(0).normal(size=(30, 26))
+    model = Other(
+        lambda rng, m: mixing @ rng.standard_normal((26, m)), tuple(f"y{i}" for i in range(30))
+    )
+    results = [monte_carlo(model, seed=9, trials=60_000, threads=t) for t in (1, 2, 4)]
+    assert all(same_bits(results[0], other) for other in results[1:])
+
+
+@pytest.mark.parametrize("trials", [40, 8192, 8193, 19_999, 20_000, 20_001, 81_921, 100_003])
+def test_exactly_the_trials_asked_for(trials: int) -> None:
+    drawn: list[int] = []
+    lock = threading.Lock()
+
+    def formula(rng: np.random.Generator, m: int) -> FloatArray:
+        with lock:
+            drawn.append(m)
+        return rng.standard_normal((1, m))
+
+    seen: list[tuple[int, int | None]] = []
+    result = monte_carlo(
+        Other(formula, ("y",)),
+        seed=1,
+        trials=trials,
+        keep=500,
+        progress=lambda done, total: seen.append((done, total)),
+    )
+    assert sum(drawn) == result.trials == trials
+    assert max(drawn) - min(drawn) <= 1
+    assert seen[-1] == (trials, trials)
+    assert result.samples.shape == (1, min(500, trials))

@@ -1,0 +1,146 @@
+"""Monte Carlo results against analytic ones; its own standard uncertainty."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.special import chdtri, ndtri, stdtrit
+from trial_models import Bent, Other, ScaledT, Z
+
+from mtu_cli.stats.blocks import Draws
+from mtu_cli.stats.monte_carlo import monte_carlo
+
+FloatArray = NDArray[np.float64]
+
+
+@pytest.mark.parametrize("control", [False, True])
+@pytest.mark.parametrize("bend", [0.0, 0.05])
+def test_bent_normal(bend: float, control: bool) -> None:
+    model = Bent(bend, control)
+    result = monte_carlo(model, seed=8, trials=400_000)
+    for name, exact in model.exact.items():
+        # The ends are exact up to the far branch of the parabola, beyond 10 u.
+        error = getattr(result, name)[0] - exact
+        assert abs(error) <= 4 * getattr(result, f"se_{name}")[0] + 1e-8, name
+
+
+def test_control_variate_gains_and_says_so() -> None:
+    plain = monte_carlo(Bent(0.02, control=False), seed=8, trials=200_000)
+    controlled = monte_carlo(Bent(0.02), seed=8, trials=200_000)
+    assert all(g[0] == 1.0 for g in plain.gain)
+    assert min(g[0] for g in controlled.gain) > 10.0
+    assert controlled.gain.low[0] > 1000.0
+    observed = (plain.se_mean[0] / controlled.se_mean[0]) ** 2
+    assert controlled.gain.mean[0] == pytest.approx(observed, rel=1e-6)
+
+
+def test_a_useless_control_does_no_harm() -> None:
+    class Unrelated(Bent):
+        def draw(self, rng: np.random.Generator, m: int) -> Draws:
+            linear = 3.0 + 2.0 * rng.standard_normal((1, m))
+            return Draws(
+                values=rng.standard_normal((1, m)), linear=linear, linear_u=np.array([[2.0]])
+            )
+
+    for seed in range(20):
+        result = monte_carlo(Unrelated(), seed=seed, trials=40_000)
+        assert all(1.0 <= g[0] < 4.0 for g in result.gain)
+        assert abs(result.mean[0]) < 5 / np.sqrt(40_000)
+
+
+def test_first_order_form_that_is_not_normal_serves_mean_and_u() -> None:
+    class Rectangle:
+        names = ("y",)
+        linear_mean = np.zeros(1)
+        linear_variance = np.array([1.0 / 3.0])
+
+        def draw(self, rng: np.random.Generator, m: int) -> Draws:
+            x = rng.uniform(-1.0, 1.0, (1, m))
+            return Draws(values=x + 0.01 * x**2, linear=x)
+
+    result = monte_carlo(Rectangle(), seed=1, trials=100_000)
+    assert result.gain.mean[0] > 100.0
+    assert result.gain.u[0] > 100.0
+    assert result.gain.low[0] == result.gain.high[0] == 1.0
+    assert result.mean[0] == pytest.approx(0.01 / 3.0, abs=4 * result.se_mean[0])
+    exact = np.sqrt(1.0 / 3.0 + 1e-4 * (1.0 / 5.0 - 1.0 / 9.0))
+    assert result.u[0] == pytest.approx(exact, abs=4 * result.se_u[0])
+
+
+def test_shortest_interval_of_a_skew_output_is_not_the_symmetric_one() -> None:
+    """Chi-square with 2 degrees of freedom: density falls from 0, so [0, -2 ln 0.05]."""
+    model = Other(
+        lambda rng, m: np.square(rng.standard_normal((2, m))).sum(axis=0, keepdims=True), ("q",)
+    )
+    result = monte_carlo(model, seed=6, trials=1_000_000)
+    assert result.shortest_low[0] == pytest.approx(0.0, abs=0.01)
+    assert result.shortest_high[0] == pytest.approx(-2.0 * np.log(0.05), abs=0.04)
+    assert result.low[0] == pytest.approx(chdtri(2, 0.975), abs=4 * result.se_low[0])
+    assert result.high[0] == pytest.approx(chdtri(2, 0.025), abs=4 * result.se_high[0])
+
+
+def test_shortest_interval_of_a_symmetric_output() -> None:
+    controlled = monte_carlo(Bent(), seed=6, trials=200_000)
+    assert controlled.shortest_low[0] == pytest.approx(3.0 - 2.0 * Z, abs=1e-3)
+    assert controlled.shortest_high[0] == pytest.approx(3.0 + 2.0 * Z, abs=1e-3)
+    plain = monte_carlo(Bent(control=False), seed=6, trials=2_000_000)
+    width = plain.shortest_high[0] - plain.shortest_low[0]
+    assert width == pytest.approx(4.0 * Z, abs=4 * np.hypot(plain.se_low[0], plain.se_high[0]))
+
+
+@pytest.mark.parametrize("probability", [0.5, 0.9, 0.99, 0.999])
+def test_other_probabilities(probability: float) -> None:
+    result = monte_carlo(Bent(control=False), seed=6, trials=1_100_000, probability=probability)
+    k = 2.0 * float(ndtri(0.5 + probability / 2.0))
+    assert result.blocks >= 10
+    assert result.low[0] == pytest.approx(3.0 - k, abs=4 * result.se_low[0])
+    assert result.high[0] == pytest.approx(3.0 + k, abs=4 * result.se_high[0])
+
+
+@pytest.mark.parametrize("dof", [3.0, 5.0, 30.0])
+def test_t_with_a_control_of_drawn_scales(dof: float) -> None:
+    result = monte_carlo(ScaledT(dof), seed=3, trials=400_000)
+    exact = float(stdtrit(dof, 0.975))
+    assert result.low[0] == pytest.approx(-exact, abs=4 * result.se_low[0])
+    assert result.high[0] == pytest.approx(exact, abs=4 * result.se_high[0])
+    assert result.gain.high[0] > 1.5
+    if dof > 4.0:
+        assert result.u[0] == pytest.approx(np.sqrt(dof / (dof - 2.0)), abs=5 * result.se_u[0])
+
+
+def test_known_variance_of_the_first_order_form_gains_more_for_u() -> None:
+    drawn = monte_carlo(ScaledT(8.0, normal=1.0), seed=3, trials=100_000)
+    known = monte_carlo(ScaledT(8.0, normal=1.0, variance=1.0 + 8.0 / 6.0), seed=3, trials=100_000)
+    assert drawn.u[0] == pytest.approx(np.sqrt(1.0 + 8.0 / 6.0), abs=4 * drawn.se_u[0])
+    assert known.u[0] == pytest.approx(np.sqrt(1.0 + 8.0 / 6.0), abs=1e-6)
+    assert known.gain.u[0] > 10.0 * drawn.gain.u[0]
+
+
+@pytest.mark.parametrize("dof", [1.0, 2.0])
+def test_without_a_standard_deviation_only_intervals(dof: float) -> None:
+    result = monte_carlo(ScaledT(dof), seed=3)
+    assert np.isnan(result.u[0])
+    assert np.isnan(result.covariance[0, 0])
+    assert np.isnan(result.se_mean[0])
+    assert result.converged
+    assert result.high[0] == pytest.approx(stdtrit(dof, 0.975), abs=4 * result.se_high[0])
+    few = monte_carlo(ScaledT(dof), seed=3, trials=1000)
+    assert np.isnan(few.u[0])
+    assert np.isfinite(few.high[0])
+
+
+@pytest.mark.parametrize("trials", [2_000, 20_000])
+@pytest.mark.parametrize("control", [False, True])
+def test_scatter_over_seeds_is_the_stated_one(control: bool, trials: int) -> None:
+    """mean squared error over mean se^2: chi-square with 200, less what se itself scatters."""
+    model = Bent(0.05, control)
+    seeds = 200
+    results = [monte_carlo(model, seed=s, trials=trials, threads=1) for s in range(seeds)]
+    se_scatter = 2.0 / 8.0 if trials >= 20_000 else 2.0 / 20.0
+    four_sigma = 4.0 * np.sqrt((2.0 + se_scatter) / seeds)
+    for name, exact in model.exact.items():
+        error = np.array([getattr(r, name)[0] for r in results]) - exact
+        se = np.array([getattr(r, f"se_{name}")[0] for r in results])
+        assert abs(np.mean(error**2) / np.mean(se**2) - 1.0) < four_sigma + 0.1, name
+        assert abs(error.mean()) < 4.0 * np.sqrt(np.mean(se**2) / seeds) + 1e-12, name
