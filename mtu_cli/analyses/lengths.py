@@ -7,14 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
 from mtu_cli.model.trials import Measure, PointTrials
+from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.mixed import IntArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
@@ -86,18 +89,24 @@ def predict_lengths(
     Raises InputError for a missing covariate or coordinate, or a part without lengths.
     """
     entries = part.part.lengths
-    used = [name for entry in entries for name in (entry.start, entry.end)]
+    if not entries:
+        raise fault(
+            "the part has no lengths to predict",
+            file=part.source.shown,
+            expected="lengths: [{from: '3', to: '9'}]",
+        )
+    used = [name for entry in entries for name in (entry.from_, entry.to)]
     ids, points, warnings = feature_points(part, model, used)
     prediction = predict(model, ids, points, covariates)
-    pairs = np.array([[ids.index(entry.start), ids.index(entry.end)] for entry in entries])
+    pairs = np.array([[ids.index(entry.from_), ids.index(entry.to)] for entry in entries])
     delta = np.nan_to_num(points[pairs[:, 1]] - points[pairs[:, 0]])
     nominal = np.linalg.norm(delta, axis=1)
     gradient = length_gradient(prediction, pairs, delta)
-    measure = length_measure(prediction, pairs, delta)
-    errors = measure(prediction.mean[:, None], Workspace())[:, 0]
+    measure, combine = length_measure(prediction, pairs, delta)
+    errors = measure((combine @ prediction.mean)[:, None], Workspace())[:, 0]
     names = tuple(entry.id for entry in entries)
     trial_model = PointTrials(
-        prediction, names, measure, errors, gradient, independent=settings.independent
+        prediction, names, measure, combine, errors, gradient, independent=settings.independent
     )
     run = settings.run(trial_model)
     lengths = _lengths(
@@ -118,7 +127,7 @@ def predict_lengths(
     )
 
 
-def length_gradient(prediction: Prediction, pairs: FloatArray, delta: FloatArray) -> FloatArray:
+def length_gradient(prediction: Prediction, pairs: IntArray, delta: FloatArray) -> FloatArray:
     """dL/dE (lengths, rows): minus and plus the nominal unit vector, eq. (22)."""
     a = len(prediction.axes)
     unit = delta / np.linalg.norm(delta, axis=1)[:, None]
@@ -130,24 +139,33 @@ def length_gradient(prediction: Prediction, pairs: FloatArray, delta: FloatArray
     return gradient
 
 
-def length_measure(prediction: Prediction, pairs: FloatArray, delta: FloatArray) -> Measure:
-    """Length minus nominal, eqs. (20)-(21), from the errors of the ends.
+def length_measure(
+    prediction: Prediction, pairs: IntArray, delta: FloatArray
+) -> tuple[Measure, FloatArray]:
+    """Length minus nominal, eqs. (20)-(21), and the differences of errors that it needs.
 
-    L - L0 = (2 delta.e + e.e) / (L + L0): no digits are lost to the difference of two lengths.
+    L - L0 = (2 delta.e + e.e) / (L + L0), e the difference of the two ends' errors: no digits
+    are lost to the difference of two lengths.
     """
     a = len(prediction.axes)
     columns = [AXES.index(axis) for axis in prediction.axes]
     L0 = np.linalg.norm(delta, axis=1)[:, None]
-    directions = delta[:, columns]
+    m = len(pairs)
+    combine = np.zeros((a * m, len(prediction.mean)))
+    for j in range(a):
+        rows = np.arange(j * m, (j + 1) * m)
+        combine[rows, pairs[:, 1] * a + j] += 1.0
+        combine[rows, pairs[:, 0] * a + j] -= 1.0
 
-    def measure(errors: FloatArray, work: Workspace) -> FloatArray:
-        grown = np.zeros((len(pairs), errors.shape[1]))
-        for j in range(a):
-            e = errors[pairs[:, 1] * a + j] - errors[pairs[:, 0] * a + j]
-            grown += (2 * directions[:, j, None] + e) * e
-        return grown / (np.sqrt(L0**2 + grown) + L0)
+    def measure(differences: FloatArray, work: Workspace) -> FloatArray:
+        grown = np.zeros((m, differences.shape[1]))
+        for j, column in enumerate(columns):
+            e = differences[j * m : (j + 1) * m]
+            grown += (2 * delta[:, column, None] + e) * e
+        errors: FloatArray = grown / (np.sqrt(L0**2 + grown) + L0)
+        return errors
 
-    return measure
+    return measure, combine
 
 
 def _lengths(
@@ -175,8 +193,8 @@ def _lengths(
         lengths.append(
             Length(
                 id=entry.id,
-                start=entry.start,
-                end=entry.end,
+                start=entry.from_,
+                end=entry.to,
                 nominal=float(nominal[i]),
                 error=float(errors[i]),
                 variance=float(total[i]),
@@ -238,12 +256,10 @@ class _AllWithin:
         self.model = model
         self.limits = limits[:, None]
 
-    def draw(self, rng: np.random.Generator, m: int) -> object:
-        from mtu_cli.stats.blocks import Draws
-
+    def draw(self, rng: np.random.Generator, m: int) -> Draws:
         values = self.model.draw(rng, m).values
-        within = (np.abs(values) <= self.limits).all(axis=0)
-        return Draws(values=within[None, :].astype(np.float64))
+        within = np.all(np.abs(values) <= self.limits, axis=0, keepdims=True)
+        return Draws(values=within.astype(np.float64))
 
 
 def _joint_conformance(

@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
-from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
 from mtu_cli.model.trials import Measure, PointTrials
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.mixed import IntArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
@@ -60,6 +62,18 @@ def predict_orthogonality(
 
     Raises InputError for a missing covariate or coordinate.
     """
+    for axis in ("x", "y"):
+        if axis not in model.axes:
+            raise fault(
+                f"the machine {model.name!r} has no equation E{axis}",
+                expected="Ex and Ey: an angle in the plane needs both",
+            )
+    if not part.part.orthogonality:
+        raise fault(
+            "the part has no orthogonality to predict",
+            file=part.source.shown,
+            expected="orthogonality: [{id: xy, row: [...], column: [...]}]",
+        )
     angles: list[Orthogonality] = []
     warnings: list[Warned] = []
     for entry in part.part.orthogonality:
@@ -80,15 +94,17 @@ def _angle(
 ) -> Orthogonality:
     rows = np.array([prediction.ids.index(i) for i in row])
     columns = np.array([prediction.ids.index(i) for i in column])
-    measure = angle_measure(prediction, rows, columns)
-    mean = measure(prediction.mean[:, None], Workspace())[:, 0]
+    measure, combine = angle_measure(prediction, rows, columns)
+    mean = measure((combine @ prediction.mean)[:, None], Workspace())[:, 0].copy()
     gradient = angle_gradient(prediction, rows, columns)[None, :]
     variance = prediction.variance(gradient)
     u, dof = float(np.sqrt(variance.total[0])), float(variance.dof[0])
     u_independent = float(np.sqrt(gradient[0] ** 2 @ prediction.independent_variance))
 
     def run(independent: bool) -> MonteCarloResult:
-        model = PointTrials(prediction, (name,), measure, mean, gradient, independent=independent)
+        model = PointTrials(
+            prediction, (name,), measure, combine, mean, gradient, independent=independent
+        )
         return settings.run(model)
 
     apart = run(True)
@@ -115,36 +131,54 @@ def first_order_interval(angle: Orthogonality) -> tuple[float, float]:
     return mean - k * u, mean + k * u
 
 
-def angle_measure(prediction: Prediction, row: FloatArray, column: FloatArray) -> Measure:
-    """dtheta = -b1(column) - b1(row), eqs. (24)-(26), of the nominal points plus errors."""
+def angle_measure(
+    prediction: Prediction, row: IntArray, column: IntArray
+) -> tuple[Measure, FloatArray]:
+    """dtheta = -b1(column) - b1(row), eqs. (24)-(26), and the combinations it needs.
+
+    A slope is sum (u - mean u) v / sum (u - mean u)^2: the coordinates along a line are needed
+    less their mean, those across it as they are.
+    """
+    rows = len(prediction.mean)
+    n = len(row), len(column)
+    along = [_select(prediction, row, "x"), _select(prediction, column, "y")]
+    across = [_select(prediction, row, "y"), _select(prediction, column, "x")]
+    combine = np.zeros((2 * sum(n), rows))
+    nominal = np.zeros((2 * sum(n), 1))
+    start = 0
+    lines = []
+    for which, (u, i), (v, j) in zip((row, column), along, across, strict=True):
+        m = len(which)
+        combine[start : start + m] = u - u.mean(axis=0)
+        combine[start + m : start + 2 * m] = v
+        place = prediction.points[which]
+        nominal[start : start + m, 0] = place[:, i] - place[:, i].mean()
+        nominal[start + m : start + 2 * m, 0] = place[:, j] - place[:, j].mean()
+        lines.append((slice(start, start + m), slice(start + m, start + 2 * m)))
+        start += 2 * m
+
+    def measure(combined: FloatArray, work: Workspace) -> FloatArray:
+        placed = np.add(combined, nominal, out=work.array("placed", combined.shape))
+        angle = work.array("angle", (1, combined.shape[1]))
+        angle[:] = 0.0
+        for u, v in lines:
+            top = np.einsum("pm,pm->m", placed[u], placed[v])
+            top /= np.einsum("pm,pm->m", placed[u], placed[u])
+            angle -= top
+        return angle
+
+    return measure, combine
+
+
+def _select(prediction: Prediction, which: IntArray, axis: str) -> tuple[FloatArray, int]:
+    """The matrix (features, rows) that picks the errors along an axis, and its coordinate."""
     a = len(prediction.axes)
-    ix, iy = prediction.axes.index("x"), prediction.axes.index("y")
-
-    def slope(
-        errors: FloatArray, which: FloatArray, along: int, across: int, work: Workspace
-    ) -> FloatArray:
-        nominal = prediction.points[which]
-        shape = (len(which), errors.shape[1])
-        u = work.array("along", shape)
-        v = work.array("across", shape)
-        np.take(errors, which * a + (ix, iy)[along], axis=0, out=u)
-        np.take(errors, which * a + (ix, iy)[across], axis=0, out=v)
-        u += (nominal[:, along] - nominal[:, along].mean())[:, None]
-        v += (nominal[:, across] - nominal[:, across].mean())[:, None]
-        u -= u.mean(axis=0)
-        # Sum (u - mean) v equals the centred product: v need not be centred too.
-        top = np.einsum("pm,pm->m", u, v)
-        return top / np.einsum("pm,pm->m", u, u)
-
-    def measure(errors: FloatArray, work: Workspace) -> FloatArray:
-        angle = -slope(errors, column, 1, 0, work)
-        angle -= slope(errors, row, 0, 1, work)
-        return angle[None, :]
-
-    return measure
+    picked = np.zeros((len(which), len(prediction.mean)))
+    picked[np.arange(len(which)), which * a + prediction.axes.index(axis)] = 1.0
+    return picked, AXES.index(axis)
 
 
-def angle_gradient(prediction: Prediction, row: FloatArray, column: FloatArray) -> FloatArray:
+def angle_gradient(prediction: Prediction, row: IntArray, column: IntArray) -> FloatArray:
     """d(dtheta)/dE (rows,) at the predicted points.
 
     For a slope b = S_uv / S_uu: db/dv = (u - mean u)/S_uu, db/du = ((v - mean v) - 2 b

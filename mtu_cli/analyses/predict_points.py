@@ -69,6 +69,7 @@ def predict_points(
         prediction,
         names,
         lambda errors, work: errors,
+        rows,
         prediction.mean,
         rows,
         independent=settings.independent,

@@ -1,0 +1,1 @@
+"""The command line: load, run, emit, once for all commands."""

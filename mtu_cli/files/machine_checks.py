@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from mtu_cli.files.contracts import Findings, duplicates, is_identifier, present
+from mtu_cli.files.covariates import is_covariate
 from mtu_cli.files.machine_contract import Component, Effect, Machine
-from mtu_cli.files.machine_equations import POSITIONS, is_covariate
+from mtu_cli.files.machine_equations import POSITIONS
 from mtu_cli.files.yaml_file import YamlPath
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from mtu_cli.errors import did_you_mean
 from mtu_cli.files.contracts import Findings
+from mtu_cli.files.covariates import COVARIATES, is_covariate
 from mtu_cli.files.machine_contract import Effect, Machine
 from mtu_cli.files.yaml_file import YamlPath
 from mtu_cli.language import EquationError, LinearForm, Node, check_dimension, linear_form, names
@@ -16,13 +16,6 @@ from mtu_cli.language import parse as parse_equation
 from mtu_cli.units import LENGTH, UNITS
 
 POSITIONS = ("x", "y", "z")
-COVARIATES = ("dir_x", "dir_y", "dir_z", "time_min", "sequence")
-_TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
-
-
-def is_covariate(name: str) -> bool:
-    """Whether a name is a covariate of every machine: dir_x, time_min, T_spindle_degC, ..."""
-    return name in COVARIATES or _TEMPERATURE.fullmatch(name) is not None
 
 
 @dataclass(frozen=True, slots=True)

@@ -113,10 +113,10 @@ class Prediction:
         total = by_block.sum(axis=0)
         spread = np.zeros(len(A))
         for _, squares, dofs in parts:
-            for square, dof in zip(squares, dofs, strict=True):
-                spread += 0.0 if np.isinf(dof) else square**2 / dof
+            for square, nu in zip(squares, dofs, strict=True):
+                spread += 0.0 if np.isinf(nu) else square**2 / nu
         with np.errstate(divide="ignore", invalid="ignore"):
-            dof = np.where(spread > 0, total**2 / spread, np.inf)
+            dof: FloatArray = np.where(spread > 0, total**2 / spread, np.inf)
         split = np.array([part for part, _, _ in parts]).sum(axis=0)
         return Variance(
             total=total,
@@ -297,5 +297,5 @@ def _outside(
         column = points[:, AXES.index(estimate.of)]
         position = np.full(len(points), fixed[estimate.of]) if estimate.of in fixed else column
         beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9))
-        found += [(ids[i], estimate.name, float(position[i]), low, high) for i in beyond]
+        found += [(ids[int(i)], estimate.name, float(position[i]), low, high) for i in beyond]
     return tuple(found)

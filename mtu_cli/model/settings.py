@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from mtu_cli.stats.blocks import TrialModel
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.monte_carlo import MonteCarloResult, Progress, monte_carlo
-from mtu_cli.stats.runner import TrialModel
 from mtu_cli.stats.validation import CONVERGED_TO, Validation, clause8
 
 Correlation = Literal["shared", "independent"]

@@ -15,7 +15,7 @@ NEARLY_NORMAL = 30.0
 """Sources with at least this many degrees of freedom are drawn together, as one scaled t."""
 
 Measure = Callable[[FloatArray, Workspace], FloatArray]
-"""Errors (rows, m) of the points in mm -> values (outputs, m) of the measurands."""
+"""Combined errors (combinations, m) in mm -> values (outputs, m) of the measurands."""
 
 
 class PointTrials:
@@ -24,10 +24,13 @@ class PointTrials:
     The errors are a sum of independent sources (the passes behind each block of components,
     the visits), each normal with a covariance that is a mean square with nu degrees of
     freedom, so that it is drawn as a scaled and shifted multivariate t (JCGM 101:2008,
-    6.4.9). `measure` makes values of them; `first_order` (outputs,) and `gradient`
-    (outputs, rows) are its first-order form, which serves as control variate. With
-    `independent` every error is drawn on its own and normal, as Gilsinn & Ling 2004,
-    eq. (23), have it.
+    6.4.9). With `independent` every error is drawn on its own and normal, as Gilsinn & Ling
+    2004, eq. (23), have it.
+
+    `combine` (combinations, rows) says which linear combinations of the errors `measure`
+    needs (differences of two points, errors less their line's mean); only these are drawn.
+    `first_order` (outputs,) and `gradient` (outputs, rows) are the first-order form of the
+    measurands, which serves as control variate.
     """
 
     def __init__(
@@ -35,6 +38,7 @@ class PointTrials:
         prediction: Prediction,
         names: tuple[str, ...],
         measure: Measure,
+        combine: FloatArray,
         first_order: FloatArray,
         gradient: FloatArray,
         *,
@@ -43,54 +47,64 @@ class PointTrials:
         self.names = names
         self.linear_mean = first_order
         self.measure = measure
-        self.mean = prediction.mean[:, None]
         self.work = Workspace()
-        if independent:
-            sources = [(np.diag(np.sqrt(prediction.independent_variance)), np.inf)]
-        else:
-            sources = error_sources(prediction)
-        self.factors = [factor for factor, _ in sources]
-        self.dofs = [dof for _, dof in sources]
-        self.linear_factors = [gradient @ factor for factor in self.factors]
-        self.linear_squares = [np.sum(L**2, axis=1) for L in self.linear_factors]
-        finite = min(self.dofs, default=np.inf)
-        self.u_exists = tuple(bool(finite > 2) for _ in names)
+        # The first-order form is drawn as further rows of the same product.
+        stacked = np.vstack([combine, gradient])
+        self.offset = np.concatenate([combine @ prediction.mean, first_order])[:, None]
+        sources = error_sources(prediction, independent)
+        self.sources = [(factor_of(stacked @ S @ stacked.T), dof) for S, dof in sources]
+        k = len(combine)
+        self.linear_squares = [np.sum(F[k:] ** 2, axis=1)[:, None] for F, _ in self.sources]
+        dofs = [dof for _, dof in sources]
+        self.u_exists = np.full(len(names), min(dofs, default=np.inf) > 2)
+        self.linear_variance = sum(
+            (
+                squares[:, 0] * (1.0 if np.isinf(dof) else dof / (dof - 2) if dof > 2 else np.nan)
+                for squares, dof in zip(self.linear_squares, dofs, strict=True)
+            ),
+            start=np.zeros(len(names)),
+        )
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values, first-order values and their conditional standard deviation, (outputs, m)."""
-        outputs, rows = len(self.names), len(self.mean)
-        errors = self.work.array("errors", (rows, m))
-        linear = self.work.array("linear", (outputs, m))
-        variance = self.work.array("variance", (outputs, m))
-        errors[:] = self.mean
-        linear[:] = self.linear_mean[:, None]
-        variance[:] = 0.0
-        for i, (factor, dof) in enumerate(zip(self.factors, self.dofs, strict=True)):
+        k = len(self.offset) - len(self.names)
+        total = self.work.array("total", (len(self.offset), m))
+        part = self.work.array("part", total.shape)
+        variance: FloatArray | float = 0.0
+        for i, ((factor, dof), squares) in enumerate(
+            zip(self.sources, self.linear_squares, strict=True)
+        ):
             z = self.work.array(f"z{i}", (factor.shape[1], m))
             rng.standard_normal(out=z)
             if np.isinf(dof):
-                variance += self.linear_squares[i][:, None]
+                variance = variance + squares
             else:
-                scale = dof / 2 / rng.standard_gamma(dof / 2, size=m)
-                variance += self.linear_squares[i][:, None] * scale
+                scale = (dof / 2) / rng.standard_gamma(dof / 2, size=m)
+                variance = variance + squares * scale
                 z *= np.sqrt(scale)
-            linear += self.linear_factors[i] @ z
-            part = self.work.array("part", (rows, m))
-            np.matmul(factor, z, out=part)
-            errors += part
+            np.matmul(factor, z, out=part if i else total)
+            if i:
+                total += part
+        if not self.sources:
+            total[:] = 0.0
+        total += self.offset
         return Draws(
-            values=self.measure(errors, self.work),
-            linear=linear,
-            linear_u=np.sqrt(variance, out=variance),
+            values=self.measure(total[:k], self.work),
+            linear=total[k:],
+            linear_u=np.sqrt(np.broadcast_to(variance, (len(self.names), np.shape(variance)[-1]))),
         )
 
 
-def error_sources(prediction: Prediction) -> list[tuple[FloatArray, float]]:
-    """Independent sources of the errors: factors F (rows, r) with F F' their covariance.
+def error_sources(
+    prediction: Prediction, independent: bool = False
+) -> list[tuple[FloatArray, float]]:
+    """Independent sources of the errors: covariances (rows, rows) that add up to the whole.
 
     Each comes with the degrees of freedom of its mean square; sources with many are put
-    together. The sum of all F F' is the prediction's covariance.
+    together as one, whose degrees of freedom are those of their total variance.
     """
+    if independent:
+        return [(np.diag(prediction.independent_variance), np.inf)]
     axes = len(prediction.axes)
     pieces: list[tuple[FloatArray, float]] = []
     for block in prediction.blocks:
@@ -100,23 +114,20 @@ def error_sources(prediction: Prediction) -> list[tuple[FloatArray, float]]:
             pieces.append((shared + noise, block.repeat_dof))
         else:
             pieces += [(shared, block.pass_dof), (noise, block.repeat_dof)]
-    few: list[tuple[FloatArray, float]] = []
-    many: list[tuple[FloatArray, float]] = []
-    for covariance, dof in pieces:
-        if np.trace(covariance) > 0:
-            (many if dof >= NEARLY_NORMAL else few).append((covariance, dof))
-    sources = [(_factor(covariance), dof) for covariance, dof in few]
+    live = [(S, dof) for S, dof in pieces if np.trace(S) > 0]
+    sources = [(S, dof) for S, dof in live if dof < NEARLY_NORMAL]
+    many = [(S, dof) for S, dof in live if dof >= NEARLY_NORMAL]
     if many:
-        total = np.sum([covariance for covariance, _ in many], axis=0)
-        spread = sum(float(np.trace(c)) ** 2 / dof for c, dof in many if not np.isinf(dof))
+        total: FloatArray = np.sum([S for S, _ in many], axis=0)
+        spread = sum(float(np.trace(S)) ** 2 / dof for S, dof in many if not np.isinf(dof))
         dof = float(np.trace(total)) ** 2 / spread if spread > 0 else np.inf
-        sources.append((_factor(total), dof))
+        sources.append((total, dof))
     return sources
 
 
-def _factor(covariance: FloatArray) -> FloatArray:
+def factor_of(covariance: FloatArray) -> FloatArray:
     """F (rows, rank) with F F' = covariance, by eigenvalues: it may be singular."""
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-    kept = values > 1e-14 * values[-1]
+    kept = values > 1e-14 * max(values[-1], 0.0)
     factor: FloatArray = np.ascontiguousarray(vectors[:, kept] * np.sqrt(values[kept]))
     return factor

@@ -1,0 +1,124 @@
+"""Load, run, emit: the same for every command."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.parameters import FAIL_IF, Options
+from mtu_cli.cli.progress import LateBar
+from mtu_cli.cli.settings import read_settings
+from mtu_cli.errors import EXIT_GATE, fault
+from mtu_cli.model.settings import Settings, Warned
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+STANDARD_OUTPUT = Path("-")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What a command has to say, each part made only when it is asked for.
+
+    `gate` is None, or the reason why the gate that the user asked for is met.
+    """
+
+    results: Callable[[], dict[str, Any]]
+    tables: Callable[[], Iterable[object]]
+    rows: Callable[[], tuple[Sequence[str], Iterable[Sequence[object]]]]
+    figure: Callable[[], Figure]
+    warnings: Sequence[Warned] = field(default=())
+    gate: str | None = None
+
+
+def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) -> None:
+    """Runs one command and writes what was asked for: all files, or none.
+
+    Tables go to standard output, warnings and progress to standard error; with `-o -` the
+    report is alone on standard output.
+    """
+    check_outputs(options)
+    inputs = Inputs(options)
+    with LateBar(options.command) as progress:
+        settings = read_settings(inputs, progress)
+        outcome = analyse(inputs, settings)
+    files = _files(options, inputs, settings, outcome)
+    report = files.pop(STANDARD_OUTPUT, None)
+    if files:
+        from mtu_cli.files.write import write_files
+
+        write_files(files, inputs=[source.path for source in inputs.sources])
+    if report is not None:
+        sys.stdout.write(report.decode())
+    elif not options.quiet:
+        show(outcome.tables())
+    warn(outcome.warnings)
+    sys.stdout.flush()
+    if outcome.gate is not None:
+        print(f"mtu: gate {options.values[FAIL_IF]}: {outcome.gate}", file=sys.stderr)
+        sys.exit(EXIT_GATE)
+
+
+def check_outputs(options: Options) -> None:
+    """Refuses an output that cannot be made before anything is calculated."""
+    if options.plot is not None:
+        from mtu_cli.reports.figures import SUFFIXES
+
+        if options.plot.suffix.lower().lstrip(".") not in SUFFIXES:
+            raise fault(
+                "--plot cannot draw this kind of file",
+                value=str(options.plot),
+                expected=", ".join(f".{suffix}" for suffix in SUFFIXES),
+            )
+
+
+def _files(
+    options: Options, inputs: Inputs, settings: Settings, outcome: Outcome
+) -> dict[Path, bytes]:
+    files: dict[Path, bytes] = {}
+    if options.out is not None:
+        from mtu_cli.files.json_file import report_bytes
+        from mtu_cli.reports.document import envelope
+
+        files[options.out] = report_bytes(
+            envelope(
+                options.command,
+                inputs=inputs.sources,
+                settings=settings,
+                results=outcome.results(),
+                warnings=outcome.warnings,
+                at=inputs.at,
+            )
+        )
+    if options.csv is not None:
+        from mtu_cli.reports.csv_text import csv_text
+
+        files[options.csv] = csv_text(*outcome.rows()).encode()
+    if options.plot is not None:
+        from mtu_cli.reports.figures import figure_bytes
+
+        files[options.plot] = figure_bytes(outcome.figure(), options.plot.suffix)
+    return files
+
+
+def show(tables: Iterable[object]) -> None:
+    """Tables on standard output: with colour on a terminal, plain text in a pipe."""
+    from mtu_cli.reports.tables import console, plain_text
+
+    if sys.stdout.isatty():
+        terminal = console()
+        for table in tables:
+            terminal.print(table)
+    else:
+        sys.stdout.write(plain_text(tables))
+
+
+def warn(warnings: Iterable[Warned]) -> None:
+    """Warnings on standard error, each once."""
+    for code, message in dict.fromkeys((item.code, item.message) for item in warnings):
+        print(f"warning: {message} [{code}]", file=sys.stderr)

@@ -1,0 +1,54 @@
+"""`mtu fit-components`."""
+
+from __future__ import annotations
+
+from mtu_cli.cli.execute import Outcome, execute
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.parameters import Options
+from mtu_cli.errors import fault
+from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
+from mtu_cli.model.fit_warnings import fit_warnings, significant
+from mtu_cli.model.settings import Settings, Warned
+
+GATES = ("drift",)
+
+
+def run(options: Options) -> None:
+    """Reads, fits and reports the components of a machine."""
+    execute(options, analyse)
+
+
+def analyse(inputs: Inputs, settings: Settings) -> Outcome:
+    from mtu_cli.reports import fit_components as report
+
+    gate = inputs.options.fail_if
+    if gate is not None and gate not in GATES:
+        raise fault("unknown gate", value=gate, expected="drift")
+    machine = inputs.machine
+    readings = inputs.readings
+    if readings is None:
+        raise fault("no readings are given", expected="--lbb FILE or --laser FILE, or a study")
+    fit = fit_machine(machine, readings)
+    estimates = estimates_from_fit(machine, fit)
+    warnings = [Warned(code=item.code, message=item.message) for item in machine.warnings]
+    return Outcome(
+        results=lambda: report.document(machine.machine.name, fit, estimates),
+        tables=lambda: report.table(machine.machine.name, fit, estimates),
+        rows=lambda: report.csv_rows(fit, estimates),
+        figure=lambda: report.figure(fit, estimates, settings.coverage_factor),
+        warnings=[*warnings, *fit_warnings(fit)],
+        gate=_drift(fit) if gate else None,
+    )
+
+
+def _drift(fit: MachineFit) -> str | None:
+    """Passes that drift in one direction, or differ by more than repeatability."""
+    tested: dict[str, float] = {}
+    for name, component in fit.components.items():
+        for item in component.instruments:
+            if item.scatter is not None:
+                tested[f"{name} (pass to pass)"] = item.scatter.p
+            if item.trend is not None:
+                tested[f"{name} (trend)"] = item.trend.p
+    found = significant(tested)
+    return None if not found else f"drift in {', '.join(found)}"

@@ -1,0 +1,123 @@
+"""What a call names on the command line or in its study, read when it is needed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mtu_cli.cli.parameters import Options
+from mtu_cli.errors import fault
+from mtu_cli.files.study import LoadedStudy, find_study, load_study
+
+if TYPE_CHECKING:
+    from mtu_cli.files.components_file import ComponentsReport
+    from mtu_cli.files.machine import LoadedMachine
+    from mtu_cli.files.part import LoadedPart
+    from mtu_cli.files.readings import Readings
+    from mtu_cli.files.source import Source
+
+
+@dataclass
+class Inputs:
+    """The files of one call. Options override the study; a study is looked for (mtu.yaml in
+    this folder or above) only where neither STUDY nor -m is given.
+    """
+
+    options: Options
+    sources: list[Source] = field(default_factory=list)
+
+    @cached_property
+    def study(self) -> LoadedStudy | None:
+        """The study of the call, if it has one."""
+        path: Path | None = self.options.study
+        if path is None and self.options.machine is not None:
+            return None
+        if path is not None and path.is_dir():
+            path = path / "mtu.yaml"
+        if path is None:
+            path = find_study(Path())
+        if path is None:
+            return None
+        study = load_study(path)
+        self.sources.append(study.source)
+        return study
+
+    def files(self, role: str) -> tuple[Path, ...]:
+        """The files of a role: the option's where it is given, else the study's."""
+        given = self.options.values.get(role)
+        if given:
+            return tuple(given) if isinstance(given, list) else (given,)
+        return self.study.files.get(role, ()) if self.study else ()
+
+    def only(self, role: str, option: str) -> Path:
+        """The one file of a role that the command cannot do without."""
+        found = self.files(role)
+        if not found:
+            where = f"{self.study.source.shown} has no {role!r}" if self.study else "no study"
+            raise fault(
+                f"no {role} file is given",
+                expected=f"{option} FILE, or a study that names one ({where})",
+            )
+        return found[0]
+
+    @cached_property
+    def machine(self) -> LoadedMachine:
+        """The machine file."""
+        from mtu_cli.files.machine import load_machine
+
+        machine = load_machine(self.only("machine", "-m"))
+        self.sources.append(machine.source)
+        return machine
+
+    @cached_property
+    def part(self) -> LoadedPart:
+        """The part file."""
+        from mtu_cli.files.part import load_part
+
+        part = load_part(self.only("part", "-p"))
+        self.sources.append(part.source)
+        return part
+
+    @cached_property
+    def components(self) -> ComponentsReport | None:
+        """The components report, if one is given."""
+        found = self.files("components")
+        if not found:
+            return None
+        from mtu_cli.files.components_file import read_components
+
+        report = read_components(found[0])
+        self.sources.append(report.source)
+        return report
+
+    @cached_property
+    def readings(self) -> Readings | None:
+        """The ball-bar and laser readings, checked for a fit; None where there are none."""
+        files = [(path, role) for role in ("lbb", "laser") for path in self.files(role)]
+        if not files:
+            return None
+        from mtu_cli.files.readings import read_readings
+
+        readings = read_readings(files, self.machine.machine.components, for_fit=True)
+        self.sources.extend(readings.sources)
+        return readings
+
+    @cached_property
+    def at(self) -> dict[str, float]:
+        """The covariates given with --at."""
+        found: dict[str, float] = {}
+        for text in self.options.at or ():
+            name, equals, value = text.partition("=")
+            try:
+                number = float(value)
+            except ValueError:
+                number = float("nan")
+            if not equals or not name.strip() or not isfinite(number):
+                raise fault(
+                    "--at is not NAME=VALUE", value=text, expected="such as --at T_02_degC=23.5"
+                )
+            found[name.strip()] = number
+        return found

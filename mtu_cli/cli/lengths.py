@@ -1,0 +1,64 @@
+"""`mtu lengths`."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
+from mtu_cli.cli.execute import Outcome, execute
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.modelling import modelled
+from mtu_cli.cli.parameters import Options
+from mtu_cli.errors import fault
+from mtu_cli.model.settings import Settings
+
+
+def run(options: Options) -> None:
+    """Predicts feature-to-feature lengths."""
+    execute(options, analyse)
+
+
+def analyse(inputs: Inputs, settings: Settings) -> Outcome:
+    from mtu_cli.reports import lengths as report
+
+    limit = _limit(inputs.options.fail_if)
+    found = modelled(inputs)
+    result = predict_lengths(found.model, inputs.part, settings, inputs.at)
+    return Outcome(
+        results=lambda: report.document(result),
+        tables=lambda: report.table(result),
+        rows=lambda: report.csv_rows(result),
+        figure=lambda: report.figure(result),
+        warnings=[*found.warnings, *result.warnings],
+        gate=None if limit is None else _nonconforming(result, limit),
+    )
+
+
+def _limit(gate: str | None) -> float | None:
+    """The largest allowed probability of a part that does not conform."""
+    if gate is None:
+        return None
+    name, _, value = gate.partition("=")
+    try:
+        limit = float(value)
+    except ValueError:
+        limit = float("nan")
+    if name != "nonconforming" or not isfinite(limit) or not 0 <= limit <= 1:
+        raise fault("unknown gate", value=gate, expected="nonconforming=P with P from 0 to 1")
+    return limit
+
+
+def _nonconforming(result: LengthsResult, limit: float) -> str | None:
+    checked = [(x.id, x.conformance) for x in result.lengths if x.conformance is not None]
+    if not checked:
+        raise fault(
+            "no length has a tolerance, so none can be nonconforming",
+            expected="tolerance_um at a length of the part",
+        )
+    found = [(name, 1 - c.probability) for name, c in checked if 1 - c.probability > limit]
+    if result.joint_conformance is not None and 1 - result.joint_conformance[0] > limit:
+        found.append(("the whole part", 1 - result.joint_conformance[0]))
+    if not found:
+        return None
+    listed = ", ".join(f"{name} {100 * p:.2g} %" for name, p in found)
+    return f"probability of a nonconforming part above {100 * limit:g} %: {listed}"

@@ -1,0 +1,120 @@
+"""`mtu`: the entry point. Commands are imported when they run, so that --help is quick."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from typing import Annotated
+
+import typer
+
+from mtu_cli import __version__
+from mtu_cli.cli import parameters as p
+from mtu_cli.cli.simulate_parameters import SIMULATE
+from mtu_cli.errors import EXIT_INPUT, MtuError
+
+app = typer.Typer(
+    name="mtu",
+    help="Machine tool uncertainty: from measurements of a machine and of its parts to "
+    "statements with uncertainty.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+def _lazily(module: str) -> Callable[[p.Options], None]:
+    """The `run` of a command module, imported at the call."""
+
+    def run(options: p.Options) -> None:
+        from importlib import import_module
+
+        import_module(f"mtu_cli.cli.{module}").run(options)
+
+    return run
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        print(f"mtu {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _global(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+PREDICTION = [
+    p.STUDY,
+    p.PART,
+    p.COMPONENTS,
+    p.READINGS,
+    p.AT,
+    p.COVERAGE,
+    p.CORRELATION,
+    p.MONTE_CARLO,
+]
+p.register(
+    app,
+    "fit-components",
+    [p.STUDY, p.READINGS, p.COVERAGE, p.OUTPUT, p.fail_if("drift")],
+    _lazily("fit_components"),
+    "Readings to coefficients, covariance, repeatability, drift, reversal, per component.",
+)
+p.register(
+    app,
+    "predict-points",
+    [*PREDICTION, p.COVARIANCE, p.OUTPUT],
+    _lazily("predict_points"),
+    "Error and uncertainty of every feature of a part.",
+)
+p.register(
+    app,
+    "lengths",
+    [*PREDICTION, p.OUTPUT, p.fail_if("nonconforming=0.01")],
+    _lazily("lengths"),
+    "Feature-to-feature lengths with uncertainty and probability of conformance.",
+)
+p.register(
+    app,
+    "orthogonality",
+    [*PREDICTION, p.OUTPUT],
+    _lazily("orthogonality"),
+    "Right angles between rows and columns of features, by Monte Carlo and first order.",
+)
+p.register(
+    app,
+    "simulate",
+    [p.STUDY, p.PART, p.COMPONENTS, p.SEED, SIMULATE, p.QUIET],
+    _lazily("simulate"),
+    "A virtual machine: synthetic readings and points, with any effect, seeded.",
+)
+p.register(
+    app,
+    "schema",
+    [p.KIND],
+    _lazily("schema"),
+    "The JSON Schema of a YAML contract, for editors.",
+)
+
+
+def main() -> None:
+    """Runs the command line; every fault of the input ends with one message and exit code 2."""
+    # One thread a BLAS call: results must not depend on how many cores a machine has.
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    try:
+        app()
+    except MtuError as error:
+        print(f"mtu: {error}", file=sys.stderr)
+        sys.exit(EXIT_INPUT)
+    except BrokenPipeError:
+        # The reader (`| head`) has gone; nothing is left to say.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)

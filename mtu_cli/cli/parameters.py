@@ -1,0 +1,216 @@
+"""Options that commands share, declared once and put together into signatures.
+
+Typer reads a command's options from its signature. The groups below are joined into one, so
+that `--seed` or `--out` means the same, and is documented the same, everywhere.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+Parameter = tuple[str, Any, Any]
+"""(name, annotation, default)."""
+
+STUDY: list[Parameter] = [
+    (
+        "study",
+        Annotated[
+            Path | None,
+            typer.Argument(
+                help="Study file; without it and without -m, mtu.yaml here or above.",
+                show_default=False,
+            ),
+        ],
+        None,
+    ),
+    (
+        "machine",
+        Annotated[Path | None, typer.Option("-m", "--machine", help="Machine YAML.")],
+        None,
+    ),
+]
+PART: list[Parameter] = [
+    ("part", Annotated[Path | None, typer.Option("-p", "--part", help="Part YAML.")], None),
+]
+COMPONENTS: list[Parameter] = [
+    (
+        "components",
+        Annotated[
+            Path | None,
+            typer.Option(
+                "-c", "--components", help="A fit-components report; wins over the machine file."
+            ),
+        ],
+        None,
+    ),
+]
+READINGS: list[Parameter] = [
+    (
+        "lbb",
+        Annotated[
+            list[Path] | None, typer.Option("--lbb", help="Ball-bar readings CSV; repeatable.")
+        ],
+        None,
+    ),
+    (
+        "laser",
+        Annotated[
+            list[Path] | None, typer.Option("--laser", help="Laser readings CSV; repeatable.")
+        ],
+        None,
+    ),
+]
+AT: list[Parameter] = [
+    (
+        "at",
+        Annotated[
+            list[str] | None,
+            typer.Option(
+                "--at", metavar="NAME=VALUE", help="A covariate for the prediction; repeatable."
+            ),
+        ],
+        None,
+    ),
+]
+COVERAGE: list[Parameter] = [
+    (
+        "k",
+        Annotated[
+            float | None, typer.Option("--k", help="Coverage factor of U = k u.", show_default="2")
+        ],
+        None,
+    ),
+    (
+        "digits",
+        Annotated[
+            int | None,
+            typer.Option("--digits", help="Significant digits of u that matter.", show_default="2"),
+        ],
+        None,
+    ),
+]
+CORRELATION: list[Parameter] = [
+    (
+        "correlation",
+        Annotated[
+            str | None,
+            typer.Option(
+                "--correlation",
+                help="shared: full covariance; independent: as the papers.",
+                show_default="shared",
+            ),
+        ],
+        None,
+    ),
+]
+SEED: list[Parameter] = [
+    (
+        "seed",
+        Annotated[int | None, typer.Option("--seed", help="Seed of the random numbers.")],
+        None,
+    ),
+]
+MONTE_CARLO: list[Parameter] = [
+    *SEED,
+    (
+        "trials",
+        Annotated[
+            int | None,
+            typer.Option("--trials", help="Monte Carlo trials; without it the count adapts."),
+        ],
+        None,
+    ),
+    (
+        "threads",
+        Annotated[
+            int | None,
+            typer.Option("--threads", help="Threads; the result does not depend on them."),
+        ],
+        None,
+    ),
+]
+QUIET: list[Parameter] = [
+    ("quiet", Annotated[bool, typer.Option("-q", "--quiet", help="No tables.")], False),
+]
+OUTPUT: list[Parameter] = [
+    (
+        "out",
+        Annotated[
+            Path | None,
+            typer.Option("-o", "--out", help="JSON report; - is standard output, alone on it."),
+        ],
+        None,
+    ),
+    ("csv", Annotated[Path | None, typer.Option("--csv", help="The main table as CSV.")], None),
+    (
+        "plot",
+        Annotated[Path | None, typer.Option("--plot", help="Picture: .png, .svg or .pdf.")],
+        None,
+    ),
+    *QUIET,
+]
+COVARIANCE: list[Parameter] = [
+    (
+        "covariance",
+        Annotated[bool, typer.Option("--covariance", help="Covariance matrix in the report.")],
+        False,
+    ),
+]
+KIND: list[Parameter] = [
+    (
+        "kind",
+        Annotated[str, typer.Argument(help="machine, part or study.", show_default=False)],
+        inspect.Parameter.empty,
+    ),
+]
+FAIL_IF = "fail_if"
+
+
+def fail_if(gates: str) -> list[Parameter]:
+    """`--fail-if`, with the gates that a command knows."""
+    option = typer.Option("--fail-if", metavar="GATE", help=f"Exit with 3 if met: {gates}.")
+    return [(FAIL_IF, Annotated[str | None, option], None)]
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """The options of one call, by name; an option that the command lacks is None."""
+
+    command: str
+    values: dict[str, Any] = field(default_factory=dict)
+
+    def __getattr__(self, name: str) -> Any:
+        return self.values.get(name)
+
+
+def register(
+    app: typer.Typer,
+    name: str,
+    groups: Iterable[list[Parameter]],
+    run: Callable[[Options], None],
+    text: str,
+) -> None:
+    """Adds a command whose options are the groups' and whose body is `run`."""
+
+    def command(**values: Any) -> None:
+        run(Options(name, values))
+
+    parameters = [item for group in groups for item in group]
+    command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]  # read by typer
+        [
+            inspect.Parameter(
+                key, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default
+            )
+            for key, annotation, default in parameters
+        ]
+    )
+    command.__annotations__ = {key: annotation for key, annotation, _ in parameters}
+    command.__doc__ = text
+    command.__name__ = name.replace("-", "_")
+    app.command(name, help=text)(command)

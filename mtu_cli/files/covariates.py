@@ -1,0 +1,13 @@
+"""Covariates that every machine knows by name."""
+
+from __future__ import annotations
+
+import re
+
+COVARIATES = ("dir_x", "dir_y", "dir_z", "time_min", "sequence")
+_TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
+
+
+def is_covariate(name: str) -> bool:
+    """Whether a name is a covariate of every machine: dir_x, time_min, T_spindle_degC, ..."""
+    return name in COVARIATES or _TEMPERATURE.fullmatch(name) is not None

@@ -1,0 +1,203 @@
+"""Sound CSV tables through the C engine of pandas, chunk by chunk into whole arrays."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from mtu_cli.files.csv_cells import NO_TIME, microseconds
+from mtu_cli.files.csv_table import Columns, TableSpec, TextColumn, TimeColumn
+from mtu_cli.files.csv_text import CsvText
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+    from numpy.typing import NDArray
+
+_ROWS = 1 << 17
+
+
+class Suspect(Exception):  # noqa: N818  # not an error: a reason to read cell by cell
+    """The table may be faulty: only the slow reader can say what, and where."""
+
+
+def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
+    """The number of rows and all columns.
+
+    Raises Suspect at the first sign of a fault: a cell that is no number, an empty cell
+    where none may be, a row that is longer than the header. Rows that are too short are not
+    seen here: the caller counts separators.
+    """
+    kinds = {name: spec.kind(name) for name in text.header}
+    capacity = text.content.count(b"\n", text.body) + 1
+    numbers = {
+        name: _Numbers(capacity) for name, kind in kinds.items() if kind in ("number", "covariate")
+    }
+    texts = {name: _Texts(capacity) for name, kind in kinds.items() if kind == "text"}
+    times = {name: _Times(capacity) for name, kind in kinds.items() if kind == "time"}
+    dtypes: dict[str, Any] = dict.fromkeys((*texts, *times), "category")
+    dtypes |= {name: "float64" for name, kind in kinds.items() if kind == "number"}
+    count = 0
+    for frame in _frames(text, dtypes):
+        for name in [name for name in numbers if not _is_numeric(frame[name])]:
+            if kinds[name] == "number":
+                raise Suspect
+            del numbers[name]
+        for column in (numbers, texts, times):
+            for name, store in column.items():
+                store.add(frame[name], count)
+        count += len(frame)
+    late = [name for name, kind in kinds.items() if kind == "covariate" and name not in numbers]
+    texts |= _text_covariates(text, late, capacity)
+    columns = Columns(
+        numbers={name: store.whole(count) for name, store in numbers.items()},
+        texts={name: store.whole(count) for name, store in texts.items()},
+        times={name: store.whole(count) for name, store in times.items()},
+    )
+    _check_cells(columns, spec)
+    return count, columns
+
+
+def _is_numeric(column: pd.Series[Any]) -> bool:
+    import pandas as pd
+
+    types = pd.api.types
+    return types.is_numeric_dtype(column) and not types.is_bool_dtype(column)
+
+
+def _frames(
+    text: CsvText, dtypes: dict[str, Any], usecols: Sequence[str] | None = None
+) -> Iterator[pd.DataFrame]:
+    """The body in frames; a cell beyond the header's last column is Suspect."""
+    import pandas as pd
+
+    stream = io.BytesIO(text.content)
+    stream.seek(text.body)
+    beyond = "\0"
+    options: dict[str, Any] = {}
+    if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
+        # Later versions read numbers exactly by themselves and warn of the option.
+        options["float_precision"] = "round_trip"
+    try:
+        reader = pd.read_csv(
+            stream,
+            sep=text.separator,
+            decimal=text.decimal,
+            header=None,
+            names=[*text.header, beyond],
+            usecols=None if usecols is None else [*usecols],
+            index_col=False,
+            dtype=dtypes,
+            keep_default_na=False,
+            na_values=[""],
+            encoding="utf-8",
+            chunksize=_ROWS,
+            low_memory=False,
+            **options,
+        )
+        with reader:
+            for frame in reader:
+                if usecols is None and frame[beyond].notna().any():
+                    raise Suspect
+                yield frame
+    except (ValueError, OverflowError, pd.errors.ParserError, pd.errors.EmptyDataError):
+        raise Suspect from None
+
+
+def _text_covariates(text: CsvText, names: Sequence[str], capacity: int) -> dict[str, _Texts]:
+    """Covariates that turned out to be texts, read again as they are written."""
+    found = {name: _Texts(capacity) for name in names}
+    count = 0
+    if found:
+        for frame in _frames(text, dict.fromkeys(names, "category"), names):
+            for name, store in found.items():
+                store.add(frame[name], count)
+            count += len(frame)
+    return found
+
+
+class _Numbers:
+    def __init__(self, capacity: int) -> None:
+        import numpy as np
+
+        self.values = np.empty(capacity, np.float64)
+
+    def add(self, column: pd.Series[Any], start: int) -> None:
+        self.values[start : start + len(column)] = column.to_numpy(dtype="float64")
+
+    def whole(self, count: int) -> NDArray[np.float64]:
+        return self.values[:count]
+
+
+class _Texts:
+    def __init__(self, capacity: int) -> None:
+        import numpy as np
+
+        self.codes = np.empty(capacity, np.int32)
+        self.index: dict[str, int] = {}
+
+    def add(self, column: pd.Series[Any], start: int) -> None:
+        import numpy as np
+
+        index = self.index
+        lookup = [-1]
+        for label in column.cat.categories:
+            stripped = str(label).strip()
+            lookup.append(index.setdefault(stripped, len(index)) if stripped else -1)
+        codes = column.cat.codes.to_numpy()
+        # Code -1, an empty cell, picks the last entry: roll it to the front.
+        table = np.array(lookup[1:] + lookup[:1], np.int32)
+        self.codes[start : start + len(column)] = table[codes]
+
+    def whole(self, count: int) -> TextColumn:
+        return _by_appearance(self.codes[:count], tuple(self.index))
+
+
+def _by_appearance(codes: NDArray[np.int32], labels: tuple[str, ...]) -> TextColumn:
+    """Labels in the order of their first row; the parser hands them over sorted."""
+    import numpy as np
+    import pandas as pd
+
+    order = pd.unique(codes[codes >= 0])
+    if (order == np.arange(len(order))).all():
+        return TextColumn(codes, labels)
+    place = np.full(len(labels) + 1, -1, np.int32)
+    place[order] = np.arange(len(order), dtype=np.int32)
+    return TextColumn(place[codes], tuple(labels[code] for code in order))
+
+
+class _Times:
+    def __init__(self, capacity: int) -> None:
+        import numpy as np
+
+        self.values = np.empty(capacity, np.int64)
+        self.aware: frozenset[bool] = frozenset()
+
+    def add(self, column: pd.Series[Any], start: int) -> None:
+        import numpy as np
+
+        values, aware = microseconds([str(label) for label in column.cat.categories])
+        table = np.append(values, NO_TIME)
+        self.values[start : start + len(column)] = table[column.cat.codes.to_numpy()]
+        self.aware |= aware
+
+    def whole(self, count: int) -> TimeColumn:
+        if len(self.aware) != 1:
+            raise Suspect
+        return TimeColumn(self.values[:count], next(iter(self.aware)))
+
+
+def _check_cells(columns: Columns, spec: TableSpec) -> None:
+    import numpy as np
+
+    for name, values in columns.numbers.items():
+        faulty = np.isinf(values) if spec.empty_allowed(name) else ~np.isfinite(values)
+        if faulty.any():
+            raise Suspect
+    for name, text in columns.texts.items():
+        if not spec.empty_allowed(name) and (text.codes < 0).any():
+            raise Suspect
+    for time in columns.times.values():
+        if (time.microseconds == NO_TIME).any():
+            raise Suspect

@@ -1,0 +1,150 @@
+"""What a CSV contract asks of a table, and the table that was read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.covariates import is_covariate
+from mtu_cli.files.source import Source
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+Kind = Literal["number", "text", "time", "covariate"]
+LISTED_PROBLEMS = 10_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableSpec:
+    """The columns that a contract names; every other column is a covariate.
+
+    `may_be_empty` are named columns whose cells may be empty; `exclusive` pairs must not
+    both be there, `together` pairs only both.
+    """
+
+    required: tuple[str, ...]
+    numbers: frozenset[str]
+    texts: frozenset[str]
+    times: frozenset[str] = frozenset()
+    may_be_empty: frozenset[str] = frozenset()
+    exclusive: tuple[tuple[str, str], ...] = ()
+    together: tuple[tuple[str, str], ...] = ()
+
+    def kind(self, name: str) -> Kind:
+        """How the cells of a column are read."""
+        if name in self.numbers:
+            return "number"
+        if name in self.texts:
+            return "text"
+        if name in self.times:
+            return "time"
+        return "number" if is_covariate(name) else "covariate"
+
+    def named(self, name: str) -> bool:
+        """Whether the contract names the column."""
+        return name in self.numbers or name in self.texts or name in self.times
+
+    def empty_allowed(self, name: str) -> bool:
+        """Whether cells of the column may be empty."""
+        return name in self.may_be_empty or not self.named(name)
+
+
+@dataclass(frozen=True, slots=True)
+class TextColumn:
+    """Texts as codes: `labels[codes[i]]`, code -1 for an empty cell."""
+
+    codes: NDArray[np.int32]
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TimeColumn:
+    """Times in microseconds; `aware` where they state their offset from UTC."""
+
+    microseconds: NDArray[np.int64]
+    aware: bool
+
+
+@dataclass(slots=True)
+class Columns:
+    """Cells of a table by column name; all arrays have one entry a row."""
+
+    numbers: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    texts: dict[str, TextColumn] = field(default_factory=dict)
+    times: dict[str, TimeColumn] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A checked CSV table: `rows` (n,) are its rows as an editor counts them."""
+
+    source: Source
+    header: tuple[str, ...]
+    header_row: int
+    rows: NDArray[np.int64]
+    columns: Columns
+    covariates: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def problem(
+        self, index: int, column: str, what: str, value: object, expected: str | None = None
+    ) -> Problem:
+        """A Problem of one cell; `index` counts the rows of the table from 0."""
+        return Problem(
+            what=what,
+            file=self.source.shown,
+            row=int(self.rows[index]),
+            column=column,
+            value=cell_text(value),
+            expected=expected,
+        )
+
+
+def cell_text(value: object) -> str:
+    """A cell's value as it would be written."""
+    return repr(float(value)).removesuffix(".0") if isinstance(value, float) else str(value)
+
+
+@dataclass(slots=True)
+class ProblemList:
+    """All problems of a file: the first ten thousand in full, the rest counted."""
+
+    listed: list[Problem] = field(default_factory=list)
+    uncounted: int = 0
+
+    def add(self, problem: Problem) -> None:
+        """One more problem."""
+        if len(self.listed) < LISTED_PROBLEMS:
+            self.listed.append(problem)
+        else:
+            self.uncounted += 1
+
+    def add_cells(
+        self,
+        table: Table,
+        indices: Sequence[int] | NDArray[np.int64],
+        column: str,
+        what: str,
+        values: Sequence[object],
+        expected: str | None = None,
+    ) -> None:
+        """One problem for each row of `indices`; `values` is one value a row, or one for all."""
+        room = max(0, LISTED_PROBLEMS - len(self.listed))
+        for position, index in enumerate(indices[:room]):
+            value = values[position] if len(values) > 1 else values[0]
+            self.listed.append(table.problem(int(index), column, what, value, expected))
+        self.uncounted += max(0, len(indices) - room)
+
+    def raise_if_any(self) -> None:
+        """Raises InputError with every problem, in the order of the rows."""
+        if self.listed:
+            ordered = sorted(self.listed, key=lambda problem: problem.row or 0)
+            rest = Problem(what="a further bad cell", file=ordered[0].file)
+            # One shared entry a further cell: the count is right and costs next to nothing.
+            raise InputError([*ordered, *[rest] * self.uncounted])

@@ -1,0 +1,97 @@
+"""What a fit must tell its user before the figures are believed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from mtu_cli.model.estimation import InstrumentFit
+from mtu_cli.model.fit import MachineFit
+from mtu_cli.model.settings import Warned
+from mtu_cli.units import Unit
+
+FAMILY_RATE = 0.05
+"""Chance of any false warning of one kind over all components of a machine (Bonferroni)."""
+
+
+def significant(p_values: dict[str, float]) -> dict[str, float]:
+    """The tests that hold out among all of their kind, at a family-wise rate of 5 %."""
+    return {name: p for name, p in p_values.items() if p * len(p_values) <= FAMILY_RATE}
+
+
+def fit_warnings(fit: MachineFit) -> list[Warned]:
+    """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement."""
+    warnings = _not_separated(fit)
+    kinds: list[tuple[str, Callable[[InstrumentFit], float | None], Message]] = [
+        ("reversal", lambda f: f.reversal.p if f.reversal else None, _reversal),
+        ("passes-drift", lambda f: f.trend.p if f.trend else None, _trend),
+        ("lack-of-fit", lambda f: f.lack_of_fit.p if f.lack_of_fit else None, _lack),
+    ]
+    for code, p_of, message in kinds:
+        tested: dict[str, float] = {}
+        where: dict[str, tuple[str, Unit, InstrumentFit]] = {}
+        for name, component in fit.components.items():
+            for instrument in component.instruments:
+                p = p_of(instrument)
+                if p is not None:
+                    key = f"{name} ({instrument.role})"
+                    tested[key] = p
+                    where[key] = (name, component.unit, instrument)
+        warnings += [
+            Warned(code=code, message=message(*where[key], p))
+            for key, p in significant(tested).items()
+        ]
+    warnings += [
+        Warned(
+            code="instruments-disagree",
+            message=f"the instruments disagree on {name} (p = {component.agreement_p:.2g}): "
+            "the combined line is too sure of itself",
+        )
+        for name, component in fit.components.items()
+        if component.agreement_p is not None
+        and component.agreement_p * len(fit.components) <= FAMILY_RATE
+    ]
+    return warnings
+
+
+Message = Callable[[str, Unit, InstrumentFit, float], str]
+
+
+def _not_separated(fit: MachineFit) -> list[Warned]:
+    names = [
+        name
+        for name, component in fit.components.items()
+        if not all(instrument.fit.separated for instrument in component.instruments)
+    ]
+    if not names:
+        return []
+    return [
+        Warned(
+            code="pass-drift-not-separated",
+            message=f"the readings of {', '.join(names)} do not tell pass-to-pass drift from "
+            "repeatability (one pass, or no pass column): all scatter counts as repeatability, "
+            "and lengths may scatter more than is said",
+        )
+    ]
+
+
+def _reversal(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
+    value = found.reversal.value / unit.to_internal if found.reversal else 0.0
+    return (
+        f"{name} reverses by {value:.2g} {unit.name} (p = {p:.1g}): predictions are for the mean "
+        f"of both directions, a feature approached from one side is off by half of it"
+    )
+
+
+def _trend(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
+    value = found.trend.value / unit.to_internal if found.trend else 0.0
+    return (
+        f"{name} drifts by {value:.2g} {unit.name} a pass (p = {p:.1g}): its passes are not "
+        "exchangeable, the next part may lie beyond what they span"
+    )
+
+
+def _lack(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
+    return (
+        f"{name} is not a polynomial of the degree that the machine gives it (p = {p:.1g}): "
+        "raise its degree, or see what close-loop finds"
+    )

@@ -1,0 +1,108 @@
+"""Numbers for people: rounded to their uncertainty (JCGM 100, 7.2.6)."""
+
+from __future__ import annotations
+
+import math
+
+MISSING = "-"
+PLAIN_DIGITS = 6
+"""Significant digits of a value that is known exactly."""
+
+_SMALLEST, _LARGEST = -4, 7
+"""Decimal exponents between which numbers are written without a power of ten."""
+
+
+def with_u(value: float | None, u: float | None, digits: int = 2) -> tuple[str, str]:
+    """A value and its uncertainty, u to `digits` significant digits, the value to u's last place.
+
+    (-0.34, 8.06) gives ("-0.3", "8.1"). Without an uncertainty the value has six significant
+    digits; what is None or not finite is shown as "-".
+    """
+    if value is None or not math.isfinite(value):
+        return MISSING, MISSING if u is None or not math.isfinite(u) else significant(u, digits)
+    if u is None or not math.isfinite(u) or u < 0:
+        return significant(value, PLAIN_DIGITS), MISSING
+    if u == 0:
+        return significant(value, PLAIN_DIGITS), "0"
+    last = decimal_exponent(u, digits) - digits + 1
+    largest = max(decimal_exponent(u, digits), decimal_exponent(value, digits))
+    if largest < _SMALLEST or last > _LARGEST - 2:
+        return _scaled(value, last, largest), _scaled(u, last, largest)
+    return _to_place(value, last), _to_place(u, last)
+
+
+def plus_minus(value: float | None, u: float | None, digits: int = 2) -> str:
+    """"-0.3 ± 8.1", or the value alone where u is not known."""
+    first, second = with_u(value, u, digits)
+    return first if second == MISSING else f"{first} ± {second}"
+
+
+def interval(low: float | None, high: float | None, u: float | None, digits: int = 2) -> str:
+    """"[-16.5, 15.8]", the ends rounded to the last place of `u`."""
+    if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
+        return MISSING
+    return f"[{with_u(low, u, digits)[0]}, {with_u(high, u, digits)[0]}]"
+
+
+def significant(value: float | None, digits: int = 2) -> str:
+    """`value` to so many significant digits, without a power of ten where it is readable."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value == 0:
+        return "0"
+    exponent = decimal_exponent(value, digits)
+    if exponent < _SMALLEST or exponent > _LARGEST:
+        return _scaled(value, exponent - digits + 1, exponent)
+    text = _to_place(value, exponent - digits + 1)
+    return text.rstrip("0").rstrip(".") if digits >= PLAIN_DIGITS and "." in text else text
+
+
+def p_value(p: float | None) -> str:
+    """A p value: three decimals below 0.1, two above, "<0.001" below that."""
+    if p is None or not math.isfinite(p):
+        return MISSING
+    if p < 0.001:
+        return "<0.001"
+    return f"{p:.3f}" if p < 0.0995 else f"{p:.2f}"
+
+
+def percent(probability: float | None) -> str:
+    """A probability in percent with the digits that tell it from 0 and 100."""
+    if probability is None or not math.isfinite(probability):
+        return MISSING
+    value = 100 * probability
+    if value < 0.01:
+        return "0" if value <= 0 else "<0.01"
+    if value > 99.99:
+        return "100" if value >= 100 else ">99.99"
+    return f"{value:.2f}" if value < 1 or value > 99 else f"{value:.1f}"
+
+
+def degrees_of_freedom(dof: float) -> str:
+    """Degrees of freedom, one decimal where they are few; "inf" where they are infinite."""
+    if math.isinf(dof):
+        return "inf"
+    return f"{dof:.1f}" if dof < 100 and dof != int(dof) else f"{dof:.0f}"
+
+
+def decimal_exponent(value: float, digits: int) -> int:
+    """l of c 10^l with 1 <= |c| < 10 after rounding to `digits`: 0.0996 to two has -1."""
+    if value == 0:
+        return -400
+    return int(f"{value:.{digits - 1}e}".partition("e")[2])
+
+
+def _to_place(value: float, last: int) -> str:
+    """`value` rounded to the decimal place 10^last."""
+    text = f"{value:.{-last}f}" if last < 0 else f"{round(value, -last):.0f}"
+    return _unsigned_zero(text)
+
+
+def _scaled(value: float, last: int, exponent: int) -> str:
+    """`value` rounded to 10^last and written as a multiple of 10^exponent."""
+    mantissa = value / 10.0**exponent if exponent > -300 else value * 10.0 ** (-exponent)
+    return f"{_unsigned_zero(f'{mantissa:.{max(exponent - last, 0)}f}')}e{exponent}"
+
+
+def _unsigned_zero(text: str) -> str:
+    return text[1:] if text.startswith("-") and not text.strip("-0.") else text

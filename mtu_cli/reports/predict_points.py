@@ -1,0 +1,151 @@
+"""The report of predict-points: the error of every feature, with uncertainty.
+
+`z_mm` is null where the part gives no z: the machine then fixes it, or no equation needs it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from mtu_cli.analyses.predict_points import PointsResult
+from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.reports import validations
+from mtu_cli.reports.arrows import figure
+from mtu_cli.reports.document import finite, matrix, root, um, um2
+from mtu_cli.reports.numbers import degrees_of_freedom, interval, with_u
+from mtu_cli.reports.tables import Column, Sheet
+from mtu_cli.units import UM
+
+__all__ = ["csv_rows", "document", "figure", "table", "warnings"]
+
+
+def document(
+    result: PointsResult, settings: Settings, *, covariance: bool = False
+) -> dict[str, Any]:
+    """`results` of the report; the covariance between all points and axes only if asked for."""
+    prediction = result.prediction
+    results: dict[str, Any] = {
+        "axes": list(prediction.axes),
+        "points": [_point(result, settings, i) for i in range(len(prediction.ids))],
+        "monte_carlo": {"trials": result.trials, "converged": result.converged},
+    }
+    if covariance:
+        results["covariance_rows"] = [f"{i}.{a}" for i in prediction.ids for a in prediction.axes]
+        results["covariance_um2"] = matrix(result.covariance / UM**2)
+    return results
+
+
+def _point(result: PointsResult, settings: Settings, i: int) -> dict[str, Any]:
+    prediction = result.prediction
+    place = dict(zip(("x_mm", "y_mm", "z_mm"), map(finite, result.points[i]), strict=True))
+    point: dict[str, Any] = {"id": prediction.ids[i], **place}
+    for j, axis in enumerate(prediction.axes):
+        point |= _axis(result, i * len(prediction.axes) + j, axis)
+    apart: dict[str, Any] = {}
+    for j, axis in enumerate(prediction.axes):
+        variance = float(prediction.independent_variance[i * len(prediction.axes) + j])
+        apart |= _scatter(axis, variance, result.coverage_factor)
+    point["independent"] = apart
+    for j, axis in enumerate(prediction.axes):
+        found = result.validations[i * len(prediction.axes) + j]
+        point[f"validation_{axis}"] = validations.validation_fields(found, "um", UM)
+    if not settings.independent:
+        for j, axis in enumerate(prediction.axes):
+            row = i * len(prediction.axes) + j
+            point[f"variance_{axis}_um2"] = {
+                "coefficients": um2(result.coefficients[row]),
+                "passes": um2(result.passes[row]),
+                "repeatability": um2(result.repeatability[row]),
+            }
+    point["outside_measured_range"] = _outside(result, prediction.ids[i])
+    return point
+
+
+def _axis(result: PointsResult, row: int, axis: str) -> dict[str, Any]:
+    low, high = result.interval95[row]
+    return {
+        f"E{axis}_um": um(result.prediction.mean[row]),
+        **_scatter(axis, float(result.variance[row]), result.coverage_factor),
+        f"dof_effective_{axis}": finite(result.dof[row]),
+        f"interval95_{axis}_um": [um(low), um(high)],
+    }
+
+
+def _scatter(axis: str, variance: float, k: float) -> dict[str, Any]:
+    u = root(variance)
+    return {f"var_{axis}_um2": um2(variance), f"u_{axis}_um": um(u), f"U_{axis}_um": um(k * u)}
+
+
+def _outside(result: PointsResult, name: str) -> list[str]:
+    return [component for point, component, *_ in result.prediction.outside if point == name]
+
+
+def warnings(result: PointsResult, settings: Settings) -> list[Warned]:
+    """The result's warnings, and what clause 8 and the trials have to say."""
+    names = [f"{i}.{axis}" for i in result.prediction.ids for axis in result.prediction.axes]
+    return [
+        *result.warnings,
+        *validations.validation_warnings(names, result.validations, "um", UM),
+        *validations.convergence_warnings(settings, result.trials, result.converged),
+    ]
+
+
+def table(result: PointsResult, settings: Settings) -> list[Sheet]:
+    """One row a feature: position, and E, u, U by axis; um."""
+    axes = result.prediction.axes
+    placed = [a for a in range(3) if np.isfinite(result.points[:, a]).any()]
+    columns = [Column(title="feature\n", text=True, folds=True)]
+    columns += [Column(title=f"{'xyz'[a]}\nmm") for a in placed]
+    for axis in axes:
+        columns += [Column(title=f"{name}\num") for name in (f"E{axis}", "u", "U")]
+        columns.append(Column(title="95 %\num" if len(axes) < 3 else "dof\n"))
+    rows = []
+    for i, name in enumerate(result.prediction.ids):
+        flag = "†" if _outside(result, name) else ""
+        cells = [f"{name}{flag}", *(f"{result.points[i, a]:g}" for a in placed)]
+        for j in range(len(axes)):
+            cells += _cells(result, i * len(axes) + j, last_is_interval=len(axes) < 3)
+        rows.append(cells)
+    notes = [f"U = {result.coverage_factor:g} u; error = actual minus nominal; {_kind(settings)}"]
+    if result.prediction.outside:
+        notes.append("† outside the measured range of a component")
+    return [Sheet(title="Errors of the features", columns=columns, rows=rows, notes=notes)]
+
+
+def _kind(settings: Settings) -> str:
+    if settings.independent:
+        return "components and points taken as independent (Gilsinn & Ling 2004)"
+    return "covariance of shared passes and coefficients included"
+
+
+def _cells(result: PointsResult, row: int, *, last_is_interval: bool) -> list[str]:
+    error, u = result.prediction.mean[row] / UM, root(float(result.variance[row])) / UM
+    low, high = result.interval95[row] / UM
+    last = interval(low, high, u) if last_is_interval else degrees_of_freedom(result.dof[row])
+    return [*with_u(error, u), with_u(result.coverage_factor * u, u)[0], last]
+
+
+def csv_rows(
+    result: PointsResult, settings: Settings
+) -> tuple[list[str], Iterable[list[object]]]:
+    """One row a feature, the fields of `results.points` side by side."""
+    axes = result.prediction.axes
+    header = ["id", "x_mm", "y_mm", "z_mm"]
+    for a in axes:
+        header += [f"E{a}_um", f"u_{a}_um", f"U_{a}_um", f"var_{a}_um2", f"dof_effective_{a}"]
+        header += [f"interval95_{a}_low_um", f"interval95_{a}_high_um"]
+        header += [f"independent_u_{a}_um"]
+    points = document(result, settings)["points"]
+    return header, ([_flat(point, column) for column in header] for point in points)
+
+
+def _flat(point: dict[str, Any], column: str) -> object:
+    if column.startswith("independent_"):
+        return point["independent"][column.removeprefix("independent_")]
+    for end, index in (("_low_um", 0), ("_high_um", 1)):
+        if column.endswith(end):
+            return point[column.removesuffix(end) + "_um"][index]
+    return point[column]

@@ -1,0 +1,51 @@
+"""Simulated readings and points as CSV files of the contract."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mtu_cli.model.simulate import SimulatedPoints, SimulatedReadings
+from mtu_cli.reports.csv_text import csv_text
+
+DIRECTIONS = {1: "forward", -1: "reverse", 0: ""}
+
+
+def readings_csv(found: SimulatedReadings, heading: str) -> str:
+    """A readings file; errors to 0.1 nm or its like in the component's unit."""
+    two_way = bool((found.direction != 0).any())
+    header = ["component", "position_mm", "pass", *(["direction"] if two_way else []), "error"]
+    rows: list[Sequence[object]] = []
+    for i, name in enumerate(found.component):
+        sign = int(found.direction[i])
+        direction = [DIRECTIONS[sign] or "forward"] if two_way else []
+        position = f"{found.position[i]:.6g}"
+        error = f"{found.error[i]:.4f}"
+        rows.append([name, position, int(found.pass_number[i]), *direction, error, found.unit[i]])
+    return heading + csv_text([*header, "unit"], rows)
+
+
+def points_csv(found: SimulatedPoints, heading: str) -> str:
+    """A points file; coordinates to 1 nm."""
+    header = [
+        "part",
+        "feature",
+        "repeat",
+        *(f"{axis}_mm" for axis in found.axes),
+        *found.covariates,
+    ]
+    rows = [
+        [
+            found.part[i],
+            found.feature[i],
+            int(found.repeat[i]),
+            *(f"{value:.6f}" for value in found.measured[i]),
+            *(_plain(values[i]) for values in found.covariates.values()),
+        ]
+        for i in range(len(found.part))
+    ]
+    return heading + csv_text(header, rows)
+
+
+def _plain(value: float) -> str:
+    """Covariates to nine digits; whole numbers (sequence, directions) without a point."""
+    return f"{value:.9g}"

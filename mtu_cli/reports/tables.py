@@ -1,0 +1,110 @@
+"""Tables for people: boxed and coloured on a terminal, aligned plain text in a pipe."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import IO
+
+from rich import box
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+WIDTH = 100
+"""Columns that a table may take."""
+
+SIGNIFICANT = 0.05
+"""A p value below it is marked."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """A column: its heading (a second line for the unit), and whether it holds text.
+
+    A `folds` column may break its cells over lines where the table is too wide.
+    """
+
+    title: str
+    text: bool = False
+    folds: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet:
+    """A table with a title above and notes below; a cell that ends in `*` is emphasised.
+
+    `widest` bounds the columns taken, on terminals too.
+    """
+
+    title: str
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[str]]
+    notes: Sequence[str] = field(default=())
+    widest: int = WIDTH
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        terminal = console.is_terminal
+        width = min(self.widest, options.max_width)
+        table = Table(
+            box=box.SIMPLE_HEAD if terminal else None,
+            show_edge=False,
+            pad_edge=False,
+            padding=(0, 1 if terminal or self._wide(width) else 2, 0, 0),
+            header_style="bold",
+            collapse_padding=True,
+        )
+        for column in self.columns:
+            table.add_column(
+                Text(column.title),
+                justify="left" if column.text else "right",
+                no_wrap=not column.folds,
+                overflow="fold",
+            )
+        for row in self.rows:
+            table.add_row(*[_cell(value) for value in row])
+        yield Text(self.title, style="bold")
+        yield Padding(table, 0)
+        for note in self.notes:
+            yield Text(note, style="dim", overflow="fold")
+
+    def _wide(self, width: int) -> bool:
+        widths = [
+            max([*map(len, column.title.split("\n")), *(len(row[i]) for row in self.rows)])
+            for i, column in enumerate(self.columns)
+        ]
+        return sum(widths) + 2 * len(widths) > width
+
+
+def _cell(value: str) -> Text:
+    return Text(value, style="bold" if value.endswith("*") else "")
+
+
+def marked(text: str, p: float | None) -> str:
+    """`text` with an asterisk where its p value is significant."""
+    return f"{text}*" if p is not None and p < SIGNIFICANT else text
+
+
+def show(renderables: Iterable[object], file: IO[str] | None = None) -> None:
+    """Prints to `file` (standard output): rich on a terminal, plain text elsewhere."""
+    stream = sys.stdout if file is None else file
+    if stream.isatty():
+        target = Console(file=stream, highlight=False)
+        for renderable in renderables:
+            target.print(renderable)
+    else:
+        stream.write(plain_text(renderables))
+
+
+def plain_text(renderables: Iterable[object]) -> str:
+    """What a pipe receives: no escape codes, no trailing blanks, at most 100 columns."""
+    out = io.StringIO()
+    target = Console(
+        file=out, width=WIDTH, highlight=False, force_terminal=False, color_system=None
+    )
+    for renderable in renderables:
+        target.print(renderable)
+    return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"

@@ -1,0 +1,65 @@
+"""JCGM 101:2008, clause 8, in reports: fields and warnings shared by all predictions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.reports.document import finite, listed
+from mtu_cli.reports.numbers import significant
+from mtu_cli.stats.validation import Validation
+
+
+def validation_fields(found: Validation, unit: str, factor: float) -> dict[str, Any]:
+    """`passed` and the differences in `unit`, `factor` internal units each.
+
+    `passed` null: the Monte Carlo had not converged far enough to tell.
+    """
+    return {
+        "passed": found.passed,
+        f"d_low_{unit}": finite(found.d_low / factor),
+        f"d_high_{unit}": finite(found.d_high / factor),
+        f"tolerance_{unit}": finite(found.tolerance / factor),
+    }
+
+
+def validation_warnings(
+    names: Sequence[str], found: Sequence[Validation], unit: str, factor: float
+) -> list[Warned]:
+    """Which first-order intervals the Monte Carlo rejects, and which it could not judge."""
+    failed = [i for i, item in enumerate(found) if item.passed is False]
+    unknown = [i for i, item in enumerate(found) if item.passed is None]
+    warnings = []
+    if failed:
+        largest = max(max(found[i].d_low, found[i].d_high) for i in failed) / factor
+        warnings.append(
+            Warned(
+                code="validation-failed",
+                message="the first-order 95 % interval differs from the Monte Carlo one by more "
+                f"than the tolerance of JCGM 101, clause 8 (up to {significant(largest)} {unit}), "
+                f"for {listed(names[i] for i in failed)}",
+            )
+        )
+    if unknown:
+        warnings.append(
+            Warned(
+                code="validation-undecided",
+                message="too few Monte Carlo trials to judge the first-order interval (JCGM 101, "
+                f"clause 8) of {listed(names[i] for i in unknown)}",
+            )
+        )
+    return warnings
+
+
+def convergence_warnings(settings: Settings, trials: int, converged: bool) -> list[Warned]:
+    """An adaptive Monte Carlo that reached its largest count before its goal."""
+    if converged or settings.trials is not None:
+        return []
+    return [
+        Warned(
+            code="not-converged",
+            message=f"the Monte Carlo stopped at {trials} trials before it had converged to "
+            f"{settings.digits} digits (JCGM 101, 7.9.4)",
+        )
+    ]

@@ -1,0 +1,124 @@
+"""The floors of the house: imports go down, never up, and stay out of what costs time."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import mtu_cli
+
+ROOT = Path(mtu_cli.__file__).parent
+FLOORS = {
+    "errors": 0,
+    "units": 0,
+    "language": 1,
+    "files": 2,
+    "stats": 3,
+    "model": 4,
+    "analyses": 5,
+    "reports": 6,
+    "cli": 7,
+}
+MODULES = sorted(ROOT.rglob("*.py"))
+
+
+def room(module: str) -> str:
+    """The room of a dotted module name below mtu_cli."""
+    return module.split(".")[1] if "." in module else "mtu_cli"
+
+
+def imports(path: Path) -> list[tuple[str, int]]:
+    """Imported modules with their lines, those for type checkers only left out."""
+    tree = ast.parse(path.read_text("utf-8"))
+    skipped = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        for inner in ast.walk(node)
+    }
+    found: list[tuple[str, int]] = []
+    for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
+        if isinstance(node, ast.Import):
+            found += [(alias.name, node.lineno) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.append((node.module, node.lineno))
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_imports_go_down_only(path: Path) -> None:
+    own = path.relative_to(ROOT).with_suffix("").parts[0]
+    if own in ("__init__", "py"):
+        return
+    upward = [
+        f"{path.name}:{line} imports {module}"
+        for module, line in imports(path)
+        if module.startswith("mtu_cli.") and FLOORS[room(module)] > FLOORS[own]
+    ]
+    assert not upward
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_pandas_and_slow_libraries_stay_in_their_rooms(path: Path) -> None:
+    own = path.relative_to(ROOT).parts[0]
+    for module, line in imports(path):
+        top = module.split(".")[0]
+        place = f"{path}:{line}"
+        assert module != "scipy.stats", place
+        assert not (module == "scipy" and "stats" in path.read_text()), place
+        if top == "pandas":
+            assert own in ("files", "reports"), place
+        if top == "matplotlib":
+            assert own == "reports", place
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_one_idea_a_file(path: Path) -> None:
+    assert len(path.read_text("utf-8").splitlines()) <= 300
+
+
+def test_analyses_do_not_import_each_other() -> None:
+    for path in (ROOT / "analyses").glob("*.py"):
+        own = f"mtu_cli.analyses.{path.stem}"
+        others = [m for m, _ in imports(path) if m.startswith("mtu_cli.analyses.") and m != own]
+        assert not others, path.name
+
+
+def test_help_imports_neither_numpy_nor_pandas() -> None:
+    code = (
+        "import sys; sys.argv = ['mtu', '--help']\n"
+        "from mtu_cli.cli.main import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'pandas', 'scipy', 'matplotlib', 'pydantic'} & set(sys.modules)\n"
+        "sys.exit(f'imported {heavy}' if heavy else 0)"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def test_only_files_opens_files() -> None:
+    for path in MODULES:
+        if path.relative_to(ROOT).parts[0] in ("files",):
+            continue
+        tree = ast.parse(path.read_text("utf-8"))
+        opened = [
+            node.lineno
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Call)
+            and (
+                (isinstance(node.func, ast.Name) and node.func.id == "open")
+                or (
+                    isinstance(node.func, ast.Attribute)
+                    and node.func.attr in ("read_text", "read_bytes", "write_text", "write_bytes")
+                )
+            )
+        ]
+        assert not opened, f"{path}:{opened}"
