@@ -32,6 +32,7 @@ class ReportedComponent(BaseModel):
     s: float | None
     s_repeat: float
     pass_covariance: Matrix
+    pass_covariance_moment: Matrix
     pass_center_mm: float
     pass_dof: float | None
     repeat_dof: float | None
@@ -49,7 +50,6 @@ class ReportedGroup(BaseModel):
     pass_covariance: Matrix
     pass_dof: float
     n_passes: int | None
-    kept: float
 
 
 class _Results(BaseModel):
@@ -124,6 +124,7 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
     k = len(item.coefficients)
     q = min(2, k)
     wanted = [("covariance", item.covariance, k), ("pass_covariance", item.pass_covariance, q)]
+    wanted.append(("pass_covariance_moment", item.pass_covariance_moment, q))
     if item.covariance_independent is not None:
         wanted.append(("covariance_independent", item.covariance_independent, k))
     problems = [

@@ -42,6 +42,12 @@ def is_not_finite(cell: str, decimal: Decimal = ".") -> bool:
     return _NOT_FINITE.fullmatch(cell.strip()) is not None
 
 
+def is_text(cell: str, decimal: Decimal = ".") -> bool:
+    """Whether a cell is neither empty nor a number nor one of the ways to write nan."""
+    cell = cell.strip()
+    return bool(cell) and number(cell, decimal) is None and not is_not_finite(cell, decimal)
+
+
 def expectation(cell: str, decimal: Decimal = ".") -> str:
     """What was expected of a cell that is no finite number."""
     cell = cell.strip()

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from mtu_cli.files.csv_cells import NO_TIME, microseconds
+from mtu_cli.files.csv_cells import NO_TIME, is_text, microseconds
 from mtu_cli.files.csv_table import Columns, TableSpec, TextColumn, TimeColumn
-from mtu_cli.files.csv_text import CsvText
+from mtu_cli.files.csv_text import CsvText, lines_from
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _ROWS = 1 << 17
+_SNIFFED_ROWS = 20
 
 
 class Suspect(Exception):  # noqa: N818  # not an error: a reason to read cell by cell
@@ -30,13 +33,18 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
     seen here: the caller counts separators.
     """
     kinds = {name: spec.kind(name) for name in text.header}
-    capacity = text.content.count(b"\n", text.body) + 1
+    seen = _first_texts(text)
+    kinds |= {name: "text" for name in seen if kinds[name] == "covariate"}
+    capacity = text.newlines + 1
     numbers = {
         name: _Numbers(capacity) for name, kind in kinds.items() if kind in ("number", "covariate")
     }
     texts = {name: _Texts(capacity) for name, kind in kinds.items() if kind == "text"}
     times = {name: _Times(capacity) for name, kind in kinds.items() if kind == "time"}
+    # Categories are fast, but pandas turns them into numbers where all look like numbers, and
+    # part 007 into part 7: they are for columns that are seen to hold other texts.
     dtypes: dict[str, Any] = dict.fromkeys((*texts, *times), "category")
+    dtypes |= {name: object for name in texts if name not in seen}
     dtypes |= {name: "float64" for name, kind in kinds.items() if kind == "number"}
     count = 0
     for frame in _frames(text, dtypes):
@@ -44,12 +52,14 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
             if kinds[name] == "number":
                 raise Suspect
             del numbers[name]
+        for name in [name for name in texts if _is_converted(frame[name])]:
+            del texts[name]
         for column in (numbers, texts, times):
             for name, store in column.items():
                 store.add(frame[name], count)
         count += len(frame)
-    late = [name for name, kind in kinds.items() if kind == "covariate" and name not in numbers]
-    texts |= _text_covariates(text, late, capacity)
+    late = [name for name in text.header if name not in (*numbers, *texts, *times)]
+    texts |= _read_texts(text, late, capacity)
     columns = Columns(
         numbers={name: store.whole(count) for name, store in numbers.items()},
         texts={name: store.whole(count) for name, store in texts.items()},
@@ -57,6 +67,29 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
     )
     _check_cells(columns, spec)
     return count, columns
+
+
+def _first_texts(text: CsvText) -> set[str]:
+    """Columns whose first rows hold texts that are neither numbers nor truth values."""
+    reader = csv.reader(lines_from(text.content, text.body), delimiter=text.separator)
+    found: set[str] = set()
+    try:
+        for cells in islice(reader, _SNIFFED_ROWS):
+            pairs = zip(text.header, cells, strict=False)
+            found |= {name for name, cell in pairs if is_text(cell, text.decimal)}
+    except csv.Error:
+        raise Suspect from None
+    return found
+
+
+def _is_converted(column: pd.Series[Any]) -> bool:
+    """Whether pandas has made numbers or truth values of the texts of a category."""
+    import pandas as pd
+
+    if not isinstance(column.dtype, pd.CategoricalDtype):
+        return False
+    categories = column.cat.categories
+    return len(categories) > 0 and not isinstance(categories[0], str)
 
 
 def _is_numeric(column: pd.Series[Any]) -> bool:
@@ -67,7 +100,7 @@ def _is_numeric(column: pd.Series[Any]) -> bool:
 
 
 def _frames(
-    text: CsvText, dtypes: dict[str, Any], usecols: Sequence[str] | None = None
+    text: CsvText, dtypes: dict[str, Any], usecols: list[str] | None = None
 ) -> Iterator[pd.DataFrame]:
     """The body in frames; a cell beyond the header's last column is Suspect."""
     import pandas as pd
@@ -85,8 +118,8 @@ def _frames(
             sep=text.separator,
             decimal=text.decimal,
             header=None,
-            names=[*text.header, beyond],
-            usecols=None if usecols is None else [*usecols],
+            names=[*text.header, beyond] if usecols is None else [*text.header],
+            usecols=usecols,
             index_col=False,
             dtype=dtypes,
             keep_default_na=False,
@@ -105,12 +138,12 @@ def _frames(
         raise Suspect from None
 
 
-def _text_covariates(text: CsvText, names: Sequence[str], capacity: int) -> dict[str, _Texts]:
-    """Covariates that turned out to be texts, read again as they are written."""
+def _read_texts(text: CsvText, names: list[str], capacity: int) -> dict[str, _Texts]:
+    """Columns that turned out to be texts, read again as they are written."""
     found = {name: _Texts(capacity) for name in names}
     count = 0
     if found:
-        for frame in _frames(text, dict.fromkeys(names, "category"), names):
+        for frame in _frames(text, dict.fromkeys(names, object), names):
             for name, store in found.items():
                 store.add(frame[name], count)
             count += len(frame)
@@ -139,16 +172,18 @@ class _Texts:
 
     def add(self, column: pd.Series[Any], start: int) -> None:
         import numpy as np
+        import pandas as pd
 
+        if isinstance(column.dtype, pd.CategoricalDtype):
+            codes, labels = column.cat.codes.to_numpy(), column.cat.categories.tolist()
+        else:
+            codes, found = pd.factorize(column)
+            labels = found.tolist()
         index = self.index
-        lookup = [-1]
-        for label in column.cat.categories:
-            stripped = str(label).strip()
-            lookup.append(index.setdefault(stripped, len(index)) if stripped else -1)
-        codes = column.cat.codes.to_numpy()
-        # Code -1, an empty cell, picks the last entry: roll it to the front.
-        table = np.array(lookup[1:] + lookup[:1], np.int32)
-        self.codes[start : start + len(column)] = table[codes]
+        stripped = [label.strip() for label in labels]
+        lookup = [index.setdefault(label, len(index)) if label else -1 for label in stripped]
+        # Code -1, an empty cell, picks the last entry.
+        self.codes[start : start + len(column)] = np.array([*lookup, -1], np.int32)[codes]
 
     def whole(self, count: int) -> TextColumn:
         return _by_appearance(self.codes[:count], tuple(self.index))

@@ -30,12 +30,16 @@ def editor_rows(text: CsvText, count: int) -> Positions | None:
         if content.count(text.separator.encode(), body) != separators:
             return None
         end = _end(content, body)
-        if content.count(b"\n", body, end) + 1 == count:
+        if not _no_row_is_longer(text, np.zeros(0, np.int64)):
+            return None
+        if text.newlines - content.count(b"\n", end) + 1 == count:
             return np.arange(text.body_row, text.body_row + count, dtype=np.int64)
         quotes = np.zeros(0, np.int64)
     else:
         quotes = _positions(content, body, _QUOTE)
         if _outside(content, body, ord(text.separator), quotes) != separators:
+            return None
+        if not _no_row_is_longer(text, quotes):
             return None
     lines = _record_lines(content, body, quotes)
     return lines + text.body_row if len(lines) == count else None
@@ -71,6 +75,33 @@ def _outside(content: bytes, body: int, byte: int, quotes: Positions) -> int:
         at = np.flatnonzero(chunk == byte) + (start - body)
         count += int((np.searchsorted(quotes, at) % 2 == 0).sum())
     return count
+
+
+def _no_row_is_longer(text: CsvText, quotes: Positions) -> bool:
+    """Whether no row has more separators than the header.
+
+    The total is right already; a row that is longer by empty cells, which the parser cannot
+    tell from nothing, could make up for one that is shorter.
+    """
+    import numpy as np
+
+    content, body, sign = text.content, text.body, ord(text.separator)
+    ending = text.separator.encode()
+    if content.find(ending + b"\n", body) < 0 and content.find(ending + b"\r\n", body) < 0:
+        return True
+    carried = 0
+    for start in range(body, len(content), _CHUNK):
+        size = min(_CHUNK, len(content) - start)
+        chunk = np.frombuffer(content, np.uint8, size, start)
+        at = np.flatnonzero((chunk == sign) | (chunk == _NEWLINE))
+        if len(quotes):
+            at = at[np.searchsorted(quotes, at + (start - body)) % 2 == 0]
+        ends = np.flatnonzero(chunk[at] == _NEWLINE)
+        counts = np.diff(ends, prepend=-1 - carried) - 1
+        if len(counts) and int(counts.max()) >= len(text.header):
+            return False
+        carried = len(at) - 1 - int(ends[-1]) if len(ends) else carried + len(at)
+    return carried < len(text.header)
 
 
 def _record_lines(content: bytes, body: int, quotes: Positions) -> Positions:

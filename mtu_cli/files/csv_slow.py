@@ -6,6 +6,7 @@ import csv
 import re
 from array import array
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from mtu_cli.errors import Problem
@@ -14,6 +15,7 @@ from mtu_cli.files.csv_cells import (
     TIME_EXPECTED,
     expectation,
     is_not_finite,
+    is_text,
     microseconds,
     number,
 )
@@ -102,7 +104,7 @@ def _wrong_length(text: CsvText, row: int, cells: list[str]) -> Problem:
     expected = f"{wanted}, as in the header"
     surplus = len(cells) - wanted
     if surplus > 0:
-        pairs = zip(cells, cells[1:], strict=False)
+        pairs = pairwise(cells)
         halves = sum(
             _INTEGER.fullmatch(left.strip()) is not None and right.strip().isdigit()
             for left, right in pairs
@@ -216,12 +218,7 @@ class _CovariateStore(_TextStore):
         import numpy as np
 
         values = [number(label, self.text.decimal) for label in self.index]
-        texts = [
-            label
-            for label, value in zip(self.index, values, strict=True)
-            if value is None and not is_not_finite(label, self.text.decimal)
-        ]
-        if texts:
+        if any(is_text(label, self.text.decimal) for label in self.index):
             super().finish(columns)
             return
         for row, cell in self.unfinite:

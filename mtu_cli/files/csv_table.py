@@ -101,7 +101,7 @@ class Table:
             file=self.source.shown,
             row=int(self.rows[index]),
             column=column,
-            value=cell_text(value),
+            value=None if value == "" else cell_text(value),
             expected=expected,
         )
 
@@ -142,9 +142,10 @@ class ProblemList:
         self.uncounted += max(0, len(indices) - room)
 
     def raise_if_any(self) -> None:
-        """Raises InputError with every problem, in the order of the rows."""
+        """Raises InputError with every problem, file by file in the order of the rows."""
         if self.listed:
-            ordered = sorted(self.listed, key=lambda problem: problem.row or 0)
+            files = list(dict.fromkeys(problem.file for problem in self.listed))
+            ordered = sorted(self.listed, key=lambda p: (files.index(p.file), p.row or 0))
             rest = Problem(what="a further bad cell", file=ordered[0].file)
             # One shared entry a further cell: the count is right and costs next to nothing.
             raise InputError([*ordered, *[rest] * self.uncounted])

@@ -30,7 +30,7 @@ class CsvText:
 
     `content` is UTF-8 without byte order mark, comment lines blanked, so that lines still
     count as in an editor; `body` is the offset after the header, `body_row` the editor row
-    of the line there.
+    of the line there, `newlines` the number of line ends from there on.
     """
 
     source: Source
@@ -39,6 +39,7 @@ class CsvText:
     header_row: int
     body: int
     body_row: int
+    newlines: int
     separator: Separator
     decimal: Decimal
 
@@ -56,7 +57,7 @@ def read_csv_text(path: Path, role: str) -> CsvText:
         raise fault("is not gzip-compressed", file=source.shown, expected="a .csv.gz file")
     check_text(content, source.shown)
     content = content.removeprefix(codecs.BOM_UTF8)
-    if content.count(b"\r") != content.count(b"\r\n"):
+    if b"\r" in content and content.count(b"\r") != content.count(b"\r\n"):
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     content = _without_comments(content)
     start, row = _first_line(content, source)
@@ -69,6 +70,7 @@ def read_csv_text(path: Path, role: str) -> CsvText:
         header_row=row,
         body=body,
         body_row=body_row,
+        newlines=content.count(b"\n", body),
         separator=separator,
         decimal=_decimal(content, body) if separator == ";" else ".",
     )
@@ -100,7 +102,8 @@ def _inflate(content: bytes, shown: str) -> bytes:
 
 def _without_comments(content: bytes) -> bytes:
     """Blanks lines that start with #, unless the line is the inside of a quoted cell."""
-    if not content.startswith(b"#") and b"\n#" not in content:
+    # Looking for one byte is an order of magnitude faster than for two.
+    if b"#" not in content or not (content.startswith(b"#") or b"\n#" in content):
         return content
     parts: list[bytes] = []
     kept = counted = quotes = 0

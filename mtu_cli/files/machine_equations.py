@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mtu_cli.errors import did_you_mean
+from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings
 from mtu_cli.files.covariates import COVARIATES, is_covariate
 from mtu_cli.files.machine_contract import Effect, Machine
@@ -44,7 +45,7 @@ class Vocabulary:
     def with_parameters(self, effect: Effect) -> Vocabulary:
         """These names and the parameters of one effect."""
         own = {name: UNITS[item.unit].dimension for name, item in effect.parameters.items()}
-        return Vocabulary(self.linear | set(own), {**self.dimensions, **own})
+        return Vocabulary(self.linear | set(own), {**own, **self.dimensions, **own})
 
 
 def check_equations(
@@ -93,7 +94,7 @@ def _linear(
 
 def _add(findings: Findings, path: YamlPath, error: EquationError) -> None:
     document = findings.document
-    place = ".".join(str(step) for step in path)
+    line = document.line_of(*path)
     findings.problems.append(
-        error.problem(file=document.source.shown, line=document.line_of(*path), path=place)
+        error.problem(file=document.source.shown, line=line, path=path_text(path))
     )

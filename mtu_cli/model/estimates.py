@@ -18,9 +18,11 @@ class ComponentEstimate:
     `coefficients` (k,) in ascending powers; `covariance` C (k, k) their covariance, shared by
     all predictions; `pass_covariance` D (k, k) the pass-to-pass covariance, shared by all
     points of one part; `s_repeat` the repeatability of one visit, independent from visit to
-    visit. `pass_dof` and `repeat_dof` belong to the mean squares behind them (inf: known
-    exactly; pass_dof 0: one mean square, `repeat_dof`, stands behind all of them).
-    `n_passes` is given where C is the between-pass mean square over that number.
+    visit. From readings D is the unbiased moment estimate, which may have a negative part:
+    clipping it would make every interval too wide where the passes hardly differ.
+    `pass_dof` and `repeat_dof` belong to the mean squares behind them (inf: known exactly;
+    pass_dof 0: one mean square, with `repeat_dof`, stands behind all of them). `n_passes` is
+    given where C is the between-pass mean square over that number.
     `independent_covariance` and `independent_s` are the paper's s^2 (X'X)^-1 and s.
     """
 
@@ -50,9 +52,7 @@ class JointPasses:
     """Components that were read in the same passes, or parameters estimated together.
 
     `covariance` and `pass_covariance` (K, K) replace the components' own blocks; K counts
-    their coefficients (`widths` of them each) in the order of `components`. `kept` is the
-    share of the measured off-diagonal scatter that is pass-to-pass drift (the rest is
-    repeatability).
+    their coefficients (`widths` of them each) in the order of `components`.
     """
 
     components: tuple[str, ...]
@@ -61,7 +61,6 @@ class JointPasses:
     pass_covariance: FloatArray
     pass_dof: float
     n_passes: int | None
-    kept: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -165,7 +165,7 @@ def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> Co
         unit=unit,
         coefficients=fit.plain.coefficients,
         covariance=fit.covariance,
-        pass_covariance=T @ fit.D @ T.T,
+        pass_covariance=T @ fit.D_moment @ T.T,
         s_repeat=float(np.sqrt(fit.s2)),
         pass_dof=float(fit.pass_dof),
         repeat_dof=float(fit.within_dof) if fit.within_dof else np.inf,

@@ -22,10 +22,10 @@ def feature_points(
 
     A coordinate that a constant of the machine fixes (its effective z) is the machine's.
     """
-    features = part.part.features
-    ids = tuple(features) if chosen is None else tuple(dict.fromkeys(chosen))
+    places = part.part.places()
+    ids = tuple(places) if chosen is None else tuple(dict.fromkeys(chosen))
     points = np.array(
-        [[features[i].x_mm, features[i].y_mm, _z(features[i].z_mm, part.part.z_mm)] for i in ids],
+        [[np.nan if value is None else value for value in places[i]] for i in ids],
         dtype=np.float64,
     ).reshape(len(ids), 3)
     warnings: list[Warned] = []
@@ -40,12 +40,6 @@ def feature_points(
                 )
             )
     return ids, points, warnings
-
-
-def _z(own: float | None, common: float | None) -> float:
-    if own is not None:
-        return own
-    return np.nan if common is None else common
 
 
 def outside_warnings(prediction: Prediction) -> list[Warned]:

@@ -152,7 +152,7 @@ def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:
         unit=unit,
         coefficients=np.asarray(item.coefficients, float) * f,
         covariance=np.asarray(item.covariance, float) * f**2,
-        pass_covariance=T @ np.asarray(item.pass_covariance, float) @ T.T * f**2,
+        pass_covariance=T @ np.asarray(item.pass_covariance_moment, float) @ T.T * f**2,
         s_repeat=item.s_repeat * f,
         pass_dof=np.inf if item.pass_dof is None else item.pass_dof,
         repeat_dof=np.inf if item.repeat_dof is None else item.repeat_dof,
@@ -177,5 +177,4 @@ def _joint(group: ReportedGroup, found: dict[str, ComponentEstimate]) -> JointPa
         pass_covariance=np.asarray(group.pass_covariance, float) * np.outer(f, f),
         pass_dof=group.pass_dof,
         n_passes=group.n_passes,
-        kept=group.kept,
     )

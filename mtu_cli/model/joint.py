@@ -3,9 +3,7 @@
 Drift moves all components together; Gilsinn & Ling 2004 close by asking for the
 cross-correlation of the components. Where passes are shared it can be measured: the
 deviations of the passes' own lines, taken over all components at once, have a mean square
-that is unbiased for every linear function of them, with the passes' degrees of freedom. What
-repeatability contributes is taken out of each component's own block as `stats.mixed` does
-it, and out of the products by the same factor, so that the whole stays a covariance.
+that is unbiased for every linear function of them, with the passes' degrees of freedom.
 """
 
 from __future__ import annotations
@@ -59,12 +57,10 @@ def _joint(group: Sequence[ComponentFit]) -> JointPasses:
     dof = fits[0].pass_dof
     n = fits[0].n_passes
     S = deviations.T @ deviations / dof
-    between = S - S * (_block([np.ones_like(fit.D) for fit in fits]) > 0)
-    split = _block([fit.split for fit in fits])
-    D = split @ S @ split.T
-    off = D - D * (_block([np.ones_like(fit.D) for fit in fits]) > 0)
-    C = _block([item.estimate.covariance for item in group]) + (T @ between @ T.T) / n
-    size = float(np.linalg.norm(_unitless(between, S)))
+    inside = _block([np.ones_like(fit.D) for fit in fits]) > 0
+    off = np.where(inside, 0.0, S)
+    D = _block([fit.D_moment for fit in fits]) + off
+    C = _block([item.estimate.covariance for item in group]) + (T @ off @ T.T) / n
     return JointPasses(
         components=tuple(item.name for item in group),
         widths=widths,
@@ -72,15 +68,7 @@ def _joint(group: Sequence[ComponentFit]) -> JointPasses:
         pass_covariance=T @ D @ T.T,
         pass_dof=float(dof),
         n_passes=n,
-        kept=float(np.linalg.norm(_unitless(off, S))) / size if size > 0 else 1.0,
     )
-
-
-def _unitless(part: FloatArray, S: FloatArray) -> FloatArray:
-    scale = np.sqrt(np.diag(S))
-    scale[scale == 0] = 1.0
-    result: FloatArray = part / np.outer(scale, scale)
-    return result
 
 
 def _block(parts: Sequence[FloatArray]) -> FloatArray:

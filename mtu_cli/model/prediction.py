@@ -26,40 +26,8 @@ from mtu_cli.model.machine_model import (
     design,
     theta,
 )
+from mtu_cli.model.variance import Block, Variance, block_variance, noise_covariance
 from mtu_cli.stats.least_squares import FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Block:
-    """Coefficients that share a covariance, seen from the points: G (rows, k) = J columns.
-
-    `C`, `D` (k, k); `noise` (rows, c) holds lever arms times s_repeat of its components.
-    """
-
-    names: tuple[str, ...]
-    G: FloatArray
-    C: FloatArray
-    D: FloatArray
-    noise: FloatArray
-    pass_dof: float
-    repeat_dof: float
-    n_passes: int | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Variance:
-    """Variance (m,) of m linear measurands with effective degrees of freedom (m,).
-
-    `by_block` (blocks, m) are the shares of the blocks; `coefficients`, `passes` and
-    `repeatability` (m,) split the variance by its nature.
-    """
-
-    total: FloatArray
-    dof: FloatArray
-    by_block: FloatArray
-    coefficients: FloatArray
-    passes: FloatArray
-    repeatability: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +76,7 @@ class Prediction:
         S - s^2 M, S the between-pass mean square and s^2 M what repeatability alone would
         give, so g'(C + D)g + s^2 w = (1 + 1/n) g'S g + s^2 (w - g'M g).
         """
-        parts = [_block_variance(block, A, len(self.axes)) for block in self.blocks]
+        parts = [block_variance(block, A, len(self.axes)) for block in self.blocks]
         by_block = np.array([part.sum(axis=0) for part, _, _ in parts])
         total = by_block.sum(axis=0)
         spread = np.zeros(len(A))
@@ -126,37 +94,6 @@ class Prediction:
             passes=split[1],
             repeatability=split[2],
         )
-
-
-def _block_variance(
-    block: Block, A: FloatArray, axes: int
-) -> tuple[FloatArray, list[FloatArray], list[float]]:
-    """(3, m) variance by nature; the mean squares and their degrees of freedom."""
-    g = A @ block.G
-    of_C = np.einsum("mi,ij,mj->m", g, block.C, g)
-    of_D = np.einsum("mi,ij,mj->m", g, block.D, g)
-    noise = np.zeros(len(A))
-    for column in block.noise.T:
-        at_point = (A * column).reshape(len(A), -1, axes).sum(axis=2)
-        noise += (at_point**2).sum(axis=1)
-    split = np.array([of_C, of_D, noise])
-    if block.pass_dof == 0:
-        return split, [of_C + of_D + noise], [block.repeat_dof]
-    if block.n_passes is None:
-        return split, [of_C + of_D, noise], [block.pass_dof, block.repeat_dof]
-    between = (block.n_passes + 1) * of_C
-    return split, [between, of_C + of_D + noise - between], [block.pass_dof, block.repeat_dof]
-
-
-def noise_covariance(noise: FloatArray, axes: int) -> FloatArray:
-    """(rows, rows): axes of one point share a visit's error, points do not."""
-    rows = len(noise)
-    per_point = noise.reshape(rows // axes, axes, -1)
-    blocks = np.einsum("pic,pjc->pij", per_point, per_point)
-    total = np.zeros((rows, rows))
-    for p, block in enumerate(blocks):
-        total[p * axes : (p + 1) * axes, p * axes : (p + 1) * axes] = block
-    return total
 
 
 def predict(

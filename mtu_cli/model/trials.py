@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mtu_cli.model.prediction import Prediction, noise_covariance
+from mtu_cli.model.prediction import Prediction
+from mtu_cli.model.variance import noise_covariance
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.workspace import Workspace
@@ -100,8 +101,9 @@ def error_sources(
 ) -> list[tuple[FloatArray, float]]:
     """Independent sources of the errors: covariances (rows, rows) that add up to the whole.
 
-    Each comes with the degrees of freedom of its mean square; sources with many are put
-    together as one, whose degrees of freedom are those of their total variance.
+    Each comes with the degrees of freedom of its mean square, as `block_variance` has them;
+    sources with many are put together as one, whose degrees of freedom are those of their
+    total variance. A source may have a negative part (see `factor_of`).
     """
     if independent:
         return [(np.diag(prediction.independent_variance), np.inf)]
@@ -112,9 +114,12 @@ def error_sources(
         noise = noise_covariance(block.noise, axes)
         if block.pass_dof == 0:
             pieces.append((shared + noise, block.repeat_dof))
-        else:
+        elif block.n_passes is None:
             pieces += [(shared, block.pass_dof), (noise, block.repeat_dof)]
-    live = [(S, dof) for S, dof in pieces if np.trace(S) > 0]
+        else:
+            between = (block.n_passes + 1) * block.G @ block.C @ block.G.T
+            pieces += [(between, block.pass_dof), (shared + noise - between, block.repeat_dof)]
+    live = [(S, dof) for S, dof in pieces if np.any(S)]
     sources = [(S, dof) for S, dof in live if dof < NEARLY_NORMAL]
     many = [(S, dof) for S, dof in live if dof >= NEARLY_NORMAL]
     if many:
@@ -126,8 +131,17 @@ def error_sources(
 
 
 def factor_of(covariance: FloatArray) -> FloatArray:
-    """F (rows, rank) with F F' = covariance, by eigenvalues: it may be singular."""
+    """F (rows, rank) with F F' = covariance, by eigenvalues: it may be singular.
+
+    A difference of mean squares need not be a covariance over many points at once. Its
+    negative part is then left out and every row scaled back to its own variance.
+    """
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
     kept = values > 1e-14 * max(values[-1], 0.0)
     factor: FloatArray = np.ascontiguousarray(vectors[:, kept] * np.sqrt(values[kept]))
+    if values[0] < -1e-9 * abs(values[-1]):
+        wanted = np.clip(np.diag(covariance), 0.0, None)
+        drawn = np.sum(factor**2, axis=1)
+        ratio = np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0)
+        factor *= np.sqrt(ratio)[:, None]
     return factor

@@ -10,7 +10,6 @@ import numpy as np
 
 from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.settings import Settings
 from mtu_cli.reports import figures, labels
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
@@ -35,7 +34,7 @@ class _Plan:
 
 
 @figures.styled
-def figure(result: PointsResult, settings: Settings) -> Figure:
+def figure(result: PointsResult) -> Figure:
     """Arrows of (Ex, Ey) at the features, ellipses of k standard uncertainties about their tips.
 
     An axis that is not in the plane, or a machine without Ex and Ey, is drawn feature by

@@ -98,8 +98,8 @@ def arcsec(value: float | None) -> float | None:
 
 
 def root(variance: float) -> float:
-    """The standard uncertainty of a variance."""
-    return math.sqrt(variance)
+    """The standard uncertainty of a variance; nan where a difference of mean squares is below 0."""
+    return math.sqrt(variance) if variance >= 0 else math.nan
 
 
 def matrix(values: FloatArray) -> list[Any]:
@@ -112,6 +112,6 @@ def matrix(values: FloatArray) -> list[Any]:
 
 def listed(names: Iterable[str], most: int = 6) -> str:
     """Names for a message, the first few of them and how many more."""
-    known = list(names)
+    known = list(dict.fromkeys(names))
     more = f" and {len(known) - most} more" if len(known) > most else ""
     return ", ".join(known[:most]) + more

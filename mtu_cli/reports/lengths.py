@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.analyses.lengths import Length, LengthsResult
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Warned
 from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import finite, root, um, um2
 from mtu_cli.reports.numbers import interval, percent, plus_minus, significant, with_u
@@ -26,7 +26,7 @@ SHOWN = 60
 """Lengths drawn on one sheet."""
 
 
-def document(result: LengthsResult, settings: Settings) -> dict[str, Any]:
+def document(result: LengthsResult) -> dict[str, Any]:
     """`results` of the report."""
     joint = result.joint_conformance
     toleranced = [length.id for length in result.lengths if length.conformance]
@@ -76,18 +76,18 @@ def _length(item: Length) -> dict[str, Any]:
     }
 
 
-def warnings(result: LengthsResult, settings: Settings) -> list[Warned]:
+def warnings(result: LengthsResult) -> list[Warned]:
     """The result's warnings, and what clause 8 and the trials have to say."""
     names = [item.id for item in result.lengths]
     found = [item.validation for item in result.lengths]
     return [
         *result.warnings,
         *validations.validation_warnings(names, found, "um", UM),
-        *validations.convergence_warnings(settings, result.run.trials, result.run.converged),
+        *validations.convergence_warnings(result.run.trials, result.run.converged),
     ]
 
 
-def table(result: LengthsResult, settings: Settings) -> list[Sheet]:
+def table(result: LengthsResult) -> list[Sheet]:
     """One row a length; um beside the nominal length."""
     toleranced = any(item.conformance for item in result.lengths)
     columns = [
@@ -99,15 +99,15 @@ def table(result: LengthsResult, settings: Settings) -> list[Sheet]:
     if toleranced:
         columns += [Column(title="tolerance\num"), Column(title="conforming\n%")]
     rows = [_row(item, toleranced) for item in result.lengths]
-    k = result.lengths[0].k if result.lengths else settings.coverage_factor
+    k = result.lengths[0].k
     notes = [
         f"U = {k:g} u; error = actual minus nominal; u indep.: ends and components independent "
         "(Gilsinn & Ling 2004, eq. (22))"
     ]
     if result.joint_conformance is not None:
         p, se = result.joint_conformance
-        first, second = with_u(100 * p, 100 * se, 1)
-        notes.append(f"all toleranced lengths of one part conform: {first} ± {second} %")
+        shown = plus_minus(100 * p, 100 * se, 1) if se > 0 else percent(p)
+        notes.append(f"all toleranced lengths of one part conform: {shown} %")
     return [Sheet(title="Lengths", columns=columns, rows=rows, notes=notes)]
 
 
@@ -141,7 +141,7 @@ CSV_COLUMNS = [
 ]  # fmt: skip
 
 
-def csv_rows(result: LengthsResult, settings: Settings) -> tuple[list[str], Iterable[list[object]]]:
+def csv_rows(result: LengthsResult) -> tuple[list[str], Iterable[list[object]]]:
     """One row a length, the fields of `results.lengths` side by side."""
     return CSV_COLUMNS, (_flat(_length(item)) for item in result.lengths)
 
@@ -162,16 +162,16 @@ def _flat(found: dict[str, Any]) -> list[object]:
 
 
 @figures.styled
-def figure(result: LengthsResult, settings: Settings) -> Figure:
+def figure(result: LengthsResult) -> Figure:
     """The lengths' errors with U, independent below, and tolerance limits."""
     shown = result.lengths[:SHOWN]
     page = figures.blank(8.0, max(2.6, 1.7 + 0.52 * len(shown)))
     panel = page.subplots()
     panel.axvline(0.0, color=figures.GREY, linewidth=0.9)
     for row, item in enumerate(shown):
-        _draw(panel, row, item, settings)
+        _draw(panel, row, item)
     more = f" (first {SHOWN} of {len(result.lengths)})" if len(result.lengths) > SHOWN else ""
-    k = shown[0].k if shown else settings.coverage_factor
+    k = shown[0].k
     panel.set_title(f"Errors of the lengths, ± {k:g} u{more}")
     panel.set_yticks(range(len(shown)), [f"{item.id}\n{item.nominal:.2f} mm" for item in shown])
     panel.set_ylim(len(shown) - 0.45, -0.55)
@@ -182,12 +182,11 @@ def figure(result: LengthsResult, settings: Settings) -> Figure:
     return page
 
 
-def _draw(panel: Axes, row: int, item: Length, settings: Settings) -> None:
-    shared = "settings: independent" if settings.independent else "with shared covariance"
-    bars = [(item.u, -0.13, figures.BLUE, 2.4, shared)]
-    if not settings.independent:
-        apart = root(item.independent_variance)
-        bars.append((apart, 0.13, figures.ORANGE, 1.6, "independent ends and components"))
+def _draw(panel: Axes, row: int, item: Length) -> None:
+    apart = root(item.independent_variance)
+    bars = [(apart, 0.13, figures.ORANGE, 1.6, "independent ends and components")]
+    if item.variance != item.independent_variance:
+        bars.insert(0, (item.u, -0.13, figures.BLUE, 2.4, "with shared covariance"))
     for u, offset, colour, width, label in bars:
         panel.errorbar(
             item.error / UM,
@@ -218,5 +217,5 @@ def _draw(panel: Axes, row: int, item: Length, settings: Settings) -> None:
             row + 0.36,
             color=figures.RED,
             linewidth=2.0,
-            label="tolerance" if labelled else None,
+            label="tolerance" if labelled else "_",
         )

@@ -32,13 +32,13 @@ def with_u(value: float | None, u: float | None, digits: int = 2) -> tuple[str, 
 
 
 def plus_minus(value: float | None, u: float | None, digits: int = 2) -> str:
-    """"-0.3 ± 8.1", or the value alone where u is not known."""
+    """ "-0.3 ± 8.1", or the value alone where u is not known."""
     first, second = with_u(value, u, digits)
     return first if second == MISSING else f"{first} ± {second}"
 
 
 def interval(low: float | None, high: float | None, u: float | None, digits: int = 2) -> str:
-    """"[-16.5, 15.8]", the ends rounded to the last place of `u`."""
+    """ "[-16.5, 15.8]", the ends rounded to the last place of `u`."""
     if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
         return MISSING
     return f"[{with_u(low, u, digits)[0]}, {with_u(high, u, digits)[0]}]"
@@ -72,9 +72,9 @@ def percent(probability: float | None) -> str:
         return MISSING
     value = 100 * probability
     if value < 0.01:
-        return "0" if value <= 0 else "<0.01"
+        return "<0.01"
     if value > 99.99:
-        return "100" if value >= 100 else ">99.99"
+        return ">99.99"
     return f"{value:.2f}" if value < 1 or value > 99 else f"{value:.1f}"
 
 
@@ -82,6 +82,8 @@ def degrees_of_freedom(dof: float) -> str:
     """Degrees of freedom, one decimal where they are few; "inf" where they are infinite."""
     if math.isinf(dof):
         return "inf"
+    if dof >= 1000:
+        return ">999"
     return f"{dof:.1f}" if dof < 100 and dof != int(dof) else f"{dof:.0f}"
 
 

@@ -17,7 +17,7 @@ from mtu_cli.analyses.orthogonality import (
     OrthogonalityResult,
     first_order_interval,
 )
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Warned
 from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import arcsec, finite, listed
 from mtu_cli.reports.numbers import interval, significant, with_u
@@ -34,12 +34,12 @@ SHOWN = 6
 """Angles drawn on one sheet."""
 
 
-def document(result: OrthogonalityResult, settings: Settings) -> dict[str, Any]:
+def document(result: OrthogonalityResult, coverage_factor: float) -> dict[str, Any]:
     """`results` of the report."""
-    return {"orthogonality": [_angle(item, settings) for item in result.angles]}
+    return {"orthogonality": [_angle(item, coverage_factor) for item in result.angles]}
 
 
-def _angle(item: Orthogonality, settings: Settings) -> dict[str, Any]:
+def _angle(item: Orthogonality, k: float) -> dict[str, Any]:
     run = item.run
     u = float(run.u[0])
     mean, first_u, dof = item.first_order
@@ -49,8 +49,8 @@ def _angle(item: Orthogonality, settings: Settings) -> dict[str, Any]:
         "column": list(item.column),
         "mean_arcsec": arcsec(run.mean[0]),
         "u_arcsec": arcsec(u),
-        "U_arcsec": arcsec(settings.coverage_factor * u),
-        "k": finite(settings.coverage_factor),
+        "U_arcsec": arcsec(k * u),
+        "k": finite(k),
         # Gilsinn & Ling 2004, eq. (28): the uncertainty of one more trial about the mean of M.
         "u_eq28_arcsec": arcsec(u * math.sqrt(1.0 + 1.0 / run.trials)),
         "interval95_arcsec": [arcsec(run.low[0]), arcsec(run.high[0])],
@@ -88,7 +88,7 @@ def _own_uncertainty(run: MonteCarloResult) -> dict[str, Any]:
     }
 
 
-def warnings(result: OrthogonalityResult, settings: Settings) -> list[Warned]:
+def warnings(result: OrthogonalityResult) -> list[Warned]:
     """The result's warnings, and what clause 8 and the trials have to say."""
     names = [item.id for item in result.angles]
     found = [item.validation for item in result.angles]
@@ -104,11 +104,11 @@ def warnings(result: OrthogonalityResult, settings: Settings) -> list[Warned]:
         )
     noted += validations.validation_warnings(names, found, "arcsec", ARCSEC)
     for item in result.angles:
-        noted += validations.convergence_warnings(settings, item.run.trials, item.run.converged)
+        noted += validations.convergence_warnings(item.run.trials, item.run.converged)
     return list(dict.fromkeys(noted))
 
 
-def table(result: OrthogonalityResult, settings: Settings) -> list[Sheet]:
+def table(result: OrthogonalityResult, coverage_factor: float) -> list[Sheet]:
     """One row an angle; arcsec."""
     names = ("mean", "u", "U", "95 % interval", "first order u", "u indep.")
     columns = [
@@ -127,7 +127,7 @@ def table(result: OrthogonalityResult, settings: Settings) -> list[Sheet]:
                 item.id,
                 with_u(mean, scale)[0],
                 significant(u),
-                with_u(settings.coverage_factor * u, u)[0],
+                with_u(coverage_factor * u, u)[0],
                 interval(item.run.low[0] / ARCSEC, item.run.high[0] / ARCSEC, scale),
                 significant(item.first_order[1] / ARCSEC),
                 significant(item.independent.u[0] / ARCSEC),
@@ -136,7 +136,7 @@ def table(result: OrthogonalityResult, settings: Settings) -> list[Sheet]:
             ]
         )
     notes = [
-        f"U = {settings.coverage_factor:g} u; positive where the corner opens beyond 90 degrees; "
+        f"U = {coverage_factor:g} u; positive where the corner opens beyond 90 degrees; "
         "u indep.: all holes independent (Gilsinn & Ling 2004)",
         "first order valid: its 95 % interval agrees with the Monte Carlo (JCGM 101, clause 8)",
     ]
@@ -152,10 +152,10 @@ CSV_COLUMNS = [
 
 
 def csv_rows(
-    result: OrthogonalityResult, settings: Settings
+    result: OrthogonalityResult, coverage_factor: float
 ) -> tuple[list[str], Iterable[list[object]]]:
     """One row an angle, the fields of `results.orthogonality` side by side."""
-    return CSV_COLUMNS, (_flat(_angle(item, settings)) for item in result.angles)
+    return CSV_COLUMNS, (_flat(_angle(item, coverage_factor)) for item in result.angles)
 
 
 def _flat(found: dict[str, Any]) -> list[object]:
@@ -172,7 +172,7 @@ def _flat(found: dict[str, Any]) -> list[object]:
 
 
 @figures.styled
-def figure(result: OrthogonalityResult, settings: Settings) -> Figure:
+def figure(result: OrthogonalityResult) -> Figure:
     """Histogram of the trials of every angle, its interval, and the first-order curve."""
     shown = result.angles[:SHOWN]
     columns = 1 if len(shown) < 2 else 2

@@ -11,34 +11,33 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.analyses.predict_points import PointsResult
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Warned
 from mtu_cli.reports import validations
 from mtu_cli.reports.arrows import figure
 from mtu_cli.reports.document import finite, matrix, root, um, um2
-from mtu_cli.reports.numbers import degrees_of_freedom, interval, with_u
+from mtu_cli.reports.numbers import MISSING, degrees_of_freedom, interval, with_u
 from mtu_cli.reports.tables import Column, Sheet
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
 __all__ = ["csv_rows", "document", "figure", "table", "warnings"]
 
 
-def document(
-    result: PointsResult, settings: Settings, *, covariance: bool = False
-) -> dict[str, Any]:
+def document(result: PointsResult, *, with_covariance: bool = False) -> dict[str, Any]:
     """`results` of the report; the covariance between all points and axes only if asked for."""
     prediction = result.prediction
     results: dict[str, Any] = {
         "axes": list(prediction.axes),
-        "points": [_point(result, settings, i) for i in range(len(prediction.ids))],
+        "points": [_point(result, i) for i in range(len(prediction.ids))],
         "monte_carlo": {"trials": result.trials, "converged": result.converged},
     }
-    if covariance:
+    if with_covariance:
         results["covariance_rows"] = [f"{i}.{a}" for i in prediction.ids for a in prediction.axes]
         results["covariance_um2"] = matrix(result.covariance / UM**2)
     return results
 
 
-def _point(result: PointsResult, settings: Settings, i: int) -> dict[str, Any]:
+def _point(result: PointsResult, i: int) -> dict[str, Any]:
     prediction = result.prediction
     place = dict(zip(("x_mm", "y_mm", "z_mm"), map(finite, result.points[i]), strict=True))
     point: dict[str, Any] = {"id": prediction.ids[i], **place}
@@ -52,7 +51,7 @@ def _point(result: PointsResult, settings: Settings, i: int) -> dict[str, Any]:
     for j, axis in enumerate(prediction.axes):
         found = result.validations[i * len(prediction.axes) + j]
         point[f"validation_{axis}"] = validations.validation_fields(found, "um", UM)
-    if not settings.independent:
+    if not _as_independent(result):
         for j, axis in enumerate(prediction.axes):
             row = i * len(prediction.axes) + j
             point[f"variance_{axis}_um2"] = {
@@ -83,17 +82,17 @@ def _outside(result: PointsResult, name: str) -> list[str]:
     return [component for point, component, *_ in result.prediction.outside if point == name]
 
 
-def warnings(result: PointsResult, settings: Settings) -> list[Warned]:
+def warnings(result: PointsResult) -> list[Warned]:
     """The result's warnings, and what clause 8 and the trials have to say."""
     names = [f"{i}.{axis}" for i in result.prediction.ids for axis in result.prediction.axes]
     return [
         *result.warnings,
         *validations.validation_warnings(names, result.validations, "um", UM),
-        *validations.convergence_warnings(settings, result.trials, result.converged),
+        *validations.convergence_warnings(result.trials, result.converged),
     ]
 
 
-def table(result: PointsResult, settings: Settings) -> list[Sheet]:
+def table(result: PointsResult) -> list[Sheet]:
     """One row a feature: position, and E, u, U by axis; um."""
     axes = result.prediction.axes
     placed = [a for a in range(3) if np.isfinite(result.points[:, a]).any()]
@@ -105,18 +104,31 @@ def table(result: PointsResult, settings: Settings) -> list[Sheet]:
     rows = []
     for i, name in enumerate(result.prediction.ids):
         flag = "†" if _outside(result, name) else ""
-        cells = [f"{name}{flag}", *(f"{result.points[i, a]:g}" for a in placed)]
+        cells = [f"{name}{flag}", *(_place(result.points[:, a], i) for a in placed)]
         for j in range(len(axes)):
             cells += _cells(result, i * len(axes) + j, last_is_interval=len(axes) < 3)
         rows.append(cells)
-    notes = [f"U = {result.coverage_factor:g} u; error = actual minus nominal; {_kind(settings)}"]
+    notes = [f"U = {result.coverage_factor:g} u; error = actual minus nominal; {_kind(result)}"]
     if result.prediction.outside:
         notes.append("† outside the measured range of a component")
     return [Sheet(title="Errors of the features", columns=columns, rows=rows, notes=notes)]
 
 
-def _kind(settings: Settings) -> str:
-    if settings.independent:
+def _place(column: FloatArray, i: int) -> str:
+    """A coordinate in mm, with decimals only where the column has any."""
+    if np.isnan(column[i]):
+        return MISSING
+    whole = bool(np.all(np.isnan(column) | (column == np.round(column))))
+    return f"{column[i]:.0f}" if whole else f"{column[i]:.3f}"
+
+
+def _as_independent(result: PointsResult) -> bool:
+    """Whether independence was asked for as the main result."""
+    return bool(np.array_equal(result.variance, result.prediction.independent_variance))
+
+
+def _kind(result: PointsResult) -> str:
+    if _as_independent(result):
         return "components and points taken as independent (Gilsinn & Ling 2004)"
     return "covariance of shared passes and coefficients included"
 
@@ -128,9 +140,7 @@ def _cells(result: PointsResult, row: int, *, last_is_interval: bool) -> list[st
     return [*with_u(error, u), with_u(result.coverage_factor * u, u)[0], last]
 
 
-def csv_rows(
-    result: PointsResult, settings: Settings
-) -> tuple[list[str], Iterable[list[object]]]:
+def csv_rows(result: PointsResult) -> tuple[list[str], Iterable[list[object]]]:
     """One row a feature, the fields of `results.points` side by side."""
     axes = result.prediction.axes
     header = ["id", "x_mm", "y_mm", "z_mm"]
@@ -138,7 +148,7 @@ def csv_rows(
         header += [f"E{a}_um", f"u_{a}_um", f"U_{a}_um", f"var_{a}_um2", f"dof_effective_{a}"]
         header += [f"interval95_{a}_low_um", f"interval95_{a}_high_um"]
         header += [f"independent_u_{a}_um"]
-    points = document(result, settings)["points"]
+    points = document(result)["points"]
     return header, ([_flat(point, column) for column in header] for point in points)
 
 

@@ -11,7 +11,7 @@ DIRECTIONS = {1: "forward", -1: "reverse", 0: ""}
 
 
 def readings_csv(found: SimulatedReadings, heading: str) -> str:
-    """A readings file; errors to 0.1 nm or its like in the component's unit."""
+    """A readings file; errors to seven digits."""
     two_way = bool((found.direction != 0).any())
     header = ["component", "position_mm", "pass", *(["direction"] if two_way else []), "error"]
     rows: list[Sequence[object]] = []
@@ -19,7 +19,7 @@ def readings_csv(found: SimulatedReadings, heading: str) -> str:
         sign = int(found.direction[i])
         direction = [DIRECTIONS[sign] or "forward"] if two_way else []
         position = f"{found.position[i]:.6g}"
-        error = f"{found.error[i]:.4f}"
+        error = f"{found.error[i]:.7g}"
         rows.append([name, position, int(found.pass_number[i]), *direction, error, found.unit[i]])
     return heading + csv_text([*header, "unit"], rows)
 

@@ -17,9 +17,6 @@ from rich.text import Text
 WIDTH = 100
 """Columns that a table may take."""
 
-SIGNIFICANT = 0.05
-"""A p value below it is marked."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
@@ -83,28 +80,20 @@ def _cell(value: str) -> Text:
     return Text(value, style="bold" if value.endswith("*") else "")
 
 
-def marked(text: str, p: float | None) -> str:
-    """`text` with an asterisk where its p value is significant."""
-    return f"{text}*" if p is not None and p < SIGNIFICANT else text
-
-
-def show(renderables: Iterable[object], file: IO[str] | None = None) -> None:
-    """Prints to `file` (standard output): rich on a terminal, plain text elsewhere."""
+def console(file: IO[str] | None = None) -> Console:
+    """A console for tables: a terminal's own width and colours, 100 plain columns elsewhere."""
     stream = sys.stdout if file is None else file
     if stream.isatty():
-        target = Console(file=stream, highlight=False)
-        for renderable in renderables:
-            target.print(renderable)
-    else:
-        stream.write(plain_text(renderables))
+        return Console(file=stream, highlight=False)
+    return Console(
+        file=stream, width=WIDTH, highlight=False, force_terminal=False, color_system=None
+    )
 
 
 def plain_text(renderables: Iterable[object]) -> str:
     """What a pipe receives: no escape codes, no trailing blanks, at most 100 columns."""
     out = io.StringIO()
-    target = Console(
-        file=out, width=WIDTH, highlight=False, force_terminal=False, color_system=None
-    )
+    target = console(out)
     for renderable in renderables:
         target.print(renderable)
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"

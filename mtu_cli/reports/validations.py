@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite, listed
 from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.validation import Validation
@@ -52,14 +52,14 @@ def validation_warnings(
     return warnings
 
 
-def convergence_warnings(settings: Settings, trials: int, converged: bool) -> list[Warned]:
-    """An adaptive Monte Carlo that reached its largest count before its goal."""
-    if converged or settings.trials is not None:
+def convergence_warnings(trials: int, converged: bool) -> list[Warned]:
+    """A Monte Carlo that ended, as asked or at its largest count, before its goal."""
+    if converged:
         return []
     return [
         Warned(
             code="not-converged",
-            message=f"the Monte Carlo stopped at {trials} trials before it had converged to "
-            f"{settings.digits} digits (JCGM 101, 7.9.4)",
+            message=f"{trials} Monte Carlo trials: not converged to a fifth of the numerical "
+            "tolerance (JCGM 101, 7.9.4 and 8.2)",
         )
     ]

@@ -44,6 +44,7 @@ class PassFit:
     center: float
     s2: float
     D: FloatArray
+    D_moment: FloatArray
     split: FloatArray
     between: FloatArray
     pass_dof: int
@@ -106,6 +107,7 @@ def fit_passes(
         center=center,
         s2=stage.s2,
         D=D,
+        D_moment=raw,
         split=split,
         between=between,
         pass_dof=dof_between,
@@ -135,6 +137,7 @@ def _single(
         center=center,
         s2=plain.s2,
         D=np.zeros((q, q)),
+        D_moment=np.zeros((q, q)),
         split=np.zeros((q, q)),
         between=np.zeros((q, q)),
         pass_dof=0,

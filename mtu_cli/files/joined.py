@@ -1,0 +1,248 @@
+"""What readings and points have in common: columns of several files put end to end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.csv_file import read_table
+from mtu_cli.files.csv_table import ProblemList, Table, TableSpec, cell_text
+from mtu_cli.files.source import Source
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+    Ints = NDArray[np.int64]
+    Texts = NDArray[np.object_]
+
+MINUTE = 60_000_000
+LARGEST_INTEGER = 2.0**53
+
+
+def read_tables(files: Sequence[tuple[Path, str]], spec: TableSpec) -> list[Table]:
+    """The tables of all (path, role), of which there is at least one.
+
+    Raises InputError with the problems of all files together; a file that is given twice
+    would count every row twice and is one of them.
+    """
+    if not files:
+        raise ValueError("no files to read")
+    tables: list[Table] = []
+    problems: list[Problem] = []
+    first: dict[str, Source] = {}
+    for path, role in files:
+        try:
+            table = read_table(path, role, spec)
+        except InputError as error:
+            problems += error.problems
+            continue
+        tables.append(table)
+        other = first.setdefault(table.source.sha256, table.source)
+        if other is not table.source:
+            what = f"the same bytes as {other.shown!r}: its rows would count twice"
+            problems.append(Problem(what=what, file=table.source.shown, expected="each file once"))
+    if problems:
+        raise InputError(problems)
+    return tables
+
+
+def numbers(tables: Sequence[Table], name: str) -> Floats:
+    """A numeric column over all files, nan where a file lacks it; not to be written to."""
+    if not any(name in table.columns.numbers for table in tables):
+        # One number seen n times: a column that nobody gave takes no memory.
+        return np.broadcast_to(np.float64(np.nan), sum(len(table) for table in tables))
+    return _end_to_end(
+        [table.columns.numbers.get(name, np.full(len(table), np.nan)) for table in tables]
+    )
+
+
+def columns_of(tables: Sequence[Table], names: Sequence[str]) -> Floats:
+    """Numeric columns side by side, (n, k)."""
+    if not any(name in table.columns.numbers for table in tables for name in names):
+        return np.broadcast_to(np.float64(np.nan), (sum(map(len, tables)), len(names)))
+    return np.column_stack([numbers(tables, name) for name in names])
+
+
+def _end_to_end(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def file_indices(tables: Sequence[Table]) -> Ints:
+    """The index of each row's file."""
+    if len(tables) == 1:
+        return np.broadcast_to(np.int64(0), len(tables[0]))
+    return np.repeat(np.arange(len(tables)), [len(table) for table in tables])
+
+
+def integers(tables: Sequence[Table], name: str, problems: ProblemList) -> Ints:
+    """A column of whole numbers, -1 where it is not given; not to be written to."""
+    if not any(name in table.columns.numbers for table in tables):
+        return np.broadcast_to(np.int64(-1), sum(len(table) for table in tables))
+    values = numbers(tables, name)
+    faulty = (values != np.floor(values)) | (np.abs(values) > LARGEST_INTEGER)
+    faulty &= ~np.isnan(values)
+    _by_table(tables, faulty, name, "not a whole number", values, "a whole number", problems)
+    return np.where(faulty | np.isnan(values), -1.0, values).astype(np.int64)
+
+
+def check_signs(tables: Sequence[Table], name: str, problems: ProblemList) -> None:
+    """Cells of a column other than -1, +1 and empty ones."""
+    if any(name in table.columns.numbers for table in tables):
+        values = numbers(tables, name)
+        faulty = ~np.isnan(values) & (np.abs(values) != 1.0)
+        _by_table(tables, faulty, name, "not a direction", values, "-1 or +1", problems)
+
+
+def _by_table(
+    tables: Sequence[Table],
+    faulty: NDArray[np.bool_],
+    name: str,
+    what: str,
+    values: Floats,
+    expected: str,
+    problems: ProblemList,
+) -> None:
+    start = 0
+    for table in tables:
+        inside = np.flatnonzero(faulty[start : start + len(table)])
+        if len(inside):
+            cells = values[start + inside].tolist()
+            problems.add_cells(table, inside, name, what, cells, expected)
+        start += len(table)
+
+
+def labelled(
+    tables: Sequence[Table], name: str, known: Sequence[str] = ()
+) -> tuple[tuple[str, ...], Ints]:
+    """Labels over all files and each row's code; -1 where empty or where a file lacks it.
+
+    Labels in the order of `known`, then of appearance; those that no row has are left out.
+    """
+    if not any(name in table.columns.texts for table in tables):
+        return (), np.broadcast_to(np.int64(-1), sum(len(table) for table in tables))
+    index = {label: code for code, label in enumerate(known)}
+    parts = []
+    for table in tables:
+        column = table.columns.texts.get(name)
+        if column is None:
+            parts.append(np.full(len(table), -1, np.int64))
+            continue
+        lookup = [index.setdefault(label, len(index)) for label in column.labels]
+        parts.append(np.array([*lookup, -1], np.int64)[column.codes])
+    codes = _end_to_end(parts)
+    used = np.zeros(len(index) + 1, bool)
+    used[codes] = True
+    used = used[:-1]
+    if used.all():
+        return tuple(index), codes
+    renumbered = np.append(np.cumsum(used) - 1, -1)
+    labels = tuple(label for label, keep in zip(index, used, strict=True) if keep)
+    return labels, renumbered[codes]
+
+
+def minutes(tables: Sequence[Table], problems: ProblemList) -> Floats:
+    """Minutes of each row: `time_min` as given, `time` from the earliest of all files."""
+    dated = [table for table in tables if "time" in table.columns.times]
+    plain = [table for table in tables if "time_min" in table.columns.numbers]
+    if not dated:
+        return numbers(tables, "time_min")
+    for table in plain[:1]:
+        what = f"'time_min' here, but 'time' in {dated[0].source.shown}"
+        problems.add(
+            Problem(what=what, file=table.source.shown, expected="one of them in all files")
+        )
+    aware = dated[0].columns.times["time"].aware
+    for table in dated[1:]:
+        if table.columns.times["time"].aware != aware:
+            what = f"times {'without' if aware else 'with'} an offset from UTC, unlike those of "
+            what += dated[0].source.shown
+            problems.add(Problem(what=what, file=table.source.shown, column="time"))
+    earliest = min(int(table.columns.times["time"].microseconds.min()) for table in dated)
+    parts = []
+    for table in tables:
+        column = table.columns.times.get("time")
+        if column is None:
+            parts.append(np.full(len(table), np.nan))
+        else:
+            parts.append((column.microseconds - earliest) / MINUTE)
+    return _end_to_end(parts)
+
+
+def covariates(tables: Sequence[Table]) -> dict[str, Floats | Texts]:
+    """Every covariate over all files: floats with nan, or texts with "", where not given.
+
+    A covariate that is a number in one file and a text in another is a text in all.
+    """
+    names = dict.fromkeys(name for table in tables for name in table.covariates)
+    found: dict[str, Floats | Texts] = {}
+    for name in names:
+        if any(name in table.columns.texts for table in tables):
+            found[name] = np.concatenate([_texts(table, name) for table in tables])
+        else:
+            found[name] = numbers(tables, name)
+    return found
+
+
+def _texts(table: Table, name: str) -> Texts:
+    if name in table.columns.texts:
+        column = table.columns.texts[name]
+        return np.array([*column.labels, ""], dtype=object)[column.codes]
+    if name in table.columns.numbers:
+        values = table.columns.numbers[name].tolist()
+        return np.array(["" if v != v else cell_text(v) for v in values], dtype=object)
+    return np.full(len(table), "", dtype=object)
+
+
+def check_labels(
+    table: Table,
+    name: str,
+    what: str,
+    expected: Callable[[str], str | None],
+    problems: ProblemList,
+) -> None:
+    """A problem for every cell of a text column for which `expected` has something to say."""
+    column = table.columns.texts.get(name)
+    if column is None:
+        return
+    for code, label in enumerate(column.labels):
+        hint = expected(label)
+        if hint is not None:
+            indices = np.flatnonzero(column.codes == code)
+            problems.add_cells(table, indices, name, what, [label], hint)
+
+
+def check_doubled_rows(table: Table, problems: ProblemList) -> None:
+    """Rows equal to an earlier one in every column, for tables that tell repeats apart."""
+    columns = table.columns
+    keys: list[NDArray[Any]] = list(columns.numbers.values())
+    keys += [text.codes for text in columns.texts.values()]
+    keys += [time.microseconds for time in columns.times.values()]
+    mixed = np.zeros(len(table), np.uint64)
+    for key in keys:
+        # Adding 0.0 makes -0.0 the 0.0 that it equals.
+        bits = (key + 0.0).view(np.uint64) if key.dtype == np.float64 else key.astype(np.uint64)
+        mixed = (mixed ^ bits) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(29)
+    ordered = np.sort(mixed)
+    repeated = ordered[1:][ordered[1:] == ordered[:-1]]
+    if not len(repeated):
+        return
+    suspects = np.flatnonzero(np.isin(mixed, repeated))
+    first: dict[tuple[object, ...], int] = {}
+    for index in suspects.tolist():
+        cells = tuple(None if key[index] != key[index] else key[index].item() for key in keys)
+        earlier = first.setdefault(cells, index)
+        if earlier != index:
+            problems.add(
+                Problem(
+                    what=f"the same as row {table.rows[earlier]} in every column",
+                    file=table.source.shown,
+                    row=int(table.rows[index]),
+                    expected="each reading once",
+                )
+            )

@@ -1,0 +1,204 @@
+"""Measured points (``--cmm``) from all files at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.errors import Problem, did_you_mean
+from mtu_cli.files import joined
+from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
+from mtu_cli.files.source import Source
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+Place = tuple[float, float, float | None]
+"""Nominal x, y, z in mm; z None where nothing states it."""
+
+AXES = ("x", "y", "z")
+NOMINAL_TOLERANCE_MM = 1e-6
+
+SPEC = TableSpec(
+    required=("part", "feature", "x_mm", "y_mm"),
+    numbers=frozenset(
+        {"x_mm", "y_mm", "z_mm", "repeat", "sequence", "time_min", "dir_x", "dir_y", "dir_z"}
+        | {f"nominal_{axis}_mm" for axis in AXES}
+    ),
+    texts=frozenset({"part", "feature", "operation"}),
+    times=frozenset({"time"}),
+    may_be_empty=frozenset({"dir_x", "dir_y", "dir_z", *(f"nominal_{axis}_mm" for axis in AXES)}),
+    exclusive=(("time", "time_min"),),
+    together=(("nominal_x_mm", "nominal_y_mm"),),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Points:
+    """Measured points of all files, end to end; every array has one entry a point.
+
+    `parts[part[i]]`, `features[feature[i]]`, `operations[operation[i]]` (-1: not given);
+    `measured` and `nominal` (n, 3) mm, nan where z is not given; `repeat` -1 where not
+    given; `time_min` in minutes, from the earliest of all files where those are dates, nan
+    where not given; `sequence` the order of manufacture, as given or counted from 1 in the
+    order in which parts first appear; `direction` (n, 3) -1, +1, or nan where not given;
+    `covariates` floats (nan where not given) or texts ("" where not given); `row` counts as a
+    text editor in the file `sources[file_index[i]]`. Arrays may be read-only.
+    """
+
+    parts: tuple[str, ...]
+    part: NDArray[np.int64]
+    features: tuple[str, ...]
+    feature: NDArray[np.int64]
+    operations: tuple[str, ...]
+    operation: NDArray[np.int64]
+    measured: NDArray[np.float64]
+    nominal: NDArray[np.float64]
+    repeat: NDArray[np.int64]
+    time_min: NDArray[np.float64]
+    sequence: NDArray[np.int64]
+    direction: NDArray[np.float64]
+    covariates: dict[str, NDArray[np.float64] | NDArray[np.object_]]
+    file_index: NDArray[np.int64]
+    row: NDArray[np.int64]
+    sources: tuple[Source, ...]
+
+    def __len__(self) -> int:
+        return len(self.part)
+
+
+def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place] | None) -> Points:
+    """Reads all files of measured points; `files` are (path, role).
+
+    `features` are the part file's nominal places; without them the files must give
+    nominal_x_mm, nominal_y_mm. Where both do, they must agree within 1e-6 mm.
+
+    Raises InputError with all problems of all files: of headers and cells first, then, where
+    those are sound, of what the values mean.
+    """
+    tables = joined.read_tables(files, SPEC)
+    problems = ProblemList()
+    for table in tables:
+        _check_table(table, features, problems)
+    points = _assemble(tables, features, problems)
+    problems.raise_if_any()
+    return points
+
+
+def _check_table(table: Table, features: Mapping[str, Place] | None, problems: ProblemList) -> None:
+    if features is not None:
+        joined.check_labels(
+            table, "feature", "unknown feature",
+            lambda label: None if label in features else did_you_mean(label, features), problems,
+        )  # fmt: skip
+    names = {*table.columns.numbers, *table.columns.times}
+    if names & {"repeat", "time", "time_min"}:
+        joined.check_doubled_rows(table, problems)
+
+
+def _assemble(
+    tables: Sequence[Table], features: Mapping[str, Place] | None, problems: ProblemList
+) -> Points:
+    parts, part = joined.labelled(tables, "part")
+    names, feature = joined.labelled(tables, "feature", tuple(features or ()))
+    operations, operation = joined.labelled(tables, "operation")
+    directions = [f"dir_{axis}" for axis in AXES]
+    for name in directions:
+        joined.check_signs(tables, name, problems)
+    return Points(
+        parts=parts,
+        part=part,
+        features=names,
+        feature=feature,
+        operations=operations,
+        operation=operation,
+        measured=joined.columns_of(tables, [f"{axis}_mm" for axis in AXES]),
+        nominal=_nominal(tables, names, feature, features, problems),
+        repeat=joined.integers(tables, "repeat", problems),
+        time_min=joined.minutes(tables, problems),
+        sequence=_sequence(tables, part, problems),
+        direction=joined.columns_of(tables, directions),
+        covariates=joined.covariates(tables),
+        file_index=joined.file_indices(tables),
+        row=np.concatenate([table.rows for table in tables]),
+        sources=tuple(table.source for table in tables),
+    )
+
+
+def _sequence(
+    tables: Sequence[Table], part: NDArray[np.int64], problems: ProblemList
+) -> NDArray[np.int64]:
+    with_it = [table for table in tables if "sequence" in table.columns.numbers]
+    if not with_it:
+        # Codes are given in the order of first appearance.
+        return part + 1
+    for table in tables:
+        if table not in with_it:
+            what = f"no column 'sequence', which {with_it[0].source.shown} has"
+            expected = "it in all files, or in none"
+            problems.add(Problem(what=what, file=table.source.shown, expected=expected))
+    return joined.integers(tables, "sequence", problems)
+
+
+def _nominal(
+    tables: Sequence[Table],
+    names: Sequence[str],
+    feature: NDArray[np.int64],
+    features: Mapping[str, Place] | None,
+    problems: ProblemList,
+) -> NDArray[np.float64]:
+    """Nominal places of the part file, or else of the columns; both must agree."""
+    places = [_place(features, name) for name in names]
+    nominal = np.array(places, np.float64).reshape(-1, 3)[feature]
+    start = 0
+    for table in tables:
+        rows = slice(start, start + len(table))
+        for axis, letter in enumerate(AXES):
+            own = table.columns.numbers.get(f"nominal_{letter}_mm")
+            if own is not None:
+                _merge(table, nominal[rows, axis], own, letter, problems)
+        if features is None:
+            _report_unknown(table, nominal[rows], problems)
+        start += len(table)
+    return nominal
+
+
+def _place(features: Mapping[str, Place] | None, name: str) -> tuple[float, float, float]:
+    x, y, z = (features or {}).get(name, (np.nan, np.nan, None))
+    return x, y, np.nan if z is None else z
+
+
+def _merge(
+    table: Table,
+    nominal: NDArray[np.float64],
+    own: NDArray[np.float64],
+    letter: str,
+    problems: ProblemList,
+) -> None:
+    apart = np.flatnonzero(np.abs(own - nominal) > NOMINAL_TOLERANCE_MM)
+    if len(apart):
+        features = table.columns.texts["feature"]
+        for index in apart[:1000]:
+            name = features.labels[features.codes[index]]
+            expected = f"{nominal[index]:.9g}, as the part file has it for {name!r}"
+            column = f"nominal_{letter}_mm"
+            what = f"the nominal {letter} of {name!r} is not the part file's"
+            problems.add(table.problem(int(index), column, what, float(own[index]), expected))
+        problems.uncounted += max(0, len(apart) - 1000)
+    free = np.isnan(nominal)
+    nominal[free] = own[free]
+
+
+def _report_unknown(table: Table, nominal: NDArray[np.float64], problems: ProblemList) -> None:
+    unknown = np.isnan(nominal[:, 0]) | np.isnan(nominal[:, 1])
+    column = table.columns.texts["feature"]
+    codes, first = np.unique(column.codes[unknown], return_index=True)
+    rows = np.flatnonzero(unknown)[first]
+    for code, index in zip(codes, rows, strict=True):
+        expected = "the feature in a part file (--part), or nominal_x_mm and nominal_y_mm"
+        what = "no nominal place is known for the feature"
+        problems.add(table.problem(int(index), "feature", what, column.labels[code], expected))

@@ -1,0 +1,228 @@
+"""Readings of error components (``--lbb``, ``--laser``, ``--drift``) from all files at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from mtu_cli.errors import Problem, closest, did_you_mean
+from mtu_cli.files import joined
+from mtu_cli.files.contract_errors import unit_expectation
+from mtu_cli.files.csv_file import missing_column
+from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
+from mtu_cli.files.source import Source
+from mtu_cli.units import UNITS, dimension_name
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SPEC = TableSpec(
+    required=("component", "error", "unit"),
+    numbers=frozenset({"error", "position_mm", "pass", "time_min"}),
+    texts=frozenset({"component", "unit", "direction", "cycle"}),
+    times=frozenset({"time"}),
+    may_be_empty=frozenset({"position_mm", "direction"}),
+    exclusive=(("time", "time_min"),),
+)
+
+DIRECTIONS = {"forward": 1, "+": 1, "1": 1, "+1": 1, "reverse": -1, "-": -1, "-1": -1}
+
+
+class ComponentLike(Protocol):
+    """What readings need to know of a component of the machine."""
+
+    @property
+    def of(self) -> str | None:
+        """Its axis, None for a constant."""
+
+    @property
+    def unit(self) -> str:
+        """A key of UNITS."""
+
+    @property
+    def degree(self) -> int:
+        """Degree of its polynomial."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Readings:
+    """Readings of all files, end to end; every array has one entry a reading.
+
+    `components[code[i]]` is read; `position_mm` is nan where the component has no axis (a
+    position given there has no meaning and is ignored); `error` in mm or rad;
+    `pass_number` counts where `has_pass`, else -1; `direction` is +1, -1, or 0 where not
+    given; `cycles[cycle[i]]`, -1 where not given; `time_min` in minutes, from the earliest
+    time of all files where those are dates, nan where not given; `covariates` are floats
+    (nan where not given) or texts ("" where not given); `row` counts as a text editor in the
+    file `sources[file_index[i]]`, whose role is `roles[file_index[i]]`. Arrays may be
+    read-only.
+    """
+
+    components: tuple[str, ...]
+    code: NDArray[np.int64]
+    position_mm: NDArray[np.float64]
+    error: NDArray[np.float64]
+    pass_number: NDArray[np.int64]
+    has_pass: NDArray[np.bool_]
+    direction: NDArray[np.int8]
+    cycles: tuple[str, ...]
+    cycle: NDArray[np.int64]
+    time_min: NDArray[np.float64]
+    covariates: dict[str, NDArray[np.float64] | NDArray[np.object_]]
+    file_index: NDArray[np.int64]
+    row: NDArray[np.int64]
+    sources: tuple[Source, ...]
+    roles: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.code)
+
+
+def read_readings(
+    files: Sequence[tuple[Path, str]],
+    components: Mapping[str, ComponentLike] | None,
+    *,
+    for_fit: bool,
+) -> Readings:
+    """Reads all files of readings; `files` are (path, role).
+
+    `components` are the machine's, by name; without them any name is accepted and positions
+    are taken as they stand. `for_fit` asks for degree + 1 distinct positions a component.
+
+    Raises InputError with all problems of all files: of headers and cells first, then, where
+    those are sound, of what the values mean.
+    """
+    tables = joined.read_tables(files, SPEC)
+    problems = ProblemList()
+    for table in tables:
+        _check_table(table, components, problems)
+    readings = _assemble(tables, components, problems)
+    if for_fit and components is not None and not problems.listed:
+        _check_positions(readings, components, problems)
+    problems.raise_if_any()
+    return readings
+
+
+def _check_table(
+    table: Table, components: Mapping[str, ComponentLike] | None, problems: ProblemList
+) -> None:
+    joined.check_labels(
+        table, "unit", "unknown unit",
+        lambda label: None if label in UNITS else unit_expectation(label), problems,
+    )  # fmt: skip
+    joined.check_labels(table, "direction", "unknown direction", _direction_hint, problems)
+    if components is not None:
+        joined.check_labels(
+            table, "component", "unknown component",
+            lambda label: None if label in components else did_you_mean(label, components),
+            problems,
+        )  # fmt: skip
+        _check_machine(table, components, problems)
+    names = {*table.columns.numbers, *table.columns.times}
+    if names & {"pass", "repeat", "time", "time_min"}:
+        joined.check_doubled_rows(table, problems)
+
+
+def _direction_hint(label: str) -> str | None:
+    if direction_sign(label) is not None:
+        return None
+    near = closest(label, ("forward", "reverse"))
+    return f"did you mean {near!r}?" if near else "forward or reverse, + or -, 1 or -1"
+
+
+def direction_sign(label: str) -> int | None:
+    """+1 for forward, -1 for reverse, None for anything else."""
+    return DIRECTIONS.get(label.casefold().removesuffix(".0"))
+
+
+def _check_machine(
+    table: Table, components: Mapping[str, ComponentLike], problems: ProblemList
+) -> None:
+    """Positions of components with an axis, and units of their kind."""
+    column = table.columns.texts["component"]
+    units = table.columns.texts["unit"]
+    positions = table.columns.numbers.get("position_mm")
+    for code, label in enumerate(column.labels):
+        component = components.get(label)
+        if component is None:
+            continue
+        inside = column.codes == code
+        if component.of is not None and positions is None:
+            place = (table.source.shown, table.header_row, table.header)
+            problems.add(missing_column("position_mm", *place, SPEC))
+            positions = np.zeros(len(table))
+        elif component.of is not None and positions is not None:
+            empty = np.flatnonzero(inside & np.isnan(positions))
+            expected = f"a number: {label} is a function of {component.of}"
+            problems.add_cells(table, empty, "position_mm", "empty cell", [""], expected)
+        dimension = UNITS[component.unit].dimension
+        for unit_code, unit in enumerate(units.labels):
+            if unit in UNITS and UNITS[unit].dimension != dimension:
+                rows = np.flatnonzero(inside & (units.codes == unit_code))
+                expected = f"{dimension_name(dimension)}: the machine gives {label} in "
+                expected += component.unit
+                what = f"wrong kind of unit for {label!r}"
+                problems.add_cells(table, rows, "unit", what, [unit], expected)
+
+
+def _assemble(
+    tables: Sequence[Table],
+    components: Mapping[str, ComponentLike] | None,
+    problems: ProblemList,
+) -> Readings:
+    names, code = joined.labelled(tables, "component", tuple(components or ()))
+    position = joined.numbers(tables, "position_mm")
+    if components is not None:
+        axisless = [name in components and components[name].of is None for name in names]
+        position = np.where(np.array(axisless, bool)[code], np.nan, position)
+    units, unit_code = joined.labelled(tables, "unit")
+    factors = np.array([UNITS[unit].to_internal if unit in UNITS else np.nan for unit in units])
+    directions, direction_code = joined.labelled(tables, "direction")
+    values = [direction_sign(label) or 0 for label in directions]
+    has_pass = ~np.isnan(joined.numbers(tables, "pass"))
+    cycles, cycle = joined.labelled(tables, "cycle")
+    return Readings(
+        components=names,
+        code=code,
+        position_mm=position,
+        error=joined.numbers(tables, "error") * factors[unit_code],
+        pass_number=joined.integers(tables, "pass", problems),
+        has_pass=has_pass,
+        direction=np.array([*values, 0], np.int8)[direction_code],
+        cycles=cycles,
+        cycle=cycle,
+        time_min=joined.minutes(tables, problems),
+        covariates=joined.covariates(tables),
+        file_index=joined.file_indices(tables),
+        row=np.concatenate([table.rows for table in tables]),
+        sources=tuple(table.source for table in tables),
+        roles=tuple(table.source.role for table in tables),
+    )
+
+
+def _check_positions(
+    readings: Readings, components: Mapping[str, ComponentLike], problems: ProblemList
+) -> None:
+    for code, name in enumerate(readings.components):
+        component = components[name]
+        inside = np.flatnonzero(readings.code == code)
+        distinct = np.unique(readings.position_mm[inside])
+        if component.of is None or len(distinct) > component.degree:
+            continue
+        first = inside[0]
+        shown = ", ".join(f"{value:g}" for value in distinct)
+        plural = "one position only" if len(distinct) == 1 else f"{len(distinct)} positions only"
+        problems.add(
+            Problem(
+                what=f"{name!r} of degree {component.degree} is measured at {plural}",
+                file=readings.sources[readings.file_index[first]].shown,
+                row=int(readings.row[first]),
+                column="position_mm",
+                value=f"{shown} mm",
+                expected=f"at least {component.degree + 1} positions",
+            )
+        )

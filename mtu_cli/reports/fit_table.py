@@ -1,0 +1,162 @@
+"""The components for people: one row each, in units that fit a machine tool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from mtu_cli.model.estimates import ComponentEstimate, Estimates
+from mtu_cli.model.estimation import ComponentFit, InstrumentFit
+from mtu_cli.model.fit import MachineFit
+from mtu_cli.model.fit_warnings import FAMILY_RATE
+from mtu_cli.model.fit_warnings import significant as holding_out
+from mtu_cli.reports.document import listed
+from mtu_cli.reports.fitted import pass_covariance, single_instrument
+from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
+from mtu_cli.reports.observability import observability
+from mtu_cli.reports.tables import Column, Sheet
+from mtu_cli.stats.pass_tests import FTest, Shift
+
+MM_PER_M = 1000.0
+
+
+TESTS: tuple[Callable[[InstrumentFit], FTest | Shift | None], ...] = (
+    lambda item: item.scatter,
+    lambda item: item.trend,
+    lambda item: item.lack_of_fit,
+    lambda item: item.reversal,
+)
+
+
+def table(machine: str, fit: MachineFit, estimates: Estimates) -> list[Sheet]:
+    """Coefficients with u, scatter and tests; what is not determined below."""
+    titles = ["at 0\nunit", "slope\nunit/m", "s_repeat\nunit", "s_pass\nunit", "drift\np"]
+    titles += ["trend\np", "misfit\np", "reversal\nunit"]
+    columns = [
+        Column(title="component\n", text=True, folds=True),
+        Column(title="of\n", text=True),
+        Column(title="unit\n", text=True),
+        *(Column(title=title) for title in titles),
+    ]
+    standing_out = [_standing_out(fit, test) for test in TESTS]
+    rows = [
+        _row(name, item, fit.components.get(name), standing_out)
+        for name, item in estimates.components.items()
+    ]
+    legend = (
+        "± is one standard uncertainty; drift: passes differ by more than repeatability; trend: "
+        "steady from pass to pass; misfit: the polynomial does not fit; reversal: forward minus "
+        f"reverse; * stands out among all components at {100 * FAMILY_RATE:g} % (Bonferroni)"
+    )
+    notes = [legend, *_higher(estimates), *_stated(fit, estimates), *_agreement(fit)]
+    notes += _open(fit, estimates)
+    return [Sheet(title=f"Components of {machine}", columns=columns, rows=rows, notes=notes)]
+
+
+def _standing_out(
+    fit: MachineFit, test: Callable[[InstrumentFit], FTest | Shift | None]
+) -> set[str]:
+    """Components whose test holds out among all of its kind, as the warnings count it."""
+    p_values: dict[str, float] = {}
+    for name, component in fit.components.items():
+        for item in component.instruments:
+            found = test(item)
+            if found is not None:
+                p_values[f"{name}\n{item.role}"] = found.p
+    return {key.partition("\n")[0] for key in holding_out(p_values)}
+
+
+def _row(
+    name: str,
+    estimate: ComponentEstimate,
+    found: ComponentFit | None,
+    standing_out: Sequence[set[str]],
+) -> list[str]:
+    f = estimate.unit.to_internal
+    value, u = estimate.coefficients / f, np.sqrt(np.diag(estimate.covariance)) / f
+    one = single_instrument(found)
+    slope = MISSING
+    if len(value) > 1:
+        slope = plus_minus(value[1] * MM_PER_M, _known(u[1] * MM_PER_M))
+    row = [name, estimate.of or MISSING, estimate.unit.name]
+    row += [plus_minus(value[0], _known(u[0])), slope, *_scatter(estimate, found)]
+    return row + _tests(name, one, found, standing_out, f)
+
+
+def _scatter(estimate: ComponentEstimate, found: ComponentFit | None) -> list[str]:
+    """s_repeat and s_pass, each only where something tells it from the other."""
+    f = estimate.unit.to_internal
+    s_pass = float(np.sqrt(pass_covariance(estimate, found)[0, 0])) / f
+    fits = [item.fit for item in found.instruments] if found else []
+    repeated = not fits or any(not fit.separated or fit.within_dof > 0 for fit in fits)
+    several_passes = any(fit.separated for fit in fits) if fits else s_pass > 0
+    return [
+        significant(estimate.s_repeat / f) if repeated else MISSING,
+        significant(s_pass) if several_passes else MISSING,
+    ]
+
+
+def _tests(
+    name: str,
+    one: InstrumentFit | None,
+    found: ComponentFit | None,
+    standing_out: Sequence[set[str]],
+    f: float,
+) -> list[str]:
+    """Cells of the four tests; of several instruments only whether one stands out."""
+    flags = ["*" if name in names else "" for names in standing_out]
+    if one is None:
+        return [flag if found and flag else MISSING for flag in flags]
+    cells = [p_value(test.p if (test := t(one)) else None) for t in TESTS[:3]]
+    back = one.reversal
+    cells.append(MISSING if back is None else plus_minus(back.value / f, back.u / f))
+    return [f"{cell}{flag}" for cell, flag in zip(cells, flags, strict=True)]
+
+
+def _known(u: float) -> float | None:
+    """A machine file that states no covariance leaves none to show."""
+    return float(u) if u > 0 else None
+
+
+def _higher(estimates: Estimates) -> list[str]:
+    """Coefficients beyond the slope."""
+    notes = []
+    for name, item in estimates.components.items():
+        f, u = item.unit.to_internal, np.sqrt(np.diag(item.covariance))
+        for power in range(2, len(item.coefficients)):
+            scale = MM_PER_M**power / f
+            shown = plus_minus(item.coefficients[power] * scale, _known(u[power] * scale))
+            notes.append(f"{name}: {shown} {item.unit.name}/m^{power} with {item.of}^{power}")
+    return notes
+
+
+def _stated(fit: MachineFit, estimates: Estimates) -> list[str]:
+    stated = [name for name in estimates.components if name not in fit.components]
+    return [f"from the machine file: {listed(stated, 12)}"] if stated else []
+
+
+def _agreement(fit: MachineFit) -> list[str]:
+    """How well instruments agree, one line for all components that the same ones read."""
+    grouped: dict[str, list[str]] = {}
+    for name, item in fit.components.items():
+        if item.agreement_p is not None:
+            roles = " and ".join(found.role for found in item.instruments)
+            grouped.setdefault(roles, []).append(f"{name} {p_value(item.agreement_p)}")
+    return [
+        f"read by {roles} (tests of each in the report); p that they agree: {listed(names, 12)}"
+        for roles, names in grouped.items()
+    ]
+
+
+def _open(fit: MachineFit, estimates: Estimates) -> list[str]:
+    """What is not determined, one line for all components that lack the same."""
+    grouped: dict[tuple[str, str, str], list[str]] = {}
+    for item in observability(fit, estimates):
+        if item.component in fit.components or "," in item.component:
+            key = (item.not_determined, item.because, item.reading_that_would)
+            grouped.setdefault(key, []).append(item.component)
+    return [
+        f"not determined: {what}, {listed(names, 12)} ({because}); what would: {would}"
+        for (what, because, would), names in grouped.items()
+    ]

@@ -1,0 +1,208 @@
+"""Virtual machines written apart from the package: readings, fits, future parts, coverage.
+
+A planar machine with eight components and an axis angle; every pass draws each component's
+level and slope, either on its own or all from one common cause, every reading its own noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.files.machine import LoadedMachine, machine_from
+from mtu_cli.files.readings import Readings
+from mtu_cli.files.source import Source
+from mtu_cli.files.yaml_file import read_yaml
+from mtu_cli.model.fit import estimates_from_fit, fit_machine
+from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.stats.coverage import coverage_factor
+
+FloatArray = NDArray[np.float64]
+
+Z = 127.0
+LEVER = 100.0
+POINTS = np.array([[10.0, 10.0, Z], [10.0, 140.0, Z], [140.0, 140.0, Z]])
+PAIRS = [(0, 1), (1, 2), (0, 2)]
+POSITIONS = np.linspace(10.0, 150.0, 8)
+CENTRE = float(POSITIONS.mean())
+
+# name -> (axis, intercept, slope, repeatability, sd of a pass's level, sd of its slope) in
+# mm or rad; angles weigh in with a lever of about 100 mm.
+COMPONENTS: dict[str, tuple[str, float, float, float, float, float]] = {
+    "dx_x": ("x", -5.8e-3, -1.9e-5, 0.8e-3, 1.5e-3, 1.0e-5),
+    "dy_x": ("x", 4.2e-3, -3.8e-6, 0.7e-3, 1.2e-3, 0.5e-5),
+    "ez_x": ("x", 3.0e-5, -2.9e-8, 0.9e-5, 1.6e-5, 1.0e-7),
+    "ey_x": ("x", -6.1e-6, -3.1e-8, 0.5e-5, 0.9e-5, 0.5e-7),
+    "dy_y": ("y", 4.3e-4, -1.8e-5, 1.1e-3, 2.0e-3, 1.2e-5),
+    "dx_y": ("y", 3.4e-3, -3.9e-6, 0.7e-3, 1.2e-3, 0.5e-5),
+    "ez_y": ("y", 1.5e-5, -5.6e-8, 0.8e-5, 1.3e-5, 0.8e-7),
+    "ex_y": ("y", -6.6e-5, -6.0e-9, 0.9e-5, 1.5e-5, 1.0e-7),
+}
+AXY = (-3.3e-5, 1.7e-6)
+AXY_PASSES = 5
+
+MACHINE = """schema: mtu/machine/1
+name: virtual
+constants: {z: 127.0}
+components:
+  dx_x: {of: x, unit: um}
+  dy_x: {of: x, unit: um}
+  ez_x: {of: x, unit: urad}
+  ey_x: {of: x, unit: urad}
+  dy_y: {of: y, unit: um}
+  dx_y: {of: y, unit: um}
+  ez_y: {of: y, unit: urad}
+  ex_y: {of: y, unit: urad}
+  axy: {unit: urad}
+equations:
+  Ex: dx_x + dx_y + z*ey_x + y*ez_x + y*ez_y - y*axy
+  Ey: dy_x + dy_y - x*ez_x - z*ex_y
+"""
+
+
+def machine(folder: object) -> LoadedMachine:
+    """The machine file above, read as any other; `folder` is pytest's tmp_path."""
+    from pathlib import Path
+
+    path = Path(str(folder)) / "machine.yaml"
+    path.write_text(MACHINE)
+    return machine_from(read_yaml(path, "machine"))
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How passes scatter: `size` times the table's, all components alike if `common`."""
+
+    size: float
+    common: bool = False
+
+
+def pass_states(rng: np.random.Generator, drift: Drift, n: int) -> dict[str, FloatArray]:
+    """(n, 2) deviations of level at the centre and slope, by component."""
+    states = {}
+    common = rng.standard_normal((n, 2))
+    for name, (*_, level, slope) in COMPONENTS.items():
+        own = rng.standard_normal((n, 2))
+        z = 0.8 * common + 0.6 * own if drift.common else own
+        states[name] = drift.size * z * [level, slope]
+    return states
+
+
+def read_machine(rng: np.random.Generator, drift: Drift, passes: int = 5) -> Readings:
+    """Ball-bar readings of one machine: `passes` forward and as many in reverse."""
+    names, code, position, error, number, direction = (*COMPONENTS, "axy"), [], [], [], [], []
+    states = pass_states(rng, drift, 2 * passes)
+    for c, (name, (_, b0, b1, repeat, _, _)) in enumerate(COMPONENTS.items()):
+        for g in range(2 * passes):
+            level, slope = states[name][g]
+            y = b0 + b1 * POSITIONS + level + slope * (POSITIONS - CENTRE)
+            error.append(y + repeat * rng.standard_normal(len(POSITIONS)))
+            position.append(POSITIONS)
+            code.append(np.full(len(POSITIONS), c))
+            number.append(np.full(len(POSITIONS), g // 2 + 1))
+            direction.append(np.full(len(POSITIONS), 1 - 2 * (g % 2)))
+    error.append(AXY[0] + AXY[1] * rng.standard_normal(AXY_PASSES))
+    position.append(np.full(AXY_PASSES, np.nan))
+    code.append(np.full(AXY_PASSES, len(COMPONENTS)))
+    number.append(np.arange(1, AXY_PASSES + 1))
+    direction.append(np.zeros(AXY_PASSES, int))
+    n = sum(len(item) for item in error)
+    return Readings(
+        components=names,
+        code=np.concatenate(code),
+        position_mm=np.concatenate(position),
+        error=np.concatenate(error),
+        pass_number=np.concatenate(number),
+        has_pass=np.ones(n, bool),
+        direction=np.concatenate(direction).astype(np.int8),
+        cycles=(),
+        cycle=np.full(n, -1),
+        time_min=np.full(n, np.nan),
+        covariates={},
+        file_index=np.zeros(n, np.int64),
+        row=np.arange(n),
+        sources=(Source(role="lbb", path=__file__, shown="lbb.csv", sha256="", rows=n),),  # type: ignore[arg-type]  # never opened
+        roles=("lbb",),
+    )
+
+
+def true_coefficients() -> dict[str, FloatArray]:
+    """Intercept and slope of every component."""
+    found = {name: np.array([b0, b1]) for name, (_, b0, b1, *_) in COMPONENTS.items()}
+    return found | {"axy": np.array([AXY[0]])}
+
+
+def make_parts(rng: np.random.Generator, drift: Drift, parts: int) -> FloatArray:
+    """True errors (parts, points, 2) of POINTS on parts made by the true machine."""
+    states = pass_states(rng, drift, parts)
+    value: dict[str, FloatArray] = {}
+    for name, (axis, b0, b1, repeat, _, _) in COMPONENTS.items():
+        p = POINTS[:, "xy".index(axis)]
+        level, slope = states[name].T[:, :, None]
+        value[name] = b0 + b1 * p + level + slope * (p - CENTRE)
+        value[name] = value[name] + repeat * rng.standard_normal((parts, len(POINTS)))
+    axy = AXY[0] + AXY[1] * rng.standard_normal((parts, 1))
+    x, y = POINTS[:, 0], POINTS[:, 1]
+    v = value
+    Ex = v["dx_x"] + v["dx_y"] + Z * v["ey_x"] + y * (v["ez_x"] + v["ez_y"] - axy)
+    Ey = v["dy_x"] + v["dy_y"] - x * v["ez_x"] - Z * v["ex_y"]
+    return np.stack([Ex, Ey], axis=2)
+
+
+def length_errors(errors: FloatArray) -> FloatArray:
+    """(parts, lengths): true lengths between POINTS less nominal ones, eq. (20)."""
+    actual = POINTS[:, :2] + errors
+    found = []
+    for i, j in PAIRS:
+        L = np.linalg.norm(actual[:, i] - actual[:, j], axis=1)
+        found.append(L - np.linalg.norm(POINTS[i] - POINTS[j]))
+    return np.stack(found, axis=1)
+
+
+def unit_gradients() -> FloatArray:
+    """(lengths, rows): first-order lengths in the errors of POINTS, rows points first."""
+    A = np.zeros((len(PAIRS), 2 * len(POINTS)))
+    for row, (i, j) in enumerate(PAIRS):
+        unit = (POINTS[j] - POINTS[i])[:2]
+        unit = unit / np.linalg.norm(unit)
+        A[row, 2 * i : 2 * i + 2] -= unit
+        A[row, 2 * j : 2 * j + 2] += unit
+    return A
+
+
+def predicted(known: LoadedMachine, readings: Readings) -> tuple[Prediction, dict[str, bool]]:
+    """The package's prediction at POINTS, and which coefficients' intervals cover the truth."""
+    fit = fit_machine(known, readings)
+    model = build_model(known, estimates_from_fit(known, fit))
+    truth = true_coefficients()
+    covered = {}
+    for name, item in fit.components.items():
+        e = item.estimate
+        k = coverage_factor(0.95, e.pass_dof)
+        half = k * np.sqrt(np.diag(e.covariance))
+        for power, (b, h, t) in enumerate(zip(e.coefficients, half, truth[name], strict=True)):
+            covered[f"{name}[{power}]"] = bool(abs(b - t) <= h)
+    return predict(model, ["a", "b", "c"], POINTS), covered
+
+
+def coverage(known: LoadedMachine, drift: Drift, machines: int, seed: int) -> dict[str, float]:
+    """Shares of machines whose 95 % intervals hold: each coefficient, future point, length."""
+    hits: dict[str, list[bool]] = {}
+    A = np.vstack([np.eye(2 * len(POINTS)), unit_gradients()])
+    names = [f"E{axis} of {p}" for p in "abc" for axis in "xy"]
+    names += [f"length {'abc'[i]}{'abc'[j]}" for i, j in PAIRS]
+    for rng in np.random.default_rng(seed).spawn(machines):
+        prediction, covered = predicted(known, read_machine(rng, drift))
+        variance = prediction.variance(A)
+        half = np.array([coverage_factor(0.95, d) for d in variance.dof])
+        half = half * np.sqrt(variance.total)
+        part = make_parts(rng, drift, 1)
+        actual = np.concatenate([part[0].ravel(), length_errors(part)[0]])
+        for name, miss, h in zip(names, actual - A @ prediction.mean, half, strict=True):
+            hits.setdefault(name, []).append(bool(abs(miss) <= h))
+        for name, good in covered.items():
+            hits.setdefault(name, []).append(good)
+    return {name: float(np.mean(found)) for name, found in hits.items()}

@@ -1,0 +1,80 @@
+"""What tests share: the shipped studies, models made of them, and virtual machines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mtu_cli.files.machine import LoadedMachine, load_machine
+from mtu_cli.files.part import LoadedPart, load_part
+from mtu_cli.files.readings import Readings, read_readings
+from mtu_cli.model.fit import estimates_from_fit, fit_machine
+from mtu_cli.model.machine_model import MachineModel, build_model
+from mtu_cli.model.simulate import SimulatedReadings
+
+ROOT = Path(__file__).resolve().parent.parent
+CONFIGS = ROOT / "configs"
+DATA = ROOT / "data"
+
+PAPER = CONFIGS / "gilsinn-ling"
+SIMULATED = CONFIGS / "gilsinn-ling-simulated"
+
+
+@dataclass(frozen=True)
+class Study:
+    """A machine, its model with all components known, and a part."""
+
+    machine: LoadedMachine
+    model: MachineModel
+    part: LoadedPart
+
+
+def study(folder: Path, readings: list[Path]) -> Study:
+    """A shipped study as the commands load it."""
+    machine = load_machine(folder / "machine.yaml")
+    found = read_readings(
+        [(path, "lbb") for path in readings], machine.machine.components, for_fit=True
+    )
+    fit = fit_machine(machine, found)
+    model = build_model(machine, estimates_from_fit(machine, fit))
+    return Study(machine, model, load_part(folder / "part.yaml"))
+
+
+def paper_study() -> Study:
+    """Gilsinn & Ling 2004: Table 2's coefficients, Table 1's readings."""
+    return study(PAPER, [DATA / "gilsinn-ling" / "axis_angle.csv"])
+
+
+def simulated_study() -> Study:
+    """The synthetic machine after Gilsinn & Ling 2004."""
+    return study(SIMULATED, [DATA / "gilsinn-ling-simulated" / "lbb.csv"])
+
+
+def as_readings(simulated: SimulatedReadings, model: MachineModel) -> Readings:
+    """Simulated readings as if they had been read from a ball-bar file."""
+    units = {term.estimate.name: term.estimate.unit for term in model.terms}
+    names = tuple(units)
+    n = len(simulated.error)
+    factor = np.array([units[name].to_internal for name in simulated.component])
+    code = np.array([names.index(name) for name in simulated.component])
+    axis = {term.estimate.name: term.estimate.of for term in model.terms}
+    known = np.array([axis[name] is not None for name in simulated.component])
+    return Readings(
+        components=names,
+        code=code,
+        position_mm=np.where(known, simulated.position, np.nan),
+        error=simulated.error * factor,
+        pass_number=simulated.pass_number.astype(np.int64),
+        has_pass=np.ones(n, bool),
+        direction=simulated.direction.astype(np.int8),
+        cycles=(),
+        cycle=np.full(n, -1),
+        time_min=np.full(n, np.nan),
+        covariates={},
+        file_index=np.zeros(n, np.int64),
+        row=np.arange(n),
+        sources=(),
+        roles=("lbb",),
+    )

@@ -1,0 +1,332 @@
+"""The CSV reader: what is read, and the place of everything that is wrong."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.csv_fast import Suspect, read_fast
+from mtu_cli.files.csv_file import read_table
+from mtu_cli.files.csv_slow import read_slow
+from mtu_cli.files.csv_table import LISTED_PROBLEMS, Table, TableSpec
+from mtu_cli.files.csv_text import read_csv_text
+
+SPEC = TableSpec(
+    required=("name", "value"),
+    numbers=frozenset({"value", "size"}),
+    texts=frozenset({"name"}),
+    times=frozenset({"time"}),
+    may_be_empty=frozenset({"size"}),
+)
+
+
+def table(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> Table:
+    data = content if isinstance(content, bytes) else content.encode()
+    (tmp_path / name).write_bytes(data)
+    return read_table(tmp_path / name, "lbb", SPEC)
+
+
+def faults(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> list[str]:
+    with pytest.raises(InputError) as caught:
+        table(tmp_path, content, name)
+    return [str(problem).removeprefix(name) for problem in caught.value.problems]
+
+
+def names(read: Table, column: str = "name") -> list[str]:
+    text = read.columns.texts[column]
+    return ["" if code < 0 else text.labels[code] for code in text.codes]
+
+
+def test_a_table(tmp_path: Path) -> None:
+    read = table(
+        tmp_path, "value,name,T_a_degC,shift\n1.5,a,20,day\n-2e-3, b ,,\n+3,a,21.5,night\n"
+    )
+    assert read.columns.numbers["value"].tolist() == [1.5, -2e-3, 3.0]
+    assert names(read) == ["a", "b", "a"]
+    assert read.columns.texts["name"].labels == ("a", "b")
+    np.testing.assert_array_equal(read.columns.numbers["T_a_degC"], [20.0, np.nan, 21.5])
+    assert names(read, "shift") == ["day", "", "night"]
+    assert read.covariates == ("T_a_degC", "shift")
+    assert read.rows.tolist() == [2, 3, 4]
+    assert (read.source.rows, read.source.role) == (3, "lbb")
+
+
+PLAIN = "name,value,note\na,1.5,x\nb,2.25,y\n"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        PLAIN,
+        PLAIN.rstrip("\n"),
+        PLAIN.replace("\n", "\r\n"),
+        PLAIN.replace("\n", "\r"),
+        "\ufeff" + PLAIN,
+        PLAIN.replace(",", ";"),
+        PLAIN.replace(",", ";").replace(".", ","),
+        PLAIN.replace("name,value,note", '"name", value ,note'),
+        PLAIN.replace("a,", '"a",').replace("x", '"x"'),
+        PLAIN + "\n\n  \n",
+    ],
+)
+def test_forms_of_the_same_table(tmp_path: Path, content: str) -> None:
+    read = table(tmp_path, content)
+    assert names(read) == ["a", "b"]
+    assert read.columns.numbers["value"].tolist() == [1.5, 2.25]
+    assert names(read, "note") == ["x", "y"]
+    assert read.rows.tolist() == [2, 3]
+
+
+def test_comments_and_blank_lines_count_as_rows(tmp_path: Path) -> None:
+    content = '# say "hi\n\n#\nname,value\n# x\na,1\n\n   \nb#1,2\n#end\n'
+    read = table(tmp_path, content)
+    assert names(read) == ["a", "b#1"]
+    assert read.rows.tolist() == [6, 9]
+    assert table(tmp_path, content.replace("\n", "\r\n")).rows.tolist() == [6, 9]
+
+
+def test_quoted_cells_over_several_lines(tmp_path: Path) -> None:
+    content = 'name,value,note\na,1,"one\n# two, ""three""\n"\n# comment\nb,2,plain\n'
+    read = table(tmp_path, content)
+    assert names(read, "note") == ['one\n# two, "three"', "plain"]
+    assert read.rows.tolist() == [2, 6]
+    assert faults(tmp_path, content + "c,x,\n") == [
+        ", row 7, column 'value': not a number: 'x'; expected a number"
+    ]
+
+
+def test_a_quote_inside_a_plain_cell_is_data(tmp_path: Path) -> None:
+    read = table(tmp_path, 'name,value\n5" pin,1\n6" pin, 2\n7" pin,3\n')
+    assert names(read) == ['5" pin', '6" pin', '7" pin']
+
+
+def test_fast_and_slow_readers_agree(tmp_path: Path) -> None:
+    content = (
+        "name,value,size,time,c,d,e\n"
+        "a,1,,2024-05-03T14:30:00,1,x,\n"
+        "NA,2.5e3,7,2024-05-03 14:31,,,\n"
+        "null,-.5,8.,2024-05-04,007,1,\n"
+    )
+    (tmp_path / "t.csv").write_text(content)
+    text = read_csv_text(tmp_path / "t.csv", "lbb")
+    count, fast = read_fast(text, SPEC)
+    rows, slow = read_slow(text, SPEC)
+    assert rows.tolist() == [2, 3, 4]
+    assert count == 3
+    assert set(fast.numbers) == set(slow.numbers) == {"value", "size", "c", "e"}
+    for name, values in fast.numbers.items():
+        np.testing.assert_array_equal(values, slow.numbers[name])
+    for name, column in fast.texts.items():
+        assert column.labels == slow.texts[name].labels
+        np.testing.assert_array_equal(column.codes, slow.texts[name].codes)
+    np.testing.assert_array_equal(fast.times["time"].microseconds, slow.times["time"].microseconds)
+    assert np.diff(fast.times["time"].microseconds).tolist() == [60_000_000, 34_140_000_000]
+    assert fast.texts["name"].labels == ("a", "NA", "null")
+
+
+def test_numbers_are_read_to_the_last_digit(tmp_path: Path) -> None:
+    values = np.random.default_rng(1).normal(0, 1, 2000) * 10.0 ** np.arange(-50, 50).repeat(20)
+    body = "".join(f"a,{value!r}\n" for value in values.tolist())
+    read = table(tmp_path, "name,value\n" + body)
+    np.testing.assert_array_equal(read.columns.numbers["value"], values)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (
+            "name,val\na,1\n",
+            [", row 1: the column 'value' is missing; expected rename 'val' to 'va"],
+        ),
+        ("Name,value\na,1\n", [", row 1: the column 'name' is missing; expected rename 'Name' to"]),
+        ("x,y\na,1\n", ["column 'name' is missing; expected a column 'name' in x, y", "'value'"]),
+        ("name,value,,size,\na,1,,,\n", ["column 3 has no name; expected a name", "column 5 has"]),
+        ("#\nname,value,c,value\n", [", row 2, column 'value': the column stands twice, as colu"]),
+        ("name\tvalue\na\t1\n", ["the columns are separated by tabs: 'name\\tvalue'; expected co"]),
+        ("name value\na 1\n", ["the columns are separated by spaces"]),
+        ("name|value\na|1\n", ["the columns are separated by '|'"]),
+        ("name,value\n", [": holds a header but no rows"]),
+        ("# only\n\n", [": holds no header and no rows"]),
+        ("<html><body>Login</body>", ["looks like a web page"]),
+    ],
+)
+def test_faulty_headers(tmp_path: Path, content: str, words: list[str]) -> None:
+    found = faults(tmp_path, content)
+    assert len(found) == len(words)
+    for line, part in zip(found, words, strict=True):
+        assert part in line
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("a", ", row 3: a short row of 1 cells: 'a'; expected 3, as in the header"),
+        ("a,1", ", row 3: a short row of 2 cells: 'a,1'; expected 3"),
+        ("a,1,2,x", ", row 3: a long row of 4 cells: 'a,1,2,x'; expected 3, as in the header"),
+        ("a,1,5,2", "do the numbers have decimal commas? Then separate columns by semicolons"),
+        (",,", ", row 3: all cells are empty"),
+        (",1,2", ", row 3, column 'name': empty cell; expected a text"),
+        (" ,1,2", ", row 3, column 'name': empty cell; expected a text"),
+        ("a,,2", ", row 3, column 'value': empty cell; expected a number"),
+        ("a,x,2", ", row 3, column 'value': not a number: 'x'; expected a number"),
+        ("a,12 um,2", "not a number: '12 um'; expected a number alone, without its unit"),
+        ('a,"1,5",2', "not a number: '1,5'; expected a number with a decimal point"),
+        ('a,"1,234.5",2', "'1,234.5'; expected a number without thousands separators"),
+        ("a,1 234,2", "'1 234'; expected a number without thousands separators"),
+        ("a,−5,2", "expected a number with a plain minus sign (-)"),
+        ("a,nan,2", ", row 3, column 'value': not finite: 'nan'; expected a finite number"),
+        ("a,NA,2", ", row 3, column 'value': not a number: 'NA'; expected a number"),
+        ("a,-Inf,2", "not finite: '-Inf'; expected a finite number"),
+        ("a,1e999,2", "not finite: '1e999'; expected a finite number"),
+        ("a,True,2", "not a number: 'True'; expected a number"),
+        ("a,1_000,2", "not a number: '1_000'; expected a number"),
+        ("a,0x10,2", "not a number: '0x10'; expected a number"),
+        ('a,1,"2', ", row 3: a quote that opens in this row is never closed"),
+        ("a,1,inf", ", row 3, column 'size': not finite: 'inf'; expected a finite number"),
+    ],
+)
+def test_faulty_rows(tmp_path: Path, row: str, words: str) -> None:
+    found = faults(tmp_path, f"name,value,size\na,1,2\n{row}\n")
+    assert len(found) == 1
+    assert words in found[0]
+
+
+def test_all_bad_cells_are_collected_and_counted(tmp_path: Path) -> None:
+    content = "name,value,size\n" + "a,1,2\n" * 3 + ",x,y\n" + "a,z\n" + "a,1,2\n" + "b,,q\n"
+    assert [line.split(":")[0] for line in faults(tmp_path, content)] == [
+        ", row 5, column 'name'",
+        ", row 5, column 'value'",
+        ", row 5, column 'size'",
+        ", row 6",
+        ", row 8, column 'value'",
+        ", row 8, column 'size'",
+    ]
+    many = LISTED_PROBLEMS + 5000
+    (tmp_path / "m.csv").write_text("name,value\n" + "a,x\n" * many)
+    with pytest.raises(InputError) as caught:
+        read_table(tmp_path / "m.csv", "lbb", SPEC)
+    assert len(caught.value.problems) == many
+    assert f"... and {many - 20} more" in str(caught.value)
+
+
+def test_short_rows_are_not_filled(tmp_path: Path) -> None:
+    assert faults(tmp_path, "name,value,shift\na,1,x\nb,2\n") == [
+        ", row 3: a short row of 2 cells: 'b,2'; expected 3, as in the header"
+    ]
+    # A long row makes up for a short one in the count of separators.
+    found = faults(tmp_path, "name,value,shift\na,1,x,\nb,2\n")
+    assert [line.split(":")[0] for line in found] == [", row 2", ", row 3"]
+
+
+def test_decimal_commas_and_points_are_not_mixed(tmp_path: Path) -> None:
+    content = "name;value;c\na;1,5;2,5\nb;1,25;3\nc;1.5;4\n"
+    assert faults(tmp_path, content) == [
+        ", row 4, column 'value': not a number: '1.5'; "
+        "expected a number with a decimal comma, as in the rest of the file"
+    ]
+    found = faults(tmp_path, "name;value;c\na;1,5;2.5\nb;1,25;3\n")
+    assert found == [
+        ", row 2, column 'c': not a number as the others are: '2.5'; "
+        "expected a finite number with a decimal comma, or an empty cell"
+    ]
+
+
+def test_semicolons_with_decimal_points_and_commas_in_texts(tmp_path: Path) -> None:
+    read = table(tmp_path, "name;value;note\na;1.5;x, y\nb;2;z\n")
+    assert read.columns.numbers["value"].tolist() == [1.5, 2.0]
+    assert names(read, "note") == ["x, y", "z"]
+
+
+def test_covariates_are_numbers_texts_or_faults(tmp_path: Path) -> None:
+    head = "name,value,c,T_a_degC\n"
+    read = table(tmp_path, head + "a,1,1,\na,2,,2\na,3,2.5,3\n")
+    np.testing.assert_array_equal(read.columns.numbers["c"], [1, np.nan, 2.5])
+    assert names(table(tmp_path, head + "a,1,1,1\na,2,1.50,2\na,3,x,3\n"), "c") == [
+        "1",
+        "1.50",
+        "x",
+    ]
+    assert names(table(tmp_path, head + "a,1,True,1\na,2,FALSE,2\n"), "c") == ["True", "FALSE"]
+    assert names(table(tmp_path, head + "a,1,NA,1\na,2,b,2\n"), "c") == ["NA", "b"]
+    late = head + "a,1,007,1\n" * 50 + "a,2,b,2\n"
+    assert names(table(tmp_path, late), "c") == ["007"] * 50 + ["b"]
+    assert (
+        "row 3, column 'c': not finite: 'nan'" in faults(tmp_path, head + "a,1,1,1\na,2,nan,2\n")[0]
+    )
+    assert (
+        "row 3, column 'c': not finite: 'inf'" in faults(tmp_path, head + "a,1,1,1\na,2,inf,2\n")[0]
+    )
+    assert "row 2, column 'T_a_degC': not a number: 'x'" in faults(tmp_path, head + "a,1,1,x\n")[0]
+
+
+def test_times(tmp_path: Path) -> None:
+    head = "name,value,time\n"
+    read = table(tmp_path, head + "a,1,2024-05-03T14:30:00.25Z\na,1,2024-05-03T16:30:00+02:00\n")
+    assert read.columns.times["time"].aware
+    assert np.diff(read.columns.times["time"].microseconds).tolist() == [-250_000]
+    found = faults(tmp_path, head + "a,1,2024-05-03\na,1,\na,1,12:30\na,1,2024\na,1,2024-13-01\n")
+    assert [line.split(": ")[:2] for line in found] == [
+        [", row 3, column 'time'", "empty cell; expected a text"],
+        [", row 4, column 'time'", "not a time"],
+        [", row 5, column 'time'", "not a time"],
+        [", row 6, column 'time'", "not a time"],
+    ]
+    assert "ISO 8601" in found[1]
+    mixed = head + "a,1,2024-05-03T10:00\na,1,2024-05-03T10:00Z\n"
+    assert "times with and without an offset from UTC" in faults(tmp_path, mixed)[0]
+
+
+def test_compressed_files(tmp_path: Path) -> None:
+    packed = gzip.compress(PLAIN.encode())
+    assert names(table(tmp_path, packed, "t.csv.gz")) == ["a", "b"]
+    two = gzip.compress(b"name,value\na,1\n") + gzip.compress(b"b,2\n")
+    assert names(table(tmp_path, two, "t.csv.gz")) == ["a", "b"]
+    assert "the compressed data end too early" in faults(tmp_path, packed[:-12], "t.csv.gz")[0]
+    damaged = packed[:15] + bytes([packed[15] ^ 0xFF]) + packed[16:]
+    assert "damaged gzip data" in faults(tmp_path, damaged, "t.csv.gz")[0]
+    assert "is not gzip-compressed" in faults(tmp_path, PLAIN, "t.csv.gz")[0]
+
+
+def test_a_compressed_bomb_is_refused(tmp_path: Path) -> None:
+    bomb = gzip.compress(gzip.compress(b"\n" * (1 << 29), 9), 9)
+    inner = gzip.decompress(bomb)
+    assert "unpacks to more than" in faults(tmp_path, inner, "t.csv.gz")[0]
+
+
+def test_encodings(tmp_path: Path) -> None:
+    assert names(table(tmp_path, "name,value\nmüller,1\n")) == ["müller"]
+    assert (
+        ":3: not UTF-8: byte 17 is 0xfc" in faults(tmp_path, b"name,value\na,1\nm\xfcller,1\n")[0]
+    )
+    assert "byte 13 is zero" in faults(tmp_path, b"name,value\na\0,1\n")[0]
+
+
+def test_a_large_table_takes_the_fast_path(tmp_path: Path) -> None:
+    n = 300_000
+    index = np.arange(n)
+    lines = [f"P{i // 1000:03},{i * 0.5},{i % 7},{'late' if i == n - 1 else i}" for i in index]
+    lines[150_000] += "\n# a comment in the middle\n"
+    content = "name,value,c,d\n" + "\n".join(lines) + "\n"
+    (tmp_path / "t.csv").write_text(content)
+    text = read_csv_text(tmp_path / "t.csv", "lbb")
+    count, columns = read_fast(text, SPEC)
+    assert count == n
+    np.testing.assert_array_equal(columns.numbers["value"], index * 0.5)
+    np.testing.assert_array_equal(columns.numbers["c"], index % 7)
+    np.testing.assert_array_equal(columns.texts["name"].codes, index // 1000)
+    # Nearly all cells of `d` are numbers; one is not, so that all stay as they are written.
+    assert columns.texts["d"].labels[:2] == ("0", "1")
+    assert columns.texts["d"].labels[-1] == "late"
+    read = read_table(tmp_path / "t.csv", "lbb", SPEC)
+    np.testing.assert_array_equal(read.rows, index + 2 + 2 * (index > 150_000))
+
+
+def test_the_fast_path_refuses_what_it_cannot_vouch_for(tmp_path: Path) -> None:
+    for row in ("a,x", "a,1,2", "a,inf", ",1", 'a,"1'):
+        (tmp_path / "t.csv").write_text(f"name,value\na,1\n{row}\n")
+        with pytest.raises(Suspect):
+            read_fast(read_csv_text(tmp_path / "t.csv", "lbb"), SPEC)

@@ -1,0 +1,147 @@
+"""Reports as bytes, JSON read back, and files written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.json_file import read_json, report_bytes
+from mtu_cli.files.write import write_files
+
+
+def test_a_report_keeps_keys_digits_and_one_record_a_line() -> None:
+    document = {
+        "schema": "mtu/lengths/1",
+        "results": {
+            "lengths": [{"id": "3-9", "u_um": 0.1}, {"id": "µ", "u_um": 1e-17}],
+            "pair_um": (1.0, None),
+            "empty": {},
+        },
+        "a": True,
+    }
+    assert report_bytes(document).decode() == (
+        "{\n"
+        '  "schema": "mtu/lengths/1",\n'
+        '  "results": {\n'
+        '    "lengths": [\n'
+        '      {"id": "3-9", "u_um": 0.1},\n'
+        '      {"id": "µ", "u_um": 1e-17}\n'
+        "    ],\n"
+        '    "pair_um": [1.0, null],\n'
+        '    "empty": {}\n'
+        "  },\n"
+        '  "a": true\n'
+        "}\n"
+    )
+
+
+def test_numpy_values_are_numbers_and_lists() -> None:
+    document = {
+        "a": np.float64(1 / 3),
+        "b": np.int32(3),
+        "c": np.array([[1.5, 2.0], [3.0, 4.0]]),
+        "d": np.bool_(True),
+        "e": [np.float32(0.5)],
+    }
+    assert json.loads(report_bytes(document)) == {
+        "a": 1 / 3,
+        "b": 3,
+        "c": [[1.5, 2.0], [3.0, 4.0]],
+        "d": True,
+        "e": [0.5],
+    }
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), np.nan, np.array([1.0, -np.inf])])
+def test_non_finite_numbers_are_a_fault_of_the_program(value: object) -> None:
+    with pytest.raises(ValueError, match=r"report\.results\.x"):
+        report_bytes({"results": {"x": value}})
+    with pytest.raises(TypeError, match=r"report\.results\.x is a object"):
+        report_bytes({"results": {"x": object()}})
+
+
+def test_what_was_written_is_read_back(tmp_path: Path) -> None:
+    document = {"b": [0.1, 2], "a": {"x": None}}
+    write_files({tmp_path / "r.json": report_bytes(document)})
+    source, data = read_json(tmp_path / "r.json", "components")
+    assert data == document
+    assert (source.role, source.shown) == ("components", "r.json")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"a": 1,\n "b": }', "r.json:2: not readable as JSON: expecting value at column 7"),
+        ('{"a": NaN}', "NaN is not a number of JSON"),
+        ('{"a": 1, "a": 2}', "the key 'a' stands twice in one object"),
+        ("[" * 100_000, "nested too deeply"),
+        ("", "the file is empty"),
+    ],
+)
+def test_faulty_json(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "r.json").write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_json(tmp_path / "r.json", "components")
+    assert words in str(caught.value)
+
+
+def test_files_are_written_with_nothing_left_behind(tmp_path: Path) -> None:
+    (tmp_path / "b").write_bytes(b"old")
+    (tmp_path / "b").chmod(0o640)
+    write_files({tmp_path / "a": b"1", tmp_path / "b": b"2"})
+    assert (tmp_path / "a").read_bytes() == b"1"
+    assert (tmp_path / "b").read_bytes() == b"2"
+    assert (tmp_path / "b").stat().st_mode & 0o777 == 0o640
+    assert sorted(os.listdir(tmp_path)) == ["a", "b"]
+
+
+def test_a_link_stays_one(tmp_path: Path) -> None:
+    (tmp_path / "real").write_bytes(b"old")
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    write_files({tmp_path / "link": b"new"})
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real").read_bytes() == b"new"
+
+
+def test_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a", "c"):
+        (tmp_path / name).write_bytes(b"old")
+    replace = os.replace
+
+    def failing(source: Path, target: Path) -> None:
+        if Path(target).name == "c" and Path(source).suffix == ".tmp":
+            raise OSError(28, "No space left on device")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", failing)
+    with pytest.raises(InputError, match="c: cannot be written: no space left on device"):
+        write_files({tmp_path / name: b"new" for name in ("a", "b", "c")})
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "c").read_bytes() == b"old"
+    assert sorted(os.listdir(tmp_path)) == ["a", "c"]
+
+
+def test_targets_that_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "in.csv").write_bytes(b"data")
+    (tmp_path / "alias.csv").symlink_to(tmp_path / "in.csv")
+    targets = [tmp_path / "alias.csv", tmp_path, tmp_path / "no" / "x", tmp_path / "ok"]
+    targets.append(tmp_path / "sub" / ".." / "ok")
+    with pytest.raises(InputError) as caught:
+        write_files(dict.fromkeys(targets, b"x"), inputs=[tmp_path / "in.csv"])
+    found = [problem.what for problem in caught.value.problems]
+    assert found == [
+        "is an input of this run and is not overwritten",
+        "is a folder",
+        "the folder 'no' does not exist",
+        "two outputs name the same file",
+    ]
+    assert sorted(os.listdir(tmp_path)) == ["alias.csv", "in.csv"]
+
+
+def test_a_device_is_written_to_and_not_replaced() -> None:
+    write_files({Path("/dev/null"): b"x"})
+    assert Path("/dev/null").is_char_device()

@@ -1,0 +1,255 @@
+"""Machine files: what is accepted, and every fault with its line and path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.machine import LoadedMachine, load_machine
+
+VALID = """\
+schema: mtu/machine/1
+name: three-axis vertical machining centre
+axes: {x: {travel_mm: [0, 1020]}, y: {travel_mm: [0, 762]}}
+constants: {z: 127.0, Z12: {value: 310.0, u: 0.05}}
+covariates: [load]
+components:
+  dx_x: {of: x, unit: um, degree: 1, says: X positioning}
+  ez_x: {of: x, unit: arcsec}
+  dy_y: {of: y, unit: um, coefficients: [1, 2.5e-3, 1e-6], s_repeat: 1.2,
+         covariance: [[1, 0, 0], [0, 1e-6, 0], [0, 0, 1e-12]],
+         pass_covariance: [[1, 0], [0, 1e-6]], pass_center_mm: 300, dof: 78}
+  axy: {unit: arcsec, coefficients: [3], u_future: 1.9}
+equations:
+  Ex: dx_x + y*ez_x - y*axy + 0.001*load*(T_spindle_degC - 20)
+  Ey: dy_y - x*ez_x - Z12*ez_x
+effects:
+  - name: backlash-x
+    family: backlash
+    axis: x
+    covariate: dir_x
+    parameters: {lost_motion: {value: 4.1, u: 0.3, unit: um}}
+    covariance: [[0.09]]
+    equations: {Ex: lost_motion*dir_x}
+    found: {parts: 21, by: {alpha: 0.05}}
+"""
+
+
+def load(tmp_path: Path, text: str) -> LoadedMachine:
+    (tmp_path / "m.yaml").write_text(text, encoding="utf-8")
+    return load_machine(tmp_path / "m.yaml")
+
+
+def faults(tmp_path: Path, text: str) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, text)
+    return [str(problem) for problem in caught.value.problems]
+
+
+def machine(
+    components: str = "{a: {of: x, unit: um}}", equations: str = "{Ex: a}", more: str = ""
+) -> str:
+    return (
+        f"schema: mtu/machine/1\nname: m\ncomponents: {components}\nequations: {equations}\n{more}"
+    )
+
+
+def test_a_machine_is_read_with_its_linear_forms(tmp_path: Path) -> None:
+    loaded = load(tmp_path, VALID)
+    assert set(loaded.forms["Ex"].coefficients) == {"dx_x", "ez_x", "axy"}
+    assert loaded.forms["Ex"].remainder is not None
+    assert loaded.forms["Ey"].remainder is None
+    assert set(loaded.effect_forms[0]["Ex"].coefficients) == {"lost_motion"}
+    assert loaded.warnings == ()
+    assert loaded.line_of("components", "ez_x") == 8
+    assert loaded.line_of("equations", "Ey") == 15
+    read = loaded.machine
+    assert read.reference_temperature_degC == 20.0
+    assert (read.constants["z"].value, read.constants["z"].u) == (127.0, 0.0)
+    assert (read.constants["Z12"].value, read.constants["Z12"].u) == (310.0, 0.05)
+    assert read.effects[0].found == {"parts": 21, "by": {"alpha": 0.05}}
+
+
+def test_degrees_follow_from_what_is_written(tmp_path: Path) -> None:
+    components = load(tmp_path, VALID).machine.components
+    degrees = {name: item.degree for name, item in components.items()}
+    assert degrees == {"dx_x": 1, "ez_x": 1, "dy_y": 2, "axy": 0}
+
+
+def test_notices(tmp_path: Path) -> None:
+    text = machine("{a: {of: x, unit: um}, b: {unit: um, s_repeat: 1}}")
+    notices = load(tmp_path, text).warnings
+    assert [notice.code for notice in notices] == ["unused-component", "incomplete-component"]
+    assert "m.yaml:3: components.b: in no equation" in notices[0].message
+    assert "s_repeat without coefficients" in notices[1].message
+
+
+def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
+    assert load(tmp_path, machine(equations="{Ex: a, Ez: 0}")).forms["Ez"].coefficients == {}
+
+
+@pytest.mark.parametrize(
+    ("component", "words"),
+    [
+        ("{of: q, unit: um}", "components.a.of: unknown value: 'q'; expected one of: x, y, z"),
+        ("{of: x, unit: arcsecs}", "components.a.unit: unknown unit: 'arcsecs'"),
+        ("{of: x, unit: arcsecs}", "did you mean 'arcsec'?"),
+        ("{of: x, unit: µm}", "expected 'um', in plain letters"),
+        ("{of: x}", "components.a: the key 'unit' is missing"),
+        ("{of: x, untt: um}", "components.a.untt: unknown key: 'untt'"),
+        ("{of: x, untt: um}", "did you mean 'unit'?"),
+        ("{of: x, unit: um, degree: '1'}", "wrong value: '1'; expected a whole number, without"),
+        ("{of: x, unit: um, degree: 1.0}", "degree: wrong value: '1.0'; expected a whole number"),
+        ("{of: x, unit: um, degree: true}", "degree: wrong value: 'true'"),
+        ("{of: x, unit: um, degree: 10}", "degree: wrong value: '10'; expected a number of at mo"),
+        ("{of: x, unit: um, degree: -1}", "degree: wrong value: '-1'; expected a number of at le"),
+        ("{unit: um, degree: 1}", "degree: a component without `of` is a constant: '1'"),
+        ("{unit: um, coefficients: [1, 2]}", "2 coefficients of a component without `of`; expec"),
+        (
+            "{of: x, unit: um, degree: 2, coefficients: [1]}",
+            "coefficients: 1 coefficients of a component of degree 2; expected 3",
+        ),
+        ("{of: x, unit: um, coefficients: []}", "coefficients: wrong value: '[]'; expected at le"),
+        ("{of: x, unit: um, coefficients: [1, .inf]}", "coefficients[1]: wrong value: 'Infinity'"),
+        ("{of: x, unit: um, coefficients: [1, '2 um']}", "a number alone, without its unit"),
+        ("{of: x, unit: um, coefficients: [1, '2,5']}", "a number with a decimal point"),
+        ("{of: x, unit: um, coefficients: 3}", "coefficients: wrong value: '3'; expected a list"),
+        ("{of: x, unit: um, s_repeat: -1}", "s_repeat: wrong value: '-1'; expected a number of"),
+        ("{of: x, unit: um, dof: 0}", "dof: wrong value: '0'; expected a number above 0"),
+        ("{of: x, unit: um, dof: }", "components.a.dof"),
+        ("{of: x, unit: um, u_future: 1, s_repeat: 1}", "s_repeat: given beside u_future"),
+        (
+            "{of: x, unit: um, u_future: 1, pass_covariance: [[1, 0], [0, 1]]}",
+            "pass_covariance: given beside u_future",
+        ),
+        ("{of: x, unit: um, covariance: [[1]]}", "1 rows of 1 numbers; expected 2 rows of 2"),
+        ("{unit: um, pass_covariance: [[1, 0], [0, 1]]}", "expected 1 rows of 1"),
+        ("{of: x, unit: um, covariance: [[1, 0.1], [0.2, 1]]}", "covariance: not symmetric"),
+        ("{of: x, unit: um, covariance: [[1, 2], [2, 1]]}", "not positive semidefinite"),
+        ("{of: x, unit: um, covariance: [[-1, 0], [0, 1]]}", "a variance is negative"),
+        ("{of: x, unit: um, covariance: [[0, 1], [1, 1]]}", "not positive semidefinite"),
+        ("3", "components.a: wrong value: '3'; expected keys with values"),
+    ],
+)
+def test_faulty_components(tmp_path: Path, component: str, words: str) -> None:
+    if "dof: }" in component:
+        assert load(tmp_path, machine(f"{{a: {component}}}")).machine.components["a"].dof is None
+        return
+    found = faults(tmp_path, machine(f"{{a: {component}}}"))
+    assert len(found) == 1
+    assert found[0].startswith("m.yaml:3: components.a")
+    assert words in found[0]
+
+
+def test_a_singular_covariance_of_printed_digits_is_one(tmp_path: Path) -> None:
+    text = machine(
+        "{a: {of: x, unit: um, coefficients: [1, 2], covariance: [[4, 2e-9], [2e-9, 1e-18]]}}"
+    )
+    assert load(tmp_path, text).machine.components["a"].covariance == [[4.0, 2e-9], [2e-9, 1e-18]]
+
+
+@pytest.mark.parametrize(
+    ("equations", "words"),
+    [
+        ("{}", "equations: wrong value: '{}'; expected at least 1 of them"),
+        ("{Exx: a}", "equations.Exx: unknown key: 'Exx'; expected did you mean 'Ex'?"),
+        ("{Ex: a + }", "equations.Ex: the equation ends too early at column 4"),
+        ("{Ex: a + ab}", "equations.Ex: unknown name 'ab' at column 5; expected did you mean 'a'"),
+        ("{Ex: a*a}", "equations.Ex: product of the components 'a' and 'a' at column 2"),
+        ("{Ex: sin(a)}", "a component stands inside sin(): 'a' at column 5"),
+        ("{Ex: a*x}", "equations.Ex: this term is mm^2, its equation is a length (mm)"),
+        ("{Ex: T_degC*a}", "unknown name 'T_degC' at column 1"),
+        ("{Ex: [a]}", "equations.Ex: wrong value: '[\"a\"]'; expected a text"),
+    ],
+)
+def test_faulty_equations(tmp_path: Path, equations: str, words: str) -> None:
+    found = faults(tmp_path, machine(equations=equations))
+    assert len(found) == 1
+    assert found[0].startswith("m.yaml:4: equations")
+    assert words in found[0]
+
+
+def test_an_angle_needs_its_lever_arm(tmp_path: Path) -> None:
+    found = faults(tmp_path, machine("{a: {of: x, unit: arcsec}}", "{Ex: y*a + a}"))
+    assert "this term is an angle or ratio (rad)" in found[0]
+    assert "at column 7" in found[0]
+    # A named constant may be a length, a number may not.
+    more = "constants: {L: 127}\n"
+    assert load(tmp_path, machine("{a: {of: x, unit: arcsec}}", "{Ex: L*a}", more))
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("constants: {b: abc}", "constants.b: wrong value: 'abc'; expected a number, or {value"),
+        ("constants: {b: {value: 1, u: -1}}", "constants.b.u: wrong value: '-1'"),
+        ("constants: {sin: 1}", "constants.sin: the name is taken: it is part of the equation"),
+        ("constants: {pi: 1}", "constants.pi: the name is taken"),
+        ("constants: {dir_x: 1}", "constants.dir_x: the name is taken: it is a covariate"),
+        ("constants: {T_a_degC: 1}", "constants.T_a_degC: the name is taken: it is a covariate"),
+        ("constants: {a: 1}", "components.a: the name is taken: it is a constant"),
+        ("constants: {a-b: 1}", "constants.a-b: not a name that equations can use"),
+        ("covariates: [x]", "covariates[0]: the name is taken: it is a position"),
+        ("covariates: [load, load]", "covariates[1]: the covariate is listed twice: 'load'"),
+        ("covariates: [a]", "components.a: the name is taken: it is a covariate"),
+        ("covariates: load", "covariates: wrong value: 'load'; expected a list"),
+        ("axes: {x: {travel_mm: [3, 1]}}", "axes.x.travel_mm: wrong value: '[3.0, 1.0]'; expecte"),
+        ("axes: {q: {travel_mm: [0, 1]}}", "axes.q: unknown key: 'q'; expected one of: x, y, z"),
+        ("axes: {x: {travel_mm: [0]}}", "axes.x.travel_mm: wrong value: '[0]'"),
+        ("reference_temperature_degC: warm", "wrong value: 'warm'; expected a number"),
+        ("fish: 1", "fish: unknown key: 'fish'; expected one of: schema, name, says"),
+        ("effects: [3]", "effects[0]: wrong value: '3'; expected keys with values"),
+    ],
+)
+def test_faults_elsewhere(tmp_path: Path, more: str, words: str) -> None:
+    found = faults(tmp_path, machine(more=more))
+    assert len(found) == 1
+    assert words in found[0]
+
+
+@pytest.mark.parametrize(
+    ("effect", "words"),
+    [
+        ("parameters: {p: {value: 1, unit: um}}, equations: {Ex: q*dir_x}", "unknown name 'q'"),
+        ("parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*p}", "product of the comp"),
+        ("parameters: {p: {value: 1, unit: rad}}, equations: {Ex: p*3}", "this term is an angle"),
+        ("parameters: {a: {value: 1, unit: um}}, equations: {Ex: a}", "the name is taken: it is"),
+        ("parameters: {p: {value: 1, unit: u}}, equations: {Ex: p}", "unknown unit: 'u'"),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p}, covariance: [[1, 0]]",
+            "effects[0].covariance: 1 rows of 2 numbers; expected 1 rows of 1",
+        ),
+    ],
+)
+def test_faulty_effects(tmp_path: Path, effect: str, words: str) -> None:
+    found = faults(tmp_path, machine(more=f"effects: [{{name: e, {effect}}}]"))
+    assert len(found) == 1
+    assert found[0].startswith("m.yaml:5: effects[0].")
+    assert words in found[0]
+
+
+def test_another_kind_of_file_is_told_at_once(tmp_path: Path) -> None:
+    assert faults(tmp_path, "name: a\nschema: mtu/part/1\nfeatures: 3\n") == [
+        "m.yaml:2: schema: not a machine file: 'mtu/part/1'; expected mtu/machine/1"
+    ]
+    assert "not a machine file: '[1, 2]'" in faults(tmp_path, "[1, 2]")[0]
+    assert "the key 'schema' is missing" in faults(tmp_path, "name: a\nshema: b\n")[0]
+    assert "rename 'shema'" in faults(tmp_path, "name: a\nshema: b\n")[0]
+
+
+def test_all_problems_come_at_once_in_the_order_of_lines(tmp_path: Path) -> None:
+    text = VALID.replace("name: three", "nmae: three").replace("of: y, unit: um", "of: y, unit: m")
+    text = text.replace("y*ez_x - y", "y*ez_q - y").replace("value: 4.1", "value: x")
+    text = text.replace("travel_mm: [0, 762]", "travel_mm: [762, 0]")
+    found = faults(tmp_path, text)
+    assert [line.split(": ")[0] for line in found] == [
+        "m.yaml:2",
+        "m.yaml:3",
+        "m.yaml:9",
+        "m.yaml:14",
+        "m.yaml:21",
+    ]
+    # The faulty component is known by name: no equation complains of it.
+    assert not any("dy_y" in line for line in found[3:])

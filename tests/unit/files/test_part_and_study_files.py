@@ -1,0 +1,165 @@
+"""Part and study files, and the JSON Schemas of all contracts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.part import LoadedPart, load_part
+from mtu_cli.files.schemas import json_schema
+from mtu_cli.files.study import LoadedStudy, find_study, load_study
+
+FEATURES = (
+    "features: {3: {x_mm: 10, y_mm: 10}, '9': {x_mm: 10, y_mm: 140, z_mm: 5}, "
+    "a: {x_mm: 140, y_mm: 140}, b: {x_mm: 10, y_mm: 10}}\n"
+)
+
+
+def part(tmp_path: Path, text: str) -> LoadedPart:
+    (tmp_path / "p.yaml").write_text("schema: mtu/part/1\nname: p\nz_mm: 127\n" + text)
+    return load_part(tmp_path / "p.yaml")
+
+
+def part_faults(tmp_path: Path, text: str) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        part(tmp_path, text)
+    return [str(problem) for problem in caught.value.problems]
+
+
+def test_a_part(tmp_path: Path) -> None:
+    text = FEATURES + (
+        "lengths: [{from: 3, to: '9', tolerance_um: 30}, {id: L, from: 9, to: a}]\n"
+        "orthogonality: [{id: xy, row: [9, a], column: [3, 9]}]\n"
+        "circles: [{id: ring, features: [3, 9, a], calibrated_mm: {20: 180.0124, 26: 180.0137}, "
+        "U_um: 1.0, temperature: T_ring_degC}, {id: r, features: [3, 9, a], calibrated_mm: 5}]\n"
+        "spheres: [{id: s, features: [3, 9, a, b]}]\n"
+    )
+    read = part(tmp_path, text).part
+    assert read.places()["3"] == (10.0, 10.0, 127.0)
+    assert read.places()["9"] == (10.0, 140.0, 5.0)
+    assert [(item.id, item.from_, item.to) for item in read.lengths] == [
+        ("3-9", "3", "9"),
+        ("L", "9", "a"),
+    ]
+    assert read.orthogonality[0].row == ["9", "a"]
+    assert read.circles[0].calibrated_mm == {20.0: 180.0124, 26.0: 180.0137}
+    assert read.circles[1].calibrated_mm == {20.0: 5.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("lengths: [{from: 3, to: 99}]", "lengths[0].to: unknown feature: '99'"),
+        ("lengths: [{from: A, to: 3}]", "did you mean 'a'?"),
+        ("lengths: [{from: 3, to: 3}]", "lengths[0]: a length from a feature to itself: '3'"),
+        ("lengths: [{from: 3, to: b}]", "'3' and 'b' stand at the same place"),
+        ("lengths: [{from: 3, to: 9, tolerance_um: 0}]", "tolerance_um: wrong value: '0'; expect"),
+        ("lengths: [{from: 3, to: 9}, {from: 3, to: 9}]", "lengths[1].id: the id stands twice"),
+        ("lengths: [{from: 3}]", "lengths[0]: the key 'to' is missing"),
+        ("lengths: [{from: 1.5, to: 3}]", "lengths[0].from: wrong value: '1.5'; expected a text"),
+        ("orthogonality: [{id: q, row: [9], column: [3, 9]}]", "row: wrong value: '[9]'"),
+        ("orthogonality: [{id: q, row: [3, 9], column: [3, 9]}]", "of the row stand at the same x"),
+        ("orthogonality: [{id: q, row: [3, a], column: [9, a]}]", "column stand at the same y"),
+        ("orthogonality: [{id: q, row: [9, a, 9], column: [3, 9]}]", "row[2]: the feature is li"),
+        ("orthogonality: [{id: q, row: [9, aa], column: [3, 9]}]", "row[1]: unknown feature: 'aa'"),
+        ("circles: [{id: c, features: [3, 9]}]", "features: wrong value: '[3, 9]'; expected at l"),
+        ("spheres: [{id: c, features: [3, 9, a]}]", "spheres[0].features: wrong value"),
+        ("circles: [{id: c, features: [3, 9, q]}]", "circles[0].features[2]: unknown feature"),
+        (
+            "circles: [{id: c, features: [3, 9, a], calibrated_mm: {20: 1, 26: 2}}]",
+            "circles[0].calibrated_mm: diameters at several temperatures",
+        ),
+        (
+            "circles: [{id: c, features: [3, 9, a], calibrated_mm: {warm: 1}}]",
+            "a key is not a temperature",
+        ),
+        (
+            "circles: [{id: c, features: [3, 9, a], calibrated_mm: -1}]",
+            "expected a number above 0",
+        ),
+    ],
+)
+def test_faulty_parts(tmp_path: Path, text: str, words: str) -> None:
+    found = part_faults(tmp_path, FEATURES + text)
+    assert len(found) == 1
+    assert found[0].startswith("p.yaml:5: ")
+    assert words in found[0]
+
+
+def test_a_faulty_feature_is_not_called_unknown(tmp_path: Path) -> None:
+    text = "features: {3: {x_mm: 1}, 4: {x_mm: 1, y_mm: 2}}\nlengths: [{from: 3, to: 5}]\n"
+    found = part_faults(tmp_path, text)
+    assert found[0] == "p.yaml:4: features.3: the key 'y_mm' is missing"
+    assert "lengths[0].to: unknown feature: '5'" in found[1]
+    assert len(found) == 2
+
+
+def study(tmp_path: Path, text: str) -> LoadedStudy:
+    (tmp_path / "mtu.yaml").write_text("schema: mtu/study/1\n" + text)
+    return load_study(tmp_path / "mtu.yaml")
+
+
+def test_a_study_names_files_relative_to_itself(tmp_path: Path) -> None:
+    for name in ("machine.yaml", "a.csv", "b.csv"):
+        (tmp_path / name).write_text("x")
+    text = "machine: machine.yaml\nlbb: a.csv\ncmm: [a.csv, b.csv]\nsettings: {seed: 3}\n"
+    loaded = study(tmp_path, text)
+    assert loaded.files == {
+        "machine": (tmp_path / "machine.yaml",),
+        "lbb": (tmp_path / "a.csv",),
+        "cmm": (tmp_path / "a.csv", tmp_path / "b.csv"),
+    }
+    assert loaded.study.settings.seed == 3
+    assert loaded.study.settings.coverage_factor is None
+
+
+def test_all_faults_of_a_study(tmp_path: Path) -> None:
+    (tmp_path / "part.yaml").write_text("x")
+    text = (
+        "machine: qqq.txt\npart: prt.yaml\nlbb: .\ncmm: [part.yaml, part.yaml]\n"
+        "settings: {coverage_factor: 0, seed: 1.5, correlation: share, digits: 5, sead: 2}\n"
+    )
+    with pytest.raises(InputError) as caught:
+        study(tmp_path, text)
+    assert [str(problem) for problem in caught.value.problems] == [
+        "mtu.yaml:2: machine: no such file: 'qqq.txt'",
+        "mtu.yaml:3: part: no such file: 'prt.yaml'; expected did you mean 'part.yaml'?",
+        "mtu.yaml:4: lbb: is a folder: '.'; expected a file",
+        "mtu.yaml:5: cmm[1]: the file is listed twice: 'part.yaml'",
+        "mtu.yaml:6: settings.coverage_factor: wrong value: '0'; expected a number above 0",
+        "mtu.yaml:6: settings.seed: wrong value: '1.5'; expected a whole number",
+        "mtu.yaml:6: settings.correlation: unknown value: 'share'; expected did you mean 'shared'?",
+        "mtu.yaml:6: settings.digits: wrong value: '5'; expected a number of at most 4",
+        "mtu.yaml:6: settings.sead: unknown key: 'sead'; expected did you mean 'seed'?",
+    ]
+
+
+def test_the_nearest_study_above_is_found(tmp_path: Path) -> None:
+    deep = tmp_path / "a" / "b"
+    deep.mkdir(parents=True)
+    (tmp_path / "mtu.yaml").write_text("schema: mtu/study/1\n")
+    assert find_study(deep) == tmp_path.resolve() / "mtu.yaml"
+    (deep / "mtu.yaml").write_text("schema: mtu/study/1\n")
+    assert find_study(deep) == deep / "mtu.yaml"
+
+
+@pytest.mark.parametrize("kind", ["machine", "part", "study"])
+def test_schemas_describe_every_key(kind: str) -> None:
+    schema = json_schema(kind)
+    assert schema["$id"] == f"mtu/{kind}/1"
+    assert schema["properties"]["schema"]["const"] == f"mtu/{kind}/1"
+    assert schema["additionalProperties"] is False
+
+
+def test_schemas_accept_short_forms() -> None:
+    constant = json_schema("machine")["properties"]["constants"]["additionalProperties"]
+    assert {"type": "number"} in constant["anyOf"]
+    length = json_schema("part")["$defs"]["Length"]
+    assert set(length["required"]) == {"from", "to"}
+
+
+def test_an_unknown_schema() -> None:
+    with pytest.raises(InputError, match="did you mean 'machine'"):
+        json_schema("machin")

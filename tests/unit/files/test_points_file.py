@@ -1,0 +1,145 @@
+"""Measured points: nominal places, order of manufacture, approach directions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.points import Place, Points, read_points
+
+PART: dict[str, Place] = {"h2": (10.0, 20.0, None), "h1": (0.0, 0.0, 5.0), "h10": (1.0, 1.0, None)}
+HEAD = "part,feature,x_mm,y_mm"
+
+
+def read(tmp_path: Path, *contents: str, features: dict[str, Place] | None = PART) -> Points:
+    files = []
+    for index, content in enumerate(contents):
+        path = tmp_path / f"p{index}.csv"
+        path.write_text(content)
+        files.append((path, "cmm"))
+    return read_points(files, features)
+
+
+def faults(tmp_path: Path, *contents: str, features: dict[str, Place] | None = PART) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, *contents, features=features)
+    return [str(problem) for problem in caught.value.problems]
+
+
+def test_points_of_two_files(tmp_path: Path) -> None:
+    first = (
+        f"{HEAD},z_mm,repeat,operation,dir_x,T_a_degC,shift\n"
+        "007,h1,0.01,0.02,5.01,1,drilled,-1,20,day\n"
+        "007,h2,10.01,20,5,1,milled,,20,day\n"
+        "A,h1,0,0,5,2,drilled,1,21,\n"
+    )
+    second = f"{HEAD}\n7,h2,10,20\n007,h2,10,20.5\n"
+    found = read(tmp_path, first, second)
+    assert (found.parts, found.part.tolist()) == (("007", "A", "7"), [0, 0, 1, 2, 0])
+    assert (found.features, found.feature.tolist()) == (("h2", "h1"), [1, 0, 1, 0, 0])
+    assert (found.operations, found.operation.tolist()) == (
+        ("drilled", "milled"),
+        [0, 1, 0, -1, -1],
+    )
+    nan = np.nan
+    np.testing.assert_array_equal(
+        found.measured,
+        [[0.01, 0.02, 5.01], [10.01, 20, 5], [0, 0, 5], [10, 20, nan], [10, 20.5, nan]],
+    )
+    np.testing.assert_array_equal(
+        found.nominal,
+        [[0, 0, 5], [10, 20, nan], [0, 0, 5], [10, 20, nan], [10, 20, nan]],
+    )
+    assert found.repeat.tolist() == [1, 1, 2, -1, -1]
+    assert found.sequence.tolist() == [1, 1, 2, 3, 1]
+    np.testing.assert_array_equal(found.direction[:, 0], [-1, nan, 1, nan, nan])
+    assert np.isnan(found.direction[:, 1:]).all()
+    assert np.isnan(found.time_min).all()
+    assert found.covariates["shift"].tolist() == ["day", "day", "", "", ""]
+    np.testing.assert_array_equal(found.covariates["T_a_degC"], [20, 20, 21, nan, nan])
+    assert found.file_index.tolist() == [0, 0, 0, 1, 1]
+    assert found.row.tolist() == [2, 3, 4, 2, 3]
+    assert len(found) == 5
+
+
+def test_nominal_columns_stand_in_for_a_part_file(tmp_path: Path) -> None:
+    content = f"{HEAD},nominal_x_mm,nominal_y_mm,nominal_z_mm\na,f,1,2,1.5,2.5,3.5\n"
+    found = read(tmp_path, content, features=None)
+    assert found.nominal.tolist() == [[1.5, 2.5, 3.5]]
+    assert faults(tmp_path, f"{HEAD}\na,f,1,2\na,g,1,2\na,f,1,2\n", features=None) == [
+        f"p0.csv, row {row}, column 'feature': no nominal place is known for the feature: "
+        f"{name!r}; expected the feature in a part file (--part), or nominal_x_mm and nominal_y_mm"
+        for row, name in ((2, "f"), (3, "g"))
+    ]
+    assert (
+        "the column 'nominal_y_mm' is missing"
+        in faults(tmp_path, f"{HEAD},nominal_x_mm\na,f,1,2,3\n", features=None)[0]
+    )
+
+
+def test_nominal_columns_must_agree_with_the_part_file(tmp_path: Path) -> None:
+    head = f"{HEAD},nominal_x_mm,nominal_y_mm,nominal_z_mm\n"
+    found = read(tmp_path, head + "a,h2,1,2,10.0000009,20,7\n")
+    assert found.nominal.tolist() == [[10.0, 20.0, 7.0]]
+    assert faults(tmp_path, head + "a,h1,1,2,0,0,5\na,h2,1,2,10.00001,20,7\n") == [
+        "p0.csv, row 3, column 'nominal_x_mm': the nominal x of 'h2' is not the part file's: "
+        "'10.00001'; expected 10, as the part file has it for 'h2'"
+    ]
+
+
+def test_sequence_is_as_given(tmp_path: Path) -> None:
+    found = read(tmp_path, f"{HEAD},sequence\nb,h1,0,0,7\na,h1,0,0,3\n")
+    assert found.sequence.tolist() == [7, 3]
+    found_faults = faults(tmp_path, f"{HEAD},sequence\nb,h1,0,0,7\n", f"{HEAD}\na,h1,0,0\n")
+    assert found_faults == [
+        "p1.csv: no column 'sequence', which p0.csv has; expected it in all files, or in none"
+    ]
+
+
+def test_dates_are_minutes_from_the_first(tmp_path: Path) -> None:
+    content = f"{HEAD},time\na,h1,0,0,2024-05-03 10:30\na,h2,0,0,2024-05-03 10:00\n"
+    assert read(tmp_path, content).time_min.tolist() == [30.0, 0.0]
+
+
+def test_all_faults(tmp_path: Path) -> None:
+    content = f"{HEAD},dir_x,repeat,sequence\na,h3,0,0,1,1,1\na,H1,0,0,0,1,1\na,h1,0,0,2,1.5,x\n"
+    assert faults(tmp_path, content) == [
+        "p0.csv, row 4, column 'sequence': not a number: 'x'; expected a number"
+    ]
+    found = faults(tmp_path, content.replace(",x\n", ",0.5\n"))
+    assert [line.split("; ")[0] for line in found] == [
+        "p0.csv, row 2, column 'feature': unknown feature: 'h3'",
+        "p0.csv, row 3, column 'feature': unknown feature: 'H1'",
+        "p0.csv, row 3, column 'dir_x': not a direction: '0'",
+        "p0.csv, row 4, column 'dir_x': not a direction: '2'",
+        "p0.csv, row 4, column 'repeat': not a whole number: '1.5'",
+        "p0.csv, row 4, column 'sequence': not a whole number: '0.5'",
+    ]
+    assert "did you mean 'h1'?" in found[1]
+    assert "expected -1 or +1" in found[2]
+
+
+def test_equal_rows_where_repeats_are_told_apart(tmp_path: Path) -> None:
+    rows = "a,h1,0,0,1\na,h1,-0.0,0,1\na,h1,0,0,2\n"
+    assert faults(tmp_path, f"{HEAD},repeat\n{rows}") == [
+        "p0.csv, row 3: the same as row 2 in every column; expected each reading once"
+    ]
+    assert len(read(tmp_path, f"{HEAD},other\n{rows}")) == 3
+
+
+def test_many_points(tmp_path: Path) -> None:
+    n = 300_000
+    rows = "".join(f"P{i // 3000},h{1 + i % 2},{i}.5,2,{i // 2 % 1500}\n" for i in range(n))
+    found = read(tmp_path, f"{HEAD},repeat\n{rows}")
+    index = np.arange(n)
+    np.testing.assert_array_equal(found.part, index // 3000)
+    np.testing.assert_array_equal(found.measured[:, 0], index + 0.5)
+    np.testing.assert_array_equal(found.feature, 1 - index % 2)
+    np.testing.assert_array_equal(found.row, index + 2)
+    doubled = faults(tmp_path, f"{HEAD},repeat\n{rows}P0,h1,0.5,2,0\n")
+    assert doubled == [
+        f"p0.csv, row {n + 2}: the same as row 2 in every column; expected each reading once"
+    ]

@@ -1,0 +1,72 @@
+"""Reading bytes: what is wrong with a file, said in plain words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.source import check_text, read_source, shown_path
+
+
+def message(path: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        check_text(read_source(path, "machine")[1], path.name)
+    return str(caught.value)
+
+
+def test_relative_paths_are_shown_as_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert shown_path(Path("../data/./lbb.csv")) == "../data/lbb.csv"
+    assert shown_path(tmp_path / "a" / "b.csv") == "a/b.csv"
+    assert shown_path(tmp_path.parent / "elsewhere.csv") == "elsewhere.csv"
+
+
+def test_the_hash_is_of_the_bytes(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_bytes(b"abc")
+    source, content = read_source(tmp_path / "a.yaml", "machine")
+    # FIPS 180-2, appendix B.1
+    assert source.sha256 == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert (source.role, source.rows, content) == ("machine", None, b"abc")
+
+
+def test_a_missing_file_names_the_closest_one(tmp_path: Path) -> None:
+    (tmp_path / "machine.yaml").write_text("a: 1")
+    text = message(tmp_path / "machin.yaml")
+    assert "machin.yaml: no such file" in text
+    assert "machine.yaml" in text.split("did you mean")[1]
+    assert str(tmp_path) not in text
+
+
+def test_a_missing_folder(tmp_path: Path) -> None:
+    assert "existing folder" in message(tmp_path / "no" / "machine.yaml")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "the file is empty"),
+        (b"ab\ncd\0ef", ":2: not a text file: byte 6 is zero"),
+        (b"ab\nc\xe9d", ":2: not UTF-8: byte 5 is 0xe9"),
+        (b"x" * (1 << 20) + b"\xc3", f"not UTF-8: byte {(1 << 20) + 1} is 0xc3"),
+        (b"x" * ((1 << 20) - 1) + b"\xc3(", f"not UTF-8: byte {1 << 20} is 0xc3"),
+        (b" \n<!DOCTYPE html><html>", "looks like a web page"),
+        (b"PK\x03\x04abc", "looks like an Excel workbook"),
+        (b"\xff\xfea\0", "is UTF-16 text"),
+    ],
+)
+def test_what_is_no_text(tmp_path: Path, content: bytes, words: str) -> None:
+    (tmp_path / "f").write_bytes(content)
+    assert words in message(tmp_path / "f")
+
+
+def test_text_beyond_ascii_is_text(tmp_path: Path) -> None:
+    check_text(("x" * ((1 << 20) - 1) + "µm").encode(), "f")
+
+
+def test_a_folder_and_a_large_file(tmp_path: Path) -> None:
+    assert "is a folder" in message(tmp_path)
+    (tmp_path / "f").write_bytes(b"123456")
+    with pytest.raises(InputError, match="has 6 bytes; expected at most 5"):
+        read_source(tmp_path / "f", "machine", max_bytes=5)

@@ -1,0 +1,137 @@
+"""Envelope, CSV text and figure bytes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from math import inf, nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.json_file import report_bytes
+from mtu_cli.files.source import Source
+from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.reports.csv_text import csv_text
+from mtu_cli.reports.document import arcsec, envelope, finite, listed, matrix, um, um2
+from mtu_cli.reports.figures import blank, figure_bytes, styled
+from mtu_cli.reports.tables import Column, Sheet, plain_text
+
+
+def test_envelope_has_the_contract_fields_and_each_warning_once() -> None:
+    source = Source(
+        role="machine", path=Path("/secret/machine.yaml"), shown="machine.yaml", sha256="ab"
+    )
+    warning = Warned(code="a-code", message="a message")
+    document = envelope(
+        "lengths",
+        inputs=[source],
+        settings=Settings(trials=None, seed=3),
+        results={"lengths": []},
+        warnings=[warning, warning],
+        at={"dir_x": 1},
+    )
+    assert list(document) == ["schema", "tool", "inputs", "settings", "results", "warnings"]
+    assert document["schema"] == "mtu/lengths/1"
+    assert document["inputs"] == [
+        {"role": "machine", "path": "machine.yaml", "sha256": "ab", "rows": None}
+    ]
+    assert document["settings"] == {
+        "coverage_factor": 2.0,
+        "seed": 3,
+        "correlation": "shared",
+        "digits": 2,
+        "trials": None,
+        "at": {"dir_x": 1.0},
+    }
+    assert document["warnings"] == [{"code": "a-code", "message": "a message"}]
+    assert b"secret" not in report_bytes(document)
+
+
+def test_units_and_what_is_not_finite() -> None:
+    assert [finite(value) for value in (1.5, inf, -inf, nan, None)] == [1.5, None, None, None, None]
+    assert um(0.0025) == pytest.approx(2.5, rel=1e-15)
+    assert um2(4e-6) == pytest.approx(4.0, rel=1e-15)
+    assert arcsec(np.pi / 180) == pytest.approx(3600.0, rel=1e-15)
+    assert um(None) is None
+    assert um(inf) is None
+    assert matrix(np.array([[1.0, nan], [2.0, inf]])) == [[1.0, None], [2.0, None]]
+    assert type(finite(float(np.float64(1.0)))) is float
+
+
+def test_names_are_listed_once_and_counted() -> None:
+    assert listed("abcdefgha") == "a, b, c, d, e, f and 2 more"
+
+
+def test_csv_text_keeps_every_digit() -> None:
+    value = 0.1 + 0.2
+    text = csv_text(["a", "b,c", "d"], [[np.float64(value), 'say "x"', None], [nan, True, 3]])
+    assert text.endswith("\n")
+    assert "\r" not in text
+    rows = list(csv.reader(io.StringIO(text)))
+    assert rows[0] == ["a", "b,c", "d"]
+    assert float(rows[1][0]) == value
+    assert rows[1][1:] == ['say "x"', ""]
+    assert rows[2] == ["", "true", "3"]
+
+
+@pytest.mark.parametrize("suffix", ["png", ".svg", ".PDF"])
+def test_the_same_figure_has_the_same_bytes_and_no_date(suffix: str) -> None:
+    def draw() -> bytes:
+        @styled
+        def inner():  # type: ignore[no-untyped-def]  # a figure, whatever it holds
+            page = blank(3.0, 2.0)
+            page.subplots().plot([0, 1], [0, 1], "o-", label="a")
+            return page
+
+        return figure_bytes(inner(), suffix)
+
+    first = draw()
+    assert first == draw()
+    assert len(first) > 1000
+    assert not re.search(rb"CreationDate|<dc:date>|20\d\d-\d\d-\d\dT", first)
+
+
+def test_the_users_own_matplotlib_settings_change_nothing() -> None:
+    import matplotlib
+
+    def draw() -> bytes:
+        @styled
+        def inner():  # type: ignore[no-untyped-def]  # a figure, whatever it holds
+            page = blank(3.0, 2.0)
+            page.subplots().plot([0, 1], [0, 1])
+            return page
+
+        return figure_bytes(inner(), "png")
+
+    plain = draw()
+    with matplotlib.rc_context({"lines.linewidth": 9.0, "axes.facecolor": "red"}):
+        assert draw() == plain
+        assert matplotlib.rcParams["lines.linewidth"] == 9.0
+
+
+def test_another_kind_of_figure_is_refused() -> None:
+    with pytest.raises(InputError, match=r"\.png, \.svg, \.pdf"):
+        figure_bytes(blank(1.0, 1.0), ".bmp")
+
+
+def test_tables_fold_long_names_and_stay_within_100_columns() -> None:
+    name = "a_feature_with_a_name_that_nobody_would_want_to_type_twice_" * 3
+    sheet = Sheet(
+        title="title",
+        columns=[
+            Column(title="name", text=True, folds=True),
+            *[Column(title=f"n{i}") for i in range(8)],
+        ],
+        rows=[[name, *["-123.4 ± 5.6"] * 5, "1", "2", "3*"], ["b", *["1"] * 8]],
+        notes=["note " * 40],
+    )
+    text = plain_text([sheet])
+    assert max(map(len, text.splitlines())) <= 100
+    assert text.isprintable() or (set(text) - {"\n"} and "\x1b" not in text)
+    assert not re.search(r"[─│┌━╭]", text)
+    assert "".join(re.findall(r"^[a-z_]+", text, re.M)).count("type_twice") == 3
+    assert text.count("-123.4 ± 5.6") == 5

@@ -1,0 +1,141 @@
+"""Figures: what they show, that nothing hides anything, and the same bytes every time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from report_examples import SAYS, SETTINGS, Example, example
+
+from mtu_cli.reports import arrows, fit_components, labels, lengths, orthogonality, predict_points
+from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.tables import plain_text
+
+CASES: dict[str, dict[str, Any]] = {
+    "one instrument": {},
+    "two instruments": {"passes": 3, "roles": ("lbb", "laser")},
+    "stated": {
+        "passes": 4,
+        "stated": "  ez0: {of: y, unit: um, coefficients: [3.0, -0.05], u_future: 1.9}",
+        "equation": "  Ez: ez0\n",
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory: pytest.TempPathFactory) -> Example:
+    return example(tmp_path_factory.mktemp("paper"))
+
+
+@pytest.fixture(scope="module")
+def spatial(tmp_path_factory: pytest.TempPathFactory) -> Example:
+    """With an equation for z and a component from the machine file."""
+    return example(
+        tmp_path_factory.mktemp("spatial"),
+        passes=3,
+        stated="  ez0: {of: y, unit: um, coefficients: [3.0, -0.05], u_future: 1.9}",
+        equation="  Ez: ez0 + x*ex_y\n",
+    )
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
+def test_figures_are_the_same_bytes_every_time(paper: Example, suffix: str) -> None:
+    points, long, right = paper.points(), paper.lengths(), paper.angles()
+    drawn: list[list[bytes]] = []
+    for _ in range(2):
+        pages = [predict_points.figure(points), lengths.figure(long), orthogonality.figure(right)]
+        drawn.append([figure_bytes(page, suffix) for page in pages])
+    assert drawn[0] == drawn[1]
+
+
+def test_a_third_axis_has_a_panel_of_its_own(spatial: Example, paper: Example) -> None:
+    page = predict_points.figure(spatial.points())
+    assert [panel.get_xlabel() for panel in page.axes] == ["x, mm", "Ez, um"]
+    assert len(predict_points.figure(paper.points()).axes) == 1
+
+
+def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
+    from matplotlib.patches import Ellipse
+
+    result = paper.points()
+    (panel,) = predict_points.figure(result).axes
+    found = [patch for patch in panel.patches if isinstance(patch, Ellipse)]
+    assert len(found) == 24
+    for i, patch in enumerate(found):
+        place, tip = result.points[i, :2], np.array(patch.center)
+        scale = np.linalg.norm(tip - place) / np.linalg.norm(
+            result.prediction.mean[2 * i : 2 * i + 2]
+        )
+        block = result.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] * scale**2
+        angle = np.radians(patch.angle)
+        along = np.array([np.cos(angle), np.sin(angle)])
+        assert (patch.width / 2) ** 2 == pytest.approx(4 * along @ block @ along, rel=1e-6)
+        across = np.array([-along[1], along[0]])
+        assert (patch.height / 2) ** 2 == pytest.approx(4 * across @ block @ across, rel=1e-6)
+        assert abs(along @ block @ across) <= 1e-9 * np.trace(block)
+
+
+def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example) -> None:
+    result = paper.points()
+    page = predict_points.figure(result)
+    figure_bytes(page, "png")
+    (panel,) = page.axes
+    ids = set(result.prediction.ids)
+    texts: list[Any] = [text for text in panel.texts if text.get_text() in ids]
+    boxes = [text.get_window_extent() for text in texts]
+    assert len(boxes) == 24
+    for i, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[i + 1 :])
+    marks = panel.transData.transform(result.points[:, :2])
+    for box in boxes:
+        assert not any(box.contains(x, y) for x, y in marks)
+
+
+def test_label_goes_opposite_to_a_lone_arrow() -> None:
+    placed = labels.around(
+        np.array([[0.0, 0.0]]), np.array([[10.0, 0.0]]), np.array([1.0]), reach=2.0
+    )
+    np.testing.assert_allclose(placed, [[-2.0, 0.0]], atol=1e-12)
+
+
+def test_scale_arrow_is_a_round_number() -> None:
+    assert [arrows.nice(x) for x in (0.07, 1.0, 4.9, 23.0, 0.5)] == [0.05, 1.0, 2.0, 20.0, 0.5]
+
+
+def test_no_error_and_no_uncertainty_can_be_drawn(paper: Example) -> None:
+    result = paper.points(SETTINGS)
+    still = replace(
+        result,
+        prediction=replace(result.prediction, mean=np.zeros_like(result.prediction.mean)),
+        covariance=np.zeros_like(result.covariance),
+        variance=np.zeros_like(result.variance),
+    )
+    assert figure_bytes(predict_points.figure(still), "png")
+    assert "nan" not in plain_text(predict_points.table(still))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_figure_has_a_panel_a_component_and_the_same_bytes(case: str, tmp_path: Path) -> None:
+    given = example(tmp_path, **CASES[case])
+
+    def page() -> Any:
+        return fit_components.figure(given.fit, given.estimates, 2.0, says=SAYS)
+
+    shown = [panel for panel in page().axes if panel.axison]
+    assert len(shown) == len(given.estimates.components)
+    assert all(panel.get_ylabel() in ("um", "arcsec") for panel in shown)
+    assert figure_bytes(page(), "png") == figure_bytes(page(), "png")
+
+
+def test_band_is_that_of_a_future_reading(paper: Example) -> None:
+    page = fit_components.figure(paper.fit, paper.estimates, 2.0)
+    panel = next(p for p in page.axes if p.get_title(loc="left").startswith("dx_x"))
+    (band,) = panel.collections
+    at_zero = np.asarray(band.get_paths()[0].vertices)
+    edges = at_zero[np.isclose(at_zero[:, 0], 0.0)][:, 1]
+    estimate = paper.estimates.components["dx_x"]
+    variance = estimate.covariance[0, 0] + estimate.pass_covariance[0, 0] + estimate.s_repeat**2
+    assert edges.max() - edges.min() == pytest.approx(4 * np.sqrt(variance) * 1000, rel=1e-9)

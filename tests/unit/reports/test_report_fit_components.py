@@ -1,0 +1,279 @@
+"""The report of fit-components: complete, read back without loss, legible."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from report_examples import LINES, SAYS, SETTINGS, Example, example
+
+from mtu_cli.files.components_file import read_components
+from mtu_cli.files.json_file import report_bytes
+from mtu_cli.model.estimates import ComponentEstimate
+from mtu_cli.model.fit import estimates_from_report
+from mtu_cli.reports import fit_components
+from mtu_cli.reports.document import envelope
+from mtu_cli.reports.observability import NotDetermined, observability
+from mtu_cli.reports.tables import plain_text
+
+CONTRACT = [
+    "of",
+    "unit",
+    "degree",
+    "n",
+    "n_passes",
+    "coefficients",
+    "covariance",
+    "covariance_independent",
+    "s",
+    "dof",
+    "s_repeat",
+    "pass_covariance",
+    "pass_center_mm",
+    "s_pass",
+    "pass_dof",
+    "position_range_mm",
+    "drift",
+    "lack_of_fit",
+    "reversal",
+    "r2",
+]
+
+STATED = "  ez0: {of: y, unit: um, coefficients: [3.0, -0.05], covariance: [[1, 0], [0, 1e-4]], "
+STATED += "s_repeat: 0.4, pass_covariance: [[0.5, 0.001], [0.001, 1e-4]], pass_dof: 7, dof: 20}"
+LONG = "  a_component_with_a_name_that_is_far_too_long_for_any_table: "
+LONG += "{of: x, unit: um, coefficients: [1.5, 0.01], u_future: 1.9}"
+CASES: dict[str, dict[str, Any]] = {
+    "one instrument": {},
+    "one run": {"passes": None, "directions": False},
+    "two instruments": {"passes": 3, "roles": ("lbb", "laser")},
+    "stated": {"passes": 4, "stated": STATED, "equation": "  Ez: ez0\n"},
+    "quadratic": {"degree": 2},
+}
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory: pytest.TempPathFactory) -> Example:
+    return example(tmp_path_factory.mktemp("paper"))
+
+
+def report(given: Example) -> dict[str, Any]:
+    return envelope(
+        "fit-components",
+        inputs=[given.machine.source],
+        settings=SETTINGS,
+        results=fit_components.document("test machine", given.fit, given.estimates, says=SAYS),
+        warnings=fit_components.warnings(given.fit, given.estimates),
+    )
+
+
+def same(found: object, wanted: object) -> None:
+    """Arrays to 1e-12 of the scale of their rows and columns, the rest exactly."""
+    if wanted is None or found is None:
+        assert found is wanted
+        return
+    a, b = np.asarray(found, float), np.asarray(wanted, float)
+    assert a.shape == b.shape
+    if b.ndim == 2:
+        scale = np.sqrt(np.abs(np.outer(np.diag(b), np.diag(b))))
+        assert np.all(np.abs(a - b) <= 1e-12 * scale)
+    else:
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_prediction_reads_the_same_estimates_back(case: str, tmp_path: Path) -> None:
+    given = example(tmp_path, **CASES[case])
+    path = tmp_path / "components.json"
+    path.write_bytes(report_bytes(report(given)))
+    back = estimates_from_report(given.machine, read_components(path))
+    assert set(back.components) == set(given.estimates.components)
+    for name, wanted in given.estimates.components.items():
+        found = back.components[name]
+        for field in ComponentEstimate.__dataclass_fields__:
+            if field in ("name", "of", "unit", "n_passes", "notes"):
+                assert getattr(found, field) == getattr(wanted, field), (name, field)
+            else:
+                same(getattr(found, field), getattr(wanted, field))
+    assert len(back.joint) == len(given.estimates.joint)
+    for read, group in zip(back.joint, given.estimates.joint, strict=True):
+        assert (read.components, read.widths, read.pass_dof, read.n_passes) == (
+            group.components,
+            group.widths,
+            group.pass_dof,
+            group.n_passes,
+        )
+        same(read.covariance, group.covariance)
+        same(read.pass_covariance, group.pass_covariance)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_contract_field_is_there(case: str, tmp_path: Path) -> None:
+    document = report(example(tmp_path, **CASES[case]))
+    for name, item in document["results"]["components"].items():
+        assert set(CONTRACT) <= set(item), name
+        assert np.array(item["pass_covariance"]).shape == (min(2, item["degree"] + 1),) * 2
+    assert {"joint_pass_covariance", "observability"} <= set(document["results"])
+    assert json.loads(report_bytes(document)) == document
+
+
+def test_figures_against_plain_formulas(paper: Example) -> None:
+    """Gilsinn & Ling 2004, eqs. (6) and (11), by numpy on the readings in um."""
+    item = report(paper)["results"]["components"]["dx_x"]
+    fit = paper.fit.components["dx_x"].instruments[0]
+    X = np.column_stack([np.ones(80), fit.position])
+    y = fit.error * 1000
+    b = np.linalg.solve(X.T @ X, X.T @ y)
+    residual = y - X @ b
+    s2 = residual @ residual / 78
+    np.testing.assert_allclose(item["coefficients"], b, rtol=1e-9)
+    assert item["s"] == pytest.approx(np.sqrt(s2), rel=1e-9)
+    assert (item["n"], item["n_passes"], item["passes_read"], item["dof"]) == (80, 10, 10, 78)
+    np.testing.assert_allclose(
+        item["covariance_independent"], s2 * np.linalg.inv(X.T @ X), rtol=1e-8
+    )
+    assert item["r2"] == pytest.approx(np.corrcoef(fit.position, y)[0, 1] ** 2, rel=1e-9)
+    level = [y[(fit.group == g)].mean() for g in range(10)]
+    forward = np.array([sign > 0 for _, sign in fit.keys])
+    back = np.mean(np.array(level)[forward]) - np.mean(np.array(level)[~forward])
+    assert item["reversal"]["mean"] == pytest.approx(back, rel=1e-9)
+    assert item["pass_center_mm"] == pytest.approx(75.0)
+    assert item["s_pass"] == pytest.approx(np.sqrt(item["pass_covariance"][0][0]))
+    assert item["drift"]["df"] == [16, 60]
+
+
+def test_axis_angle_in_its_own_unit(paper: Example) -> None:
+    """Table 1 of Gilsinn & Ling 2004: mean and s of the five readings."""
+    item = report(paper)["results"]["components"]["axy"]
+    readings = [-6.99, -6.43, -7.39, -6.76, -6.79]
+    assert item["coefficients"] == pytest.approx([np.mean(readings)], rel=1e-12)
+    assert item["s"] == pytest.approx(np.std(readings, ddof=1), rel=1e-9)
+    assert item["of"] is None
+    assert item["reversal"] is None
+    assert item["repeat_dof"] is None
+
+
+def test_correlation_is_of_the_passes_levels_and_slopes(paper: Example) -> None:
+    """Against a line through every pass by numpy, less the mean by direction."""
+    (group,) = report(paper)["results"]["joint_pass_covariance"]
+    assert group["components"] == list(LINES)
+    assert group["correlation_of"][:2] == ["dx_x level", "dx_x slope"]
+    columns = []
+    for name in ("dx_x", "dy_x"):
+        item = paper.fit.components[name].instruments[0]
+        lines = np.array(
+            [
+                np.polyfit(item.position[item.group == g] - 75, item.error[item.group == g], 1)[
+                    ::-1
+                ]
+                for g in range(10)
+            ]
+        )
+        forward = np.array([sign > 0 for _, sign in item.keys])
+        lines[forward] -= lines[forward].mean(axis=0)
+        lines[~forward] -= lines[~forward].mean(axis=0)
+        columns.append(lines)
+    wanted = np.corrcoef(np.column_stack(columns).T)
+    np.testing.assert_allclose(np.array(group["correlation"])[:4, :4], wanted, atol=1e-9)
+
+
+def test_pass_covariance_for_people_has_no_negative_part(tmp_path: Path) -> None:
+    given = example(tmp_path, passes=3, roles=("lbb", "laser"))
+    for item in report(given)["results"]["components"].values():
+        D, moment = (np.array(item[f"pass_covariance{end}"]) for end in ("", "_moment"))
+        assert np.linalg.eigvalsh(D)[0] >= -1e-12 * np.abs(D).max()
+        if np.linalg.eigvalsh(moment)[0] > 0:
+            np.testing.assert_allclose(D, moment, rtol=1e-9)
+
+
+def named(found: list[NotDetermined], component: str) -> dict[str, str]:
+    return {x.not_determined: x.reading_that_would for x in found if x.component == component}
+
+
+def test_observability_of_one_run(tmp_path: Path) -> None:
+    given = example(tmp_path, passes=None, directions=False)
+    found = named(observability(given.fit, given.estimates), "dx_x")
+    assert set(found) == {"pass-to-pass drift apart from repeatability", "reversal", "lack of fit"}
+    assert "at least 3 times, numbered in `pass`" in next(iter(found.values()))
+    assert "`direction`" in found["reversal"]
+    item = report(given)["results"]["components"]["dx_x"]
+    assert [item[key] for key in ("drift", "trend", "lack_of_fit", "reversal")] == [None] * 4
+    (warning,) = report(given)["warnings"]
+    assert "reversal of dx_x, dy_x" in warning["message"]
+
+
+def test_observability_of_a_good_run_names_only_the_axis_angle(paper: Example) -> None:
+    found = observability(paper.fit, paper.estimates)
+    assert {item.component for item in found} == {"axy"}
+    assert set(named(found, "axy")) == {
+        "repeatability of one visit",
+        "correlation of its drift with that of other components",
+    }
+
+
+def test_observability_of_stated_components_and_several_instruments(tmp_path: Path) -> None:
+    given = example(tmp_path, passes=3, roles=("lbb", "laser"), stated=LONG)
+    found = observability(given.fit, given.estimates)
+    assert (
+        "--lbb"
+        in named(found, "a_component_with_a_name_that_is_far_too_long_for_any_table")[
+            "drift, reversal and lack of fit"
+        ]
+    )
+    item = report(given)["results"]["components"]["dx_x"]
+    assert item["n"] == 96
+    assert item["passes_read"] == 12
+    assert item["n_passes"] is None
+    assert [x["role"] for x in item["instruments"]] == ["lbb", "laser"]
+    assert [x["n"] for x in item["instruments"]] == [48, 48]
+    assert 0 <= item["agreement_p"] <= 1
+    assert "several-instruments" in {x["code"] for x in report(given)["warnings"]}
+
+
+@pytest.mark.parametrize("case", [*CASES, "long"])
+def test_table_fits_100_columns(case: str, tmp_path: Path) -> None:
+    given = example(tmp_path, **CASES.get(case, {"stated": LONG}))
+    text = plain_text(fit_components.table("test machine", given.fit, given.estimates))
+    assert max(map(len, text.splitlines())) <= 100
+    for name in LINES:
+        (line,) = [row for row in text.splitlines() if row.startswith(f"{name} ") and "±" in row][
+            :1
+        ]
+        estimate = given.estimates.components[name]
+        slope = estimate.coefficients[1] / estimate.unit.to_internal * 1000
+        shown = [float(word) for word in line.replace("*", "").split() if _is_number(word)]
+        u = np.sqrt(estimate.covariance[1, 1]) / estimate.unit.to_internal * 1000
+        assert min(abs(value - slope) for value in shown) <= 0.06 * u
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def test_what_stands_out_is_marked(paper: Example) -> None:
+    text = plain_text(fit_components.table("test machine", paper.fit, paper.estimates))
+    bent = next(line for line in text.splitlines() if line.startswith("ez_y"))
+    straight = next(line for line in text.splitlines() if line.startswith("dx_x"))
+    assert bent.count("<0.001*") == 2
+    assert straight.count("*") == 1
+
+
+def test_csv_is_the_json_side_by_side(paper: Example) -> None:
+    header, rows = fit_components.csv_rows(paper.fit, paper.estimates)
+    table = [dict(zip(header, row, strict=True)) for row in rows]
+    components = report(paper)["results"]["components"]
+    assert [row["component"] for row in table] == list(components)
+    for row in table:
+        item = components[str(row["component"])]
+        assert row["coefficient_0"] == item["coefficients"][0]
+        assert row["u_coefficient_0"] == pytest.approx(np.sqrt(item["covariance"][0][0]))
+        assert row["drift_p"] == (item["drift"] or {}).get("p")
+        assert row["reversal_mean"] == (item["reversal"] or {}).get("mean")
+    assert table[-1]["coefficient_1"] is None

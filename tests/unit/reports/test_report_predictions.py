@@ -1,0 +1,245 @@
+"""Reports of predictions: complete against the contract, true to the results, legible."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from report_examples import Example, example
+
+from mtu_cli.files.json_file import report_bytes
+from mtu_cli.model.settings import Settings
+from mtu_cli.reports import lengths, orthogonality, predict_points
+from mtu_cli.reports.csv_text import csv_text
+from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.tables import plain_text
+
+POINT = [
+    "id",
+    "x_mm",
+    "y_mm",
+    "z_mm",
+    "Ex_um",
+    "Ey_um",
+    "u_x_um",
+    "u_y_um",
+    "var_x_um2",
+    "var_y_um2",
+    "U_x_um",
+    "U_y_um",
+    "dof_effective_x",
+    "dof_effective_y",
+    "interval95_x_um",
+    "interval95_y_um",
+    "independent",
+]
+LENGTH = [
+    "id",
+    "from",
+    "to",
+    "nominal_mm",
+    "estimated_mm",
+    "error_um",
+    "variance_um2",
+    "u_um",
+    "U_um",
+    "k",
+    "dof_effective",
+    "interval_um",
+    "interval95_um",
+    "independent",
+    "conformance",
+]
+ANGLE = [
+    "id",
+    "mean_arcsec",
+    "u_arcsec",
+    "U_arcsec",
+    "interval95_arcsec",
+    "trials",
+    "converged",
+    "first_order",
+    "validation",
+    "independent",
+]
+ARCSEC = np.pi / 648000
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory: pytest.TempPathFactory) -> Example:
+    return example(tmp_path_factory.mktemp("paper"))
+
+
+@pytest.fixture(scope="module")
+def spatial(tmp_path_factory: pytest.TempPathFactory) -> Example:
+    """With an equation for z and a component from the machine file."""
+    return example(
+        tmp_path_factory.mktemp("spatial"),
+        passes=3,
+        stated="  ez0: {of: y, unit: um, coefficients: [3.0, -0.05], u_future: 1.9}",
+        equation="  Ez: ez0 + x*ex_y\n",
+    )
+
+
+def test_points_hold_the_contract_fields(paper: Example) -> None:
+    result = paper.points()
+    found = predict_points.document(result)
+    assert "covariance_um2" not in found
+    assert len(found["points"]) == 24
+    for i, point in enumerate(found["points"]):
+        assert set(POINT) <= set(point)
+        assert point["Ex_um"] == pytest.approx(result.prediction.mean[2 * i] * 1e3, rel=1e-12)
+        assert point["var_y_um2"] == pytest.approx(result.variance[2 * i + 1] * 1e6, rel=1e-12)
+        assert point["U_x_um"] == pytest.approx(2 * point["u_x_um"], rel=1e-12)
+        assert point["u_x_um"] ** 2 == pytest.approx(point["var_x_um2"], rel=1e-12)
+        low, high = point["interval95_x_um"]
+        assert (low + high) / 2 == pytest.approx(point["Ex_um"], abs=1e-9)
+        parts = point["variance_x_um2"]
+        assert sum(parts.values()) == pytest.approx(point["var_x_um2"], rel=1e-9)
+        apart = point["independent"]
+        assert apart["U_y_um"] == pytest.approx(2 * np.sqrt(apart["var_y_um2"]), rel=1e-12)
+        assert set(point["validation_x"]) == {"passed", "d_low_um", "d_high_um", "tolerance_um"}
+        assert point["z_mm"] is None
+    assert json.loads(report_bytes(found)) == found
+
+
+def test_covariance_of_the_points_only_on_request(spatial: Example) -> None:
+    result = spatial.points()
+    found = predict_points.document(result, with_covariance=True)
+    assert found["covariance_rows"][:4] == ["21.x", "21.y", "21.z", "22.x"]
+    np.testing.assert_allclose(found["covariance_um2"], result.covariance * 1e6, rtol=1e-12)
+    point = found["points"][0]
+    assert point["u_z_um"] == pytest.approx(np.sqrt(found["covariance_um2"][2][2]), rel=1e-9)
+
+
+def test_independent_settings_state_no_split_of_variance(paper: Example) -> None:
+    result = paper.points(Settings(trials=4000, threads=1, correlation="independent"))
+    point = predict_points.document(result)["points"][0]
+    assert point["var_x_um2"] == point["independent"]["var_x_um2"]
+    assert point["dof_effective_x"] is None
+    assert "variance_x_um2" not in point
+    assert "independent" in plain_text(predict_points.table(result))
+
+
+def test_lengths_hold_the_contract_fields(paper: Example) -> None:
+    result = paper.lengths()
+    found = lengths.document(result)
+    for item, source in zip(found["lengths"], result.lengths, strict=True):
+        assert set(LENGTH) <= set(item)
+        assert item["error_um"] == pytest.approx(source.error * 1e3, rel=1e-12)
+        assert item["estimated_mm"] == source.nominal + source.error
+        low, high = item["interval_um"]
+        assert high - low == pytest.approx(2 * item["U_um"], rel=1e-9)
+        assert item["interval95_um"][0] == pytest.approx(source.interval95[0] * 1e3, rel=1e-12)
+        assert item["between_components"]["u_bounds_um"][0] <= item["u_um"] + 1e-9
+        assert item["validation"]["tolerance_um"] > 0
+    assert found["lengths"][0]["conformance"]["tolerance_um"] == pytest.approx(12.0)
+    assert found["lengths"][2]["conformance"] is None
+    assert found["joint_conformance"]["lengths"] == ["3-9", "9-15"]
+    assert json.loads(report_bytes(found)) == found
+
+
+def test_orthogonality_holds_the_contract_fields(paper: Example) -> None:
+    result = paper.angles()
+    (item,) = orthogonality.document(result, 2.0)["orthogonality"]
+    assert set(ANGLE) <= set(item)
+    (angle,) = result.angles
+    assert item["mean_arcsec"] == pytest.approx(angle.run.mean[0] / ARCSEC, rel=1e-12)
+    assert item["U_arcsec"] == pytest.approx(2 * item["u_arcsec"], rel=1e-12)
+    # eq. (28) of Gilsinn & Ling 2004: u^2 = s^2 (1 + 1/M)
+    wanted = item["u_arcsec"] ** 2 * (1 + 1 / item["trials"])
+    assert item["u_eq28_arcsec"] ** 2 == pytest.approx(wanted, rel=1e-12)
+    low, high = item["shortest95_arcsec"]
+    assert high - low <= item["interval95_arcsec"][1] - item["interval95_arcsec"][0] + 0.2
+    assert set(item["monte_carlo"]) == {
+        "se_mean_arcsec", "se_u_arcsec", "se_low_arcsec", "se_high_arcsec", "gain",
+    }  # fmt: skip
+    assert item["independent"]["first_order_u_arcsec"] > 0
+    assert set(item["validation"]) == {
+        "passed", "d_low_arcsec", "d_high_arcsec", "tolerance_arcsec",
+    }  # fmt: skip
+
+
+def test_an_angle_without_standard_uncertainty_says_why(paper: Example) -> None:
+    result = paper.angles()
+    (angle,) = result.angles
+    nothing = np.array([np.nan])
+    run = replace(angle.run, u=nothing, se_mean=nothing, se_u=nothing)
+    without = replace(result, angles=(replace(angle, run=run),))
+    found = orthogonality.document(without, 2.0)
+    assert found["orthogonality"][0]["u_arcsec"] is None
+    assert found["orthogonality"][0]["U_arcsec"] is None
+    report_bytes(found)
+    codes = {item.code for item in orthogonality.warnings(without)}
+    assert "no-standard-uncertainty" in codes
+    text = plain_text(orthogonality.table(without, 2.0))
+    assert "nan" not in text
+    assert figure_bytes(orthogonality.figure(without), "png")
+
+
+def test_warnings_tell_what_clause_8_found(paper: Example) -> None:
+    result = paper.lengths()
+    first, second, third = result.lengths
+
+    def judged(passed: bool | None, item: Any) -> Any:
+        return replace(item, validation=replace(item.validation, passed=passed))
+
+    changed = replace(
+        result,
+        lengths=(judged(True, first), judged(False, second), judged(None, third)),
+        run=replace(result.run, converged=False),
+    )
+    said = {item.code: item.message for item in lengths.warnings(changed)}
+    assert said["validation-failed"].endswith("for 9-15")
+    assert said["validation-undecided"].endswith("of 3-15")
+    assert "20000 Monte Carlo trials" in said["not-converged"]
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_tables_fit_and_round_to_the_uncertainty(
+    paper: Example, spatial: Example, planar: bool
+) -> None:
+    given = paper if planar else spatial
+    points, long, right = given.points(), given.lengths(), given.angles()
+    named = replace(
+        points.prediction, ids=tuple("hole_number_" * 4 + i for i in map(str, range(24)))
+    )
+    tables = [
+        predict_points.table(points),
+        predict_points.table(replace(points, prediction=named)),
+        lengths.table(long),
+        orthogonality.table(right, 2.0),
+    ]
+    for table in tables:
+        assert max(map(len, plain_text(table).splitlines())) <= 100
+    row = next(x for x in plain_text(tables[2]).splitlines() if x.startswith("3-15"))
+    error, u = row.split()[2:4]
+    assert float(u) == pytest.approx(long.lengths[2].u * 1e3, rel=0.05)
+    assert float(error) == pytest.approx(long.lengths[2].error * 1e3, abs=0.05)
+    assert len(error.partition(".")[2]) == len(u.partition(".")[2])
+
+
+def test_csv_agrees_with_the_document(paper: Example) -> None:
+    import csv
+
+    def read(header: list[str], rows: Any) -> list[dict[str, str]]:
+        return list(csv.DictReader(csv_text(header, rows).splitlines()))
+
+    points = predict_points.document(paper.points())["points"]
+    for row, point in zip(read(*predict_points.csv_rows(paper.points())), points, strict=True):
+        assert float(row["u_x_um"]) == point["u_x_um"]
+        assert float(row["interval95_y_low_um"]) == point["interval95_y_um"][0]
+        assert float(row["independent_u_y_um"]) == point["independent"]["u_y_um"]
+    items = lengths.document(paper.lengths())["lengths"]
+    for row, item in zip(read(*lengths.csv_rows(paper.lengths())), items, strict=True):
+        assert float(row["U_um"]) == item["U_um"]
+        assert float(row["independent_U_um"]) == item["independent"]["U_um"]
+        assert float(row["u_bound_high_um"]) == item["between_components"]["u_bounds_um"][1]
+        assert row["tolerance_um"] == ("" if item["conformance"] is None else row["tolerance_um"])
+    (row,) = read(*orthogonality.csv_rows(paper.angles(), 2.0))
+    (angle,) = orthogonality.document(paper.angles(), 2.0)["orthogonality"]
+    assert float(row["shortest95_low_arcsec"]) == angle["shortest95_arcsec"][0]
+    assert float(row["independent_u_arcsec"]) == angle["independent"]["u_arcsec"]
