@@ -38,7 +38,7 @@ class Problem:
         if self.row is not None:
             place += f", row {self.row}" if place else f"row {self.row}"
         if isinstance(self.column, str):
-            place += f", column '{self.column}'"
+            place += f", column '{self.column}'" if place else f"column '{self.column}'"
         text = f"{place}: " if place else ""
         if self.path:
             text += f"{self.path}: "
@@ -48,7 +48,8 @@ class Problem:
         if self.value is not None:
             text += f": {shorten(self.value)!r}"
         if self.expected:
-            text += f"; expected {self.expected}"
+            asks = self.expected.startswith("did you mean")
+            text += f"; {self.expected}" if asks else f"; expected {self.expected}"
         return text
 
 

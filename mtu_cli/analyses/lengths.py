@@ -9,29 +9,18 @@ import numpy as np
 
 from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
+from mtu_cli.model.conformance import Conformance, conformance_of, joint_conformance
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
 from mtu_cli.model.trials import Measure, PointTrials
-from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray
-from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
+from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
-
-JOINT_TRIALS = 200_000
-"""Trials behind the joint probability of conformance; its standard error is stated."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Conformance:
-    """Probability that the error of a future part is within -+ `tolerance` (mm)."""
-
-    tolerance: float
-    probability: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +95,15 @@ def predict_lengths(
     errors = measure((combine @ prediction.mean)[:, None], Workspace())[:, 0]
     names = tuple(entry.id for entry in entries)
     trial_model = PointTrials(
-        prediction, names, measure, combine, errors, gradient, independent=settings.independent
+        prediction,
+        names,
+        measure,
+        combine,
+        np.tile(np.arange(len(names)), len(prediction.axes)),
+        errors,
+        gradient,
+        np.full(len(names), np.inf) if settings.independent else prediction.variance(gradient).dof,
+        independent=settings.independent,
     )
     run = settings.run(trial_model)
     lengths = _lengths(
@@ -116,7 +113,9 @@ def predict_lengths(
     return LengthsResult(
         prediction=prediction,
         lengths=lengths,
-        joint_conformance=_joint_conformance(trial_model, lengths, settings),
+        joint_conformance=joint_conformance(
+            trial_model, [length.conformance for length in lengths], settings
+        ),
         run=run,
         warnings=(
             *warnings,
@@ -205,7 +204,7 @@ def _lengths(
                 variance_uncorrelated=float(uncorrelated[i]),
                 u_bounds=bounds,
                 pair=pair,
-                conformance=_conformance(entry.tolerance_um, float(errors[i]), u, dof),
+                conformance=conformance_of(entry.tolerance_um, float(errors[i]), u, dof),
                 validation=settings.validate(float(errors[i]), u, dof, run, i),
             )
         )
@@ -225,61 +224,6 @@ def _bounds(
     names = [" + ".join(prediction.blocks[b].names) for b in largest]
     low = float(np.sqrt(max(total - cross, 0.0)))
     return (low, float(np.sqrt(total + cross))), (names[0], names[1])
-
-
-def _conformance(
-    tolerance_um: float | None, error: float, u: float, dof: float
-) -> Conformance | None:
-    """P(|error of a future part| <= tolerance) with t at the effective degrees of freedom."""
-    from scipy.special import ndtr, stdtr
-
-    if tolerance_um is None:
-        return None
-    tolerance = tolerance_um * 1e-3
-    if u == 0:
-        return Conformance(tolerance=tolerance, probability=float(abs(error) <= tolerance))
-
-    def below(t: float) -> float:
-        return float(ndtr(t) if np.isinf(dof) else stdtr(dof, t))
-
-    inside = below((tolerance - error) / u) - below((-tolerance - error) / u)
-    return Conformance(tolerance=tolerance, probability=inside)
-
-
-class _AllWithin:
-    """1 where every toleranced length of a trial's part is within its tolerance, else 0."""
-
-    def __init__(self, model: PointTrials, limits: FloatArray) -> None:
-        self.names = ("all_within",)
-        self.linear_mean = None
-        self.u_exists = (True,)
-        self.model = model
-        self.limits = limits[:, None]
-
-    def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        values = self.model.draw(rng, m).values
-        within = np.all(np.abs(values) <= self.limits, axis=0, keepdims=True)
-        return Draws(values=within.astype(np.float64))
-
-
-def _joint_conformance(
-    model: PointTrials, lengths: Sequence[Length], settings: Settings
-) -> tuple[float, float] | None:
-    """Probability that one part conforms in all its toleranced lengths, and its standard error.
-
-    The lengths of a part are correlated, so this is not the product of their probabilities.
-    """
-    limits = np.array([x.conformance.tolerance if x.conformance else np.inf for x in lengths])
-    if np.isfinite(limits).sum() < 2:
-        return None
-    result = monte_carlo(
-        _AllWithin(model, limits),
-        seed=settings.seed,
-        trials=settings.trials or JOINT_TRIALS,
-        threads=settings.threads,
-    )
-    p = float(result.mean[0])
-    return p, float(np.sqrt(p * (1 - p) / result.trials))
 
 
 def _planar_warnings(model: MachineModel, delta: FloatArray, names: Sequence[str]) -> list[Warned]:

@@ -103,7 +103,15 @@ def _angle(
 
     def run(independent: bool) -> MonteCarloResult:
         model = PointTrials(
-            prediction, (name,), measure, combine, mean, gradient, independent=independent
+            prediction,
+            (name,),
+            measure,
+            combine,
+            np.zeros(len(combine), np.int64),
+            mean,
+            gradient,
+            np.full(1, np.inf) if independent else variance.dof,
+            independent=independent,
         )
         return settings.run(model)
 

@@ -70,8 +70,10 @@ def predict_points(
         names,
         lambda errors, work: errors,
         rows,
+        np.arange(len(rows)),
         prediction.mean,
         rows,
+        dof,
         independent=settings.independent,
     )
     run = settings.run(trial_model)

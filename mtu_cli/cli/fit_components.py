@@ -31,12 +31,13 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     fit = fit_machine(machine, readings)
     estimates = estimates_from_fit(machine, fit)
     warnings = [Warned(code=item.code, message=item.message) for item in machine.warnings]
+    says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     return Outcome(
-        results=lambda: report.document(machine.machine.name, fit, estimates),
+        results=lambda: report.document(machine.machine.name, fit, estimates, says=says),
         tables=lambda: report.table(machine.machine.name, fit, estimates),
         rows=lambda: report.csv_rows(fit, estimates),
-        figure=lambda: report.figure(fit, estimates, settings.coverage_factor),
-        warnings=[*warnings, *fit_warnings(fit)],
+        figure=lambda: report.figure(fit, estimates, settings.coverage_factor, says=says),
+        warnings=[*warnings, *fit_warnings(fit), *report.warnings(fit, estimates)],
         gate=_drift(fit) if gate else None,
     )
 

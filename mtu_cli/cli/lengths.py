@@ -29,7 +29,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         tables=lambda: report.table(result),
         rows=lambda: report.csv_rows(result),
         figure=lambda: report.figure(result),
-        warnings=[*found.warnings, *result.warnings],
+        warnings=[*found.warnings, *result.warnings, *report.warnings(result)],
         gate=None if limit is None else _nonconforming(result, limit),
     )
 

@@ -25,5 +25,5 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         tables=lambda: report.table(result),
         rows=lambda: report.csv_rows(result),
         figure=lambda: report.figure(result),
-        warnings=[*found.warnings, *result.warnings],
+        warnings=[*found.warnings, *result.warnings, *report.warnings(result)],
     )

@@ -9,7 +9,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.files.csv_cells import NO_TIME, is_text, microseconds
-from mtu_cli.files.csv_table import Columns, TableSpec, TextColumn, TimeColumn
+from mtu_cli.files.csv_table import Columns, Kind, TableSpec, TextColumn, TimeColumn
 from mtu_cli.files.csv_text import CsvText, lines_from
 
 if TYPE_CHECKING:
@@ -41,11 +41,7 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
     }
     texts = {name: _Texts(capacity) for name, kind in kinds.items() if kind == "text"}
     times = {name: _Times(capacity) for name, kind in kinds.items() if kind == "time"}
-    # Categories are fast, but pandas turns them into numbers where all look like numbers, and
-    # part 007 into part 7: they are for columns that are seen to hold other texts.
-    dtypes: dict[str, Any] = dict.fromkeys((*texts, *times), "category")
-    dtypes |= {name: object for name in texts if name not in seen}
-    dtypes |= {name: "float64" for name, kind in kinds.items() if kind == "number"}
+    dtypes = _dtypes(kinds, seen)
     count = 0
     for frame in _frames(text, dtypes):
         for name in [name for name in numbers if not _is_numeric(frame[name])]:
@@ -67,6 +63,21 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
     )
     _check_cells(columns, spec)
     return count, columns
+
+
+def _dtypes(kinds: dict[str, Kind], seen: set[str]) -> dict[str, Any]:
+    """What pandas is told of the columns.
+
+    Categories are fast, but pandas turns them into numbers where all look like numbers, and
+    part 007 into part 7: they are for columns that are seen to hold other texts.
+    """
+    found: dict[str, Any] = {}
+    for name, kind in kinds.items():
+        if kind == "number":
+            found[name] = "float64"
+        elif kind != "covariate":
+            found[name] = "category" if name in seen or kind == "time" else object
+    return found
 
 
 def _first_texts(text: CsvText) -> set[str]:

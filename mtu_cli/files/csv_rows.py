@@ -86,8 +86,10 @@ def _no_row_is_longer(text: CsvText, quotes: Positions) -> bool:
     import numpy as np
 
     content, body, sign = text.content, text.body, ord(text.separator)
-    ending = text.separator.encode()
-    if content.find(ending + b"\n", body) < 0 and content.find(ending + b"\r\n", body) < 0:
+    ends = [text.separator.encode() + b"\n"]
+    if b"\r" in content:
+        ends.append(text.separator.encode() + b"\r\n")
+    if all(content.find(end, body) < 0 for end in ends):
         return True
     carried = 0
     for start in range(body, len(content), _CHUNK):
@@ -96,11 +98,11 @@ def _no_row_is_longer(text: CsvText, quotes: Positions) -> bool:
         at = np.flatnonzero((chunk == sign) | (chunk == _NEWLINE))
         if len(quotes):
             at = at[np.searchsorted(quotes, at + (start - body)) % 2 == 0]
-        ends = np.flatnonzero(chunk[at] == _NEWLINE)
-        counts = np.diff(ends, prepend=-1 - carried) - 1
+        breaks = np.flatnonzero(chunk[at] == _NEWLINE)
+        counts = np.diff(breaks, prepend=-1 - carried) - 1
         if len(counts) and int(counts.max()) >= len(text.header):
             return False
-        carried = len(at) - 1 - int(ends[-1]) if len(ends) else carried + len(at)
+        carried = len(at) - 1 - int(breaks[-1]) if len(breaks) else carried + len(at)
     return carried < len(text.header)
 
 

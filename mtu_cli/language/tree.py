@@ -69,9 +69,11 @@ def children(node: Node) -> tuple[Node, ...]:
 
 def walk(node: Node) -> Iterator[Node]:
     """Every node of the tree, parents first, from left to right."""
-    yield node
-    for child in children(node):
-        yield from walk(child)
+    waiting = [node]
+    while waiting:
+        item = waiting.pop()
+        yield item
+        waiting.extend(reversed(children(item)))
 
 
 def names(node: Node) -> dict[str, int]:
@@ -95,7 +97,9 @@ def _text(node: Node, outer: int) -> str:
     match node:
         case Number(value):
             text = repr(value)
-            return text[:-2] if text.endswith(".0") else text
+            text = text[:-2] if text.endswith(".0") else text
+            # As the base of ** only: -2**x would be -(2**x).
+            return _wrap(text, text.startswith("-") and outer > 4)
         case Name(name):
             return name
         case Call(function, arguments):

@@ -52,8 +52,7 @@ class InstrumentFit:
 class ComponentFit:
     """A component, its fit by every instrument that read it, and the combined estimate.
 
-    `agreement_p` is the p value that the instruments agree (chi-square of their weighted
-    difference), None with one instrument.
+    `agreement_p` is the p value that the instruments agree, None with one instrument.
     """
 
     name: str
@@ -185,17 +184,10 @@ def combine(estimates: Sequence[ComponentEstimate]) -> tuple[ComponentEstimate, 
     """
     if len(estimates) == 1:
         return estimates[0], None
-    from scipy.special import chdtrc
-
     first = estimates[0]
     weights = [np.linalg.inv(item.covariance) for item in estimates]
     C = np.linalg.inv(np.sum(weights, axis=0))
     b = C @ np.sum([w @ e.coefficients for w, e in zip(weights, estimates, strict=True)], axis=0)
-    distance = sum(
-        float((e.coefficients - b) @ w @ (e.coefficients - b))
-        for w, e in zip(weights, estimates, strict=True)
-    )
-    p = float(chdtrc(len(b) * (len(estimates) - 1), distance))
     passes = np.array([item.pass_dof for item in estimates])
     repeats = np.array([item.repeat_dof for item in estimates])
     D = _pooled([item.pass_covariance for item in estimates], passes)
@@ -218,7 +210,28 @@ def combine(estimates: Sequence[ComponentEstimate]) -> tuple[ComponentEstimate, 
         ),
         position_range=(min(r[0] for r in ranges), max(r[1] for r in ranges)) if ranges else None,
     )
-    return combined, p
+    return combined, agreement(estimates[0], estimates[1])
+
+
+def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
+    """p value that two instruments read the same line.
+
+    T^2 = d' (C_a + C_b)^-1 d with d = b_a - b_b, referred to F with the effective degrees of
+    freedom of its covariance (Yao, Biometrika 52 (1965) 139, with Welch's weights taken over
+    all coefficients): a chi-square would reject far too often, the covariances being estimated.
+    """
+    from scipy.special import fdtrc
+
+    d = a.coefficients - b.coefficients
+    inverse = np.linalg.inv(a.covariance + b.covariance)
+    k = len(d)
+    shares = [float(np.trace(item.covariance @ inverse)) / k for item in (a, b)]
+    dofs = [item.pass_dof or item.repeat_dof for item in (a, b)]
+    nu = 1.0 / sum(share**2 / dof for share, dof in zip(shares, dofs, strict=True))
+    if nu <= k - 1:
+        return 1.0
+    F = float(d @ inverse @ d) * (nu - k + 1) / (nu * k)
+    return float(fdtrc(k, nu - k + 1, F))
 
 
 def _pooled(values: Sequence[FloatArray], dofs: FloatArray) -> FloatArray:

@@ -8,7 +8,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
+
+from mtu_cli.stats.coverage import t_quantile
 
 FloatArray = NDArray[np.float64]
 
@@ -92,20 +93,24 @@ class BlockPlan:
         bias: FloatArray = a * (1.0 - a) / (2.0 * (m + 2)) * second_derivative
         return at(rank) - bias_share * bias
 
-    @cached_property
-    def normal_scores(self) -> FloatArray:
-        """Standard normal quantiles (tail,) at the grid's probabilities j/(m + 1)."""
-        return np.asarray(ndtri(np.arange(1, self.tail + 1) / (self.size + 1)))
+    def standard_ends(self, dof: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+        """Quantiles of standard normal variables or, with `dof` (outputs,), of Student's t.
+
+        At `end_probability`, (outputs,) or (1,), and at the grid's probabilities j/(m + 1),
+        (outputs, tail) or (1, tail).
+        """
+        grid = np.arange(1, self.tail + 1) / (self.size + 1)
+        at = np.concatenate([[self.end_probability], grid])
+        listed = [math.inf] if dof is None else [float(value) for value in dof]
+        # Outputs that share their degrees of freedom share their quantiles.
+        known = {value: t_quantile(at, value) for value in dict.fromkeys(listed)}
+        quantiles = np.array([known[value] for value in listed])
+        return quantiles[:, 0], quantiles[:, 1:]
 
     @property
     def end_probability(self) -> float:
         """(1 - p)/2, the probability beyond either end of the symmetric interval."""
         return 0.5 * (1.0 - self.probability)
-
-    @cached_property
-    def normal_end(self) -> float:
-        """Standard normal quantile at `end_probability`."""
-        return float(ndtri(self.end_probability))
 
     def on_grid(self, ordered: FloatArray, m: int) -> FloatArray:
         """Ordered values (outputs, tail) of a block of `m` at the probabilities j/(size + 1)."""

@@ -23,8 +23,9 @@ class Draws:
     `linear` (outputs, m): their first-order form, evaluated on the same draws.
     `linear_u` (outputs, m) or (outputs, 1): standard deviation of `linear` given the trial's
     variance scales (the chi-square draw of a scaled t). Given these, `linear` must be exactly
-    normal about `linear_mean`. None where it is not normal (rectangular inputs): then the
-    first-order form serves the mean, and u if the model states `linear_variance`.
+    normal about `linear_mean`, unless the model states `linear_dof`. None where it is not
+    normal (rectangular inputs): then the first-order form serves the mean, and u if the model
+    states `linear_variance`.
 
     The engine reads the arrays before the next `draw` in the same thread and never writes
     to them, so a model may return arrays of its `Workspace`.
@@ -41,10 +42,12 @@ class TrialModel(Protocol):
     `names`: one for each output. `linear_mean` (outputs,): exact expectation of
     `Draws.linear`; None where the model has no first-order form.
 
-    Two optional attributes: `linear_variance` (outputs,), the exact variance of `linear` over
+    Optional attributes: `linear_variance` (outputs,), the exact variance of `linear` over
     everything, scales included (nan where unknown); without it the variance comes from
-    `linear_u`. `u_exists` (outputs,) of bool, False where an output has no standard deviation
-    (a t distribution of 2 degrees of freedom or fewer).
+    `linear_u`. `linear_dof` (outputs,): `linear` is exactly Student's t with these degrees of
+    freedom (inf: normal), shifted by `linear_mean` and scaled by `linear_u` (outputs, 1), so
+    that no scale needs to be averaged out. `u_exists` (outputs,) of bool, False where an
+    output has no standard deviation (a t distribution of 2 degrees of freedom or fewer).
 
     `draw` is called from several threads at once and must take all randomness from `rng`.
     """
@@ -102,6 +105,8 @@ class BlockSummariser:
         self.plan = plan
         self.linear_mean = model.linear_mean
         self.linear_variance: FloatArray | None = getattr(model, "linear_variance", None)
+        dof: FloatArray | None = getattr(model, "linear_dof", None)
+        self._end, self._scores = plan.standard_ends(dof)
         self._work = Workspace()
 
     def summarise(self, draws: Draws) -> BlockSummary:
@@ -165,12 +170,12 @@ class BlockSummariser:
         lower, upper = self._tails(linear)
         u, plan = draws.linear_u, self.plan
         fixed = u.shape[1] == 1
-        end = u[:, 0] * plan.normal_end if fixed else mixture_quantile(u, plan.end_probability)
+        end = u[:, 0] * self._end if fixed else mixture_quantile(u, plan.end_probability)
         controls[2] = lower @ plan.end_weights - (mean + end)
         controls[3] = upper @ plan.end_weights - (mean - end)
         if not fixed:
             return controls, None, None
-        scores = u * plan.normal_scores
+        scores = u * self._scores
         column = mean[:, np.newaxis]
         return controls, lower - (column + scores), upper - (column - scores)
 

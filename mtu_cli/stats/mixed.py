@@ -19,24 +19,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import LeastSquares, least_squares
+from mtu_cli.stats.pass_lines import between_passes, own_lines
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+OWN_SLOPE_SPAN = 0.01
+"""A pass over less than this share of the measured range has no slope of its own."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassFit:
-    """The mixed model of one component; q = 2 random columns with an axis, 1 without, or 0.
+    """The mixed model of one component; q = 2 random columns with an axis, 1 without.
 
     `plain` is the ordinary least-squares fit of all readings as repeats (Gilsinn & Ling 2004,
     eqs. (5)-(11)). `covariance` (k, k) is that of its coefficients under the mixed model, D
     (q, q) the pass-to-pass covariance at `center`, `s2` the repeatability variance, `split` (q, q)
-    the T of `split_mean_square`.
-    `between` (q, q) is the mean square of the passes' own coefficients with `pass_dof`
+    the T of `split_mean_square`. `D_moment` is D before its negative part is set to zero, the
+    unbiased moment estimate. `between` (q, q) is the mean square of the passes' own coefficients with `pass_dof`
     degrees of freedom, `within_dof` belongs to `s2`. `pass_coefficients` (G, q) are the
     passes' own intercepts (at the centre) and slopes, `deviations` (G, q) the same less
     their mean by direction. `separated` is False where the data cannot tell D from s2.
-    `per_pass_precision` (G, q, q) holds Z_g' Z_g.
+    `pooled_rss` with `pooled_dof` is the residual sum of squares of one line a direction.
     """
 
     plain: LeastSquares
@@ -55,7 +59,8 @@ class PassFit:
     group_direction: FloatArray
     pass_coefficients: FloatArray
     deviations: FloatArray
-    per_pass_precision: FloatArray
+    pooled_rss: float
+    pooled_dof: int
 
     @property
     def n_passes(self) -> int:
@@ -78,8 +83,10 @@ def fit_passes(
     """Fits one component; all arrays are (n,), in internal units and mm.
 
     `group` is the pass of each reading (None: passes are not known), `direction` is +1, -1
-    or 0 (not given) and constant within a pass. Direction is a fixed effect of the passes'
-    coefficients, so that reversal does not enter D. Without an axis, give degree 0.
+    or 0 (not given) and constant within a pass. With three passes or more direction is a
+    fixed effect of their coefficients, so that reversal does not enter D. Without an axis,
+    give degree 0. Where the passes differ in what no pass determines by itself (single
+    readings along an axis), D is not separated.
     """
     X = polynomial(position, degree)
     plain = least_squares(X, y)
@@ -93,17 +100,20 @@ def fit_passes(
         sign[codes] = direction
     fixed = _direction_columns(sign)
     dof_between = len(ids) - fixed.shape[1]
-    if q == 0 or dof_between < 1:
+    if dof_between < 1:
         return _single(plain, center, ids.astype(np.int64), sign)
     Z = polynomial(position - center, q - 1)
-    stage = _within(y, Z, X[:, q:] if degree >= q else X[:, :0], codes, len(ids))
-    between, deviations, leverage = _between(stage.coefficients, fixed)
-    mean_inverse = np.einsum("g,gij->ij", leverage, stage.inverses) / dof_between
-    D, split = split_mean_square(between, stage.s2, mean_inverse)
-    raw = between - stage.s2 * mean_inverse
+    stage = own_lines(y, Z, X[:, q:], codes, len(ids))
+    found = between_passes(stage, fixed)
+    if found is None:
+        return _single(plain, center, ids.astype(np.int64), sign)
+    between, of_repeatability, deviations = found
+    D, split = split_mean_square(between, stage.s2, of_repeatability)
+    raw = between - stage.s2 * of_repeatability
+    pooled = least_squares(np.column_stack([*(Z * f[codes, None] for f in fixed.T), X[:, q:]]), y)
     return PassFit(
         plain=plain,
-        covariance=_coefficient_covariance(X, Z, codes, len(ids), stage.s2, raw),
+        covariance=_coefficient_covariance(plain, X, Z, codes, stage.s2, (raw, D)),
         center=center,
         s2=stage.s2,
         D=D,
@@ -118,7 +128,8 @@ def fit_passes(
         group_direction=sign,
         pass_coefficients=stage.coefficients,
         deviations=deviations,
-        per_pass_precision=stage.precisions,
+        pooled_rss=pooled.rss,
+        pooled_dof=pooled.dof,
     )
 
 
@@ -148,17 +159,18 @@ def _single(
         group_direction=np.zeros(0) if sign is None else sign,
         pass_coefficients=empty,
         deviations=empty,
-        per_pass_precision=np.zeros((0, q, q)),
+        pooled_rss=plain.rss,
+        pooled_dof=plain.dof,
     )
 
 
 def _random_columns(position: FloatArray, codes: IntArray, G: int, degree: int) -> int:
-    """Random intercept and slope where every pass has two positions or more, else fewer."""
-    pairs = np.unique(np.column_stack([codes.astype(float), position]), axis=0)
-    positions_per_pass = np.bincount(pairs[:, 0].astype(np.int64), minlength=G)
-    if degree >= 1 and positions_per_pass.min() >= 2:
-        return 2
-    return 1
+    """Random intercept and slope where every pass spans enough of the range, else fewer."""
+    low, high = np.full(G, np.inf), np.full(G, -np.inf)
+    np.minimum.at(low, codes, position)
+    np.maximum.at(high, codes, position)
+    whole = float(np.ptp(position))
+    return 2 if degree >= 1 and (high - low).min() > OWN_SLOPE_SPAN * whole else 1
 
 
 def _direction_columns(sign: FloatArray) -> FloatArray:
@@ -168,81 +180,32 @@ def _direction_columns(sign: FloatArray) -> FloatArray:
     return np.column_stack([ones, sign / 2]) if both and len(sign) > 2 else ones
 
 
-@dataclass(frozen=True, slots=True)
-class _Within:
-    coefficients: FloatArray
-    inverses: FloatArray
-    precisions: FloatArray
-    s2: float
-    rss: float
-    dof: int
-
-
-def _within(y: FloatArray, Z: FloatArray, common: FloatArray, codes: IntArray, G: int) -> _Within:
-    """Each pass's own coefficients, with the higher powers common to all passes.
-
-    The common columns and y are first freed from every pass's own line (Frisch-Waugh), so
-    that nothing larger than the readings is ever formed.
-    """
-    free = np.column_stack([common, y])
-    lines = np.zeros((G, Z.shape[1], free.shape[1]))
-    precisions = np.zeros((G, Z.shape[1], Z.shape[1]))
-    residual = np.empty_like(free)
-    order = np.argsort(codes, kind="stable")
-    for g, rows in enumerate(np.split(order, np.searchsorted(codes[order], np.arange(1, G)))):
-        lines[g] = np.linalg.lstsq(Z[rows], free[rows], rcond=None)[0]
-        residual[rows] = free[rows] - Z[rows] @ lines[g]
-        precisions[g] = Z[rows].T @ Z[rows]
-    k = common.shape[1]
-    gamma = np.zeros(0)
-    rest = residual[:, k]
-    if k:
-        shared = least_squares(residual[:, :k], rest)
-        gamma, rest = shared.coefficients, shared.residuals
-    rss = float(rest @ rest)
-    dof = len(y) - G * Z.shape[1] - k
-    return _Within(
-        coefficients=lines[:, :, k] - lines[:, :, :k] @ gamma,
-        inverses=np.asarray(np.linalg.inv(precisions), dtype=np.float64),
-        precisions=precisions,
-        # One reading a pass: nothing repeats within it, all scatter is pass-to-pass.
-        s2=rss / dof if dof > 0 else 0.0,
-        rss=rss if dof > 0 else 0.0,
-        dof=max(dof, 0),
-    )
-
-
-def _between(b: FloatArray, fixed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean square (q, q) of the passes' coefficients about their mean by direction."""
-    hat = fixed @ np.linalg.pinv(fixed)
-    deviations = b - hat @ b
-    leverage = 1.0 - np.diag(hat)
-    return deviations.T @ deviations / leverage.sum(), deviations, leverage
-
-
 def _coefficient_covariance(
-    X: FloatArray, Z: FloatArray, codes: IntArray, G: int, s2: float, D: FloatArray
+    plain: LeastSquares,
+    X: FloatArray,
+    Z: FloatArray,
+    codes: IntArray,
+    s2: float,
+    choices: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
     """Covariance of plain least squares under V = s2 I + Z D Z' by pass.
 
     (X'X)^-1 X' V X (X'X)^-1; on a balanced design this is the between mean square over G.
-    The unclipped D keeps it unbiased; it is clipped only where the result is not a covariance.
+    The first choice, the unclipped D, keeps it unbiased; the second, the clipped one, stands
+    in only where the result is not a covariance.
     """
-    inverse = least_squares(X, X[:, 0]).unscaled_covariance
-    cross = np.zeros((G, X.shape[1], Z.shape[1]))
+    inverse = plain.unscaled_covariance
+    cross = np.zeros((int(codes.max()) + 1, X.shape[1], Z.shape[1]))
     for column in range(X.shape[1]):
         for other in range(Z.shape[1]):
-            cross[:, column, other] = np.bincount(codes, X[:, column] * Z[:, other], G)
+            cross[:, column, other] = np.bincount(codes, X[:, column] * Z[:, other])
     A = inverse @ cross
-    scatter = np.einsum("gij,jk,glk->il", A, D, A)
-    total = s2 * inverse + scatter
-    total = (total + total.T) / 2
-    if np.linalg.eigvalsh(_correlation(total)).min() < -1e-9:
-        clipped = split_mean_square(D, 0.0, np.eye(len(D)))[0]
-        total = s2 * inverse + np.einsum("gij,jk,glk->il", A, clipped, A)
+    for D in choices:
+        total: FloatArray = s2 * inverse + np.einsum("gij,jk,glk->il", A, D, A)
         total = (total + total.T) / 2
-    symmetric: FloatArray = total
-    return symmetric
+        if np.linalg.eigvalsh(_correlation(total)).min() >= -1e-9:
+            break
+    return total
 
 
 def _correlation(S: FloatArray) -> FloatArray:

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 FloatArray = NDArray[np.float64]
 
@@ -28,6 +27,8 @@ def mixture_quantile(scales: FloatArray, probability: float) -> FloatArray:
     all of them. Below zero the distribution function is convex, so that the steps close in
     from one side.
     """
+    from scipy.special import ndtri
+
     m = scales.shape[1]
     coarse = scales[:, :: max(1, m // COARSE_DRAWS)]
     q: FloatArray = np.median(coarse, axis=1) * float(ndtri(probability))
@@ -41,6 +42,8 @@ def mixture_quantile(scales: FloatArray, probability: float) -> FloatArray:
 
 
 def _newton(q: FloatArray, scales: FloatArray, probability: float) -> FloatArray:
+    from scipy.special import ndtr
+
     positive = scales > 0.0
     z = np.divide(q[:, np.newaxis], scales, out=np.full_like(scales, -np.inf), where=positive)
     excess = ndtr(z).mean(axis=1) - probability

@@ -8,12 +8,11 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from mtu_cli.errors import fault
 from mtu_cli.stats.block_plan import FIRST_LOOK, BlockPlan
 from mtu_cli.stats.blocks import TrialModel
-from mtu_cli.stats.coverage import numerical_tolerance
+from mtu_cli.stats.coverage import coverage_factor, numerical_tolerance
 from mtu_cli.stats.pooling import Estimates, Gain, Pool
 from mtu_cli.stats.runner import BlockRunner, available_threads
 from mtu_cli.stats.single_block import single_block_estimates
@@ -142,7 +141,7 @@ class _Criterion:
 
     def ratio(self, estimates: Estimates) -> float:
         """Largest of 2 se over the tolerance; converged at 1 or below."""
-        k = float(ndtri(0.5 * (1.0 + self.probability)))
+        k = coverage_factor(self.probability)
         largest = 0.0
         for i, u in enumerate(estimates.u):
             errors = [estimates.se_low[i], estimates.se_high[i]]

@@ -12,6 +12,7 @@ import numpy as np
 
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.mixed import IntArray, PassFit, polynomial
+from mtu_cli.stats.pass_lines import ROUNDING
 
 MAX_POSITIONS = 400
 """More distinct positions than this count as a continuous run, without replicates."""
@@ -42,7 +43,7 @@ def _f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest |
 
     if df1 < 1 or df2 < 1 or denominator <= 0:
         return None
-    F = numerator / denominator
+    F = max(numerator, 0.0) / denominator
     return FTest(F=F, p=float(fdtrc(df1, df2, F)), df_numerator=df1, df_denominator=df2)
 
 
@@ -57,15 +58,13 @@ def _shift(value: float, u: float, dof: int) -> Shift | None:
 def pass_scatter(fit: PassFit) -> FTest | None:
     """Do the passes differ by more than repeatability? None where that cannot be told.
 
-    F = sum_g dev_g' (Z_g'Z_g) dev_g / (q nu_b) / s_repeat^2: the extra sum of squares of one
-    line a pass over one line a direction.
+    The extra sum of squares of one line a pass over one line a direction, against
+    s_repeat^2 (Draper & Smith, Applied Regression Analysis, 6.1): exact on any design.
     """
-    if not fit.separated or fit.within_dof < 1:
+    df = fit.pooled_dof - fit.within_dof
+    if not fit.separated or fit.within_dof < 1 or df < 1:
         return None
-    q = fit.deviations.shape[1]
-    extra = float(np.einsum("gi,gij,gj->", fit.deviations, fit.per_pass_precision, fit.deviations))
-    df = q * fit.pass_dof
-    return _f_test(extra / df, fit.s2, df, fit.within_dof)
+    return _f_test((fit.pooled_rss - fit.within_rss) / df, fit.s2, df, fit.within_dof)
 
 
 def pass_trend(fit: PassFit, order: FloatArray) -> Shift | None:
@@ -92,10 +91,11 @@ def pass_trend(fit: PassFit, order: FloatArray) -> Shift | None:
 def reversal(fit: PassFit) -> Shift | None:
     """Mean reversal value (forward minus reverse, ISO 230-2) at the mean position.
 
-    Judged against pass-to-pass scatter: the passes are the units that were repeated.
+    Judged against pass-to-pass scatter: the passes are the units that were repeated. None
+    with two passes, whose only difference is the reversal itself.
     """
     forward, reverse = fit.group_direction > 0, fit.group_direction < 0
-    if not fit.separated or not forward.any() or not reverse.any() or fit.pass_dof < 1:
+    if not fit.separated or not forward.any() or not reverse.any() or fit.n_passes < 3:
         return None
     level = fit.pass_coefficients[:, 0]
     value = float(level[forward].mean() - level[reverse].mean())
@@ -108,29 +108,27 @@ def lack_of_fit(
 ) -> FTest | None:
     """Does a free mean at each position fit better than the polynomial?
 
-    Every pass keeps its own intercept and slope, so that pass-to-pass drift does not count as
-    error (Draper & Smith, Applied Regression Analysis, 1.5, within passes).
+    Every pass keeps its own intercept (and slope, from degree 1), so that pass-to-pass drift
+    does not count as error (Draper & Smith, Applied Regression Analysis, 1.5, within passes).
     """
     distinct, at = np.unique(position, return_inverse=True)
-    if len(distinct) <= degree + 1 or len(distinct) > MAX_POSITIONS:
+    m = len(distinct)
+    if m <= degree + 1 or m > MAX_POSITIONS:
         return None
     codes = np.zeros(len(y), np.int64)
     if group is not None:
         codes = np.unique(group, return_inverse=True)[1].astype(np.int64)
-    centred = position - position.mean()
-    span = max(float(np.ptp(position)), 1.0)
-    indicators = np.eye(len(distinct))[at]
-    free = _without_lines(
-        np.column_stack([indicators, polynomial(centred / span, degree), y]), centred, codes
-    )
-    m = len(distinct)
+    own = min(degree, 1)
+    centred = (position - position.mean()) / float(np.ptp(position))
+    columns = [np.eye(m)[at], polynomial(centred, degree), y]
+    free = _without_lines(np.column_stack(columns), polynomial(centred, own), codes)
     powers, response = free[:, m:-1], free[:, -1]
     line = _fit_rank(powers, response)
     means = _fit_rank(np.column_stack([powers, free[:, :m]]), response)
-    lines = _lines_rank(centred, codes)
-    df_pure = len(y) - lines - means[1]
+    df_pure = len(y) - _lines_rank(centred, codes, own) - means[1]
     df_lack = means[1] - line[1]
-    if df_pure < 1:
+    rounding = len(y) * float(ROUNDING * np.abs(y).max()) ** 2
+    if df_pure < 1 or means[0] <= rounding:
         return None
     return _f_test((line[0] - means[0]) / max(df_lack, 1), means[0] / df_pure, df_lack, df_pure)
 
@@ -138,25 +136,22 @@ def lack_of_fit(
 def _fit_rank(X: FloatArray, y: FloatArray) -> tuple[float, int]:
     """Residual sum of squares and rank; columns that the passes' lines absorbed count as 0."""
     live = X[:, np.abs(X).max(axis=0) > 1e-9]
-    if live.shape[1] == 0:
-        return float(y @ y), 0
     found = least_squares(live, y)
     return found.rss, found.rank
 
 
-def _without_lines(columns: FloatArray, centred: FloatArray, codes: IntArray) -> FloatArray:
-    """The columns (n, m) with every pass's own line taken out."""
+def _without_lines(columns: FloatArray, Z: FloatArray, codes: IntArray) -> FloatArray:
+    """The columns (n, m) with every pass's own line, of columns Z (n, 1 or 2), taken out."""
     result = columns.astype(np.float64, copy=True)
     order = np.argsort(codes, kind="stable")
     borders = np.searchsorted(codes[order], np.arange(1, codes.max() + 1))
     for rows in np.split(order, borders):
-        Z = polynomial(centred[rows], 1)
-        result[rows] -= Z @ np.linalg.lstsq(Z, columns[rows], rcond=None)[0]
+        result[rows] -= Z[rows] @ np.linalg.lstsq(Z[rows], columns[rows], rcond=None)[0]
     return result
 
 
-def _lines_rank(centred: FloatArray, codes: IntArray) -> int:
-    """Free parameters of one line a pass: 2 each, 1 where a pass has one position only."""
+def _lines_rank(centred: FloatArray, codes: IntArray, own: int) -> int:
+    """Free parameters of one line a pass: own + 1, 1 where a pass has one position only."""
     pairs = np.unique(np.column_stack([codes.astype(float), centred]), axis=0)
     per_pass = np.bincount(pairs[:, 0].astype(np.int64))
-    return int(np.minimum(per_pass, 2).sum())
+    return int(np.minimum(per_pass, own + 1).sum())

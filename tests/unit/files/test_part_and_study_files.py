@@ -125,14 +125,14 @@ def test_all_faults_of_a_study(tmp_path: Path) -> None:
         study(tmp_path, text)
     assert [str(problem) for problem in caught.value.problems] == [
         "mtu.yaml:2: machine: no such file: 'qqq.txt'",
-        "mtu.yaml:3: part: no such file: 'prt.yaml'; expected did you mean 'part.yaml'?",
+        "mtu.yaml:3: part: no such file: 'prt.yaml'; did you mean 'part.yaml'?",
         "mtu.yaml:4: lbb: is a folder: '.'; expected a file",
         "mtu.yaml:5: cmm[1]: the file is listed twice: 'part.yaml'",
         "mtu.yaml:6: settings.coverage_factor: wrong value: '0'; expected a number above 0",
         "mtu.yaml:6: settings.seed: wrong value: '1.5'; expected a whole number",
-        "mtu.yaml:6: settings.correlation: unknown value: 'share'; expected did you mean 'shared'?",
+        "mtu.yaml:6: settings.correlation: unknown value: 'share'; did you mean 'shared'?",
         "mtu.yaml:6: settings.digits: wrong value: '5'; expected a number of at most 4",
-        "mtu.yaml:6: settings.sead: unknown key: 'sead'; expected did you mean 'seed'?",
+        "mtu.yaml:6: settings.sead: unknown key: 'sead'; did you mean 'seed'?",
     ]
 
 

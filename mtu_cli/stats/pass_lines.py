@@ -1,0 +1,101 @@
+"""The passes' own lines, and how much they differ from pass to pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.stats.least_squares import FloatArray, LeastSquares, least_squares
+
+IntArray = NDArray[np.int64]
+
+ROUNDING = 32 * float(np.finfo(np.float64).eps)
+"""Scatter below this share of the largest reading is arithmetic, not measurement."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnLines:
+    """The passes' own lines over their columns Z_g, with m powers common to all passes.
+
+    `coefficients` (G, q) are those of the readings less the common powers, `carried`
+    (G, q, m) those of the common powers, `shared` the fit of the powers within passes.
+    `precisions` and `inverses` (G, q, q) hold Z_g'Z_g and its inverse. `s2` = rss/dof is the
+    repeatability variance, `rounding` the sum of squares that arithmetic alone may leave.
+    """
+
+    coefficients: FloatArray
+    carried: FloatArray
+    shared: LeastSquares
+    inverses: FloatArray
+    precisions: FloatArray
+    s2: float
+    rss: float
+    dof: int
+    rounding: float
+
+
+def own_lines(
+    y: FloatArray, Z: FloatArray, common: FloatArray, codes: IntArray, G: int
+) -> OwnLines:
+    """Each pass's own coefficients, with the higher powers common to all passes.
+
+    The common columns and y are first freed from every pass's own line (Frisch-Waugh), so
+    that nothing larger than the readings is ever formed.
+    """
+    free = np.column_stack([common, y])
+    lines = np.zeros((G, Z.shape[1], free.shape[1]))
+    precisions = np.zeros((G, Z.shape[1], Z.shape[1]))
+    residual = np.empty_like(free)
+    order = np.argsort(codes, kind="stable")
+    for g, rows in enumerate(np.split(order, np.searchsorted(codes[order], np.arange(1, G)))):
+        lines[g] = np.linalg.lstsq(Z[rows], free[rows], rcond=None)[0]
+        residual[rows] = free[rows] - Z[rows] @ lines[g]
+        precisions[g] = Z[rows].T @ Z[rows]
+    k = common.shape[1]
+    # What the lines took out whole would come back as a column of rounding errors.
+    absorbed = np.linalg.norm(residual[:, :k], axis=0) <= 1e-10 * np.linalg.norm(common, axis=0)
+    residual[:, :k][:, absorbed] = 0.0
+    shared = least_squares(residual[:, :k], residual[:, k])
+    rounding = len(y) * float(ROUNDING * np.abs(y).max()) ** 2
+    dof = len(y) - G * Z.shape[1] - shared.rank
+    # One reading a pass: nothing repeats within it, all scatter is pass-to-pass.
+    rss = shared.rss if dof > 0 and shared.rss > rounding else 0.0
+    return OwnLines(
+        coefficients=lines[:, :, k] - lines[:, :, :k] @ shared.coefficients,
+        carried=lines[:, :, :k],
+        shared=shared,
+        inverses=np.asarray(np.linalg.inv(precisions), dtype=np.float64),
+        precisions=precisions,
+        s2=rss / max(dof, 1),
+        rss=rss,
+        dof=max(dof, 0),
+        rounding=rounding,
+    )
+
+
+def between_passes(
+    stage: OwnLines, fixed: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Mean square S (q, q) of the passes' coefficients about their mean by direction.
+
+    With it M (q, q), where E S = D + s2 M, and the deviations (G, q). M holds the error of
+    each pass's own line and what the error of the common powers carries into lines over
+    different positions. None where the common powers are not determined within passes but
+    needed to compare them.
+    """
+    hat = fixed @ np.linalg.pinv(fixed)
+    dof = len(fixed) - fixed.shape[1]
+    apart = np.eye(len(fixed)) - hat
+    deviations = apart @ stage.coefficients
+    carried = np.tensordot(apart, stage.carried, 1)
+    null = stage.shared.null_space
+    if (np.abs(carried @ null) > 1e-9 * (np.abs(stage.carried).max(axis=0) @ np.abs(null))).any():
+        return None
+    of_lines = np.einsum("g,gij->ij", np.diag(apart), stage.inverses)
+    of_powers = np.einsum("gia,ab,gjb->ij", carried, stage.shared.unscaled_covariance, carried)
+    size = np.einsum("gi,gij,gj->", deviations, stage.precisions, deviations)
+    if size <= stage.rounding:
+        deviations = np.zeros_like(deviations)
+    return deviations.T @ deviations / dof, (of_lines + of_powers) / dof, deviations

@@ -1,0 +1,220 @@
+"""The equation language against Python's own, on random equations and random text."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from mtu_cli.language import EquationError, Node, evaluate, linear_form, names, parse, to_text
+from mtu_cli.language.tree import Binary, Call, Name, Negative, Number, Operator, walk
+
+VALUES = {"x": 1.3, "y": -0.7, "z": 2.9}
+COMPONENTS = {"a": 0.31, "b": -1.7, "c": 2.3}
+STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=300)
+
+numbers = st.floats(-9.0, 9.0).map(lambda value: Number(round(value, 2), 0))
+operators: st.SearchStrategy[Operator] = st.sampled_from(["+", "-", "*", "/", "**"])
+
+
+def grown(inner: st.SearchStrategy[Node]) -> st.SearchStrategy[Node]:
+    return st.one_of(
+        st.builds(Binary, operators, inner, inner, st.just(0)),
+        st.builds(Negative, inner, st.just(0)),
+        st.builds(
+            lambda name, item: Call(name, (item,), 0),
+            st.sampled_from(["sin", "cos", "exp", "log", "sqrt", "abs", "step"]),
+            inner,
+        ),
+    )
+
+
+leaves = st.one_of(numbers, st.sampled_from([Name(name, 0) for name in VALUES]))
+trees: st.SearchStrategy[Node] = st.recursive(leaves, grown, max_leaves=12)
+
+
+def bracketed(node: Node) -> str:
+    """Python text with every operation in brackets: no rule of precedence is used."""
+    match node:
+        case Number(value):
+            return f"F({value!r})"
+        case Name(name):
+            return name
+        case Negative(operand):
+            return f"(-{bracketed(operand)})"
+        case Binary(operator, left, right):
+            return f"({bracketed(left)}{operator}{bracketed(right)})"
+        case Call(function, (argument,)):
+            return f"{function}({bracketed(argument)})"
+    raise AssertionError(node)
+
+
+def python(text: str) -> float:
+    """Python's value of the text, its literals taken as floats with IEEE infinities."""
+    scope = {
+        "F": np.float64,
+        "sin": np.sin,
+        "cos": np.cos,
+        "exp": np.exp,
+        "log": np.log,
+        "sqrt": np.sqrt,
+        "abs": abs,
+        "step": lambda value: np.float64(not value < 0),
+    } | {name: np.float64(value) for name, value in VALUES.items()}
+    with np.errstate(all="ignore"):
+        return float(eval(text, {"__builtins__": {}}, scope))
+
+
+def tame(tree: Node) -> bool:
+    """No intermediate value at which rounding decides the result."""
+    found = [abs(float(evaluate(node, VALUES))) for node in walk(tree)]
+    return all(math.isfinite(value) and (value == 0 or 1e-5 < value < 1e5) for value in found)
+
+
+@STEADY
+@given(trees)
+def test_text_and_back_is_the_same_equation(tree: Node) -> None:
+    assume(tame(tree))
+    text = to_text(tree)
+    wanted = float(evaluate(tree, VALUES))
+    assert math.isclose(float(evaluate(parse(text), VALUES)), wanted, rel_tol=1e-7, abs_tol=1e-7)
+    again = to_text(parse(text))
+    assert to_text(parse(again)) == again
+
+
+@STEADY
+@given(trees)
+def test_evaluation_is_that_of_python(tree: Node) -> None:
+    assume(tame(tree))
+    wanted = python(bracketed(tree))
+    assert math.isclose(float(evaluate(tree, VALUES)), wanted, rel_tol=1e-12, abs_tol=1e-12)
+
+
+alphabet = st.sampled_from(
+    ["+", "-", "*", "/", "**", "(", ")", "x", "y", "z", "2", "3.5", ".5", "sin(", "abs(", " "]
+)
+
+
+@settings(STEADY, max_examples=1500)
+@given(st.lists(alphabet, min_size=3, max_size=14).map("".join))
+def test_text_means_what_it_means_in_python(text: str) -> None:
+    """Random words of the language: both refuse it, or both give the same value."""
+    try:
+        node = parse(text)
+    except EquationError as error:
+        if "finite" not in error.what and "//" not in text:
+            assert not python_accepts(text)
+        return
+    assume(set(names(node)) <= set(VALUES) and tame(node))
+    wanted = python(re.sub(r"(?<![\w.])(\d+\.?\d*|\.\d+)", r"F(\1)", text.strip()))
+    assert math.isclose(float(evaluate(node, VALUES)), wanted, rel_tol=1e-7, abs_tol=1e-7)
+
+
+def python_accepts(text: str) -> bool:
+    import ast
+
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+    except SyntaxError:
+        return False
+    # What Python has and the language refuses: empty brackets, calls of anything.
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    odd = any(not isinstance(c.func, ast.Name) or len(c.args) != 1 for c in calls)
+    odd |= any(isinstance(c.func, ast.Name) and c.func.id not in ("sin", "abs") for c in calls)
+    return not (odd or any(isinstance(node, ast.Tuple) for node in ast.walk(tree)))
+
+
+factors = st.one_of(leaves, st.builds(lambda item: Call("cos", (item,), 0), leaves))
+
+
+def linear_grown(inner: st.SearchStrategy[Node]) -> st.SearchStrategy[Node]:
+    return st.one_of(
+        st.builds(lambda op, p, q: Binary(op, p, q, 0), st.sampled_from("+-"), inner, inner),
+        st.builds(Negative, inner, st.just(0)),
+        st.builds(lambda factor, item: Binary("*", factor, item, 0), factors, inner),
+        st.builds(lambda op, f, p: Binary(op, p, f, 0), st.sampled_from("*/"), factors, inner),
+    )
+
+
+linear_trees: st.SearchStrategy[Node] = st.recursive(
+    st.one_of(factors, st.sampled_from([Name(name, 0) for name in COMPONENTS])),
+    linear_grown,
+    max_leaves=12,
+)
+
+
+@STEADY
+@given(linear_trees)
+def test_a_linear_form_reassembles_to_its_equation(tree: Node) -> None:
+    known = VALUES | COMPONENTS
+    wanted = float(evaluate(tree, known))
+    assume(math.isfinite(wanted) and abs(wanted) < 1e6)
+    form = linear_form(tree, COMPONENTS)
+    parts = [
+        float(evaluate(node, VALUES)) * COMPONENTS[name] for name, node in form.coefficients.items()
+    ]
+    if form.remainder is not None:
+        assert not set(COMPONENTS) & set(names(form.remainder))
+        parts.append(float(evaluate(form.remainder, VALUES)))
+    assume(all(math.isfinite(part) and abs(part) < 1e6 for part in parts))
+    assert set(form.coefficients) == set(COMPONENTS) & set(names(tree))
+    assert math.isclose(math.fsum(parts), wanted, rel_tol=1e-8, abs_tol=1e-8)
+
+
+@STEADY
+@given(linear_trees)
+def test_an_equation_is_refused_exactly_where_it_is_not_linear(tree: Node) -> None:
+    """Squaring a linear equation that holds a component makes a product of components."""
+    held = set(COMPONENTS) & set(names(tree))
+    square = Binary("*", tree, tree, 77)
+    try:
+        linear_form(square, COMPONENTS)
+    except EquationError as error:
+        assert held
+        assert error.column == 77
+    else:
+        assert not held
+
+
+def parses_or_says_why(text: str) -> None:
+    try:
+        node = parse(text)
+    except EquationError as error:
+        assert 1 <= error.column <= len(text) + 1
+        assert error.what
+    else:
+        assert to_text(node)
+
+
+@settings(STEADY, max_examples=500)
+@given(st.text(max_size=60))
+def test_any_text_is_an_equation_or_an_equation_error(text: str) -> None:
+    parses_or_says_why(text)
+
+
+EQUATIONS = [
+    "dx_x + dx_y + z*ey_x + y*ez_x + z*ey_y + y*ez_y - y*axy",
+    "-x**2/(1.5e-3 + sin(2*pi*x/25))**-2",
+    "step(x - 300)*(0.004*dir_x - sqrt(abs(y)))",
+]
+
+
+@settings(STEADY, max_examples=800)
+@given(
+    st.sampled_from(EQUATIONS),
+    st.lists(
+        st.tuples(st.floats(0, 1), st.integers(0, 2), st.sampled_from("+-*/()., e1x\t²¼:=")),
+        min_size=1,
+        max_size=4,
+    ),
+)
+def test_a_damaged_equation_is_an_equation_or_an_equation_error(
+    text: str, damage: list[tuple[float, int, str]]
+) -> None:
+    for place, removed, put in damage:
+        at = int(place * len(text))
+        text = text[:at] + put + text[at + removed :]
+    parses_or_says_why(text)

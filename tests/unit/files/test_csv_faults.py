@@ -1,0 +1,163 @@
+"""Faulty CSV tables: every fault with its file, row, column, value and what was expected."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.csv_file import read_table
+from mtu_cli.files.csv_table import LISTED_PROBLEMS, Table, TableSpec
+
+SPEC = TableSpec(
+    required=("name", "value"),
+    numbers=frozenset({"value", "size"}),
+    texts=frozenset({"name"}),
+    times=frozenset({"time"}),
+    may_be_empty=frozenset({"size"}),
+)
+
+
+def table(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> Table:
+    data = content if isinstance(content, bytes) else content.encode()
+    (tmp_path / name).write_bytes(data)
+    return read_table(tmp_path / name, "lbb", SPEC)
+
+
+def faults(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> list[str]:
+    with pytest.raises(InputError) as caught:
+        table(tmp_path, content, name)
+    return [str(problem).removeprefix(name) for problem in caught.value.problems]
+
+
+def names(read: Table, column: str = "name") -> list[str]:
+    text = read.columns.texts[column]
+    return ["" if code < 0 else text.labels[code] for code in text.codes]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (
+            "name,val\na,1\n",
+            [", row 1: the column 'value' is missing; expected rename 'val' to 'va"],
+        ),
+        ("Name,value\na,1\n", [", row 1: the column 'name' is missing; expected rename 'Name' to"]),
+        ("x,y\na,1\n", ["column 'name' is missing; expected a column 'name' in x, y", "'value'"]),
+        ("name,value,,size,\na,1,,,\n", ["column 3 has no name; expected a name", "column 5 has"]),
+        ("#\nname,value,c,value\n", [", row 2, column 'value': the column stands twice, as colu"]),
+        ("name\tvalue\na\t1\n", ["the columns are separated by tabs: 'name\\tvalue'; expected co"]),
+        ("name value\na 1\n", ["the columns are separated by spaces"]),
+        ("name|value\na|1\n", ["the columns are separated by '|'"]),
+        ("name,value\n", [": holds a header but no rows"]),
+        ("# only\n\n", [": holds no header and no rows"]),
+        ("<html><body>Login</body>", ["looks like a web page"]),
+    ],
+)
+def test_faulty_headers(tmp_path: Path, content: str, words: list[str]) -> None:
+    found = faults(tmp_path, content)
+    assert len(found) == len(words)
+    for line, part in zip(found, words, strict=True):
+        assert part in line
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("a", ", row 3: a short row of 1 cells: 'a'; expected 3, as in the header"),
+        ("a,1", ", row 3: a short row of 2 cells: 'a,1'; expected 3"),
+        ("a,1,2,x", ", row 3: a long row of 4 cells: 'a,1,2,x'; expected 3, as in the header"),
+        ("a,1,5,2", "do the numbers have decimal commas? Then separate columns by semicolons"),
+        (",,", ", row 3: all cells are empty"),
+        (",1,2", ", row 3, column 'name': empty cell; expected a text"),
+        (" ,1,2", ", row 3, column 'name': empty cell; expected a text"),
+        ("a,,2", ", row 3, column 'value': empty cell; expected a number"),
+        ("a,x,2", ", row 3, column 'value': not a number: 'x'; expected a number"),
+        ("a,12 um,2", "not a number: '12 um'; expected a number alone, without its unit"),
+        ('a,"1,5",2', "not a number: '1,5'; expected a number with a decimal point"),
+        ('a,"1,234.5",2', "'1,234.5'; expected a number without thousands separators"),
+        ("a,1 234,2", "'1 234'; expected a number without thousands separators"),
+        ("a,−5,2", "expected a number with a plain minus sign (-)"),
+        ("a,nan,2", ", row 3, column 'value': not finite: 'nan'; expected a finite number"),
+        ("a,NA,2", ", row 3, column 'value': not a number: 'NA'; expected a number"),
+        ("a,-Inf,2", "not finite: '-Inf'; expected a finite number"),
+        ("a,1e999,2", "not finite: '1e999'; expected a finite number"),
+        ("a,True,2", "not a number: 'True'; expected a number"),
+        ("a,1_000,2", "not a number: '1_000'; expected a number"),
+        ("a,0x10,2", "not a number: '0x10'; expected a number"),
+        ('a,1,"2', ", row 3: a quote that opens in this row is never closed"),
+        ("a,1,inf", ", row 3, column 'size': not finite: 'inf'; expected a finite number"),
+    ],
+)
+def test_faulty_rows(tmp_path: Path, row: str, words: str) -> None:
+    found = faults(tmp_path, f"name,value,size\na,1,2\n{row}\n")
+    assert len(found) == 1
+    assert words in found[0]
+
+
+def test_all_bad_cells_are_collected_and_counted(tmp_path: Path) -> None:
+    content = "name,value,size\n" + "a,1,2\n" * 3 + ",x,y\n" + "a,z\n" + "a,1,2\n" + "b,,q\n"
+    assert [line.split(":")[0] for line in faults(tmp_path, content)] == [
+        ", row 5, column 'name'",
+        ", row 5, column 'value'",
+        ", row 5, column 'size'",
+        ", row 6",
+        ", row 8, column 'value'",
+        ", row 8, column 'size'",
+    ]
+    many = LISTED_PROBLEMS + 5000
+    (tmp_path / "m.csv").write_text("name,value\n" + "a,x\n" * many)
+    with pytest.raises(InputError) as caught:
+        read_table(tmp_path / "m.csv", "lbb", SPEC)
+    assert len(caught.value.problems) == many
+    assert f"... and {many - 20} more" in str(caught.value)
+
+
+def test_short_rows_are_not_filled(tmp_path: Path) -> None:
+    assert faults(tmp_path, "name,value,shift\na,1,x\nb,2\n") == [
+        ", row 3: a short row of 2 cells: 'b,2'; expected 3, as in the header"
+    ]
+    # A long row makes up for a short one in the count of separators.
+    found = faults(tmp_path, "name,value,shift\na,1,x,\nb,2\n")
+    assert [line.split(":")[0] for line in found] == [", row 2", ", row 3"]
+    quoted = faults(tmp_path, 'name,value,shift\r\n"a",1,x,\r\n"b, c",2\r\n')
+    assert [line.split(":")[0] for line in quoted] == [", row 2", ", row 3"]
+    empty_last = table(tmp_path, "name,value,shift\na,1,\nb,2,x\n\nc,3,\n")
+    assert names(empty_last, "shift") == ["", "x", ""]
+
+
+def test_decimal_commas_and_points_are_not_mixed(tmp_path: Path) -> None:
+    content = "name;value;c\na;1,5;2,5\nb;1,25;3\nc;1.5;4\n"
+    assert faults(tmp_path, content) == [
+        ", row 4, column 'value': not a number: '1.5'; "
+        "expected a number with a decimal comma, as in the rest of the file"
+    ]
+    found = faults(tmp_path, "name;value;c\na;1,5;2.5\nb;1,25;3\n")
+    assert found == [
+        ", row 2, column 'c': not a number as the others are: '2.5'; "
+        "expected a finite number with a decimal comma, or an empty cell"
+    ]
+
+
+def test_covariates_are_numbers_texts_or_faults(tmp_path: Path) -> None:
+    head = "name,value,c,T_a_degC\n"
+    read = table(tmp_path, head + "a,1,1,\na,2,,2\na,3,2.5,3\n")
+    np.testing.assert_array_equal(read.columns.numbers["c"], [1, np.nan, 2.5])
+    assert names(table(tmp_path, head + "a,1,1,1\na,2,1.50,2\na,3,x,3\n"), "c") == [
+        "1",
+        "1.50",
+        "x",
+    ]
+    assert names(table(tmp_path, head + "a,1,True,1\na,2,FALSE,2\n"), "c") == ["True", "FALSE"]
+    assert names(table(tmp_path, head + "a,1,NA,1\na,2,b,2\n"), "c") == ["NA", "b"]
+    late = head + "a,1,007,1\n" * 50 + "a,2,b,2\n"
+    assert names(table(tmp_path, late), "c") == ["007"] * 50 + ["b"]
+    assert (
+        "row 3, column 'c': not finite: 'nan'" in faults(tmp_path, head + "a,1,1,1\na,2,nan,2\n")[0]
+    )
+    assert (
+        "row 3, column 'c': not finite: 'inf'" in faults(tmp_path, head + "a,1,1,1\na,2,inf,2\n")[0]
+    )
+    assert "row 2, column 'T_a_degC': not a number: 'x'" in faults(tmp_path, head + "a,1,1,x\n")[0]

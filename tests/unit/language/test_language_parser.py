@@ -1,0 +1,197 @@
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from mtu_cli.language import EquationError, evaluate, parse
+from mtu_cli.language.functions import BUDGET_FUNCTIONS
+from mtu_cli.language.parser import MAX_CHARACTERS, MAX_DEPTH, MAX_OPERATORS
+from mtu_cli.language.tree import Binary, Call, Name, Negative, Number
+
+SECONDS = 0.1
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("-x**2", -9.0),
+        ("(-x)**2", 9.0),
+        ("-2**2", -4.0),
+        ("(-2)**2", 4.0),
+        ("2**3**2", 512.0),
+        ("(2**3)**2", 64.0),
+        ("2**-1", 0.5),
+        ("2**-x", 0.125),
+        ("10-4-3", 3.0),
+        ("10-(4-3)", 9.0),
+        ("7/x*3", 7.0),
+        ("7/(x*3)", 7 / 9),
+        ("24/2/3", 4.0),
+        ("2+3*4", 14.0),
+        ("(2+3)*4", 20.0),
+        ("2*-x", -6.0),
+        ("--x", 3.0),
+        ("-+-x", 3.0),
+        ("- x * x", -9.0),
+        ("x - -x", 6.0),
+        (".5 + 5. + 1e1 + 1E-1 + 2.5e+0", 18.1),
+        ("2*pi", 6.283185307179586),
+        ("abs(-x) + sqrt(16)", 7.0),
+        ("\tx\n+ 1 ", 4.0),
+    ],
+)
+def test_precedence_and_grouping(text: str, value: float) -> None:
+    assert evaluate(parse(text), {"x": 3.0}) == pytest.approx(value, rel=1e-15)
+
+
+def test_columns_of_the_tree() -> None:
+    assert parse("a - sin( -b)") == Binary(
+        "-", Name("a", 1), Call("sin", (Negative(Name("b", 11), 10),), 5), 3
+    )
+
+
+def test_constants_are_folded_where_they_stand() -> None:
+    node = parse("x + 2*3")
+    assert isinstance(node, Binary)
+    assert node.right == Number(6.0, 6)
+
+
+def fault_of(text: str) -> EquationError:
+    start = time.perf_counter()
+    with pytest.raises(EquationError) as caught:
+        parse(text)
+    assert time.perf_counter() - start < SECONDS
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "says"),
+    [
+        ("", 1, "empty"),
+        ("   ", 1, "empty"),
+        ("\n\t", 1, "empty"),
+        ("1..2", 3, "unexpected '.2'"),
+        ("1e", 2, "unexpected 'e'"),
+        ("1_000", 2, "unexpected '_000'"),
+        ("x y", 3, "unexpected 'y'"),
+        ("2x", 2, "unexpected 'x'"),
+        ("x +", 4, "too early"),
+        ("x * / y", 5, "unexpected '/'"),
+        ("(x + 1", 7, "column 1 is not closed"),
+        ("x + (y * (2 + 1)", 17, "column 5 is not closed"),
+        ("x + 1)", 6, "unexpected ')'"),
+        ("()", 2, "unexpected ')'"),
+        ("sin x", 1, "needs parentheses"),
+        ("sin()", 5, "unexpected ')'"),
+        ("sin(1, 2)", 1, "2 arguments"),
+        ("x, y", 2, "unexpected ','"),
+        ("x = 1", 3, "'='"),
+        ("x & y", 3, "'&'"),
+        ("x // y", 4, "unexpected '/'"),
+        ("3 ^ 2", 3, "'^'"),
+        ("x[0]", 2, "'['"),
+        ("x.real", 2, "'.'"),
+        ("lambda: 0", 7, "':'"),
+        ("'x'", 1, '"\'"'),
+        ("x + µ", 5, "'µ'"),
+        ("x × 2", 3, "'×'"),
+        ("x² + 1", 2, "'²'"),
+        ("٣ + x", 1, "'٣'"),
+        ("２*x", 1, "'２'"),
+        ("x \u2212 1", 3, "'\u2212'"),
+        ("x\x00", 2, r"\x00"),
+        ("1/0", 2, "no finite value"),
+        ("x + 0**-1", 6, "no finite value"),
+        ("log(0)", 1, "no finite value"),
+        ("sqrt(-1) + x", 1, "no finite value"),
+        ("(-8)**0.5", 5, "no finite value"),
+        ("exp(1000)", 1, "no finite value"),
+        ("9**9**9**9", 5, "no finite value"),
+        ("x*1e999", 3, "not finite"),
+        ("__import__('os')", 12, "'"),
+        ("__import__(os)", 1, "unknown function '__import__'"),
+        ("eval(x)", 1, "unknown function 'eval'"),
+        ("pi(2)", 1, "unknown function 'pi'"),
+    ],
+)
+def test_faults_stand_at_their_column(text: str, column: int, says: str) -> None:
+    error = fault_of(text)
+    assert error.column == column
+    assert says in error.what
+
+
+def test_an_unknown_function_names_the_closest() -> None:
+    error = fault_of("x + sine(y)")
+    assert (error.column, error.expected) == (5, "did you mean 'sin'?")
+    assert "sqrt" in (fault_of("zzz(y)").expected or "")
+
+
+def test_budgets_know_more_functions_than_machines() -> None:
+    assert fault_of("atan2(x, y)").column == 1
+    assert evaluate(parse("atan2(1, x)", BUDGET_FUNCTIONS), {"x": 1.0}) == pytest.approx(0.7853981)
+    with pytest.raises(EquationError, match="atan2 has 1 arguments"):
+        parse("atan2(x)", BUDGET_FUNCTIONS)
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "says"),
+    [
+        ("(" * 5000 + "x" + ")" * 5000, MAX_DEPTH + 1, "nested deeper"),
+        ("sin(" * 3900 + "x" + ")" * 3900, 4 * MAX_DEPTH + 1, "nested deeper"),
+        ("-" * 200 + "x", MAX_DEPTH + 1, "nested deeper"),
+        ("**".join("x" * 200), 3 * MAX_DEPTH + 1, "nested deeper"),
+        ("x" * (MAX_CHARACTERS + 1), MAX_CHARACTERS, "20001 characters"),
+        ("(" * (MAX_CHARACTERS + 1), MAX_CHARACTERS, "20001 characters"),
+        ("+".join("x" * 1001), 2 * (MAX_OPERATORS + 1), "1000 operators"),
+        ("-" * 20000, MAX_OPERATORS + 1, "20000 operators"),
+        ("x " * 10000, 3, "unexpected 'x'"),
+        ("1. " * 6000, 4, "unexpected '1.'"),
+        (" " * 19999 + "?", 20000, "'?'"),
+        ("x" + " " * 19998 + "?", 20000, "'?'"),
+    ],
+    ids=lambda value: str(value)[:12],
+)
+def test_size_is_bounded_and_the_answer_quick(text: str, column: int, says: str) -> None:
+    error = fault_of(text)
+    assert error.column == column
+    assert says in error.what
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x" * MAX_CHARACTERS,
+        "+".join(["x"] * (MAX_OPERATORS + 1)),
+        "*".join(["x"] * (MAX_OPERATORS + 1)),
+        "(" * (MAX_DEPTH - 1) + "x" + ")" * (MAX_DEPTH - 1),
+        "**".join(["x"] * MAX_DEPTH),
+    ],
+    ids=["name", "sum", "product", "brackets", "powers"],
+)
+def test_the_largest_equations_are_usable(text: str) -> None:
+    from mtu_cli.language import check_dimension, linear_form, names, to_text
+
+    node = parse(text)
+    name = next(iter(names(node)))
+    assert evaluate(node, {name: 1.0}) in (1.0, MAX_OPERATORS + 1.0)
+    assert to_text(parse(to_text(node))) == to_text(node)
+    assert linear_form(node, ["other"]).remainder == node
+    check_dimension(node, 0, {name: 0})
+
+
+def test_a_sum_of_components_of_the_largest_size_is_linear() -> None:
+    from mtu_cli.language import linear_form
+
+    text = "+".join(f"c{i}" for i in range(MAX_OPERATORS + 1))
+    form = linear_form(parse(text), [f"c{i}" for i in range(MAX_OPERATORS + 1)])
+    assert len(form.coefficients) == MAX_OPERATORS + 1
+    assert form.remainder is None
+
+
+def test_an_error_becomes_a_problem_of_its_file() -> None:
+    error = fault_of("x + sine(y)")
+    problem = error.problem(file="m.yaml", line=4, path="equations.Ex")
+    assert str(problem) == (
+        "m.yaml:4: equations.Ex: unknown function 'sine' at column 5; did you mean 'sin'?"
+    )

@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import pytest
+
+from mtu_cli.errors import (
+    SHOWN_PROBLEMS,
+    InputError,
+    MtuError,
+    Problem,
+    closest,
+    did_you_mean,
+    fault,
+    shorten,
+)
+
+
+@pytest.mark.parametrize(
+    ("problem", "text"),
+    [
+        (Problem(what="is empty"), "is empty"),
+        (Problem(what="is empty", file="a.csv"), "a.csv: is empty"),
+        (Problem(what="is odd", file="a.yaml", line=3), "a.yaml:3: is odd"),
+        (Problem(what="is odd", line=3), "line 3: is odd"),
+        (Problem(what="is odd", row=3), "row 3: is odd"),
+        (
+            Problem(
+                what="not a number",
+                file="a.csv",
+                row=7,
+                column="error",
+                value="1,5",
+                expected="a number such as 1.5",
+            ),
+            "a.csv, row 7, column 'error': not a number: '1,5'; expected a number such as 1.5",
+        ),
+        (Problem(what="is missing", column="pass"), "column 'pass': is missing"),
+        (
+            Problem(what="unknown name 'q'", file="m.yaml", line=9, path="equations.Ex", column=4),
+            "m.yaml:9: equations.Ex: unknown name 'q' at column 4",
+        ),
+    ],
+)
+def test_a_problem_in_words(problem: Problem, text: str) -> None:
+    assert str(problem) == text
+
+
+def test_a_long_value_stays_on_one_line() -> None:
+    text = str(Problem(what="too long", value="9" * 1000 + "\n"))
+    assert "\n" not in text
+    assert len(text) < 100
+
+
+def test_every_problem_is_kept_and_twenty_are_shown() -> None:
+    error = InputError(Problem(what=f"fault {i}") for i in range(23))
+    lines = str(error).splitlines()
+    assert len(error.problems) == 23
+    assert lines[:SHOWN_PROBLEMS] == [f"fault {i}" for i in range(20)]
+    assert lines[SHOWN_PROBLEMS:] == ["... and 3 more of this kind"]
+
+
+def test_twenty_problems_leave_nothing_to_count() -> None:
+    assert "more" not in str(InputError([Problem(what="fault")] * SHOWN_PROBLEMS))
+
+
+def test_fault_is_an_input_error_with_one_problem() -> None:
+    error = fault("is missing", file="a.csv", column="pass")
+    assert isinstance(error, MtuError)
+    assert error.problems == (Problem(what="is missing", file="a.csv", column="pass"),)
+
+
+@pytest.mark.parametrize(("width", "text"), [(6, "abcdef"), (5, "ab...")])
+def test_shorten(width: int, text: str) -> None:
+    assert shorten("abcdef", width) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("dx_X", "dx_x"), ("dxx", "dx_x"), ("axis", None), ("ez_y", "ez_y"), ("", None)],
+)
+def test_closest(name: str, meant: str | None) -> None:
+    assert closest(name, ["dx_x", "ez_y"]) == meant
+
+
+def test_did_you_mean() -> None:
+    many = [f"T_{i}_degC" for i in range(13)]
+    assert did_you_mean("dxx", ["dx_x"]) == "did you mean 'dx_x'?"
+    assert did_you_mean("qqq", ["dx_x", "ez_y"]) == "one of: dx_x, ez_y"
+    assert did_you_mean("qqq", many) == "one of: " + ", ".join(many[:12]) + ", ..."
+    assert did_you_mean("qqq", []) == "none is known here"
