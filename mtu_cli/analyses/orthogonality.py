@@ -92,43 +92,49 @@ def _angle(
     prediction: Prediction,
     settings: Settings,
 ) -> Orthogonality:
-    rows = np.array([prediction.ids.index(i) for i in row])
-    columns = np.array([prediction.ids.index(i) for i in column])
-    measure, combine = angle_measure(prediction, rows, columns)
-    mean = measure((combine @ prediction.mean)[:, None], Workspace())[:, 0].copy()
-    gradient = angle_gradient(prediction, rows, columns)[None, :]
-    variance = prediction.variance(gradient)
-    u, dof = float(np.sqrt(variance.total[0])), float(variance.dof[0])
-    u_independent = float(np.sqrt(gradient[0] ** 2 @ prediction.independent_variance))
-
-    def run(independent: bool) -> MonteCarloResult:
-        model = PointTrials(
-            prediction,
-            (name,),
-            measure,
-            combine,
-            np.zeros(len(combine), np.int64),
-            mean,
-            gradient,
-            np.full(1, np.inf) if independent else variance.dof,
-            independent=independent,
-        )
-        return settings.run(model)
-
-    apart = run(True)
-    main = apart if settings.independent else run(False)
-    if settings.independent:
-        u, dof = u_independent, np.inf
+    apart = angle_trials(name, row, column, prediction, independent=True)
+    chosen = angle_trials(name, row, column, prediction, independent=settings.independent)
+    independent = settings.run(apart)
+    run = independent if settings.independent else settings.run(chosen)
+    mean, dof = float(chosen.linear_mean[0]), float(chosen.dof[0])
+    u = float(chosen.linear_u[0, 0])
     return Orthogonality(
         id=name,
         row=tuple(row),
         column=tuple(column),
         prediction=prediction,
-        run=main,
-        first_order=(float(mean[0]), u, dof),
-        independent=apart,
-        independent_first_order=(float(mean[0]), u_independent),
-        validation=settings.validate(float(mean[0]), u, dof, main, 0),
+        run=run,
+        first_order=(mean, u, dof),
+        independent=independent,
+        independent_first_order=(mean, float(apart.linear_u[0, 0])),
+        validation=settings.validate(mean, u, dof, run, 0),
+    )
+
+
+def angle_trials(
+    name: str,
+    row: Sequence[str],
+    column: Sequence[str],
+    prediction: Prediction,
+    *,
+    independent: bool,
+) -> PointTrials:
+    """The Monte Carlo model of one angle, with its first-order form."""
+    rows = np.array([prediction.ids.index(i) for i in row])
+    columns = np.array([prediction.ids.index(i) for i in column])
+    measure, combine = angle_measure(prediction, rows, columns)
+    mean = measure((combine @ prediction.mean)[:, None], Workspace())[:, 0].copy()
+    gradient = angle_gradient(prediction, rows, columns)[None, :]
+    return PointTrials(
+        prediction,
+        (name,),
+        measure,
+        combine,
+        np.zeros(len(combine), np.int64),
+        mean,
+        gradient,
+        np.full(1, np.inf) if independent else prediction.variance(gradient).dof,
+        independent=independent,
     )
 
 

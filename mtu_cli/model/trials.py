@@ -12,6 +12,9 @@ from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray
 from mtu_cli.stats.workspace import Workspace
 
+NORMAL_DOF = 1e6
+"""From here on Student's t is drawn as normal: its quantiles differ by about a millionth."""
+
 Measure = Callable[[FloatArray, Workspace], FloatArray]
 """Combined errors (combinations, m) in mm -> values (outputs, m) of the measurands."""
 
@@ -60,9 +63,10 @@ class PointTrials:
         self.linear_u = np.sqrt(np.sum(self.factor[self.k :] ** 2, axis=1))[:, None]
         self.owner = np.concatenate([owner, np.arange(len(names))])
         self.dof = dof
-        self.finite = np.flatnonzero(np.isfinite(dof))
-        self.linear_dof = dof
         self.u_exists = dof > 2
+        dof = np.where(dof < NORMAL_DOF, dof, np.inf)
+        self.linear_dof = dof
+        self.finite = np.flatnonzero(np.isfinite(dof))
         with np.errstate(divide="ignore", invalid="ignore"):
             inflation = np.where(np.isinf(dof), 1.0, np.where(dof > 2, dof / (dof - 2), np.nan))
         self.linear_variance = self.linear_u[:, 0] ** 2 * inflation

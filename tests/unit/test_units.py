@@ -41,7 +41,8 @@ def test_angles_in_rad(name: str, rad: float) -> None:
 def test_an_arcsec_over_a_metre_is_4_848_um() -> None:
     """The rule of thumb of every metrologist: 1 arcsec is 4.848 um/m."""
     assert UNITS["arcsec"].to_internal / UNITS["um/m"].to_internal == pytest.approx(4.848, abs=5e-4)
-    assert ARCSEC * 1000 / UM == pytest.approx(4.848, abs=5e-4)
+    at_a_metre = ARCSEC * 1000 / UM
+    assert at_a_metre == pytest.approx(4.848, abs=5e-4)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,103 @@
+"""Speed and memory of the commands as ratios; `make bench` prints the table.
+
+Ratios, never seconds, decide: to one thread of numpy drawing the same number of normals, and
+to an interpreter that imports typer and rich. Only the start-to-end time of `mtu lengths` is a
+promise in seconds, and is printed with its ratio to bare start-up.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from support import PAPER, Study, paper_study, simulated_study
+
+from mtu_cli.analyses.orthogonality import angle_trials, predict_orthogonality
+from mtu_cli.model.features import feature_points
+from mtu_cli.model.prediction import predict
+from mtu_cli.model.settings import Settings
+
+TRIALS = 4_000_000
+MTU = Path(sys.executable).parent / "mtu"
+
+
+def best(run: Callable[[], object], times: int = 3) -> float:
+    """Shortest of several runs, s: the least disturbed one."""
+    found = []
+    for _ in range(times):
+        start = time.perf_counter()
+        run()
+        found.append(time.perf_counter() - start)
+    return min(found)
+
+
+def draw_normals(count: int, block: int = 8192 * 26) -> None:
+    """One thread of numpy (SFC64) drawing `count` normals into an array that stays in cache."""
+    rng = np.random.Generator(np.random.SFC64(1))
+    out = np.empty(block)
+    for _ in range(count // block):
+        rng.standard_normal(out=out)
+
+
+def orthogonality(study: Study, trials: int) -> None:
+    """The angle with shared covariance: the command's first half, its second is the same work."""
+    entry = study.part.part.orthogonality[0]
+    ids, points, _ = feature_points(study.part, study.model, [*entry.row, *entry.column])
+    prediction = predict(study.model, ids, points)
+    model = angle_trials(entry.id, entry.row, entry.column, prediction, independent=False)
+    Settings(trials=trials).run(model)
+
+
+def test_orthogonality_against_bare_normals() -> None:
+    for name, study in (("paper", paper_study()), ("simulated", simulated_study())):
+        bare = best(lambda: draw_normals(26 * TRIALS))
+        ours = best(lambda study=study: orthogonality(study, TRIALS))  # type: ignore[misc]  # bound now
+        print(f"\northogonality, {name}: {TRIALS} trials / bare normals: {ours / bare:.2f}")
+        assert ours / bare <= 1.0
+
+
+def test_adaptive_orthogonality_is_quick() -> None:
+    study = paper_study()
+    settings = Settings()
+    seconds = best(lambda: predict_orthogonality(study.model, study.part, settings))
+    bare = best(lambda: draw_normals(26 * 1_000_000))
+    print(f"\nboth adaptive angles / 26e6 bare normals: {seconds / bare:.2f}")
+
+
+def test_memory_does_not_grow_with_the_trials() -> None:
+    code = (
+        "import resource, sys; sys.path.insert(0, sys.argv[1])\n"
+        "from support import paper_study\n"
+        "from test_bench_commands import orthogonality\n"
+        "study = paper_study()\n"
+        "rss = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024\n"
+        "before = rss(); orthogonality(study, int(sys.argv[2])); print(rss() - before)"
+    )
+    here = Path(__file__).parent
+    for trials in (1_000_000, 20_000_000, 100_000_000):
+        result = subprocess.run(
+            [sys.executable, "-c", code, str(here.parent), str(trials)],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={"PYTHONPATH": str(here)},
+        )
+        print(f"\n{trials} trials: {float(result.stdout):.0f} MiB above import")
+        assert float(result.stdout) <= 200
+
+
+def test_start_up() -> None:
+    def run(*command: str) -> float:
+        return best(lambda: subprocess.run(command, capture_output=True, check=True, cwd=PAPER), 7)
+
+    bare = run(sys.executable, "-c", "import typer, rich")
+    help_text = run(str(MTU), "--help")
+    lengths = run(str(MTU), "lengths")
+    print(f"\nmtu --help / import typer, rich: {help_text / bare:.2f}")
+    print(f"mtu lengths: {lengths:.2f} s, {lengths / bare:.1f} x import typer, rich")
+    assert help_text <= 3 * bare
+    assert lengths < 0.6
