@@ -50,7 +50,7 @@ class Problem:
         if self.expected:
             asks = self.expected.startswith("did you mean")
             text += f"; {self.expected}" if asks else f"; expected {self.expected}"
-        return text
+        return printable(text)
 
 
 class MtuError(Exception):
@@ -77,9 +77,24 @@ def fault(what: str, **place: str | int | None) -> InputError:
     return InputError(Problem(what=what, **place))  # type: ignore[arg-type]  # fields by name
 
 
+def reason(error: Exception) -> str:
+    """What the system says about a failed file operation, without the path."""
+    text = error.strerror if isinstance(error, OSError) else None
+    return (text or str(error)).lower()
+
+
 def shorten(text: str, width: int = 60) -> str:
     """Text cut to `width` characters, so that one message stays one line."""
     return text if len(text) <= width else text[: width - 3] + "..."
+
+
+def printable(text: str) -> str:
+    """Text in which control characters (of a file name, say) are escaped: no terminal obeys it."""
+    if text.isprintable():
+        return text
+    return "".join(
+        sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text
+    )
 
 
 def closest(name: str, names: Iterable[str]) -> str | None:

@@ -90,6 +90,12 @@ def predict_lengths(
     pairs = np.array([[ids.index(entry.from_), ids.index(entry.to)] for entry in entries])
     delta = np.nan_to_num(points[pairs[:, 1]] - points[pairs[:, 0]])
     nominal = np.linalg.norm(delta, axis=1)
+    for i in np.flatnonzero(nominal == 0)[:1]:
+        raise fault(
+            f"the length {entries[i].id!r} is zero: its features differ in a z that only one has",
+            file=part.source.shown,
+            expected="z_mm of both features, or of the part",
+        )
     gradient = length_gradient(prediction, pairs, delta)
     measure, combine = length_measure(prediction, pairs, delta)
     errors = measure((combine @ prediction.mean)[:, None], Workspace())[:, 0]

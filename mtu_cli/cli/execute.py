@@ -12,7 +12,8 @@ from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.parameters import FAIL_IF, Options
 from mtu_cli.cli.progress import LateBar
 from mtu_cli.cli.settings import read_settings
-from mtu_cli.errors import EXIT_GATE, fault
+from mtu_cli.cli.streams import hush, write_bytes
+from mtu_cli.errors import EXIT_GATE, InputError, Problem
 from mtu_cli.model.settings import Settings, Warned
 
 if TYPE_CHECKING:
@@ -53,28 +54,48 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
         from mtu_cli.files.write import write_files
 
         write_files(files, inputs=[source.path for source in inputs.sources])
-    if report is not None:
-        sys.stdout.write(report.decode())
-    elif not options.quiet:
-        show(outcome.tables())
+    try:
+        if report is not None:
+            write_bytes(report)
+        elif not options.quiet:
+            show(outcome.tables())
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # The gate counts also where nobody reads the tables to their end.
+        hush()
     warn(outcome.warnings)
-    sys.stdout.flush()
     if outcome.gate is not None:
         print(f"mtu: gate {options.values[FAIL_IF]}: {outcome.gate}", file=sys.stderr)
         sys.exit(EXIT_GATE)
 
 
 def check_outputs(options: Options) -> None:
-    """Refuses an output that cannot be made before anything is calculated."""
-    if options.plot is not None:
-        from mtu_cli.reports.figures import SUFFIXES
+    """Refuses outputs that cannot be made, all at once, before anything is calculated."""
+    given = [path for path in (options.out, options.csv, options.plot) if path is not None]
+    if not given:
+        return
+    from mtu_cli.files.write import check_targets
+    from mtu_cli.reports.figures import SUFFIXES
 
-        if options.plot.suffix.lower().lstrip(".") not in SUFFIXES:
-            raise fault(
-                "--plot cannot draw this kind of file",
+    problems: list[Problem] = []
+    if options.plot is not None and options.plot.suffix.lower().lstrip(".") not in SUFFIXES:
+        problems.append(
+            Problem(
+                what="--plot cannot draw this kind of file",
                 value=str(options.plot),
                 expected=", ".join(f".{suffix}" for suffix in SUFFIXES),
             )
+        )
+    if options.out == options.csv == STANDARD_OUTPUT:
+        problems.append(
+            Problem(what="-o - and --csv - both want standard output", expected="one of them")
+        )
+    try:
+        check_targets([path for path in given if path != STANDARD_OUTPUT])
+    except InputError as error:
+        problems += error.problems
+    if problems:
+        raise InputError(problems)
 
 
 def _files(

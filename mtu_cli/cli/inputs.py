@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mtu_cli.cli.parameters import Options
-from mtu_cli.errors import fault
+from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
 
 if TYPE_CHECKING:
@@ -109,15 +109,21 @@ class Inputs:
     def at(self) -> dict[str, float]:
         """The covariates given with --at."""
         found: dict[str, float] = {}
+        problems: list[Problem] = []
         for text in self.options.at or ():
-            name, equals, value = text.partition("=")
+            name, equals, value = (part.strip() for part in text.partition("="))
             try:
                 number = float(value)
             except ValueError:
                 number = float("nan")
-            if not equals or not name.strip() or not isfinite(number):
-                raise fault(
-                    "--at is not NAME=VALUE", value=text, expected="such as --at T_02_degC=23.5"
+            if not equals or not name or not name.isprintable() or not isfinite(number):
+                expected = "such as --at T_02_degC=23.5"
+                problems.append(
+                    Problem(what="--at is not NAME=VALUE", value=text, expected=expected)
                 )
-            found[name.strip()] = number
+            elif name in found:
+                problems.append(Problem(what=f"--at gives {name!r} twice", value=text))
+            found[name] = number
+        if problems:
+            raise InputError(problems)
         return found

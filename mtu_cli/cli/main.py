@@ -12,7 +12,10 @@ import typer
 from mtu_cli import __version__
 from mtu_cli.cli import parameters as p
 from mtu_cli.cli.simulate_parameters import SIMULATE
-from mtu_cli.errors import EXIT_INPUT, MtuError
+from mtu_cli.cli.streams import hush, prepare_streams
+from mtu_cli.errors import EXIT_INPUT, MtuError, reason
+
+EXIT_INTERRUPTED = 130
 
 app = typer.Typer(
     name="mtu",
@@ -109,12 +112,25 @@ def main() -> None:
     # One thread a BLAS call: results must not depend on how many cores a machine has.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    prepare_streams()
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
     except MtuError as error:
         print(f"mtu: {error}", file=sys.stderr)
         sys.exit(EXIT_INPUT)
     except BrokenPipeError:
-        # The reader (`| head`) has gone; nothing is left to say.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        hush()
         sys.exit(0)
+    except OSError as error:
+        # The disk behind standard output is full, the working folder is gone.
+        hush()
+        print(f"mtu: the system refuses: {reason(error)}", file=sys.stderr)
+        sys.exit(EXIT_INPUT)
+    except KeyboardInterrupt:
+        sys.exit(EXIT_INTERRUPTED)
+    except MemoryError:
+        print("mtu: the memory of this computer does not suffice for this call", file=sys.stderr)
+        sys.exit(EXIT_INPUT)

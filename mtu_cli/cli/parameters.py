@@ -23,6 +23,7 @@ STUDY: list[Parameter] = [
         Annotated[
             Path | None,
             typer.Argument(
+                metavar="[STUDY]",
                 help="Study file; without it and without -m, mtu.yaml here or above.",
                 show_default=False,
             ),
@@ -31,12 +32,18 @@ STUDY: list[Parameter] = [
     ),
     (
         "machine",
-        Annotated[Path | None, typer.Option("-m", "--machine", help="Machine YAML.")],
+        Annotated[
+            Path | None, typer.Option("-m", "--machine", metavar="FILE", help="Machine YAML.")
+        ],
         None,
     ),
 ]
 PART: list[Parameter] = [
-    ("part", Annotated[Path | None, typer.Option("-p", "--part", help="Part YAML.")], None),
+    (
+        "part",
+        Annotated[Path | None, typer.Option("-p", "--part", metavar="FILE", help="Part YAML.")],
+        None,
+    ),
 ]
 COMPONENTS: list[Parameter] = [
     (
@@ -44,7 +51,10 @@ COMPONENTS: list[Parameter] = [
         Annotated[
             Path | None,
             typer.Option(
-                "-c", "--components", help="A fit-components report; wins over the machine file."
+                "-c",
+                "--components",
+                metavar="FILE",
+                help="A fit-components report; wins over the machine file.",
             ),
         ],
         None,
@@ -54,14 +64,16 @@ READINGS: list[Parameter] = [
     (
         "lbb",
         Annotated[
-            list[Path] | None, typer.Option("--lbb", help="Ball-bar readings CSV; repeatable.")
+            list[Path] | None,
+            typer.Option("--lbb", metavar="FILE", help="Ball-bar readings CSV; repeatable."),
         ],
         None,
     ),
     (
         "laser",
         Annotated[
-            list[Path] | None, typer.Option("--laser", help="Laser readings CSV; repeatable.")
+            list[Path] | None,
+            typer.Option("--laser", metavar="FILE", help="Laser readings CSV; repeatable."),
         ],
         None,
     ),
@@ -82,7 +94,8 @@ COVERAGE: list[Parameter] = [
     (
         "k",
         Annotated[
-            float | None, typer.Option("--k", help="Coverage factor of U = k u.", show_default="2")
+            float | None,
+            typer.Option("--k", metavar="K", help="Coverage factor of U = k u.", show_default="2"),
         ],
         None,
     ),
@@ -90,7 +103,12 @@ COVERAGE: list[Parameter] = [
         "digits",
         Annotated[
             int | None,
-            typer.Option("--digits", help="Significant digits of u that matter.", show_default="2"),
+            typer.Option(
+                "--digits",
+                metavar="N",
+                help="Significant digits of u that matter.",
+                show_default="2",
+            ),
         ],
         None,
     ),
@@ -102,6 +120,7 @@ CORRELATION: list[Parameter] = [
             str | None,
             typer.Option(
                 "--correlation",
+                metavar="HOW",
                 help="shared: full covariance; independent: as the papers.",
                 show_default="shared",
             ),
@@ -112,7 +131,9 @@ CORRELATION: list[Parameter] = [
 SEED: list[Parameter] = [
     (
         "seed",
-        Annotated[int | None, typer.Option("--seed", help="Seed of the random numbers.")],
+        Annotated[
+            int | None, typer.Option("--seed", metavar="N", help="Seed of the random numbers.")
+        ],
         None,
     ),
 ]
@@ -122,7 +143,9 @@ MONTE_CARLO: list[Parameter] = [
         "trials",
         Annotated[
             int | None,
-            typer.Option("--trials", help="Monte Carlo trials; without it the count adapts."),
+            typer.Option(
+                "--trials", metavar="N", help="Monte Carlo trials; without it the count adapts."
+            ),
         ],
         None,
     ),
@@ -130,7 +153,9 @@ MONTE_CARLO: list[Parameter] = [
         "threads",
         Annotated[
             int | None,
-            typer.Option("--threads", help="Threads; the result does not depend on them."),
+            typer.Option(
+                "--threads", metavar="N", help="Threads; the result does not depend on them."
+            ),
         ],
         None,
     ),
@@ -143,14 +168,27 @@ OUTPUT: list[Parameter] = [
         "out",
         Annotated[
             Path | None,
-            typer.Option("-o", "--out", help="JSON report; - is standard output, alone on it."),
+            typer.Option(
+                "-o",
+                "--out",
+                metavar="FILE",
+                help="JSON report; - is standard output, alone on it.",
+            ),
         ],
         None,
     ),
-    ("csv", Annotated[Path | None, typer.Option("--csv", help="The main table as CSV.")], None),
+    (
+        "csv",
+        Annotated[
+            Path | None, typer.Option("--csv", metavar="FILE", help="The main table as CSV.")
+        ],
+        None,
+    ),
     (
         "plot",
-        Annotated[Path | None, typer.Option("--plot", help="Picture: .png, .svg or .pdf.")],
+        Annotated[
+            Path | None, typer.Option("--plot", metavar="FILE", help="Picture: .png, .svg or .pdf.")
+        ],
         None,
     ),
     *QUIET,
@@ -165,7 +203,9 @@ COVARIANCE: list[Parameter] = [
 KIND: list[Parameter] = [
     (
         "kind",
-        Annotated[str, typer.Argument(help="machine, part or study.", show_default=False)],
+        Annotated[
+            str, typer.Argument(metavar="KIND", help="machine, part or study.", show_default=False)
+        ],
         inspect.Parameter.empty,
     ),
 ]

@@ -6,11 +6,15 @@ from typing import Any
 
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.study import (
+    MAX_COVERAGE,
+    MAX_DIGITS,
+    MAX_THREADS,
+    MAX_TRIALS,
+    MIN_TRIALS,
+)
 from mtu_cli.model.settings import DEFAULT_SEED, Settings
 from mtu_cli.stats.monte_carlo import Progress
-
-MAX_DIGITS = 4
-MIN_TRIALS = 1000
 
 
 def read_settings(inputs: Inputs, progress: Progress | None) -> Settings:
@@ -31,7 +35,7 @@ def read_settings(inputs: Inputs, progress: Progress | None) -> Settings:
     trials = chosen("trials", "trials", None)
     threads = chosen("threads", "threads", None)
     checks = [
-        (0 < k < 100, "--k", k, "a coverage factor above 0 and below 100"),
+        (0 < k < MAX_COVERAGE, "--k", k, f"a coverage factor above 0 and below {MAX_COVERAGE:g}"),
         (1 <= digits <= MAX_DIGITS, "--digits", digits, f"1 to {MAX_DIGITS}"),
         (seed >= 0, "--seed", seed, "0 or more"),
         (
@@ -41,12 +45,17 @@ def read_settings(inputs: Inputs, progress: Progress | None) -> Settings:
             "shared or independent",
         ),
         (
-            trials is None or trials >= MIN_TRIALS,
+            trials is None or MIN_TRIALS <= trials <= MAX_TRIALS,
             "--trials",
             trials,
-            f"{MIN_TRIALS} or more: a 95 % interval needs them",
+            f"{MIN_TRIALS} (a 95 % interval needs them) to {MAX_TRIALS}",
         ),
-        (threads is None or 1 <= threads <= 1024, "--threads", threads, "1 to 1024"),
+        (
+            threads is None or 1 <= threads <= MAX_THREADS,
+            "--threads",
+            threads,
+            f"1 to {MAX_THREADS}",
+        ),
     ]
     problems = [
         Problem(what=f"{option} is out of range", value=str(value), expected=expected)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 import sys
@@ -12,8 +13,8 @@ import numpy as np
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.parameters import Options
-from mtu_cli.errors import fault
-from mtu_cli.files.write import write_files
+from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.files.write import check_targets, write_files
 from mtu_cli.language import EquationError, Node, parse
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -24,6 +25,7 @@ from mtu_cli.stats.least_squares import FloatArray
 
 DEFAULT_POSITIONS = 8
 MAX_POSITIONS = 10_000
+MAX_ROWS = 10_000_000
 _NAMED = re.compile(r"\s*([A-Za-z_][A-Za-z_0-9]*)\s*:(.*)", re.DOTALL)
 
 
@@ -31,22 +33,28 @@ def run(options: Options) -> None:
     """Writes the readings and points of a virtual machine."""
     if options.write_lbb is None and options.write_cmm is None:
         raise fault("nothing to write", expected="--write-lbb FILE, --write-cmm FILE, or both")
+    outputs = [path for path in (options.write_lbb, options.write_cmm) if path is not None]
+    check_targets(outputs)
     inputs = Inputs(options)
     study = inputs.study.study.settings if inputs.study else None
     seed = options.seed
     if seed is None:
         seed = study.seed if study is not None and study.seed is not None else DEFAULT_SEED
-    if seed < 0:
-        raise fault("--seed is out of range", value=str(seed), expected="0 or more")
+    _check_numbers(options, seed)
     model = modelled(inputs).model
     files: dict[Path, bytes] = {}
     heading = _heading(options, seed)
     if options.write_lbb is not None:
-        readings = simulate_readings(model, _readings_plan(inputs, model), seed)
+        readings_plan = _readings_plan(inputs, model)
+        _check_rows("--write-lbb", _readings_rows(readings_plan, model))
+        readings = simulate_readings(model, readings_plan, seed)
         files[options.write_lbb] = readings_csv(readings, heading).encode()
     if options.write_cmm is not None:
         ids, points, _ = feature_points(inputs.part, model)
-        simulated = simulate_points(model, ids, points, _parts_plan(options, model), seed)
+        parts_plan = _parts_plan(options, model)
+        most = max(parts_plan.repeats, parts_plan.first_repeats[1])
+        _check_rows("--write-cmm", len(ids) * parts_plan.parts * most)
+        simulated = simulate_points(model, ids, points, parts_plan, seed)
         files[options.write_cmm] = points_csv(simulated, heading).encode()
     write_files(files, inputs=[source.path for source in inputs.sources])
     if not options.quiet:
@@ -55,15 +63,43 @@ def run(options: Options) -> None:
             print(f"{path}: {rows} synthetic rows", file=sys.stdout)
 
 
+def _check_numbers(options: Options, seed: int) -> None:
+    checks = [(seed >= 0, "--seed", seed, "0 or more")]
+    checks += [
+        (math.isfinite(value), f"--{name.replace('_', '-')}", value, "a finite number")
+        for name in ("cmm_u_um", "part_offset_um", "minutes")
+        for value in [options.values[name]]
+    ]
+    problems = [
+        Problem(what=f"{option} is out of range", value=str(value), expected=expected)
+        for good, option, value, expected in checks
+        if not good
+    ]
+    if problems:
+        raise InputError(problems)
+
+
+def _readings_rows(plan: ReadingsPlan, model: MachineModel) -> int:
+    axes = [term.estimate.of for term in model.terms]
+    each = [1 if of is None else len(plan.positions[of]) * len(plan.directions) for of in axes]
+    return plan.passes * sum(each)
+
+
+def _check_rows(option: str, rows: int) -> None:
+    if rows > MAX_ROWS:
+        raise fault(f"{option}: {rows} rows to write", expected=f"at most {MAX_ROWS}")
+
+
 def _heading(options: Options, seed: int) -> str:
     """Comment lines that say the file is synthetic and how it came about."""
     from mtu_cli import __version__
 
     given = [
-        f"--{name.replace('_', '-')} {shlex.quote(str(item))}"
+        f"--{name.replace('_', '-')} {shlex.quote(' '.join(str(item).split()))}"
         for name, value in options.values.items()
         if name in ("effect", "covariate", "passes", "parts", "repeats", "cmm_u_um", "positions",
-                    "part_offset_um", "reverse_every", "minutes")
+                    "scatter", "operation", "first_repeats", "part_offset_um", "reverse_every",
+                    "minutes")
         and value not in (None, [], 0)
         for item in (value if isinstance(value, list) else [value])
     ]  # fmt: skip
@@ -118,18 +154,7 @@ def _range(text: str) -> FloatArray:
 
 
 def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:
-    effects = []
-    for text in options.effect or ():
-        name, node = _equation("--effect", text)
-        axis = name[1:]
-        if name[:1] != "E" or axis not in model.axes:
-            raise fault(
-                "--effect is of an unknown equation",
-                value=text,
-                expected=" or ".join(f"E{axis}: ..." for axis in model.axes),
-            )
-        effects.append((axis, node))
-    covariates = [_equation("--covariate", text) for text in options.covariate or ()]
+    covariates = _covariates(options)
     return PartsPlan(
         parts=options.parts,
         repeats=options.repeats,
@@ -137,9 +162,63 @@ def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:
         part_offset=options.part_offset_um * 1e-3,
         reverse_every=options.reverse_every,
         minutes=options.minutes,
-        effects=tuple(effects),
+        first_repeats=_first_repeats(options.first_repeats),
+        scatter=_by_axis("--scatter", options.scatter, model),
+        operation=options.operation,
+        effects=_by_axis("--effect", options.effect, model),
         covariates=tuple(covariates),
     )
+
+
+def _first_repeats(text: str | None) -> tuple[int, int]:
+    if text is None:
+        return 0, 0
+    try:
+        parts, repeats = (int(item) for item in text.split(":"))
+    except ValueError:
+        parts, repeats = 0, 0
+    if parts < 1 or repeats < 1:
+        raise fault(
+            "--first-repeats is not PARTS:REPEATS", value=text, expected="such as 4:5, both above 0"
+        )
+    return parts, repeats
+
+
+def _by_axis(
+    option: str, texts: list[str] | None, model: MachineModel
+) -> tuple[tuple[str, Node], ...]:
+    """Equations named Ex, Ey or Ez, by their axis."""
+    found = []
+    for text in texts or ():
+        name, node = _equation(option, text)
+        axis = name[1:]
+        if name[:1] != "E" or axis not in model.axes:
+            raise fault(
+                f"{option} is of an unknown equation",
+                value=text,
+                expected=" or ".join(f"E{axis}: ..." for axis in model.axes),
+            )
+        found.append((axis, node))
+    return tuple(found)
+
+
+def _covariates(options: Options) -> list[tuple[str, Node]]:
+    """Declared covariates; none may take a column that the points have anyway."""
+    taken = {"part", "feature", "operation", "repeat", "sequence", "time", "time_min"}
+    taken |= {f"{start}{axis}" for axis in AXES for start in ("", "dir_")}
+    taken |= {f"{start}{axis}_mm" for axis in AXES for start in ("", "nominal_")}
+    found = []
+    for text in options.covariate or ():
+        name, node = _equation("--covariate", text)
+        if name in taken:
+            raise fault(
+                f"--covariate: the name {name!r} is taken",
+                value=text,
+                expected="a name of its own, such as T_spindle_degC",
+            )
+        taken.add(name)
+        found.append((name, node))
+    return found
 
 
 def _equation(option: str, text: str) -> tuple[str, Node]:
@@ -147,11 +226,12 @@ def _equation(option: str, text: str) -> tuple[str, Node]:
     if match is None:
         raise fault(f"{option} is not NAME: EQUATION", value=text, expected="'Ex: 0.004*dir_x'")
     try:
-        return match[1], parse(match[2])
+        # Blanks for the name: columns count from the start of the option's text.
+        return match[1], parse(" " * match.start(2) + match[2])
     except EquationError as error:
         raise fault(
             f"{option} {match[1]}: {error.what}",
-            column=error.column + match.start(2),
+            column=error.column,
             value=text,
             expected=error.expected,
         ) from None

@@ -68,6 +68,35 @@ SIMULATE: list[Parameter] = [
         0.5,
     ),
     (
+        "first_repeats",
+        Annotated[
+            str | None,
+            typer.Option(
+                "--first-repeats",
+                metavar="PARTS:REPEATS",
+                help="Measurements a feature of the first parts, such as 4:5.",
+            ),
+        ],
+        None,
+    ),
+    (
+        "operation",
+        Annotated[str | None, typer.Option("--operation", help="How the features are made.")],
+        None,
+    ),
+    (
+        "scatter",
+        Annotated[
+            list[str] | None,
+            typer.Option(
+                "--scatter",
+                metavar="'Ex: EQUATION'",
+                help="Standard deviation of a random error of each feature, mm.  Repeatable.",
+            ),
+        ],
+        None,
+    ),
+    (
         "effect",
         Annotated[
             list[str] | None,
@@ -93,12 +122,16 @@ SIMULATE: list[Parameter] = [
     ),
     (
         "write_lbb",
-        Annotated[Path | None, typer.Option("--write-lbb", help="Readings CSV to write.")],
+        Annotated[
+            Path | None, typer.Option("--write-lbb", metavar="FILE", help="Readings CSV to write.")
+        ],
         None,
     ),
     (
         "write_cmm",
-        Annotated[Path | None, typer.Option("--write-cmm", help="Points CSV to write.")],
+        Annotated[
+            Path | None, typer.Option("--write-cmm", metavar="FILE", help="Points CSV to write.")
+        ],
         None,
     ),
 ]

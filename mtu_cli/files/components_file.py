@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -15,6 +15,7 @@ from mtu_cli.units import UNITS
 
 SCHEMA = "mtu/fit-components/1"
 Matrix = list[list[float]]
+NonNegative = Annotated[float, Field(ge=0)]
 
 
 class ReportedComponent(BaseModel):
@@ -29,13 +30,13 @@ class ReportedComponent(BaseModel):
     coefficients: list[float] = Field(min_length=1)
     covariance: Matrix
     covariance_independent: Matrix | None
-    s: float | None
-    s_repeat: float
+    s: NonNegative | None
+    s_repeat: NonNegative
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
     pass_center_mm: float
-    pass_dof: float | None
-    repeat_dof: float | None
+    pass_dof: NonNegative | None
+    repeat_dof: NonNegative | None
     position_range_mm: tuple[float, float] | None
 
 
@@ -48,7 +49,7 @@ class ReportedGroup(BaseModel):
     widths: list[int]
     coefficient_covariance: Matrix
     pass_covariance: Matrix
-    pass_dof: float
+    pass_dof: NonNegative
     n_passes: int | None
 
 
@@ -99,7 +100,7 @@ def read_components(path: Path) -> ComponentsReport:
     problems += [
         problem
         for i, group in enumerate(report.results.joint_pass_covariance)
-        for problem in _group_sizes(source, i, group)
+        for problem in _group_problems(source, i, group, report.results.components)
     ]
     if problems:
         raise InputError(problems)
@@ -136,6 +137,25 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
         for key, matrix, size in wanted
         if not _square(matrix, size)
     ]
+    problems += [
+        Problem(
+            what="a variance is negative",
+            file=source.shown,
+            path=f"results.components.{name}.{key}",
+        )
+        for key, matrix, size in wanted
+        # The moment estimate is a difference of mean squares: negative where passes hardly differ.
+        if key != "pass_covariance_moment" and _square(matrix, size) and _negative(matrix)
+    ]
+    if item.degree != k - 1:
+        problems.append(
+            Problem(
+                what=f"{k} coefficients of a component of degree {item.degree}",
+                file=source.shown,
+                path=f"results.components.{name}.coefficients",
+                expected=f"{item.degree + 1}",
+            )
+        )
     if item.unit not in UNITS:
         problems.append(
             Problem(
@@ -149,20 +169,45 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
     return problems
 
 
-def _group_sizes(source: Source, i: int, group: ReportedGroup) -> list[Problem]:
+def _group_problems(
+    source: Source, i: int, group: ReportedGroup, known: dict[str, ReportedComponent]
+) -> list[Problem]:
+    path = f"results.joint_pass_covariance.{i}"
+    unknown = [name for name in group.components if name not in known]
+    widths = [len(known[name].coefficients) for name in group.components if name in known]
     size = sum(group.widths)
-    good = len(group.widths) == len(group.components)
-    good = good and _square(group.coefficient_covariance, size)
-    if good and _square(group.pass_covariance, size):
-        return []
-    return [
+    problems = [
         Problem(
-            what=f"the matrices are not {size} x {size}",
+            what="not among results.components",
             file=source.shown,
-            path=f"results.joint_pass_covariance.{i}",
+            path=f"{path}.components",
+            value=name,
         )
+        for name in unknown
     ]
+    if not unknown and group.widths != widths:
+        problems.append(
+            Problem(
+                what="not the numbers of coefficients of the components",
+                file=source.shown,
+                path=f"{path}.widths",
+                value=str(group.widths),
+                expected=str(widths),
+            )
+        )
+    for key in ("coefficient_covariance", "pass_covariance"):
+        matrix = getattr(group, key)
+        what = None if _square(matrix, size) else f"not {size} x {size}"
+        if what is None and key == "coefficient_covariance" and _negative(matrix):
+            what = "a variance is negative"
+        if what is not None:
+            problems.append(Problem(what=what, file=source.shown, path=f"{path}.{key}"))
+    return problems
 
 
 def _square(matrix: Matrix, size: int) -> bool:
     return len(matrix) == size and all(len(row) == size for row in matrix)
+
+
+def _negative(matrix: Matrix) -> bool:
+    return any(row[i] < 0 for i, row in enumerate(matrix))

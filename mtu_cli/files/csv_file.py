@@ -19,18 +19,23 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def read_table(path: Path, role: str, spec: TableSpec) -> Table:
+def read_table(
+    path: Path, role: str, spec: TableSpec, problems: ProblemList | None = None
+) -> Table:
     """A CSV table whose columns are those of `spec` and covariates.
 
     Sound tables go through pandas' C engine; where anything is amiss, the table is read
     again cell by cell, so that every fault is told with the row of a text editor.
 
-    Raises InputError with all problems of the header or, with a sound one, of all rows.
+    Raises InputError with all problems of the header or, with a sound one, of all rows; with
+    `problems` those of rows are added there, and the table holds what stands for them.
     """
+    found = ProblemList()
     text = read_csv_text(path, role)
     _check_header(text, spec)
-    rows, columns = _read(text, spec)
+    rows, columns = _read(text, spec, found)
     if not len(rows):
+        found.raise_if_any()
         raise fault("holds a header but no rows", file=text.source.shown, expected="readings")
     table = Table(
         source=replace(text.source, rows=len(rows)),
@@ -39,18 +44,25 @@ def read_table(path: Path, role: str, spec: TableSpec) -> Table:
         rows=rows,
         columns=columns,
         covariates=tuple(name for name in text.header if not spec.named(name)),
+        sound=not found.listed,
     )
-    _check_covariates(table, text, spec)
+    _check_covariates(table, text, spec, found)
+    if problems is None:
+        found.raise_if_any()
+    else:
+        problems.extend(found)
     return table
 
 
-def _read(text: CsvText, spec: TableSpec) -> tuple[NDArray[np.int64], Columns]:
+def _read(
+    text: CsvText, spec: TableSpec, problems: ProblemList
+) -> tuple[NDArray[np.int64], Columns]:
     try:
         count, columns = read_fast(text, spec)
     except Suspect:
-        return read_slow(text, spec)
+        return read_slow(text, spec, problems)
     rows = editor_rows(text, count)
-    return read_slow(text, spec) if rows is None else (rows, columns)
+    return read_slow(text, spec, problems) if rows is None else (rows, columns)
 
 
 def _check_header(text: CsvText, spec: TableSpec) -> None:
@@ -88,9 +100,8 @@ def missing_column(
     return Problem(what=f"the column {name!r} is missing", file=shown, row=row, expected=hint)
 
 
-def _check_covariates(table: Table, text: CsvText, spec: TableSpec) -> None:
+def _check_covariates(table: Table, text: CsvText, spec: TableSpec, problems: ProblemList) -> None:
     """Covariates that are texts only because of nan, infinity or the other decimal sign."""
-    problems = ProblemList()
     for name in table.covariates:
         column = table.columns.texts.get(name)
         if column is None or not column.labels or spec.kind(name) != "covariate":
@@ -104,7 +115,6 @@ def _check_covariates(table: Table, text: CsvText, spec: TableSpec) -> None:
                 sign = "comma" if text.decimal == "," else "point"
                 expected = f"a finite number with a decimal {sign}, or an empty cell"
                 problems.add(table.problem(index, name, what, column.labels[code], expected))
-    problems.raise_if_any()
 
 
 def _nearly(own: list[float | None], other: list[float | None], unfinite: list[bool]) -> bool:

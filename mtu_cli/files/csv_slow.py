@@ -29,14 +29,16 @@ if TYPE_CHECKING:
 CELL_LIMIT = 1 << 17
 
 
-def read_slow(text: CsvText, spec: TableSpec) -> tuple[NDArray[np.int64], Columns]:
+def read_slow(
+    text: CsvText, spec: TableSpec, problems: ProblemList
+) -> tuple[NDArray[np.int64], Columns]:
     """The editor rows and all columns of a table that the fast reader would not vouch for.
 
-    Raises InputError with every bad cell of the file.
+    Every bad cell of the file goes to `problems`; nan, NO_TIME or an empty text stands for it,
+    so that what the sound cells mean can be checked as well. Short and long rows are left out.
     """
     import numpy as np
 
-    problems = ProblemList()
     rows = array("q")
     stores = [_store(name, text, spec, problems) for name in text.header]
     for row, cells in _records(text, problems):
@@ -52,7 +54,6 @@ def read_slow(text: CsvText, spec: TableSpec) -> tuple[NDArray[np.int64], Column
     columns = Columns()
     for store in stores:
         store.finish(columns)
-    problems.raise_if_any()
     return np.frombuffer(rows, np.int64) if rows else np.zeros(0, np.int64), columns
 
 

@@ -80,7 +80,10 @@ class Columns:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """A checked CSV table: `rows` (n,) are its rows as an editor counts them."""
+    """A checked CSV table: `rows` (n,) are its rows as an editor counts them.
+
+    A table that is not `sound` has bad cells, told already; nan and empty texts stand for them.
+    """
 
     source: Source
     header: tuple[str, ...]
@@ -88,6 +91,7 @@ class Table:
     rows: NDArray[np.int64]
     columns: Columns
     covariates: tuple[str, ...]
+    sound: bool = True
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -117,9 +121,15 @@ class ProblemList:
 
     listed: list[Problem] = field(default_factory=list)
     uncounted: int = 0
+    _cells: set[tuple[str | None, int, str | int]] = field(default_factory=set)
 
     def add(self, problem: Problem) -> None:
-        """One more problem."""
+        """One more problem; of several of one cell the first is told."""
+        if problem.row is not None and problem.column is not None:
+            cell = (problem.file, problem.row, problem.column)
+            if cell in self._cells:
+                return
+            self._cells.add(cell)
         if len(self.listed) < LISTED_PROBLEMS:
             self.listed.append(problem)
         else:
@@ -138,8 +148,14 @@ class ProblemList:
         room = max(0, LISTED_PROBLEMS - len(self.listed))
         for position, index in enumerate(indices[:room]):
             value = values[position] if len(values) > 1 else values[0]
-            self.listed.append(table.problem(int(index), column, what, value, expected))
+            self.add(table.problem(int(index), column, what, value, expected))
         self.uncounted += max(0, len(indices) - room)
+
+    def extend(self, other: ProblemList) -> None:
+        """All problems of another list."""
+        for problem in other.listed:
+            self.add(problem)
+        self.uncounted += other.uncounted
 
     def raise_if_any(self) -> None:
         """Raises InputError with every problem, file by file in the order of the rows."""

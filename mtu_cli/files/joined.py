@@ -24,30 +24,30 @@ MINUTE = 60_000_000
 LARGEST_INTEGER = 2.0**53
 
 
-def read_tables(files: Sequence[tuple[Path, str]], spec: TableSpec) -> list[Table]:
+def read_tables(
+    files: Sequence[tuple[Path, str]], spec: TableSpec, problems: ProblemList
+) -> list[Table]:
     """The tables of all (path, role), of which there is at least one.
 
-    Raises InputError with the problems of all files together; a file that is given twice
-    would count every row twice and is one of them.
+    Problems of all files go to `problems`; those whose header is sound are among the tables
+    nevertheless. A file that is given twice would count every row twice: a problem, too.
     """
     if not files:
         raise ValueError("no files to read")
     tables: list[Table] = []
-    problems: list[Problem] = []
     first: dict[str, Source] = {}
     for path, role in files:
         try:
-            table = read_table(path, role, spec)
+            table = read_table(path, role, spec, problems)
         except InputError as error:
-            problems += error.problems
+            for problem in error.problems:
+                problems.add(problem)
             continue
         tables.append(table)
         other = first.setdefault(table.source.sha256, table.source)
         if other is not table.source:
             what = f"the same bytes as {other.shown!r}: its rows would count twice"
-            problems.append(Problem(what=what, file=table.source.shown, expected="each file once"))
-    if problems:
-        raise InputError(problems)
+            problems.add(Problem(what=what, file=table.source.shown, expected="each file once"))
     return tables
 
 
@@ -218,6 +218,9 @@ def check_labels(
 
 def check_doubled_rows(table: Table, problems: ProblemList) -> None:
     """Rows equal to an earlier one in every column, for tables that tell repeats apart."""
+    if not table.sound:
+        # Cells that differ may look alike by what stands for them.
+        return
     columns = table.columns
     keys: list[NDArray[Any]] = list(columns.numbers.values())
     keys += [text.codes for text in columns.texts.values()]

@@ -93,7 +93,7 @@ class Component(Contract):
     pass_center_mm: float | None = Field(default=None, description="Where that intercept is taken")
     dof: Positive | None = Field(default=None, description="Degrees of freedom")
     pass_dof: NonNegative | None = Field(default=None, description="... of pass_covariance")
-    repeat_dof: NonNegative | None = Field(default=None, description="... of s_repeat")
+    repeat_dof: Positive | None = Field(default=None, description="... of s_repeat")
     u_future: NonNegative | None = Field(
         default=None,
         description="Standard uncertainty of a future observation, where no more is known",

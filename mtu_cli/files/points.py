@@ -77,13 +77,19 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
     `features` are the part file's nominal places; without them the files must give
     nominal_x_mm, nominal_y_mm. Where both do, they must agree within 1e-6 mm.
 
-    Raises InputError with all problems of all files: of headers and cells first, then, where
-    those are sound, of what the values mean.
+    Raises InputError with all problems of all files: of headers and of every cell first,
+    then, where those are sound, of what the rows mean together.
     """
-    tables = joined.read_tables(files, SPEC)
     problems = ProblemList()
+    tables = joined.read_tables(files, SPEC, problems)
     for table in tables:
         _check_table(table, features, problems)
+    if problems.listed:
+        for axis in AXES:
+            joined.check_signs(tables, f"dir_{axis}", problems)
+        for name in ("repeat", "sequence"):
+            joined.integers(tables, name, problems)
+        problems.raise_if_any()
     points = _assemble(tables, features, problems)
     problems.raise_if_any()
     return points

@@ -93,13 +93,16 @@ def read_readings(
     `components` are the machine's, by name; without them any name is accepted and positions
     are taken as they stand. `for_fit` asks for degree + 1 distinct positions a component.
 
-    Raises InputError with all problems of all files: of headers and cells first, then, where
-    those are sound, of what the values mean.
+    Raises InputError with all problems of all files: of headers and of every cell first,
+    then, where those are sound, of what the rows mean together.
     """
-    tables = joined.read_tables(files, SPEC)
     problems = ProblemList()
+    tables = joined.read_tables(files, SPEC, problems)
     for table in tables:
         _check_table(table, components, problems)
+    if problems.listed:
+        joined.integers(tables, "pass", problems)
+        problems.raise_if_any()
     readings = _assemble(tables, components, problems)
     if for_fit and components is not None and not problems.listed:
         _check_positions(readings, components, problems)

@@ -8,7 +8,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from mtu_cli.errors import Problem, closest, fault
+from mtu_cli.errors import Problem, closest, fault, printable, reason
 
 _CHUNK = 1 << 20
 
@@ -34,11 +34,16 @@ def shown_path(path: Path) -> str:
     beneath it, else the bare file name: reports hold no absolute paths.
     """
     if not path.is_absolute():
-        return Path(os.path.normpath(path)).as_posix()
+        return _text(Path(os.path.normpath(path)))
     try:
-        return path.resolve().relative_to(Path.cwd().resolve()).as_posix()
+        return _text(path.resolve().relative_to(Path.cwd().resolve()))
     except (ValueError, OSError):
-        return path.name
+        return _text(Path(path.name))
+
+
+def _text(path: Path) -> str:
+    # A name need not be UTF-8; JSON must be.
+    return printable(os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace"))
 
 
 def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[Source, bytes]:
@@ -82,12 +87,6 @@ def missing_file(folder: Path, name: str) -> Problem | None:
     near = _near_name(path)
     hint = None if near is None else f"did you mean {(Path(name).parent / near).as_posix()!r}?"
     return Problem(what="no such file", value=name, expected=hint)
-
-
-def reason(error: Exception) -> str:
-    """What the system says about a failed file operation, without the path."""
-    text = error.strerror if isinstance(error, OSError) else None
-    return (text or str(error)).lower()
 
 
 def _nearby(path: Path) -> str | None:

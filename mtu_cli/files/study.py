@@ -9,13 +9,19 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from mtu_cli.files.contracts import Contract, Findings, check_contract, duplicates
-from mtu_cli.files.machine_contract import Positive
 from mtu_cli.files.source import Source, missing_file
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 
 STUDY_NAME = "mtu.yaml"
 SINGLE = ("machine", "part", "components")
 SEVERAL = ("lbb", "laser", "cmm", "drift")
+
+MAX_COVERAGE = 100.0
+MIN_TRIALS = 1000
+MAX_TRIALS = 10_000_000_000
+"""Ten thousand million: an hour of Monte Carlo. More is a slip of the keyboard."""
+MAX_DIGITS = 4
+MAX_THREADS = 1024
 
 Share = Annotated[float, Field(gt=0, lt=1)]
 Count = Annotated[int, Field(ge=1)]
@@ -34,7 +40,9 @@ FileNames = Annotated[
 class Settings(Contract):
     """Settings of the commands; options on the command line override them."""
 
-    coverage_factor: Positive | None = Field(default=None, description="k of U = k u")
+    coverage_factor: Annotated[float, Field(gt=0, lt=MAX_COVERAGE)] | None = Field(
+        default=None, description="k of U = k u"
+    )
     seed: Annotated[int, Field(ge=0)] | None = Field(
         default=None, description="Seed of Monte Carlo"
     )
@@ -42,10 +50,10 @@ class Settings(Contract):
         default=None,
         description="Points of a part share components, or stand alone as in the papers",
     )
-    trials: Count | None = Field(
+    trials: Annotated[int, Field(ge=MIN_TRIALS, le=MAX_TRIALS)] | None = Field(
         default=None, description="Monte Carlo trials; adaptive without it"
     )
-    digits: Annotated[int, Field(ge=1, le=4)] | None = Field(
+    digits: Annotated[int, Field(ge=1, le=MAX_DIGITS)] | None = Field(
         default=None, description="Significant digits of u that adaptive Monte Carlo makes sure of"
     )
     probability: Share | None = Field(default=None, description="Coverage probability")
@@ -54,7 +62,9 @@ class Settings(Contract):
         default=None, description="Freedoms of the part coordinate system"
     )
     max_effects: Count | None = Field(default=None, description="Effects that close-loop may add")
-    threads: Count | None = Field(default=None, description="Threads of Monte Carlo")
+    threads: Annotated[int, Field(ge=1, le=MAX_THREADS)] | None = Field(
+        default=None, description="Threads of Monte Carlo"
+    )
 
 
 class Study(Contract):

@@ -6,13 +6,13 @@ import os
 import secrets
 import shutil
 import stat
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from mtu_cli.errors import InputError, MtuError, Problem, fault
-from mtu_cli.files.source import reason, shown_path
+from mtu_cli.errors import InputError, MtuError, Problem, fault, reason
+from mtu_cli.files.source import shown_path
 
 
 @dataclass(slots=True)
@@ -34,7 +34,7 @@ def write_files(contents: Mapping[Path, bytes], *, inputs: Iterable[Path] = ()) 
     Raises InputError for a target that is an input or a folder, stands twice, lies in a
     missing folder, or may not be written; no target is changed then.
     """
-    _check_targets(list(contents), list(inputs))
+    check_targets(list(contents), list(inputs))
     pending = [_Pending(path, path.resolve()) for path in contents]
     files = [item for item in pending if _is_replaceable(item.target)]
     current = pending[0] if pending else None
@@ -59,7 +59,11 @@ def write_files(contents: Mapping[Path, bytes], *, inputs: Iterable[Path] = ()) 
             _remove(item.backup)
 
 
-def _check_targets(targets: list[Path], inputs: list[Path]) -> None:
+def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
+    """Whether files can be written, as far as can be told before they are there.
+
+    Raises InputError as `write_files` does; a file that stands twice in `targets` is told too.
+    """
     problems = []
     seen: dict[Path, Path] = {}
     for path in targets:

@@ -95,6 +95,31 @@ def to_centre(center: float, D: FloatArray) -> FloatArray:
     return result
 
 
+def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
+    """S (k, k), the mean square between passes that C and D come from; None without one.
+
+    Up to degree 1 every coefficient is the mean of the passes' own, so that S = n C. Powers
+    that the passes have in common are known from within passes: then S = D + s_repeat^2 M,
+    where M = n (P'X'X P)^-1 is the error of a pass's own level and slope, P their columns,
+    and (P'X'X P)^-1 is the Schur complement of those powers in (X'X)^-1.
+    """
+    if estimate.n_passes is None:
+        return None
+    C, D, s = estimate.covariance, estimate.pass_covariance, estimate.independent_s
+    k = len(C)
+    q = 1 if k == 1 or not D[1, 1] else 2
+    if q == k:
+        return estimate.n_passes * C
+    S = D.copy()
+    if estimate.independent_covariance is not None and s:
+        inverse = estimate.independent_covariance / s**2
+        scale = np.sqrt(np.diag(inverse))
+        R = inverse / np.outer(scale, scale)
+        M = R[:q, :q] - R[:q, q:] @ np.linalg.lstsq(R[q:, q:], R[q:, :q], rcond=None)[0]
+        S[:q, :q] += estimate.s_repeat**2 * estimate.n_passes * M * np.outer(scale, scale)[:q, :q]
+    return S
+
+
 def known_component(
     *,
     name: str,

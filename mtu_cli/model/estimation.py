@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.model.estimates import ComponentEstimate, from_centre
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.model.estimates import ComponentEstimate, between_passes, from_centre
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray, PassFit, fit_passes
 from mtu_cli.stats.pass_tests import (
@@ -68,6 +69,8 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     `component` is the machine file's entry: `of`, `unit`, `degree`. Readings of several
     instruments (ball bar, laser) are fitted apart, each with its own variances, and combined
     by generalised least squares with the inverse of their covariances as weights.
+
+    Raises InputError for one of several instruments whose readings show no scatter.
     """
     code = readings.components.index(name)
     rows = np.flatnonzero(readings.code == code)
@@ -80,10 +83,33 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
         for role, chosen in by_role.items()
     )
     estimates = [_estimate(name, component, unit, fit) for fit in fits]
+    if len(fits) > 1:
+        _check_weights(readings, name, fits, estimates)
     estimate, agreement = combine(estimates)
     return ComponentFit(
         name=name, unit=unit, instruments=fits, estimate=estimate, agreement_p=agreement
     )
+
+
+def _check_weights(
+    readings: Readings,
+    name: str,
+    fits: Sequence[InstrumentFit],
+    estimates: Sequence[ComponentEstimate],
+) -> None:
+    """Without scatter an instrument has no weight against the others."""
+    problems = [
+        Problem(
+            what=f"the readings of {name!r} by {fit.role} show no scatter: they cannot be "
+            "weighed against the other instruments'",
+            file=", ".join(s.shown for s in readings.sources if s.role == fit.role) or None,
+            expected="more readings, with all their digits",
+        )
+        for fit, estimate in zip(fits, estimates, strict=True)
+        if not (np.diag(estimate.covariance) > 0).all()
+    ]
+    if problems:
+        raise InputError(problems)
 
 
 def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: Any) -> InstrumentFit:
@@ -225,13 +251,22 @@ def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
     d = a.coefficients - b.coefficients
     inverse = np.linalg.inv(a.covariance + b.covariance)
     k = len(d)
-    shares = [float(np.trace(item.covariance @ inverse)) / k for item in (a, b)]
-    dofs = [item.pass_dof or item.repeat_dof for item in (a, b)]
-    nu = 1.0 / sum(share**2 / dof for share, dof in zip(shares, dofs, strict=True))
+    sources = [source for item in (a, b) for source in _sources(item)]
+    shares = [float(np.trace(part @ inverse)) / k for part, _ in sources]
+    nu = 1.0 / sum(share**2 / dof for share, (_, dof) in zip(shares, sources, strict=True))
     if nu <= k - 1:
         return 1.0
     F = float(d @ inverse @ d) * (nu - k + 1) / (nu * k)
     return float(fdtrc(k, nu - k + 1, F))
+
+
+def _sources(item: ComponentEstimate) -> list[tuple[FloatArray, float]]:
+    """The mean squares that make up C, with their degrees of freedom."""
+    S = between_passes(item)
+    if S is None or item.n_passes is None:
+        return [(item.covariance, item.pass_dof or item.repeat_dof)]
+    of_passes = S / item.n_passes
+    return [(of_passes, item.pass_dof), (item.covariance - of_passes, item.repeat_dof)]
 
 
 def _pooled(values: Sequence[FloatArray], dofs: FloatArray) -> FloatArray:

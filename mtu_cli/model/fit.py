@@ -118,8 +118,26 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     for name, item in report.components.items():
         entry = machine.machine.components.get(name)
         if entry is None:
+            problems.append(
+                Problem(
+                    what=f"{machine.source.shown} has no component {name!r}",
+                    file=report.source.shown,
+                    path=f"results.components.{name}",
+                    expected="a report of this machine's components",
+                )
+            )
             continue
         same_unit = UNITS[entry.unit].dimension == UNITS[item.unit].dimension
+        degree = len(item.coefficients) - 1
+        if degree != entry.degree:
+            problems.append(
+                Problem(
+                    what=f"{name!r} is of degree {degree} in the components report",
+                    file=report.source.shown,
+                    path=f"results.components.{name}",
+                    expected=f"degree {entry.degree}, as in {machine.source.shown}: fit again",
+                )
+            )
         if entry.of != item.of or not same_unit:
             problems.append(
                 Problem(
@@ -132,12 +150,7 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
         found[name] = _reported(name, item)
     if problems:
         raise InputError(problems)
-    joint = [
-        _joint(group, found)
-        for group in report.joint
-        if all(name in found for name in group.components)
-    ]
-    return Estimates(components=found, joint=tuple(joint))
+    return Estimates(components=found, joint=tuple(_joint(group, found) for group in report.joint))
 
 
 def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem, did_you_mean
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.language import LinearForm, Node, evaluate, names
+from mtu_cli.language.tree import Binary
+from mtu_cli.model.effect_parameters import EFFECT_MARK, effect_estimates
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import polynomial
-from mtu_cli.units import UNITS
 
 AXES = ("x", "y", "z")
 
@@ -77,15 +77,15 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     """Joins a machine file and the estimates of its components.
 
     Raises InputError for a component of the equations that has neither readings nor
-    coefficients, with the line of the machine file.
+    coefficients, or too few readings for an uncertainty, with the line of the machine file.
     """
     forms: list[dict[str, LinearForm]] = [machine.forms]
     found = dict(estimates.components)
     joint = list(estimates.joint)
     renames: list[dict[str, str]] = [{}]
     for effect, form in zip(machine.machine.effects, machine.effect_forms, strict=True):
-        rename = {name: f"{effect.name}.{name}" for name in effect.parameters}
-        parameters, together = _effect_estimates(effect, rename)
+        rename = {name: f"{effect.name}{EFFECT_MARK}{name}" for name in effect.parameters}
+        parameters, together = effect_estimates(effect, rename)
         found |= parameters
         joint += together
         forms.append(form)
@@ -100,14 +100,20 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
             for name, lever in linear.coefficients.items():
                 full = rename.get(name, name)
                 if full in levers:
-                    levers[full][axis] = lever
+                    levers[full][axis] = _added(levers[full].get(axis), lever)
                 else:
                     missing[full] = None
             if linear.remainder is not None:
                 remainders[axis].append(linear.remainder)
-    if missing:
-        raise InputError([_no_estimate(machine, name) for name in missing])
     terms = [Term(estimate=found[name], levers=lever) for name, lever in levers.items() if lever]
+    problems = [_no_estimate(machine, name) for name in missing]
+    problems += [
+        _no_uncertainty(machine, term.estimate.name) for term in terms if not _is_known(term)
+    ]
+    if not terms and not problems:
+        problems = [Problem(what="no equation holds a component", file=machine.source.shown)]
+    if problems:
+        raise InputError(problems)
     return MachineModel(
         name=machine.machine.name,
         axes=axes,
@@ -121,6 +127,11 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     )
 
 
+def _added(lever: Node | None, more: Node) -> Node:
+    """An effect may hold a component of the equations: its lever arms add up."""
+    return more if lever is None else Binary("+", lever, more, more.column)
+
+
 def _no_estimate(machine: LoadedMachine, name: str) -> Problem:
     return Problem(
         what=f"the component {name!r} has neither readings nor coefficients",
@@ -131,37 +142,20 @@ def _no_estimate(machine: LoadedMachine, name: str) -> Problem:
     )
 
 
-def _effect_estimates(
-    effect: Any, rename: Mapping[str, str]
-) -> tuple[dict[str, ComponentEstimate], list[JointPasses]]:
-    """The parameters of an effect as components without an axis, known to their u."""
-    estimates: dict[str, ComponentEstimate] = {}
-    for name, parameter in effect.parameters.items():
-        unit = UNITS[parameter.unit]
-        estimates[rename[name]] = ComponentEstimate(
-            name=rename[name],
-            of=None,
-            unit=unit,
-            coefficients=np.array([parameter.value * unit.to_internal]),
-            covariance=np.array([[(parameter.u * unit.to_internal) ** 2]]),
-            pass_covariance=np.zeros((1, 1)),
-            s_repeat=0.0,
-            pass_dof=0.0,
-            repeat_dof=np.inf,
-        )
-    if effect.covariance is None:
-        return estimates, []
-    factors = np.array([UNITS[p.unit].to_internal for p in effect.parameters.values()])
-    C = np.asarray(effect.covariance, float) * np.outer(factors, factors)
-    group = JointPasses(
-        components=tuple(estimates),
-        widths=(1,) * len(estimates),
-        covariance=C,
-        pass_covariance=np.zeros_like(C),
-        pass_dof=np.inf,
-        n_passes=None,
+def _is_known(term: Term) -> bool:
+    """Whether the component has an uncertainty: not where nothing is left over for scatter."""
+    return bool(np.isfinite(term.estimate.covariance).all() and np.isfinite(term.estimate.s_repeat))
+
+
+def _no_uncertainty(machine: LoadedMachine, name: str) -> Problem:
+    return Problem(
+        what=f"the component {name!r} has as many readings as coefficients: its uncertainty "
+        "cannot be had",
+        file=machine.source.shown,
+        line=machine.line_of("components", name),
+        path=f"components.{name}",
+        expected="more readings of it, best in several passes",
     )
-    return estimates, [group]
 
 
 def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
@@ -208,7 +202,9 @@ def design(
         for i, axis in enumerate(model.axes):
             if axis in term.levers:
                 levers[:, i, t] = evaluate(term.levers[axis], values)
-                J[:, i, starts[t] : starts[t + 1]] = levers[:, i, t, None] * rows
+                # An infinite lever arm is reported by _check_finite, in words.
+                with np.errstate(invalid="ignore"):
+                    J[:, i, starts[t] : starts[t + 1]] = levers[:, i, t, None] * rows
     remainder = np.zeros((n, a))
     for i, axis in enumerate(model.axes):
         for node in model.remainders[axis]:

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mtu_cli.model.estimates import ComponentEstimate, JointPasses
+from mtu_cli.model.estimates import ComponentEstimate, JointPasses, between_passes
 from mtu_cli.model.machine_model import (
     AXES,
     MachineModel,
@@ -48,7 +48,10 @@ class Prediction:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Covariance (n*a, n*a) of the errors of one future part, mm^2."""
+        """Covariance (n*a, n*a) of the errors of one future part, mm^2.
+
+        It may have a negative part where D has; `trials.repaired` takes it out.
+        """
         rows = len(self.mean)
         total = np.zeros((rows, rows))
         for block in self.blocks:
@@ -72,19 +75,19 @@ class Prediction:
         """Variance of the linear measurands A E, A (m, n*a): law of propagation with covariance.
 
         Effective degrees of freedom by Welch-Satterthwaite (JCGM 100, G.4.1) over the
-        independent mean squares behind the variance. With n passes C is S/n and D is
-        S - s^2 M, S the between-pass mean square and s^2 M what repeatability alone would
-        give, so g'(C + D)g + s^2 w = (1 + 1/n) g'S g + s^2 (w - g'M g).
+        independent mean squares behind the variance (see `variance.block_variance`), and never
+        fewer than the least of them: where one mean square is subtracted the formula alone
+        would give next to none.
         """
         parts = [block_variance(block, A, len(self.axes)) for block in self.blocks]
         by_block = np.array([part.sum(axis=0) for part, _, _ in parts])
         total = by_block.sum(axis=0)
-        spread = np.zeros(len(A))
-        for _, squares, dofs in parts:
-            for square, nu in zip(squares, dofs, strict=True):
-                spread += 0.0 if np.isinf(nu) else square**2 / nu
-        with np.errstate(divide="ignore", invalid="ignore"):
-            dof: FloatArray = np.where(spread > 0, total**2 / spread, np.inf)
+        squares = np.array([square for _, found, _ in parts for square in found])
+        nu = np.array([value for _, _, dofs in parts for value in dofs])[:, None]
+        spread = (squares**2 / nu).sum(axis=0)
+        least = np.where(squares == 0, np.inf, nu).min(axis=0)
+        found = np.divide(total**2, spread, out=np.full_like(total, np.inf), where=spread > 0)
+        dof: FloatArray = np.maximum(found, least)
         split = np.array([part for part, _, _ in parts]).sum(axis=0)
         return Variance(
             total=total,
@@ -137,22 +140,11 @@ def _blocks(
         kept = [name for name in group.components if name in index]
         if len(kept) < 2:
             continue
-        inside = _positions_in_group(group, kept)
-        estimates = [model.terms[index[name]].estimate for name in kept]
-        blocks.append(
-            Block(
-                names=tuple(kept),
-                G=np.column_stack([J[:, columns[index[name]]] for name in kept]),
-                C=group.covariance[np.ix_(inside, inside)],
-                D=group.pass_covariance[np.ix_(inside, inside)],
-                noise=np.column_stack(
-                    [levers[:, index[estimate.name]] * estimate.s_repeat for estimate in estimates]
-                ),
-                pass_dof=group.pass_dof,
-                repeat_dof=sum(estimate.repeat_dof for estimate in estimates),
-                n_passes=group.n_passes,
-            )
-        )
+        own = [
+            _own_block(model.terms[i], J[:, columns[i]], levers[:, i])
+            for i in (index[name] for name in kept)
+        ]
+        blocks.append(_joint_block(group, _positions_in_group(group, kept), own))
         taken.update(kept)
     for t, term in enumerate(model.terms):
         if term.estimate.name not in taken:
@@ -175,13 +167,42 @@ def _own_block(term: Term, G: FloatArray, lever: FloatArray) -> Block:
     estimate = term.estimate
     return Block(
         names=(estimate.name,),
+        columns=(slice(0, G.shape[1]),),
         G=G,
         C=estimate.covariance,
         D=estimate.pass_covariance,
         noise=(lever * estimate.s_repeat)[:, None],
         pass_dof=estimate.pass_dof,
-        repeat_dof=estimate.repeat_dof,
-        n_passes=estimate.n_passes,
+        repeat_dof=(estimate.repeat_dof,),
+        between=between_passes(estimate),
+        n_passes=estimate.n_passes or 0,
+    )
+
+
+def _joint_block(group: JointPasses, inside: Sequence[int], own: Sequence[Block]) -> Block:
+    """The components of a group as one block; their own blocks lie on its diagonal."""
+    ends = np.cumsum([block.G.shape[1] for block in own])
+    columns = tuple(
+        slice(int(end) - block.G.shape[1], int(end)) for block, end in zip(own, ends, strict=True)
+    )
+    C = group.covariance[np.ix_(inside, inside)]
+    between = None
+    if group.n_passes is not None and all(block.between is not None for block in own):
+        # Between components C is S/n of their level and slope, whatever their degree.
+        between = group.n_passes * C
+        for part, block in zip(columns, own, strict=True):
+            between[part, part] = block.between
+    return Block(
+        names=tuple(block.names[0] for block in own),
+        columns=columns,
+        G=np.column_stack([block.G for block in own]),
+        C=C,
+        D=group.pass_covariance[np.ix_(inside, inside)],
+        noise=np.column_stack([block.noise for block in own]),
+        pass_dof=group.pass_dof,
+        repeat_dof=tuple(block.repeat_dof[0] for block in own),
+        between=between,
+        n_passes=group.n_passes or 0,
     )
 
 
@@ -189,13 +210,13 @@ def _constants_block(model: MachineModel, G: FloatArray, variances: FloatArray) 
     k = len(variances)
     return Block(
         names=tuple(name for name, (_, u) in model.constants.items() if u > 0),
+        columns=(slice(0, k),),
         G=G,
         C=np.diag(variances),
         D=np.zeros((k, k)),
         noise=np.zeros((len(G), 1)),
         pass_dof=0.0,
-        repeat_dof=np.inf,
-        n_passes=None,
+        repeat_dof=(np.inf,),
     )
 
 

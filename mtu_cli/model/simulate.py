@@ -14,6 +14,7 @@ import numpy as np
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.language import Node, evaluate
 from mtu_cli.language import names as names_of
+from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.machine_model import AXES, MachineModel, design, theta
 from mtu_cli.stats.least_squares import FloatArray
@@ -35,7 +36,10 @@ class ReadingsPlan:
 class PartsPlan:
     """How parts are made and measured.
 
-    `repeats` CMM measurements a feature with standard uncertainty `cmm_u` (mm); a random
+    `repeats` CMM measurements a feature with standard uncertainty `cmm_u` (mm), or, of the
+    first parts, `first_repeats` = (parts, repeats); `scatter` (axis, equation) adds a random
+    error of that standard deviation (mm) to each feature of each part; `operation` names how
+    the features were made; a random
     offset of every part with standard deviation `part_offset` (mm); features are machined in
     the part's order, every `reverse_every`-th part in the opposite one (0: never), each
     taking `minutes`. `effects` are (axis, equation in mm), `covariates` (name, equation).
@@ -47,6 +51,9 @@ class PartsPlan:
     part_offset: float
     reverse_every: int
     minutes: float
+    first_repeats: tuple[int, int] = (0, 0)
+    scatter: tuple[tuple[str, Node], ...] = ()
+    operation: str | None = None
     effects: tuple[tuple[str, Node], ...] = ()
     covariates: tuple[tuple[str, Node], ...] = ()
 
@@ -71,6 +78,7 @@ class SimulatedPoints:
     """
 
     axes: tuple[str, ...]
+    operation: str | None
     part: tuple[str, ...]
     feature: tuple[str, ...]
     repeat: IntArray
@@ -85,11 +93,14 @@ def _stream(seed: int, *key: int) -> np.random.Generator:
 def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> SimulatedReadings:
     """Readings of every component: its polynomial, a draw of D a pass, s_repeat a reading.
 
-    A component without an axis is read once a pass, forward only.
+    A component without an axis is read once a pass, forward only. The parameters of declared
+    effects are no components: nothing reads them.
     """
     rows: list[tuple[str, str, float, int, int, float]] = []
     for c, term in enumerate(model.terms):
         estimate = term.estimate
+        if EFFECT_MARK in estimate.name:
+            continue
         rng = _stream(seed, 0, c)
         positions = np.zeros(1) if estimate.of is None else plan.positions[estimate.of]
         directions = (0,) if estimate.of is None else plan.directions
@@ -142,34 +153,55 @@ def simulate_points(
     A part has one draw of every component's D and of its offset, a feature one draw of every
     component's s_repeat, a repeat one of the CMM's.
 
-    Raises InputError for an effect that uses an unknown name or has no finite value.
+    Raises InputError for an effect that uses an unknown name or has no finite value, and for
+    a covariate of the machine that nothing gives.
     """
+    _check_covariates(model, points, plan)
     n, a = len(ids), len(model.axes)
     columns = [AXES.index(axis) for axis in model.axes]
-    measured, covariates = [], []
+    measured, covariates, repeats = [], [], []
     for part in range(plan.parts):
+        first, more = plan.first_repeats
+        repeats.append(more if part < first else plan.repeats)
         rng = _stream(seed, 1, part)
         values = _covariates(points, plan, part)
         errors = _part_errors(model, points, values, rng)
         errors += plan.part_offset * rng.standard_normal(a)
         errors += _effects(model, points, plan.effects, values)
-        cmm = _stream(seed, 2, part).standard_normal((plan.repeats, n, a)) * plan.cmm_u
+        errors += _scatter(model, points, plan.scatter, values, _stream(seed, 3, part))
+        cmm = _stream(seed, 2, part).standard_normal((repeats[-1], n, a)) * plan.cmm_u
         measured.append(points[:, columns] + errors + cmm)
         covariates.append(values)
     keys = list(covariates[0])
     return SimulatedPoints(
         axes=model.axes,
-        part=tuple(
-            str(p + 1) for p in range(plan.parts) for _ in range(plan.repeats) for _ in range(n)
-        ),
-        feature=tuple(ids) * (plan.repeats * plan.parts),
-        repeat=np.tile(np.repeat(np.arange(1, plan.repeats + 1), n), plan.parts),
+        operation=plan.operation,
+        part=tuple(str(p + 1) for p, r in enumerate(repeats) for _ in range(r * n)),
+        feature=tuple(ids) * sum(repeats),
+        repeat=np.concatenate([np.repeat(np.arange(1, r + 1), n) for r in repeats]),
         measured=np.concatenate([m.reshape(-1, a) for m in measured]),
         covariates={
-            key: np.concatenate([np.tile(values[key], plan.repeats) for values in covariates])
+            key: np.concatenate(
+                [np.tile(values[key], r) for values, r in zip(covariates, repeats, strict=True)]
+            )
             for key in keys
         },
     )
+
+
+def _check_covariates(model: MachineModel, points: FloatArray, plan: PartsPlan) -> None:
+    given = _covariates(points, plan, 0)
+    missing = [name for name in model.covariates() if name not in given]
+    if missing:
+        raise InputError(
+            [
+                Problem(
+                    what=f"the equations of {model.name!r} need the covariate {name!r}",
+                    expected=f"--covariate '{name}: EQUATION'",
+                )
+                for name in missing
+            ]
+        )
 
 
 def _covariates(points: FloatArray, plan: PartsPlan, part: int) -> dict[str, FloatArray]:
@@ -240,6 +272,18 @@ def _part_errors(
         noise += levers[:, :, t] * visits[:, None]
     errors: FloatArray = (rows.J @ state + rows.remainder).reshape(n, a) + noise
     return errors
+
+
+def _scatter(
+    model: MachineModel,
+    points: FloatArray,
+    scatter: Sequence[tuple[str, Node]],
+    values: Mapping[str, FloatArray],
+    rng: np.random.Generator,
+) -> FloatArray:
+    deviations = np.abs(_effects(model, points, scatter, values))
+    drawn: FloatArray = deviations * rng.standard_normal(deviations.shape)
+    return drawn
 
 
 def _effects(

@@ -60,8 +60,13 @@ class PointTrials:
         )
         self.factor = factor_of(stacked @ covariance @ stacked.T)
         self.k = len(combine)
-        self.linear_u = np.sqrt(np.sum(self.factor[self.k :] ** 2, axis=1))[:, None]
         self.owner = np.concatenate([owner, np.arange(len(names))])
+        self._scale_to(
+            gradient**2 @ prediction.independent_variance
+            if independent
+            else prediction.variance(gradient).total
+        )
+        self.linear_u = np.sqrt(np.sum(self.factor[self.k :] ** 2, axis=1))[:, None]
         self.dof = dof
         self.u_exists = dof > 2
         dof = np.where(dof < NORMAL_DOF, dof, np.inf)
@@ -70,6 +75,17 @@ class PointTrials:
         with np.errstate(divide="ignore", invalid="ignore"):
             inflation = np.where(np.isinf(dof), 1.0, np.where(dof > 2, dof / (dof - 2), np.nan))
         self.linear_variance = self.linear_u[:, 0] ** 2 * inflation
+
+    def _scale_to(self, variance: FloatArray) -> None:
+        """Gives every output the first-order `variance` (outputs,), all that it owns alike.
+
+        It differs from that of the covariance only where a negative moment estimate of
+        pass-to-pass covariance was kept from making it too small (`variance.block_variance`).
+        """
+        drawn = np.sum(self.factor[self.k :] ** 2, axis=1)
+        ratio = np.divide(variance, drawn, out=np.ones_like(drawn), where=drawn > 0)
+        ratio[np.abs(ratio - 1) < 1e-9] = 1.0
+        self.factor *= np.sqrt(ratio)[self.owner, None]
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (outputs, m), with the scale of the latter."""
@@ -98,14 +114,33 @@ def factor_of(covariance: FloatArray) -> FloatArray:
 
     With a moment estimate of pass-to-pass covariance the errors of very many points together
     need not have a covariance. The negative part is then left out and every row scaled back to
-    its own variance.
+    its own variance (one whose variance is negative stays as it is).
     """
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
     kept = values > 1e-14 * max(values[-1], 0.0)
     factor: FloatArray = np.ascontiguousarray(vectors[:, kept] * np.sqrt(values[kept]))
     if values[0] < -1e-9 * abs(values[-1]):
-        wanted = np.clip(np.diag(covariance), 0.0, None)
-        drawn = np.sum(factor**2, axis=1)
-        ratio = np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0)
-        factor *= np.sqrt(ratio)[:, None]
+        _scale_rows(factor, np.diag(covariance))
     return factor
+
+
+def repaired(covariance: FloatArray, variance: FloatArray) -> FloatArray:
+    """The covariance (rows, rows) with the variances (rows,) and no negative eigenvalue.
+
+    The one given where it has both already.
+    """
+    values = np.linalg.eigvalsh((covariance + covariance.T) / 2)
+    same = np.allclose(np.diag(covariance), variance, rtol=1e-9, atol=0.0)
+    if same and values[0] >= -1e-9 * abs(values[-1]):
+        return covariance
+    factor = factor_of(covariance)
+    _scale_rows(factor, variance)
+    whole: FloatArray = factor @ factor.T
+    return whole
+
+
+def _scale_rows(factor: FloatArray, variance: FloatArray) -> None:
+    drawn = np.sum(factor**2, axis=1)
+    scaled = (drawn > 0) & (variance >= 0)
+    ratio = np.divide(variance, drawn, out=np.ones_like(drawn), where=scaled)
+    factor *= np.sqrt(ratio)[:, None]

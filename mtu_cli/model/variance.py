@@ -13,17 +13,22 @@ from mtu_cli.stats.least_squares import FloatArray
 class Block:
     """Coefficients that share a covariance, seen from the points: G (rows, k) = J columns.
 
-    `C`, `D` (k, k); `noise` (rows, c) holds lever arms times s_repeat of its components.
+    `C`, `D` (k, k); `noise` (rows, c) holds lever arms times s_repeat of its c components,
+    `columns` their coefficients among the k, `repeat_dof` the degrees of freedom of their
+    s_repeat. `between` (k, k) is the mean square S between `n_passes` passes that C and D come
+    from; None, 0 where they do not come from one.
     """
 
     names: tuple[str, ...]
+    columns: tuple[slice, ...]
     G: FloatArray
     C: FloatArray
     D: FloatArray
     noise: FloatArray
     pass_dof: float
-    repeat_dof: float
-    n_passes: int | None
+    repeat_dof: tuple[float, ...]
+    between: FloatArray | None = None
+    n_passes: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,22 +52,53 @@ def block_variance(
 ) -> tuple[FloatArray, list[FloatArray], list[float]]:
     """(3, m) variance by nature; the mean squares and their degrees of freedom."""
     g = A @ block.G
-    of_C = np.einsum("mi,ij,mj->m", g, block.C, g)
-    of_D = np.einsum("mi,ij,mj->m", g, block.D, g)
-    noise = np.zeros(len(A))
-    for column in block.noise.T:
-        at_point = (A * column).reshape(len(A), -1, axes).sum(axis=2)
-        noise += (at_point**2).sum(axis=1)
-    # The moment estimate of D may be negative where passes hardly differ; what passes and
-    # visits add together is not.
+    of_C, of_D = _quadratic(g, block.C), _quadratic(g, block.D)
+    visits = [
+        ((A * column).reshape(len(A), -1, axes).sum(axis=2) ** 2).sum(axis=1)
+        for column in block.noise.T
+    ]
+    if block.between is not None:
+        split, squares = _of_mean_squares(block, block.between, g, visits)
+        return split, squares, [block.pass_dof, *block.repeat_dof]
+    noise: FloatArray = np.sum(visits, axis=0)
+    # A pooled moment estimate of D may be negative where passes hardly differ; what passes
+    # and visits add together is not.
     of_D = np.maximum(of_D, -noise)
     split = np.array([of_C, of_D, noise])
     if block.pass_dof == 0:
-        return split, [of_C + of_D + noise], [block.repeat_dof]
-    if block.n_passes is None:
-        return split, [of_C + of_D, noise], [block.pass_dof, block.repeat_dof]
-    between = (block.n_passes + 1) * of_C
-    return split, [between, of_C + of_D + noise - between], [block.pass_dof, block.repeat_dof]
+        return split, [of_C + of_D + noise], [block.repeat_dof[0]]
+    return split, [of_C + of_D, *visits], [block.pass_dof, *block.repeat_dof]
+
+
+def _of_mean_squares(
+    block: Block, between: FloatArray, g: FloatArray, visits: list[FloatArray]
+) -> tuple[FloatArray, list[FloatArray]]:
+    """With the mean square S of n passes, E S = D + s^2 M, the variance is
+
+        g'(C + D)g + s^2 w = (1 + 1/n) g'S g + s^2 (w - g'M g) + s^2 q,
+
+    w the visits of the measurand, q the powers that the passes have in common. Where w is less
+    than g'M g the second term is negative; its s^2 is then kept to what S leaves room for, D
+    being no less than 0: g'S g (1/n + w/g'M g) with the degrees of freedom of the passes.
+    """
+    n = block.n_passes
+    of_C, of_D, S = (_quadratic(g, matrix) for matrix in (block.C, block.D, between))
+    noise: FloatArray = np.sum(visits, axis=0)
+    capped = (of_D < 0) & (noise < S - of_D)
+    room = np.divide(S, S - of_D, out=np.ones_like(S), where=capped)
+    split = np.array([of_C, np.where(capped, 0.0, of_D), room * noise])
+    squares = [np.where(capped, S / n + room * noise, S + S / n)]
+    for columns, own in zip(block.columns, visits, strict=True):
+        inside = (columns, columns)
+        powers = _quadratic(g[:, columns], block.C[inside] - between[inside] / n)
+        beyond = _quadratic(g[:, columns], block.D[inside] - between[inside]) + own
+        squares.append(powers + np.where(capped, 0.0, beyond))
+    return split, squares
+
+
+def _quadratic(g: FloatArray, matrix: FloatArray) -> FloatArray:
+    """g'M g of every row of g (m, k)."""
+    return np.asarray(np.einsum("mi,ij,mj->m", g, matrix, g))
 
 
 def noise_covariance(noise: FloatArray, axes: int) -> FloatArray:

@@ -30,6 +30,7 @@ def points_csv(found: SimulatedPoints, heading: str) -> str:
         "part",
         "feature",
         "repeat",
+        *([] if found.operation is None else ["operation"]),
         *(f"{axis}_mm" for axis in found.axes),
         *found.covariates,
     ]
@@ -38,6 +39,7 @@ def points_csv(found: SimulatedPoints, heading: str) -> str:
             found.part[i],
             found.feature[i],
             int(found.repeat[i]),
+            *([] if found.operation is None else [found.operation]),
             *(f"{value:.6f}" for value in found.measured[i]),
             *(_plain(values[i]) for values in found.covariates.values()),
         ]

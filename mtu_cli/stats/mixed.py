@@ -34,12 +34,13 @@ class PassFit:
 
     `plain` is the ordinary least-squares fit of all readings as repeats (Gilsinn & Ling 2004,
     eqs. (5)-(11)). `covariance` (k, k) is that of its coefficients under the mixed model, D
-    (q, q) the pass-to-pass covariance at `center`, `s2` the repeatability variance, `split` (q, q)
-    the T of `split_mean_square`. `D_moment` is D before its negative part is set to zero, the
-    unbiased moment estimate. `between` (q, q) is the mean square of the passes' own coefficients with `pass_dof`
-    degrees of freedom, `within_dof` belongs to `s2`. `pass_coefficients` (G, q) are the
-    passes' own intercepts (at the centre) and slopes, `deviations` (G, q) the same less
-    their mean by direction. `separated` is False where the data cannot tell D from s2.
+    (q, q) the pass-to-pass covariance at `center`, `s2` the repeatability variance, `split`
+    (q, q) the T of `split_mean_square`. `D_moment` is D before its negative part is set to
+    zero, the unbiased moment estimate. `between` (q, q) is the mean square of the passes' own
+    coefficients with `pass_dof` degrees of freedom, `within_dof` belongs to `s2`.
+    `pass_coefficients` (G, q) are the passes' own intercepts (at the centre) and slopes,
+    `deviations` (G, q) the same less their mean by direction. `separated` is False where the
+    data cannot tell D from s2.
     `pooled_rss` with `pooled_dof` is the residual sum of squares of one line a direction.
     """
 

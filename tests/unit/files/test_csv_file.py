@@ -12,7 +12,7 @@ from mtu_cli.errors import InputError
 from mtu_cli.files.csv_fast import Suspect, read_fast
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_slow import read_slow
-from mtu_cli.files.csv_table import Table, TableSpec
+from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.csv_text import read_csv_text
 
 SPEC = TableSpec(
@@ -114,7 +114,7 @@ def test_fast_and_slow_readers_agree(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text(content)
     text = read_csv_text(tmp_path / "t.csv", "lbb")
     count, fast = read_fast(text, SPEC)
-    rows, slow = read_slow(text, SPEC)
+    rows, slow = read_slow(text, SPEC, ProblemList())
     assert rows.tolist() == [2, 3, 4]
     assert count == 3
     assert set(fast.numbers) == set(slow.numbers) == {"value", "size", "c", "e"}

@@ -106,9 +106,9 @@ def test_dates_are_minutes_from_the_first(tmp_path: Path) -> None:
 
 def test_all_faults(tmp_path: Path) -> None:
     content = f"{HEAD},dir_x,repeat,sequence\na,h3,0,0,1,1,1\na,H1,0,0,0,1,1\na,h1,0,0,2,1.5,x\n"
-    assert faults(tmp_path, content) == [
-        "p0.csv, row 4, column 'sequence': not a number: 'x'; expected a number"
-    ]
+    assert [line.split("column ")[1].split(":")[0] for line in faults(tmp_path, content)] == [
+        "'feature'", "'feature'", "'dir_x'", "'sequence'", "'dir_x'", "'repeat'",
+    ]  # fmt: skip
     found = faults(tmp_path, content.replace(",x\n", ",0.5\n"))
     assert [line.split("; ")[0] for line in found] == [
         "p0.csv, row 2, column 'feature': unknown feature: 'h3'",

@@ -1,0 +1,184 @@
+"""One-way analysis of variance with unequal repeats, for many tables at once.
+
+Every table has a parts in rows and n_i repeats of part i: y_ij = mu + p_i + e_ij, the parts
+random. Arrays are (tables, parts) where the tables share their parts, with n_i = 0 where a
+part is missing from a table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.stats.least_squares import FloatArray
+
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cells:
+    """What an analysis needs of the data: per table and part the count n (tables, parts) and
+    the mean above `origin` (tables,), the table's first value; the sum of squares within the
+    parts, `within` (tables,).
+    """
+
+    origin: FloatArray
+    n: FloatArray
+    mean: FloatArray
+    within: FloatArray
+
+    @property
+    def present(self) -> BoolArray:
+        """Parts that a table has."""
+        return self.n > 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneWay:
+    """The paper's table, each (tables,): Gilsinn & Ling 2004, eqs. (29)-(34).
+
+    `mean` the grand mean sum n_i m_i / N; `ms_between` = V_p(m) = sum n_i (m_i - mean)^2 /
+    (a - 1) and `ms_within` = V_p(s) (nan without repeats); `F`, its critical value at 95 %
+    and p; `n0` = (N - sum n_i^2/N)/(a - 1), so that E ms_between = s_repeat^2 + n0 s_part^2.
+    """
+
+    parts: FloatArray
+    N: FloatArray
+    mean: FloatArray
+    ms_between: FloatArray
+    ms_within: FloatArray
+    df_between: FloatArray
+    df_within: FloatArray
+    F: FloatArray
+    F_critical_95: FloatArray
+    p: FloatArray
+    r2: FloatArray
+    n0: FloatArray
+
+
+def cells_of(values: FloatArray, cell: NDArray[np.int64], tables: int, parts: int) -> Cells:
+    """Counts, means and sums of squares of `values` (n,) in `cell` = table * parts + part.
+
+    Values are taken about the first of their table before anything is summed: large common
+    leading digits would otherwise be lost (NIST StRD, SmLs07-09).
+    """
+    size = tables * parts
+    table = cell // parts
+    first = np.zeros(tables)
+    first[table[::-1]] = values[::-1]
+    shifted = values - first[table]
+    n = np.bincount(cell, minlength=size).astype(np.float64)
+    total = np.bincount(cell, shifted, minlength=size)
+    mean = np.divide(total, n, out=np.zeros(size), where=n > 0)
+    shifted -= mean[cell]
+    # A second pass takes up what rounding left in the means.
+    mean += np.divide(
+        np.bincount(cell, shifted, minlength=size), n, out=np.zeros(size), where=n > 0
+    )
+    squares: FloatArray = np.bincount(table, shifted * shifted, minlength=tables).astype(float)
+    return Cells(
+        origin=first,
+        n=n.reshape(tables, parts),
+        mean=mean.reshape(tables, parts),
+        within=squares,
+    )
+
+
+def one_way(cells: Cells) -> OneWay:
+    """The analysis of every table; nan where there is too little data for a figure."""
+    from scipy.special import fdtrc, fdtri
+
+    n, m = cells.n, cells.mean
+    parts = cells.present.sum(axis=1).astype(np.float64)
+    N = n.sum(axis=1)
+    grand = (n * m).sum(axis=1) / N
+    away = np.where(cells.present, m - grand[:, None], 0.0)
+    ss_between = (n * away**2).sum(axis=1)
+    df_between, df_within = parts - 1, N - parts
+    ms_between = _ratio(ss_between, df_between)
+    ms_within = _ratio(cells.within, df_within)
+    F = np.where(ms_within > 0, _ratio(ms_between, ms_within), np.nan)
+    known = np.isfinite(F) & (df_between > 0)
+    safe_b, safe_w = np.where(known, df_between, 1), np.where(known, df_within, 1)
+    total = ss_between + cells.within
+    return OneWay(
+        parts=parts,
+        N=N,
+        mean=cells.origin + grand,
+        ms_between=ms_between,
+        ms_within=ms_within,
+        df_between=df_between,
+        df_within=df_within,
+        F=F,
+        F_critical_95=np.where(known, fdtri(safe_b, safe_w, 0.95), np.nan),
+        p=np.where(known, fdtrc(safe_b, safe_w, np.where(known, F, 1.0)), np.nan),
+        r2=_ratio(ss_between, total),
+        n0=_ratio(N - (n**2).sum(axis=1) / N, df_between),
+    )
+
+
+def _ratio(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
+    return np.divide(
+        numerator, denominator, out=np.full_like(numerator, np.nan), where=denominator > 0
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Components:
+    """Components of variance, each (tables,): of the parts and of the repeats.
+
+    `part_estimate` is the moment estimate before a negative one is set to 0 (equal to `part`
+    for REML). nan where the data cannot tell them apart.
+    """
+
+    part: FloatArray
+    repeat: FloatArray
+    part_estimate: FloatArray
+
+
+def moments(table: OneWay) -> Components:
+    """s_part^2 = (MS_between - MS_within)/n0, the analysis-of-variance estimate."""
+    estimate = (table.ms_between - table.ms_within) / table.n0
+    return Components(
+        part=np.maximum(estimate, 0.0), repeat=table.ms_within, part_estimate=estimate
+    )
+
+
+def paper(table: OneWay) -> Components:
+    """The paper's: MS_between itself stands for the manufacturing variance."""
+    return Components(part=table.ms_between, repeat=table.ms_within, part_estimate=table.ms_between)
+
+
+def part_interval(cells: Cells, table: OneWay, probability: float = 0.95) -> FloatArray:
+    """Interval (tables, 2) for s_part^2: modified large-sample limits, unequal repeats.
+
+    Burdick & Graybill, Confidence Intervals on Variance Components (1992), 3.2 and 4.2: with the
+    unweighted mean square S1 = h sum (m_i - mean m)^2/(a - 1), h the harmonic mean of n_i, and
+    S2 = MS_within the limits are (S1 - S2 -+ sqrt(...))/h (Ting, Burdick, Graybill, Jeyaratnam &
+    Lu, J. Stat. Comput. Simul. 35 (1990) 135). Limits below 0 are 0.
+    """
+    from scipy.special import chdtri, fdtri
+
+    present = cells.present
+    tail = (1 - probability) / 2
+    n1 = table.df_between
+    known = (n1 > 0) & (table.df_within > 0)
+    n1, n2 = np.where(known, n1, 1.0), np.where(known, table.df_within, 1.0)
+    inverse = np.divide(1.0, cells.n, out=np.zeros_like(cells.n), where=present)
+    h = table.parts / inverse.sum(axis=1)
+    centre = np.where(present, cells.mean, 0.0).sum(axis=1) / table.parts
+    away = np.where(present, cells.mean - centre[:, None], 0.0)
+    S1, S2 = h * (away**2).sum(axis=1) / n1, table.ms_within
+    G1, G2 = 1 - n1 / chdtri(n1, tail), 1 - n2 / chdtri(n2, tail)
+    H1, H2 = n1 / chdtri(n1, 1 - tail) - 1, n2 / chdtri(n2, 1 - tail) - 1
+    upper, lower = fdtri(n1, n2, 1 - tail), fdtri(n1, n2, tail)
+    G12 = ((upper - 1) ** 2 - (G1 * upper) ** 2 - H2**2) / upper
+    H12 = ((1 - lower) ** 2 - (H1 * lower) ** 2 - G2**2) / lower
+    down = (G1 * S1) ** 2 + (H2 * S2) ** 2 + G12 * S1 * S2
+    up = (H1 * S1) ** 2 + (G2 * S2) ** 2 + H12 * S1 * S2
+    low = (S1 - S2 - np.sqrt(np.maximum(down, 0.0))) / h
+    high = (S1 - S2 + np.sqrt(np.maximum(up, 0.0))) / h
+    limits = np.maximum(np.column_stack([low, high]), 0.0)
+    return np.where(known[:, None], limits, np.nan)

@@ -1,0 +1,179 @@
+"""Small machines, estimates and readings made in memory, for the tests of models."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import dedent
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mtu_cli.cli.main import main
+from mtu_cli.files.machine import LoadedMachine, load_machine
+from mtu_cli.files.part import LoadedPart, load_part
+from mtu_cli.files.readings import Readings
+from mtu_cli.files.source import Source
+from mtu_cli.language import parse
+from mtu_cli.model.estimates import ComponentEstimate, JointPasses
+from mtu_cli.model.fit import estimates_from_fit
+from mtu_cli.model.machine_model import MachineModel, Term, build_model
+from mtu_cli.units import UNITS
+
+FloatArray = NDArray[np.float64]
+
+
+def loaded(folder: Path, text: str) -> LoadedMachine:
+    """A machine file of `text`, without its first two lines."""
+    path = folder / "machine.yaml"
+    path.write_text("schema: mtu/machine/1\nname: m\n" + dedent(text))
+    return load_machine(path)
+
+
+def stated(folder: Path, text: str) -> MachineModel:
+    """The model of a machine file that states all its components."""
+    machine = loaded(folder, text)
+    return build_model(machine, estimates_from_fit(machine, None))
+
+
+def part_of(folder: Path, text: str) -> LoadedPart:
+    """A part file of `text`, without its first two lines."""
+    path = folder / "part.yaml"
+    path.write_text("schema: mtu/part/1\nname: p\n" + dedent(text))
+    return load_part(path)
+
+
+def estimate(
+    name: str,
+    of: str | None,
+    coefficients: Sequence[float],
+    *,
+    C: FloatArray | None = None,
+    D: FloatArray | None = None,
+    s: float = 0.0,
+    pass_dof: float = np.inf,
+    repeat_dof: float = np.inf,
+    n_passes: int | None = None,
+) -> ComponentEstimate:
+    """An estimate in mm with the given matrices, zero where not given."""
+    k = len(coefficients)
+    return ComponentEstimate(
+        name=name,
+        of=of,
+        unit=UNITS["mm"],
+        coefficients=np.asarray(coefficients, float),
+        covariance=np.zeros((k, k)) if C is None else np.asarray(C, float),
+        pass_covariance=np.zeros((k, k)) if D is None else np.asarray(D, float),
+        s_repeat=s,
+        pass_dof=pass_dof,
+        repeat_dof=repeat_dof,
+        n_passes=n_passes,
+    )
+
+
+def model_of(
+    terms: Sequence[tuple[ComponentEstimate, Mapping[str, str]]],
+    axes: tuple[str, ...] = ("x", "y"),
+    joint: tuple[JointPasses, ...] = (),
+) -> MachineModel:
+    """A model from estimates and their lever arms, written as equations by axis."""
+    return MachineModel(
+        name="m",
+        axes=axes,
+        terms=tuple(
+            Term(estimate=item, levers={axis: parse(text) for axis, text in levers.items()})
+            for item, levers in terms
+        ),
+        remainders={axis: () for axis in axes},
+        constants={},
+        joint=joint,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """Readings of one component by one instrument, in mm or rad."""
+
+    name: str
+    position: FloatArray | None
+    error: FloatArray
+    passes: NDArray[np.int64] | None = None
+    direction: NDArray[np.int64] | None = None
+    role: str = "lbb"
+    setup: str | None = None
+    time: FloatArray | None = None
+
+
+def readings(segments: Sequence[Segment]) -> Readings:
+    """The segments as if they had been read, one file an instrument."""
+    names = tuple(dict.fromkeys(item.name for item in segments))
+    roles = tuple(dict.fromkeys(item.role for item in segments))
+    sizes = [len(item.error) for item in segments]
+
+    def each(values: Sequence[Any]) -> NDArray[Any]:
+        return np.concatenate(
+            [np.broadcast_to(value, size) for value, size in zip(values, sizes, strict=True)]
+        )
+
+    setups = each([item.setup or "" for item in segments]).astype(object)
+    given = any(item.setup for item in segments)
+    return Readings(
+        components=names,
+        code=each([names.index(item.name) for item in segments]).astype(np.int64),
+        position_mm=each([np.nan if s.position is None else s.position for s in segments]),
+        error=each([item.error for item in segments]),
+        pass_number=each([-1 if s.passes is None else s.passes for s in segments]).astype(np.int64),
+        has_pass=each([item.passes is not None for item in segments]).astype(bool),
+        direction=each([0 if s.direction is None else s.direction for s in segments]).astype(
+            np.int8
+        ),
+        cycles=(),
+        cycle=np.full(sum(sizes), -1),
+        time_min=each([np.nan if item.time is None else item.time for item in segments]),
+        covariates={"setup": setups} if given else {},
+        file_index=each([roles.index(item.role) for item in segments]).astype(np.int64),
+        row=np.arange(2, 2 + sum(sizes)),
+        sources=tuple(
+            Source(role=role, path=Path(f"{role}.csv"), shown=f"{role}.csv", sha256="", rows=None)
+            for role in roles
+        ),
+        roles=roles,
+    )
+
+
+def permuted(given: Readings, order: NDArray[np.int64]) -> Readings:
+    """The same readings in another order of rows."""
+    from dataclasses import replace
+
+    arrays = ("code", "position_mm", "error", "pass_number", "has_pass", "direction", "cycle",
+              "time_min", "file_index", "row")  # fmt: skip
+    return replace(
+        given,
+        covariates={name: values[order] for name, values in given.covariates.items()},
+        **{name: getattr(given, name)[order] for name in arrays},
+    )
+
+
+def run_command(
+    monkeypatch: pytest.MonkeyPatch, folder: Path, *words: str
+) -> tuple[int, dict[str, Any], str]:
+    """Exit code, report and standard error of a command, run in `folder`."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", ["mtu", *words, "-o", "report.json"])
+    errors = io.StringIO()
+    code = 0
+    with redirect_stderr(errors), redirect_stdout(io.StringIO()):
+        try:
+            main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+    path = folder / "report.json"
+    report = json.loads(path.read_text()) if path.exists() else {}
+    return code, report, errors.getvalue()

@@ -1,0 +1,295 @@
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from pass_designs import (
+    DRIFT,
+    NO_DRIFT,
+    PLACES,
+    UNBALANCED,
+    Design,
+    balanced,
+    dense_covariance,
+    dense_variance,
+    drawn,
+    plain_passes,
+)
+from scipy.linalg import eigh
+from scipy.special import stdtrit
+
+from mtu_cli.stats.mixed import PassFit, fit_passes, polynomial, split_mean_square
+
+FloatArray = NDArray[np.float64]
+
+
+def fitted(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
+    return fit_passes(y, design.position, degree, design.group, design.direction)
+
+
+@pytest.mark.parametrize("both", [False, True], ids=["one direction", "both directions"])
+def test_balanced_design_by_hand(both: bool) -> None:
+    """Mean squares by textbook formulas; M is diag(1/m, 1/Sxx) where passes are alike."""
+    design = balanced(6, both=both)
+    y = drawn(design, np.random.default_rng(4), reversal=5.0)
+    fit, plain = fitted(design, y), plain_passes(design, y)
+    M = np.diag([1 / 8, 1 / np.sum((PLACES - PLACES.mean()) ** 2)])
+    at_zero = np.array([[1.0, -PLACES.mean()], [0.0, 1.0]])
+    slope, level = np.polyfit(design.position, y, 1)
+    np.testing.assert_allclose(fit.plain.coefficients, [level, slope], rtol=1e-9)
+    np.testing.assert_allclose(
+        fit.plain.coefficients, at_zero @ plain.lines.mean(axis=0), rtol=1e-9
+    )
+    np.testing.assert_allclose(fit.pass_coefficients, plain.lines, rtol=1e-9)
+    np.testing.assert_allclose(fit.between, plain.S, rtol=1e-9)
+    np.testing.assert_allclose(fit.D_moment, plain.S - plain.s2 * M, rtol=1e-9)
+    np.testing.assert_allclose(fit.D, fit.D_moment, rtol=1e-9)
+    np.testing.assert_allclose(fit.covariance, at_zero @ plain.S @ at_zero.T / 6, rtol=1e-9)
+    assert fit.s2 == pytest.approx(plain.s2, rel=1e-9)
+    assert (fit.pass_dof, fit.within_dof) == (4 if both else 5, 48 - 12)
+    assert (fit.center, fit.n_passes, fit.separated) == (PLACES.mean(), 6, True)
+
+
+@pytest.mark.parametrize("name", UNBALANCED)
+def test_unbalanced_design_against_dense_matrices(name: str) -> None:
+    design = UNBALANCED[name]
+    y = drawn(design, np.random.default_rng(2))
+    fit, plain = fitted(design, y), plain_passes(design, y)
+    np.testing.assert_allclose(fit.pass_coefficients, plain.lines, rtol=1e-9)
+    np.testing.assert_allclose(fit.between, plain.S, rtol=1e-9)
+    assert fit.s2 == pytest.approx(plain.s2, rel=1e-9)
+    assert fit.within_dof == plain.dof
+    expected = dense_covariance(design, 1, fit.s2, fit.D_moment)
+    np.testing.assert_allclose(fit.covariance, expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_higher_degrees_against_dense_matrices(degree: int) -> None:
+    design = UNBALANCED["two readings missing"]
+    y = drawn(design, np.random.default_rng(3), b=(3.0, -0.02, 1e-4, 2e-7))
+    fit = fitted(design, y, degree)
+    full = np.column_stack(
+        [design.group == g for g in range(6)]
+        + [(design.group == g) * (design.position - fit.center) for g in range(6)]
+        + [((design.position - 200) / 200) ** k for k in range(2, degree + 1)]
+    ).astype(float)
+    rss = np.linalg.lstsq(full, y, rcond=None)[1]
+    assert fit.within_rss == pytest.approx(float(rss[0]), rel=1e-9)
+    assert fit.within_dof == len(y) - full.shape[1]
+    expected = dense_covariance(design, degree, fit.s2, fit.D_moment)
+    scale = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(
+        fit.covariance / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+@pytest.mark.parametrize("both", [False, True], ids=["one direction", "both directions"])
+def test_against_reml_of_statsmodels(seed: int, both: bool) -> None:
+    """On a balanced design REML with an optimum inside has these estimates in closed form."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        # statsmodels ships no types.
+        from statsmodels.regression.mixed_linear_model import (  # type: ignore[import-untyped]
+            MixedLM,
+        )
+    design = balanced(8, both=both)
+    y = drawn(design, np.random.default_rng(seed), reversal=2.0)
+    fit = fitted(design, y)
+    unit = 100.0
+    p = (design.position - fit.center) / unit
+    Z = np.column_stack([np.ones_like(p), p])
+    X = np.column_stack([Z, Z * design.direction[:, None] / 2]) if both else Z
+    found = MixedLM(y, X, design.group, exog_re=Z).fit(reml=True, method=["bfgs"], gtol=1e-7)
+    assert found.converged
+    to_centre = np.array([[1.0, fit.center], [0.0, 1.0]])
+    U = np.diag([1.0, unit])
+    S = np.sqrt(np.diag(found.cov_re))
+    ours = U @ fit.D @ U
+    np.testing.assert_allclose(
+        U @ to_centre @ fit.plain.coefficients, found.fe_params[:2], rtol=1e-5
+    )
+    np.testing.assert_allclose(ours / np.outer(S, S), found.cov_re / np.outer(S, S), atol=2e-4)
+    C = U @ to_centre @ fit.covariance @ to_centre.T @ U
+    np.testing.assert_allclose(C, found.cov_params()[:2, :2], rtol=2e-4, atol=2e-4 * C.max())
+    assert fit.s2 == pytest.approx(found.scale, rel=2e-4)
+
+
+@pytest.mark.parametrize("name", UNBALANCED)
+def test_moments_are_unbiased_on_unbalanced_designs(name: str) -> None:
+    """D, s2 and C hit their true values on average over 1500 simulated fits."""
+    design = UNBALANCED[name]
+    rng = np.random.default_rng(21)
+    truth = 0.3 * DRIFT
+    fits = [fitted(design, drawn(design, rng, truth)) for _ in range(1500)]
+    found = np.array([[*f.D_moment[np.triu_indices(2)], f.s2, f.covariance[0, 0]] for f in fits])
+    C = dense_covariance(design, 1, 1.0, truth)
+    error = found.mean(axis=0) - [*truth[np.triu_indices(2)], 1.0, C[0, 0]]
+    assert (np.abs(error) < 4 * found.std(axis=0, ddof=1) / np.sqrt(len(fits))).all()
+
+
+HALVES = balanced(6).without({(0, i) for i in range(3, 8)} | {(1, i) for i in range(5)})
+
+
+@pytest.mark.parametrize(
+    ("design", "degree", "D"),
+    [
+        *((design, degree, DRIFT) for design in UNBALANCED.values() for degree in (1, 2, 3)),
+        (HALVES, 2, DRIFT),
+        (balanced(5).without({(0, i) for i in range(7)}), 1, DRIFT[:1, :1]),
+        (balanced(5).without({(0, i) for i in range(7)}), 2, DRIFT[:1, :1]),
+    ],
+)
+def test_moments_are_unbiased_exactly(design: Design, degree: int, D: FloatArray) -> None:
+    """D and s2 are quadratic forms y'Ay: with V = L L' their mean is that over L's columns.
+
+    E y'Ay = tr(A V) = sum_k l_k'A l_k for any mean that the model holds.
+    """
+    s2 = 0.49
+    columns = np.linalg.cholesky(dense_variance(design, s2, D)).T
+    fits = [fitted(design, column, degree) for column in columns]
+    scale = np.sqrt(np.outer(np.diag(D), np.diag(D)))
+    np.testing.assert_allclose(sum(f.D_moment for f in fits) / scale, D / scale, atol=1e-6)
+    assert sum(f.s2 for f in fits) == pytest.approx(s2, rel=1e-6)
+
+
+def test_direction_is_a_fixed_effect() -> None:
+    """A reversal of level and slope moves neither D nor s2."""
+    design = balanced(8, both=True)
+    y = drawn(design, np.random.default_rng(5))
+    plain = fitted(design, y)
+    reversed_too = fitted(design, y + (design.direction < 0) * (7.0 + 0.05 * design.position))
+    for name in ("D", "D_moment", "between", "deviations", "s2", "pass_dof"):
+        np.testing.assert_allclose(
+            getattr(reversed_too, name), getattr(plain, name), rtol=1e-9, atol=1e-12
+        )
+    np.testing.assert_allclose(reversed_too.covariance, plain.covariance, rtol=1e-9)
+    without = fit_passes(y, design.position, 1, design.group)
+    assert (without.pass_dof, plain.pass_dof) == (7, 6)
+
+
+@settings(derandomize=True, deadline=None, database=None, max_examples=25)
+@given(
+    st.sampled_from(sorted(UNBALANCED)),
+    st.sampled_from([1e-9, 4.8e-6, 1e-3, 1e6]),
+    st.sampled_from([1e-3, 0.7, 25.4]),
+    st.integers(0, 10**6),
+)
+def test_units_order_and_names_of_passes_do_not_matter(
+    name: str, unit: float, length: float, seed: int
+) -> None:
+    design = UNBALANCED[name]
+    rng = np.random.default_rng(seed)
+    y = drawn(design, rng)
+    fit = fitted(design, y)
+    order = rng.permutation(len(y))
+    names = rng.permutation(100)[: design.n_passes]
+    other = fit_passes(
+        unit * y[order],
+        length * design.position[order],
+        1,
+        names[design.group[order]],
+        design.direction[order],
+    )
+    U = unit * np.diag([1.0, 1 / length])
+    np.testing.assert_allclose(other.D, U @ fit.D @ U, rtol=1e-6, atol=0)
+    np.testing.assert_allclose(other.D_moment, U @ fit.D_moment @ U, rtol=1e-6, atol=0)
+    np.testing.assert_allclose(other.covariance, U @ fit.covariance @ U, rtol=1e-6)
+    np.testing.assert_allclose(other.plain.coefficients, U @ fit.plain.coefficients, rtol=1e-8)
+    assert other.s2 == pytest.approx(unit**2 * fit.s2, rel=1e-9)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_the_origin_does_not_matter(degree: int) -> None:
+    design = UNBALANCED["two readings missing"]
+    y = drawn(design, np.random.default_rng(6))
+    fit = fitted(design, y, degree)
+    moved = fit_passes(y, design.position + 400.0, degree, design.group, design.direction)
+    points = np.array([10.0, 200.0, 360.0])
+    here, there = polynomial(points, degree), polynomial(points + 400.0, degree)
+    np.testing.assert_allclose(
+        there @ moved.plain.coefficients, here @ fit.plain.coefficients, rtol=1e-7
+    )
+    np.testing.assert_allclose(
+        there @ moved.covariance @ there.T, here @ fit.covariance @ here.T, rtol=1e-5
+    )
+    np.testing.assert_allclose(moved.D_moment, fit.D_moment, rtol=1e-7)
+    assert moved.center == pytest.approx(fit.center + 400.0)
+
+
+def spread(rng: np.random.Generator, size: int) -> FloatArray:
+    S = rng.normal(size=(size, size + 2))
+    result: FloatArray = S @ S.T
+    return result
+
+
+@pytest.mark.parametrize("size", [1, 2, 4])
+@pytest.mark.parametrize("s2", [0.0, 0.5, 2.0, 50.0])
+def test_split_against_the_generalised_eigenproblem(size: int, s2: float) -> None:
+    """S v = l M v: D keeps max(l - s2, 0)."""
+    rng = np.random.default_rng(int(10 * s2) + size)
+    for _ in range(20):
+        S, M = spread(rng, size), spread(rng, size)
+        D, T = split_mean_square(S, s2, M)
+        values, v = eigh(S, M)
+        kept = np.maximum(values - s2, 0.0)
+        np.testing.assert_allclose(D, (M @ v * kept) @ (M @ v).T, atol=1e-9 * np.abs(S).max())
+        np.testing.assert_allclose(T @ S @ T.T, D, atol=1e-9 * np.abs(S).max())
+        assert np.linalg.eigvalsh(D).min() >= -1e-12 * np.abs(S).max()
+        if values.min() > s2:
+            np.testing.assert_allclose(D, S - s2 * M, atol=1e-9 * np.abs(S).max())
+
+
+@pytest.mark.parametrize("slope_unit", [1e-6, 1e-3, 1e3])
+def test_split_does_not_depend_on_units(slope_unit: float) -> None:
+    S, M = np.array([[3.0, 0.4], [0.4, 0.9]]), np.array([[1.0, 0.1], [0.1, 0.8]])
+    U = np.diag([1.0, slope_unit])
+    D, _ = split_mean_square(S, 1.5, M)
+    other, _ = split_mean_square(U @ S @ U, 1.5, U @ M @ U)
+    np.testing.assert_allclose(np.linalg.inv(U) @ other @ np.linalg.inv(U), D, atol=1e-12)
+    assert np.linalg.matrix_rank(D, tol=1e-12) == 1
+
+
+def test_split_of_nothing() -> None:
+    D, T = split_mean_square(np.zeros((2, 2)), 1.0, np.eye(2))
+    assert not D.any()
+    assert not T.any()
+
+
+@pytest.mark.parametrize("D", [NO_DRIFT, DRIFT], ids=["no drift", "drift"])
+def test_coverage_of_the_coefficients(D: FloatArray) -> None:
+    """95 % intervals with t of pass_dof hold the truth in 95 % of 1500 simulated fits."""
+    design = balanced(6, both=True)
+    rng = np.random.default_rng(31)
+    truth, at = np.array([3.0, -0.02]), np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 185.0]])
+    hits = np.zeros(3)
+    for _ in range(1500):
+        fit = fitted(design, drawn(design, rng, D, reversal=3.0))
+        u = np.sqrt(np.einsum("ij,jk,ik->i", at, fit.covariance, at))
+        hits += np.abs(at @ (fit.plain.coefficients - truth)) <= stdtrit(fit.pass_dof, 0.975) * u
+    assert (np.abs(hits / 1500 - 0.95) < 3.3 * np.sqrt(0.95 * 0.05 / 1500)).all()
+
+
+def test_what_is_not_a_covariance_falls_back_to_the_clipped_drift() -> None:
+    """Hardly any drift on a lopsided design: the moment C may be indefinite, ours never is."""
+    rng = np.random.default_rng(41)
+    replaced = 0
+    for _ in range(60):
+        fit = fitted(HALVES, drawn(HALVES, rng, NO_DRIFT), 2)
+        moment = dense_covariance(HALVES, 2, fit.s2, fit.D_moment)
+        clipped = dense_covariance(HALVES, 2, fit.s2, fit.D)
+        unit = np.sqrt(np.diag(clipped))
+        lowest = np.linalg.eigvalsh(moment / np.outer(unit, unit)).min()
+        assert np.linalg.eigvalsh(fit.covariance / np.outer(unit, unit)).min() > -1e-9
+        if abs(lowest) < 1e-6:
+            continue
+        wanted = moment if lowest > 0 else clipped
+        np.testing.assert_allclose(
+            fit.covariance / np.outer(unit, unit), wanted / np.outer(unit, unit), atol=1e-7
+        )
+        replaced += lowest < 0
+    assert 5 < replaced < 60

@@ -1,0 +1,209 @@
+"""Data that determine less than the model: no crash, no warning, no nan without reason."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pass_designs import DRIFT, NO_DRIFT, PLACES, balanced, drawn
+
+from mtu_cli.stats.mixed import PassFit, fit_passes
+from mtu_cli.stats.pass_tests import pass_scatter, pass_trend, reversal
+
+FloatArray = NDArray[np.float64]
+
+
+def noise(n: int) -> FloatArray:
+    return np.random.default_rng(n).normal(size=n)
+
+
+def assert_sound(fit: PassFit) -> None:
+    """Finite throughout; D and C are covariances; the tests of the passes run."""
+    for field in fields(fit):
+        value = getattr(fit, field.name)
+        if field.name != "plain":
+            assert np.isfinite(np.asarray(value, dtype=np.float64)).all(), field.name
+    for matrix in (fit.D, fit.covariance):
+        size = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+        scaled = np.divide(matrix, size, out=np.zeros_like(matrix), where=size > 0)
+        assert (np.diag(matrix) >= 0).all()
+        assert np.linalg.eigvalsh(scaled).min() > -1e-8
+    pass_scatter(fit)
+    pass_trend(fit, np.arange(fit.n_passes, dtype=np.float64))
+    reversal(fit)
+
+
+def assert_not_separated(fit: PassFit, n: int, k: int) -> None:
+    """All scatter counts as repeatability: D = 0 and s_repeat = s."""
+    assert not fit.separated
+    assert not fit.D.any()
+    assert (fit.pass_dof, fit.within_dof) == (0, n - k)
+    assert fit.s2 == fit.plain.s2
+    np.testing.assert_array_equal(fit.covariance, fit.plain.s2 * fit.plain.unscaled_covariance)
+    assert pass_scatter(fit) is None
+    assert pass_trend(fit, np.arange(fit.n_passes, dtype=np.float64)) is None
+    assert reversal(fit) is None
+
+
+def test_no_passes() -> None:
+    fit = fit_passes(noise(16), np.tile(PLACES, 2), 1)
+    assert_sound(fit)
+    assert_not_separated(fit, 16, 2)
+    assert fit.n_passes == 0
+
+
+def test_one_pass() -> None:
+    fit = fit_passes(noise(8), PLACES, 1, np.full(8, 3), np.ones(8))
+    assert_sound(fit)
+    assert_not_separated(fit, 8, 2)
+    assert fit.groups.tolist() == [3]
+
+
+def test_one_reading_a_pass_without_an_axis() -> None:
+    """Gilsinn & Ling 2004, Table 1: all scatter is pass-to-pass, u of a future one s sqrt 6/5."""
+    y = np.array([1.0, 3.0, 2.0, 6.0, 3.0])
+    fit = fit_passes(y, np.zeros(5), 0, np.arange(5))
+    assert_sound(fit)
+    assert (fit.s2, fit.within_dof, fit.pass_dof) == (0.0, 0, 4)
+    assert fit.D[0, 0] == pytest.approx(3.5)
+    assert fit.covariance[0, 0] == pytest.approx(3.5 / 5)
+    assert pass_scatter(fit) is None
+
+
+def test_one_reading_a_pass_along_an_axis_is_not_pass_to_pass_scatter() -> None:
+    """The passes differ by the slope, which no pass shows by itself: it must not enter D."""
+    y = 0.1 * PLACES + noise(8)
+    fit = fit_passes(y, PLACES, 1, np.arange(8))
+    assert_sound(fit)
+    assert_not_separated(fit, 8, 2)
+    assert fit.s2 < 5.0
+
+
+def test_passes_of_a_single_position_each() -> None:
+    position = np.repeat(PLACES, 3)
+    fit = fit_passes(0.1 * position + noise(24), position, 1, np.repeat(np.arange(8), 3))
+    assert_sound(fit)
+    assert_not_separated(fit, 24, 2)
+
+
+def test_all_passes_at_the_same_single_position() -> None:
+    """The slope is open, the level and its scatter from pass to pass are not."""
+    group = np.repeat(np.arange(6), 4)
+    y = np.repeat([5.0, 1.0, 3.0, 2.0, 4.0, 3.0], 4) + 0.1 * noise(24)
+    fit = fit_passes(y, np.full(24, 200.0), 1, group)
+    means = y.reshape(6, 4).mean(axis=1)
+    assert_sound(fit)
+    assert (fit.plain.rank, fit.within_dof, fit.pass_dof) == (1, 18, 5)
+    assert fit.between[0, 0] == pytest.approx(means.var(ddof=1))
+    at = np.array([1.0, 200.0])
+    assert at @ fit.covariance @ at == pytest.approx(means.var(ddof=1) / 6)
+
+
+def test_two_readings_a_pass() -> None:
+    """The lines go through both: nothing is left within passes."""
+    design = balanced(5, places=PLACES[[0, 7]])
+    fit = fit_passes(noise(10), design.position, 1, design.group)
+    assert_sound(fit)
+    assert (fit.s2, fit.within_dof, fit.pass_dof) == (0.0, 0, 4)
+    np.testing.assert_allclose(fit.D, fit.between)
+    assert pass_scatter(fit) is None
+
+
+@pytest.mark.parametrize("degree", [2, 3, 5])
+def test_fewer_positions_than_coefficients(degree: int) -> None:
+    design = balanced(5, places=PLACES[[0, 7]])
+    fit = fit_passes(noise(10), design.position, degree, design.group)
+    assert_sound(fit)
+    assert fit.plain.rank == 2
+    assert fit.within_dof == 0
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_higher_degrees(degree: int) -> None:
+    design = balanced(6, both=True)
+    y = drawn(design, np.random.default_rng(1), b=(1.0, 0.0, 1e-4))
+    fit = fit_passes(y, design.position, degree, design.group, design.direction)
+    assert_sound(fit)
+    assert fit.within_dof == 48 - 12 - (degree - 1)
+    assert fit.D.shape == (2, 2)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2])
+@pytest.mark.parametrize(
+    "y", [np.zeros(32), np.full(32, 0.1), 0.1 + 0.01 * np.tile(PLACES, 4)], ids=["0", "0.1", "line"]
+)
+def test_readings_without_scatter(y: FloatArray, degree: int) -> None:
+    """Rounding must not be taken for scatter: no test may report a p value of it."""
+    if degree == 0 and np.ptp(y) > 0:
+        y = np.full(32, 1 / 3)
+    design = balanced(4, both=True)
+    fit = fit_passes(y, design.position, degree, design.group, design.direction)
+    assert_sound(fit)
+    assert fit.s2 == 0.0
+    assert not fit.D.any()
+    assert not fit.covariance.any()
+    assert pass_scatter(fit) is None
+    assert pass_trend(fit, np.arange(4.0)) is None
+    assert reversal(fit) is None
+
+
+def test_scatter_between_passes_only() -> None:
+    design = balanced(5)
+    y = np.array([3.0, 1.0, 4.0, 1.0, 5.0])[design.group] + 0.1
+    fit = fit_passes(y, design.position, 1, design.group)
+    assert_sound(fit)
+    assert fit.s2 == 0.0
+    assert fit.D[0, 0] == pytest.approx(np.var([3, 1, 4, 1, 5], ddof=1))
+
+
+def test_no_more_scatter_between_passes_than_within() -> None:
+    """D is zero or positive; the moment estimate may be negative and says so."""
+    design = balanced(6)
+    negative = 0
+    for seed in range(20):
+        y = drawn(design, np.random.default_rng(seed), NO_DRIFT)
+        fit = fit_passes(y, design.position, 1, design.group)
+        assert_sound(fit)
+        negative += np.linalg.eigvalsh(fit.D_moment).min() < 0
+    assert negative > 0
+
+
+def test_one_reading_has_no_variance() -> None:
+    fit = fit_passes(np.array([1.0]), np.zeros(1), 0, np.zeros(1, np.int64))
+    assert not fit.separated
+    assert math.isnan(fit.s2)
+    assert fit.plain.dof == 0
+
+
+def test_a_pass_over_next_to_nothing_has_no_slope() -> None:
+    """Positions that differ by an encoder's noise are one position."""
+    near = np.array([200.0, 200.0 + 1e-7])
+    position = np.concatenate([near, PLACES, PLACES, PLACES])
+    fit = fit_passes(noise(26), position, 1, np.repeat(np.arange(4), [2, 8, 8, 8]))
+    assert_sound(fit)
+    assert fit.D.shape == (1, 1)
+    assert fit.between[0, 0] < 20.0
+
+
+def test_one_pass_each_way() -> None:
+    """Two passes: their difference is drift and reversal in one, and is not tested."""
+    design = balanced(2, both=True)
+    y = drawn(design, np.random.default_rng(8), reversal=4.0)
+    fit = fit_passes(y, design.position, 1, design.group, design.direction)
+    assert_sound(fit)
+    assert fit.pass_dof == 1
+    assert reversal(fit) is None
+
+
+def test_a_direction_with_one_pass() -> None:
+    design = balanced(5)
+    direction = np.where(design.group == 4, -1.0, 1.0)
+    y = drawn(design, np.random.default_rng(9))
+    fit = fit_passes(y + 50 * (design.group == 4), design.position, 1, design.group, direction)
+    assert_sound(fit)
+    assert fit.pass_dof == 3
+    np.testing.assert_allclose(fit.deviations[4], 0.0, atol=1e-9)
+    assert fit.between[0, 0] < 5 * DRIFT[0, 0]

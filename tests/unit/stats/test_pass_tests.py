@@ -1,0 +1,299 @@
+from __future__ import annotations
+
+import warnings
+from fractions import Fraction
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pass_designs import DRIFT, NO_DRIFT, PLACES, UNBALANCED, Design, balanced, drawn, plain_passes
+from scipy.linalg import orth
+from scipy.special import fdtrc
+from scipy.stats import kstest, ttest_ind
+
+from mtu_cli.stats.mixed import PassFit, fit_passes
+from mtu_cli.stats.pass_tests import (
+    MAX_POSITIONS,
+    FTest,
+    Shift,
+    lack_of_fit,
+    pass_scatter,
+    pass_trend,
+    reversal,
+)
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    # statsmodels ships no types.
+    from statsmodels.regression.linear_model import OLS  # type: ignore[import-untyped]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+DESIGNS = {"balanced": balanced(6), "balanced, both ways": balanced(6, both=True), **UNBALANCED}
+
+
+def fitted(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
+    return fit_passes(y, design.position, degree, design.group, design.direction)
+
+
+def dummies(codes: IntArray | FloatArray) -> FloatArray:
+    return np.array(codes[:, None] == np.unique(codes), dtype=np.float64)
+
+
+def lines(codes: IntArray | FloatArray, position: FloatArray) -> FloatArray:
+    """A level and a slope for every code."""
+    own = dummies(codes)
+    return np.hstack([own, own * (position[:, None] - 185.0) / 185.0])
+
+
+def nested(y: FloatArray, full: FloatArray, reduced: FloatArray) -> FTest:
+    """F test of nested models by statsmodels, on orthonormal bases of their columns."""
+    F, p, df = OLS(y, orth(full)).fit().compare_f_test(OLS(y, orth(reduced)).fit())
+    within = len(y) - np.linalg.matrix_rank(full)
+    return FTest(F=float(F), p=float(p), df_numerator=int(df), df_denominator=int(within))
+
+
+def assert_same(found: FTest | None, wanted: FTest) -> None:
+    assert found is not None
+    assert pytest.approx(wanted.F, rel=1e-7) == found.F
+    assert found.p == pytest.approx(wanted.p, rel=1e-6, abs=1e-14)
+    assert found.df_numerator == wanted.df_numerator
+    assert found.df_denominator == wanted.df_denominator
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+@pytest.mark.parametrize("D", [NO_DRIFT, DRIFT], ids=["no drift", "drift"])
+def test_pass_scatter_is_the_analysis_of_covariance(name: str, D: FloatArray) -> None:
+    """One line a pass against one line a direction, by statsmodels, on any design."""
+    design = DESIGNS[name]
+    y = drawn(design, np.random.default_rng(1), D, reversal=3.0)
+    wanted = nested(
+        y, lines(design.group, design.position), lines(design.direction, design.position)
+    )
+    assert_same(pass_scatter(fitted(design, y)), wanted)
+
+
+def test_pass_scatter_of_levels_is_one_way_analysis_of_variance() -> None:
+    """Three passes without an axis by hand: F = (18/2)/(6/6) = 9."""
+    y = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 2.0, 1.0, 3.0])
+    fit = fit_passes(y, np.zeros(9), 0, np.repeat([1, 2, 3], 3))
+    found = pass_scatter(fit)
+    assert found is not None
+    # Means 2, 5, 2 about 3: between 3 (1 + 4 + 1) = 18 on 2, within 3 * 2 = 6 on 6.
+    assert pytest.approx(9.0) == found.F
+    assert (found.df_numerator, found.df_denominator) == (2, 6)
+    # P(F > f) with 2 and 6 degrees of freedom is (1 + f/3)^-3.
+    assert found.p == pytest.approx(4.0**-3)
+
+
+@pytest.mark.parametrize("both", [False, True], ids=["one direction", "both directions"])
+def test_trend_is_the_slope_of_the_levels(both: bool) -> None:
+    """Ordinary least squares of the passes' levels on direction and order, by statsmodels."""
+    design = balanced(9, both=both)
+    y = drawn(design, np.random.default_rng(2), reversal=3.0) + 0.4 * design.group
+    order = np.array([3.0, 1.0, 4.0, 1.5, 9.0, 2.6, 5.0, 3.5, 8.0])
+    level = plain_passes(design, y).lines[:, 0]
+    columns = [np.ones(9), np.argsort(np.argsort(order))]
+    if both:
+        columns.append(np.where(np.arange(9) % 2 == 0, 1.0, -1.0))
+    wanted = OLS(level, np.column_stack(columns)).fit()
+    found = pass_trend(fitted(design, y), order)
+    assert found is not None
+    assert found.value == pytest.approx(wanted.params[1], rel=1e-8)
+    assert found.u == pytest.approx(wanted.bse[1], rel=1e-8)
+    assert found.p == pytest.approx(wanted.pvalues[1], rel=1e-7)
+    assert found.dof == wanted.df_resid
+
+
+def test_reversal_is_forward_minus_reverse() -> None:
+    """Student's two-sample t of the passes' means."""
+    design = balanced(10, both=True)
+    y = drawn(design, np.random.default_rng(3), reversal=6.0)
+    means = y.reshape(10, 8).mean(axis=1)
+    wanted = ttest_ind(means[0::2], means[1::2])
+    found = reversal(fitted(design, y))
+    assert found is not None
+    assert found.value == pytest.approx(means[0::2].mean() - means[1::2].mean(), rel=1e-9)
+    assert found.value > 0
+    assert found.value / found.u == pytest.approx(wanted.statistic, rel=1e-8)
+    assert found.p == pytest.approx(wanted.pvalue, rel=1e-7)
+    assert found.dof == 8
+
+
+def test_lack_of_fit_by_hand() -> None:
+    """A line through repeated points, all sums exact (Draper & Smith 1998, 2.1)."""
+    x = [1, 1, 2, 2, 2, 3, 4, 4]
+    y = [2, 4, 3, 5, 4, 9, 5, 6]
+    n, xm, ym = len(x), Fraction(sum(x), len(x)), Fraction(sum(y), len(y))
+    sxx = sum((Fraction(a) - xm) ** 2 for a in x)
+    sxy = sum((Fraction(a) - xm) * (b - ym) for a, b in zip(x, y, strict=True))
+    slope = sxy / sxx
+    residual = sum((b - ym - slope * (a - xm)) ** 2 for a, b in zip(x, y, strict=True))
+    pure = Fraction(0)
+    for place in set(x):
+        own = [b for a, b in zip(x, y, strict=True) if a == place]
+        pure += sum((b - Fraction(sum(own), len(own))) ** 2 for b in own)
+    wanted = ((residual - pure) / 2) / (pure / (n - 4))
+    found = lack_of_fit(np.array(y, float), np.array(x, float), 1, None)
+    assert found is not None
+    assert pytest.approx(float(wanted), rel=1e-10) == found.F
+    assert (found.df_numerator, found.df_denominator) == (2, 4)
+    # P(F > f) with 2 and 4 degrees of freedom is (1 + f/2)^-2.
+    assert found.p == pytest.approx(float((1 + wanted / 2) ** -2), rel=1e-10)
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_lack_of_fit_within_passes(name: str, degree: int) -> None:
+    """Free means against the polynomial, both beside the passes' own lines, by statsmodels."""
+    design = DESIGNS[name]
+    y = drawn(design, np.random.default_rng(4)) + 0.5 * np.sin(design.position / 30)
+    own = lines(design.group, design.position) if degree else dummies(design.group)
+    scaled = (design.position - 185.0) / 185.0
+    powers = np.column_stack([scaled**k for k in range(degree + 1)])
+    wanted = nested(y, np.hstack([own, dummies(design.position)]), np.hstack([own, powers]))
+    assert_same(lack_of_fit(y, design.position, degree, design.group), wanted)
+
+
+@pytest.mark.parametrize("length", [1e-6, 1e-3, 25.4, 1e4])
+@pytest.mark.parametrize("degree", [1, 3])
+def test_lack_of_fit_does_not_depend_on_units(length: float, degree: int) -> None:
+    design = UNBALANCED["two readings missing"]
+    y = drawn(design, np.random.default_rng(5))
+    plain = lack_of_fit(y, design.position, degree, design.group)
+    assert plain is not None
+    assert_same(lack_of_fit(1e-7 * y, length * design.position, degree, design.group), plain)
+
+
+SIMULATIONS = 800
+
+
+@cache
+def null_p_values(name: str, D: float, degree: int) -> dict[str, FloatArray]:
+    """p values of every test where its null hypothesis holds, but pass scatter with drift."""
+    design = DESIGNS[name]
+    rng = np.random.default_rng(SIMULATIONS)
+    order = np.arange(design.n_passes, dtype=np.float64)
+    found: dict[str, list[float]] = {}
+    for _ in range(SIMULATIONS):
+        y = drawn(design, rng, D * DRIFT, b=(3.0, -0.02, 1e-4)[: degree + 1])
+        fit = fitted(design, y, degree)
+        for test, result in {
+            "scatter": pass_scatter(fit),
+            "trend": pass_trend(fit, order),
+            "reversal": reversal(fit),
+            "lack of fit": lack_of_fit(y, design.position, degree, design.group),
+        }.items():
+            if result is not None:
+                found.setdefault(test, []).append(result.p)
+    return {test: np.array(values) for test, values in found.items()}
+
+
+@pytest.mark.parametrize(
+    ("test", "name", "D", "degree"),
+    [
+        ("scatter", "balanced, both ways", 0.0, 1),
+        ("scatter", "a short pass", 0.0, 1),
+        ("trend", "balanced, both ways", 1.0, 2),
+        ("reversal", "balanced, both ways", 1.0, 2),
+        ("lack of fit", "balanced, both ways", 1.0, 2),
+        ("lack of fit", "a short pass", 0.0, 1),
+    ],
+)
+def test_p_values_are_uniform_under_the_null(test: str, name: str, D: float, degree: int) -> None:
+    p = null_p_values(name, D, degree)[test]
+    assert len(p) == SIMULATIONS
+    assert kstest(p, "uniform").pvalue > 1e-3
+
+
+def power(found: list[FTest | Shift | None]) -> float:
+    return float(np.mean([item is not None and item.p < 0.01 for item in found]))
+
+
+def test_planted_effects_are_found() -> None:
+    """Each effect is three to five standard uncertainties: found in most of 60 trials."""
+    rng = np.random.default_rng(7)
+    design = balanced(10, both=True)
+    order = np.arange(10.0)
+    quiet, drift = [drawn(design, rng, NO_DRIFT) for _ in range(60)], 0.25 * DRIFT
+    drifting = [drawn(design, rng, drift) for _ in range(60)]
+    bow = 1.0 * ((design.position - 185.0) / 185.0) ** 2
+    assert power([pass_scatter(fitted(design, y)) for y in drifting]) > 0.9
+    assert power([pass_trend(fitted(design, y + 0.5 * design.group), order) for y in quiet]) > 0.9
+    assert power([reversal(fitted(design, y + design.direction)) for y in quiet]) > 0.9
+    assert (
+        power([lack_of_fit(y + 2 * bow, design.position, 1, design.group) for y in drifting]) > 0.9
+    )
+    assert power([pass_trend(fitted(design, y), order) for y in drifting]) < 0.1
+    assert power([reversal(fitted(design, y)) for y in drifting]) < 0.1
+
+
+def test_drift_is_not_lack_of_fit() -> None:
+    """Pass-to-pass lines of fifty times the noise leave the test's level alone."""
+    rng = np.random.default_rng(8)
+    design = balanced(6)
+    p = []
+    for _ in range(300):
+        y = drawn(design, rng, 2500 * DRIFT)
+        found = lack_of_fit(y, design.position, 1, design.group)
+        assert found is not None
+        p.append(found.p)
+    assert kstest(p, "uniform").pvalue > 1e-3
+
+
+def test_what_cannot_be_tested_is_none() -> None:
+    rng = np.random.default_rng(9)
+    few = balanced(2)
+    fit = fitted(few, drawn(few, rng))
+    assert pass_scatter(fit) is not None
+    assert pass_trend(fit, np.arange(2.0)) is None
+    assert reversal(fit) is None
+    y = rng.normal(size=8)
+    assert lack_of_fit(y, PLACES, 1, None) is None
+    assert lack_of_fit(y, np.repeat(PLACES[:2], 4), 1, None) is None
+    assert lack_of_fit(y, np.zeros(8), 0, np.arange(8)) is None
+    many = np.repeat(np.arange(MAX_POSITIONS + 1.0), 2)
+    assert lack_of_fit(rng.normal(size=len(many)), many, 1, None) is None
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_exact_readings_have_no_lack_of_fit_to_test(degree: int) -> None:
+    design = balanced(4)
+    y = 0.1 + 0.01 * design.position + 1e-5 * design.position**3
+    assert lack_of_fit(y, design.position, degree, design.group) is None
+    assert lack_of_fit(np.zeros(32), design.position, degree, None) is None
+
+
+def test_trend_needs_an_order_apart_from_the_direction() -> None:
+    """All passes forward, then one reverse: still determined; two each: direction is order."""
+    design = balanced(4)
+    direction = np.where(design.group < 2, 1.0, -1.0)
+    y = drawn(design, np.random.default_rng(10))
+    fit = fit_passes(y, design.position, 1, design.group, direction)
+    found = pass_trend(fit, np.arange(4.0))
+    assert found is not None
+    assert found.dof == 1
+    level = plain_passes(design, y).lines[:, 0]
+    steps = [level[1] - level[0], level[3] - level[2]]
+    assert found.value == pytest.approx(np.mean(steps), rel=1e-8)
+
+
+def test_p_of_f_is_the_upper_tail() -> None:
+    design = balanced(6)
+    found = pass_scatter(fitted(design, drawn(design, np.random.default_rng(11))))
+    assert found is not None
+    assert found.p == fdtrc(found.df_numerator, found.df_denominator, found.F)
+    assert found.p < 0.05
+
+
+def test_means_exactly_on_the_line_give_f_of_zero() -> None:
+    """The extra sum of squares is then rounding of either sign; F and p stay in their range."""
+    x = np.repeat(PLACES, 2)
+    for step in range(1, 30):
+        y = 0.1 * step * x + np.tile([0.3, -0.3], 8)
+        found = lack_of_fit(y, x, 1, None)
+        assert found is not None
+        assert 0 <= found.F < 1e-9
+        assert found.p == pytest.approx(1.0, abs=1e-9)
