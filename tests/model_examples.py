@@ -91,7 +91,7 @@ def model_of(
             Term(estimate=item, levers={axis: parse(text) for axis, text in levers.items()})
             for item, levers in terms
         ),
-        remainders={axis: () for axis in axes},
+        remainders=dict.fromkeys(axes, ()),
         constants={},
         joint=joint,
     )

@@ -213,9 +213,7 @@ def _compared(
         predicted=Side(mean=predicted, u=np.sqrt(variance.total)),
         independent=Side(mean=predicted, u=np.sqrt(independent)),
         measured=Side(mean=table.mean, u=np.sqrt(part + seen)),
-        measured_paper=Side(
-            mean=table.mean, u=np.sqrt(table.ms_between * (1 + 1 / table.N))
-        ),
+        measured_paper=Side(mean=table.mean, u=np.sqrt(table.ms_between * (1 + 1 / table.N))),
         one_way=table,
         bias=bias,
         u_difference=u_difference,
@@ -248,9 +246,7 @@ def _t_tail(t: FloatArray, dof: FloatArray) -> FloatArray:
     return np.where(np.isfinite(p), p, 1.0)
 
 
-def _f_tails(
-    ratio: FloatArray, df1: FloatArray, df2: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _f_tails(ratio: FloatArray, df1: FloatArray, df2: FloatArray) -> tuple[FloatArray, FloatArray]:
     """P(F > ratio) and P(F < ratio); df2 may be infinite. 1 where there is no F."""
     from scipy.special import chdtr, chdtrc, fdtr, fdtrc
 

@@ -23,7 +23,7 @@ STUDY: list[Parameter] = [
         Annotated[
             Path | None,
             typer.Argument(
-                metavar="[STUDY]",
+                metavar="STUDY",
                 help="Study file; without it and without -m, mtu.yaml here or above.",
                 show_default=False,
             ),

@@ -113,7 +113,7 @@ def read_components(path: Path) -> ComponentsReport:
 
 def _problem(source: Source, item: Any) -> Problem:
     return Problem(
-        what=str(item["msg"]).lower(),
+        what="is missing" if item["type"] == "missing" else str(item["msg"]).lower(),
         file=source.shown,
         path=".".join(str(part) for part in item["loc"]),
         value=None if item["type"] == "missing" else repr(item["input"]),

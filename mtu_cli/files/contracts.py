@@ -82,7 +82,7 @@ def check_contract(
     Raises InputError with all problems, in the order of their lines.
     """
     _check_kind(document, kind)
-    findings = Findings(document)
+    findings = Findings(document, list(document.duplicates))
     try:
         checked = model.model_validate(document.data)
     except ValidationError as error:
@@ -97,7 +97,7 @@ def check_contract(
 def _check_kind(document: YamlDocument, kind: str) -> None:
     wanted = f"mtu/{kind}/{SCHEMA_VERSION}"
     data = document.data
-    findings = Findings(document)
+    findings = Findings(document, list(document.duplicates))
     if not isinstance(data, dict):
         findings.add(
             (), f"not a {kind} file", value=data, expected=f"keys such as 'schema: {wanted}'"
@@ -108,7 +108,7 @@ def _check_kind(document: YamlDocument, kind: str) -> None:
         near = closest("schema", [key for key in data if key != "name"])
         hint = f" (rename {near!r})" if near is not None else ""
         findings.add((), "the key 'schema' is missing", expected=f"'schema: {wanted}'{hint}")
-    if findings.problems:
+    if len(findings.problems) > len(document.duplicates):
         raise InputError(findings.problems)
 
 

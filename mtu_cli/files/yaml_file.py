@@ -30,12 +30,14 @@ YamlPath = tuple[str | int, ...]
 class YamlDocument:
     """A YAML file: plain data, and the 1-based line of each value by its path.
 
-    The line of a mapping's entry is its key's.
+    The line of a mapping's entry is its key's. `duplicates` are keys that appear twice: faults
+    that `check_contract` raises together with all that it finds itself.
     """
 
     source: Source
     data: Any
     lines: Mapping[YamlPath, int]
+    duplicates: tuple[Problem, ...] = ()
 
     def line_of(self, *path: str | int) -> int | None:
         """The line of a value, or of the nearest value around it that the file holds."""
@@ -73,8 +75,8 @@ def read_yaml(path: Path, role: str) -> YamlDocument:
 def parse_yaml(text: str, source: Source) -> YamlDocument:
     """YAML text as plain data with lines.
 
-    Raises InputError, with the line, for text that is no YAML, a duplicate key, a tag beyond
-    the core schema, an alias inside its own anchor, more than one document, more than
+    Raises InputError, with the line, for text that is no YAML, a tag beyond the core schema (and
+    duplicate keys beside it), an alias inside its own anchor, more than one document, more than
     60 levels, or more than 500 000 values once aliases are expanded.
     """
     shown = source.shown
@@ -87,12 +89,15 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     except yaml.YAMLError as error:
         what = f"not readable as YAML: {str(error).splitlines()[0]}"
         raise fault(what, file=shown, line=_control_line(text)) from None
-    if composer.problems:
-        raise InputError(composer.problems)
+    if composer.bad_tags:
+        problems = [*composer.bad_tags, *composer.duplicates]
+        raise InputError(sorted(problems, key=lambda problem: problem.line or 0))
     if root is None:
         raise fault("the file holds no values", file=shown, expected=f"a {source.role} file")
     data, lines = _expand(root)
-    return YamlDocument(source=source, data=data, lines=lines)
+    return YamlDocument(
+        source=source, data=data, lines=lines, duplicates=tuple(composer.duplicates)
+    )
 
 
 def _events(text: str) -> Iterator[Any]:
@@ -131,7 +136,8 @@ class _Composer:
         self.root: _Node | None = None
         self.documents = 0
         self.total = 0
-        self.problems: list[Problem] = []
+        self.duplicates: list[Problem] = []
+        self.bad_tags: list[Problem] = []
 
     def compose(self, events: Iterator[Any]) -> _Node | None:
         for event in events:
@@ -179,7 +185,7 @@ class _Composer:
         entries = parent.entries or {}
         if key in entries:
             what = f"key {key!r} appears twice: in lines {entries[key][0]} and {line}"
-            self.problems.append(Problem(what=what, file=self.shown, line=line))
+            self.duplicates.append(Problem(what=what, file=self.shown, line=line))
         parent.key = (key, line)
 
     def _scalar(self, event: Any, line: int) -> Any:
@@ -193,7 +199,7 @@ class _Composer:
 
     def _bad_tag(self, tag: str, line: int) -> None:
         what = f"the tag {tag.replace(CORE_TAG, '!!', 1)!r} is not accepted here"
-        self.problems.append(
+        self.bad_tags.append(
             Problem(what=what, file=self.shown, line=line, expected="plain values")
         )
 

@@ -121,6 +121,12 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
     group, keys = _passes(readings, rows, component.of is None)
     fit = fit_passes(error, position, component.degree, group, direction)
     order, starts, ends, setups = _pass_times(readings, rows, group, len(keys))
+    if fit.separated:
+        # Passes that broke off early do not take part in what compares passes.
+        kept = fit.groups
+        order, starts, ends = order[kept], starts[kept], ends[kept]
+        keys = tuple(keys[g] for g in kept)
+        setups = tuple(setups[g] for g in kept)
     return InstrumentFit(
         role=role,
         position=position,

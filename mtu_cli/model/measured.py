@@ -73,7 +73,8 @@ class Visits:
     """The points of each measurement of each part together.
 
     `errors` and `nominal` (visits, features, 3) mm, nan where a feature was not measured;
-    `part` and `operation` (visits,) are codes, `of_point` (n,) the visit of each point. A visit is one repeat of one part in one
+    `part` and `operation` (visits,) are codes, `of_point` (n,) the visit of each point. A
+    visit is one repeat of one part in one
     operation: repeats by their number or, without one, in the order of the file.
     """
 

@@ -74,16 +74,25 @@ def cells_of(values: FloatArray, cell: NDArray[np.int64], tables: int, parts: in
     mean = np.divide(total, n, out=np.zeros(size), where=n > 0)
     shifted -= mean[cell]
     # A second pass takes up what rounding left in the means.
-    mean += np.divide(
-        np.bincount(cell, shifted, minlength=size), n, out=np.zeros(size), where=n > 0
-    )
+    left = np.bincount(cell, shifted, minlength=size)
+    step = np.divide(left, n, out=np.zeros(size), where=n > 0)
+    mean += step
     squares: FloatArray = np.bincount(table, shifted * shifted, minlength=tables).astype(float)
+    squares -= (left * step).reshape(tables, parts).sum(axis=1)
+    squares[squares <= _rounding(n, mean, tables)] = 0.0
     return Cells(
         origin=first,
         n=n.reshape(tables, parts),
         mean=mean.reshape(tables, parts),
         within=squares,
     )
+
+
+def _rounding(n: FloatArray, mean: FloatArray, tables: int) -> FloatArray:
+    """What equal repeats leave (tables,) of a sum of squares, their mean being rounded."""
+    share = 4 * np.finfo(np.float64).eps * mean
+    rounding: FloatArray = (n * share**2).reshape(tables, -1).sum(axis=1)
+    return rounding
 
 
 def one_way(cells: Cells) -> OneWay:

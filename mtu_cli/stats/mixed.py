@@ -24,7 +24,7 @@ from mtu_cli.stats.pass_lines import between_passes, own_lines
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-OWN_SLOPE_SPAN = 0.01
+OWN_SLOPE_SPAN = 0.3
 """A pass over less than this share of the measured range has no slope of its own."""
 
 
@@ -95,23 +95,29 @@ def fit_passes(
     if group is None:
         return _single(plain, center)
     ids, codes = np.unique(group, return_inverse=True)
-    q = _random_columns(position, codes, len(ids), degree)
+    q, whole = _random_columns(position, codes, len(ids), degree)
+    Z = polynomial(position - center, q - 1)
+    # Passes that broke off early have no slope of their own: they count in the coefficients
+    # and their covariance, but say nothing of how slopes scatter.
+    rows = whole[codes]
+    kept = (np.cumsum(whole) - 1)[codes[rows]]
+    ids = ids[whole]
     sign = np.zeros(len(ids))
     if direction is not None:
-        sign[codes] = direction
+        sign[kept] = direction[rows]
     fixed = _direction_columns(sign)
     dof_between = len(ids) - fixed.shape[1]
     if dof_between < 1:
         return _single(plain, center, ids.astype(np.int64), sign)
-    Z = polynomial(position - center, q - 1)
-    stage = own_lines(y, Z, X[:, q:], codes, len(ids))
+    stage = own_lines(y[rows], Z[rows], X[rows, q:], kept, len(ids))
     found = between_passes(stage, fixed)
     if found is None:
         return _single(plain, center, ids.astype(np.int64), sign)
     between, of_repeatability, deviations = found
     D, split = split_mean_square(between, stage.s2, of_repeatability)
     raw = between - stage.s2 * of_repeatability
-    pooled = least_squares(np.column_stack([*(Z * f[codes, None] for f in fixed.T), X[:, q:]]), y)
+    common = [Z[rows] * f[kept, None] for f in fixed.T]
+    pooled = least_squares(np.column_stack([*common, X[rows, q:]]), y[rows])
     return PassFit(
         plain=plain,
         covariance=_coefficient_covariance(plain, X, Z, codes, stage.s2, (raw, D)),
@@ -165,13 +171,20 @@ def _single(
     )
 
 
-def _random_columns(position: FloatArray, codes: IntArray, G: int, degree: int) -> int:
-    """Random intercept and slope where every pass spans enough of the range, else fewer."""
+def _random_columns(
+    position: FloatArray, codes: IntArray, G: int, degree: int
+) -> tuple[int, NDArray[np.bool_]]:
+    """Random columns q, and which passes (G,) can tell of them.
+
+    Intercept and slope where most passes, three or more, span enough of the range.
+    """
     low, high = np.full(G, np.inf), np.full(G, -np.inf)
     np.minimum.at(low, codes, position)
     np.maximum.at(high, codes, position)
-    whole = float(np.ptp(position))
-    return 2 if degree >= 1 and (high - low).min() > OWN_SLOPE_SPAN * whole else 1
+    spans = high - low > OWN_SLOPE_SPAN * float(np.ptp(position))
+    if degree >= 1 and (spans.all() or (spans.sum() >= 3 and spans.mean() > 0.5)):
+        return 2, spans
+    return 1, np.ones(G, bool)
 
 
 def _direction_columns(sign: FloatArray) -> FloatArray:

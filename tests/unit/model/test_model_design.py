@@ -118,7 +118,7 @@ def check_against(
             one = {other: [0.0] for other in components} | {name: [0.0] * power + [1.0]}
             column = equations(values_of(components, one, place), place) / factor
             J = found.J[:, found.columns[t]][:, power]
-            assert J == pytest.approx(column, rel=1e-12, abs=1e-12), (name, power)
+            assert pytest.approx(column, rel=1e-12, abs=1e-12) == J, (name, power)
             if power == 0:
                 assert found.levers[:, t] == pytest.approx(column, rel=1e-12, abs=1e-12)
 

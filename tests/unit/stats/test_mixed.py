@@ -132,7 +132,7 @@ def test_moments_are_unbiased_on_unbalanced_designs(name: str) -> None:
     assert (np.abs(error) < 4 * found.std(axis=0, ddof=1) / np.sqrt(len(fits))).all()
 
 
-HALVES = balanced(6).without({(0, i) for i in range(3, 8)} | {(1, i) for i in range(5)})
+HALVES = balanced(6).without({(0, i) for i in range(4, 8)} | {(1, i) for i in range(4)})
 
 
 @pytest.mark.parametrize(
@@ -140,8 +140,8 @@ HALVES = balanced(6).without({(0, i) for i in range(3, 8)} | {(1, i) for i in ra
     [
         *((design, degree, DRIFT) for design in UNBALANCED.values() for degree in (1, 2, 3)),
         (HALVES, 2, DRIFT),
-        (balanced(5).without({(0, i) for i in range(7)}), 1, DRIFT[:1, :1]),
-        (balanced(5).without({(0, i) for i in range(7)}), 2, DRIFT[:1, :1]),
+        (balanced(5).without({(0, i) for i in range(7)}), 1, DRIFT),
+        (balanced(5).without({(0, i) for i in range(7)}), 2, DRIFT),
     ],
 )
 def test_moments_are_unbiased_exactly(design: Design, degree: int, D: FloatArray) -> None:

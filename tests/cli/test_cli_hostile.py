@@ -1,0 +1,137 @@
+"""Input made to break things: bombs, code, bytes that are no text, names that are no UTF-8."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import time
+from pathlib import Path
+
+import pytest
+from cli_runner import SMALL, done, mtu, prepared, refused, shell
+
+MACHINE = "schema: mtu/machine/1\nname: m\ncomponents: {a: {unit: um}}\n"
+SECONDS = 3.0
+"""Generous: a refusal takes 0.4 s, and an expanded bomb would take hours or all memory."""
+
+
+def bomb() -> str:
+    """Nine levels of nine aliases: four hundred million values."""
+    lines = ["a: &a [x, x, x, x, x, x, x, x, x]"]
+    for above, name in zip("abcdefgh", "bcdefghi", strict=True):
+        lines.append(f"{name}: &{name} [{', '.join([f'*{above}'] * 9)}]")
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (bomb(), "machine.yaml:6: more than 500000 values"),
+        (MACHINE + "equations: " + "[" * 5000, "machine.yaml:4: values are nested deeper than 60"),
+        (
+            MACHINE + f"equations: {{Ex: '{'(' * 5000}a{')' * 5000}'}}",
+            "machine.yaml:4: equations.Ex: the equation is nested deeper than 60 levels at column",
+        ),
+        (
+            MACHINE + "equations: {Ex: 'a*9**9**9**9'}",
+            "machine.yaml:4: equations.Ex: '**' of these numbers has no finite value at column 7",
+        ),
+        (
+            MACHINE + f"equations: {{Ex: '{'-' * 9000}a'}}",
+            "machine.yaml:4: equations.Ex: the equation has 9000 operators",
+        ),
+        (
+            MACHINE + f"equations: {{Ex: '{'a*' + '9' * 9000}'}}",
+            "machine.yaml:4: equations.Ex: the number 999",
+        ),
+        (
+            MACHINE + "equations: {Ex: \"__import__('os').system('touch stolen')\"}",
+            "machine.yaml:4: equations.Ex: unexpected character \"'\" at column 12",
+        ),
+        (
+            "!!python/object/apply:os.system ['touch stolen']\n",
+            "machine.yaml:1: the tag '!!python/object/apply:os.system' is not accepted",
+        ),
+        (MACHINE + "equations: {Ex: a}\nnotes: \x07", "machine.yaml:5: not readable as YAML"),
+    ],
+    ids=["aliases", "brackets", "parentheses", "power", "signs", "digits", "code", "tag", "bell"],
+)
+def test_hostile_yaml_is_refused_at_once(text: str, words: str, tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    (work / "machine.yaml").write_text(text, "utf-8")
+    start = time.perf_counter()
+    message = refused(work, "fit-components", "-o", "out.json")
+    assert time.perf_counter() - start < SECONDS
+    assert words in message
+    assert len(message.splitlines()) == 1
+
+
+def test_hostile_equations_of_simulate_are_refused_at_once(tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    equation = "__import__('os').system('touch stolen')"
+    call = ["simulate", "--write-cmm", "out.csv", "--covariate"]
+    message = refused(work, *call, f"a: {equation}")
+    assert "--covariate a: unexpected character \"'\" at column 15" in message
+    start = time.perf_counter()
+    assert "nested deeper" in refused(work, *call, "a: " + "(" * 5000)
+    assert time.perf_counter() - start < SECONDS
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (bytes(range(256)) * 8, "not a text file: byte 1 is zero"),
+        (b"PK\x03\x04" + bytes(100), "looks like an Excel workbook"),
+        ("component,error".encode("utf-16"), "is UTF-16 text"),
+        (b"component,error,unit\naxy,1,urad\naxy,\xb5,urad\n", ":3: not UTF-8: byte 36 is 0xb5"),
+        (b"\x1f\x8bgarbage", "damaged gzip data"),
+        (gzip.compress(b"component,error,unit\n" * 500)[:60], "the compressed data end too early"),
+        (gzip.compress(bytes(200 << 20), compresslevel=1), "unpacks to more than"),
+    ],
+    ids=["binary", "excel", "utf-16", "latin-1", "gzip-damaged", "gzip-cut", "gzip-bomb"],
+)
+def test_bytes_that_are_no_table(content: bytes, words: str, tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    (work / "lbb.csv").write_bytes(content)
+    message = refused(work, "fit-components", "-o", "out.json", "--csv", "out.csv")
+    assert message.startswith("mtu: lbb.csv")
+    assert words in message
+
+
+def test_names_that_are_no_text_or_move_the_cursor(tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    name = os.fsdecode(b"l\xe9\x1b[31m.csv")
+    try:
+        (work / name).write_bytes((SMALL / "lbb.csv").read_bytes())
+    except OSError:
+        pytest.skip("this file system takes UTF-8 names only")
+    result = done(mtu("fit-components", "--lbb", name, "-o", "-", cwd=work))
+    assert r"l\\xe9\\x1b[31m.csv" in result.stdout
+    (work / name).write_bytes(b"component,error,unit\naxy,x,urad\n")
+    message = refused(work, "fit-components", "--lbb", name, "-o", "out.json")
+    assert r"l\xe9\x1b[31m.csv, row 2, column 'error': not a number: 'x'" in message
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unreadable to root")
+def test_a_file_that_may_not_be_read(tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    (work / "lbb.csv").chmod(0)
+    result = done(mtu("fit-components", "-o", "out.json", cwd=work), 2)
+    assert "lbb.csv: may not be read: permission denied" in result.stderr
+    assert not (work / "out.json").exists()
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is write-protected to root")
+def test_a_folder_that_may_not_be_written(tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    (work / "out").mkdir(mode=0o500)
+    message = refused(work, "fit-components", "-o", "out/out.json")
+    assert "out/out.json: cannot be written: permission denied" in message
+
+
+def test_a_working_folder_that_has_gone(tmp_path: Path) -> None:
+    script = f"cd {tmp_path / 'gone'} && rmdir ../gone && exec mtu lengths -o out.json"
+    (tmp_path / "gone").mkdir()
+    result = done(shell(script), 2)
+    assert result.stderr.startswith("mtu: ")
+    assert "no such file or directory" in result.stderr

@@ -1,0 +1,200 @@
+"""Drawn parts against the covariance they are drawn from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_examples import FloatArray, estimate, model_of, run_command
+from scipy import stats
+
+from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.trials import PointTrials
+from mtu_cli.stats.workspace import Workspace
+
+TRIALS = 200_000
+POINTS = np.array([[0.0, 0, 0], [30, 10, 0], [60, -20, 0]])
+
+
+def prediction(s: float = 0.8) -> Prediction:
+    a = estimate(
+        "a",
+        "x",
+        [5.0, -0.1],
+        C=np.array([[0.3, -0.002], [-0.002, 1e-4]]),
+        D=np.array([[1.0, -0.01], [-0.01, 4e-4]]),
+        s=s,
+    )
+    b = estimate("b", "y", [1.0], D=np.array([[0.5]]), s=0.3)
+    model = model_of([(a, {"x": "1", "y": "0.4"}), (b, {"x": "-2", "y": "1 + y/50"})])
+    return predict(model, list("abc"), POINTS)
+
+
+def trials(
+    given: Prediction, combine: FloatArray, dof: FloatArray, *, independent: bool = False
+) -> PointTrials:
+    """Trials of linear combinations of the errors: the measure hands them through."""
+    k = len(combine)
+    return PointTrials(
+        given,
+        tuple(str(i) for i in range(k)),
+        lambda combined, work: combined,
+        combine,
+        np.arange(k),
+        combine @ given.mean,
+        combine,
+        dof,
+        independent=independent,
+    )
+
+
+def drawn(model: PointTrials, seed: int = 1) -> FloatArray:
+    return model.draw(np.random.default_rng(seed), TRIALS).values.copy()
+
+
+def check_covariance(values: FloatArray, mean: FloatArray, wanted: FloatArray) -> None:
+    m = values.shape[1]
+    seen = np.cov(values)
+    # Of normal data: se^2 of a covariance is (c_ii c_jj + c_ij^2)/m.
+    variances = np.diag(wanted)
+    error = np.sqrt((np.outer(variances, variances) + wanted**2) / m)
+    assert (np.abs(seen - wanted) < 4.5 * error).all()
+    assert (np.abs(values.mean(axis=1) - mean) < 4.5 * np.sqrt(variances / m)).all()
+
+
+def test_mean_and_covariance_of_the_draws() -> None:
+    given = prediction()
+    combine = np.vstack([np.eye(6), np.eye(6)[2] - np.eye(6)[0], np.full(6, 1 / 6)])
+    values = drawn(trials(given, combine, np.full(8, np.inf)))
+    check_covariance(values, combine @ given.mean, combine @ given.covariance @ combine.T)
+
+
+def test_independent_draws() -> None:
+    given = prediction()
+    combine = np.vstack([np.eye(6), np.eye(6)[4] - np.eye(6)[0]])
+    model = trials(given, combine, np.full(7, np.inf), independent=True)
+    apart = np.diag(given.independent_variance)
+    check_covariance(drawn(model), combine @ given.mean, combine @ apart @ combine.T)
+
+
+def test_values_equal_their_first_order_form_where_it_is_exact() -> None:
+    given = prediction()
+    model = trials(given, np.eye(6), np.array([3.0, 4, 5, np.inf, 8, 9]))
+    draws = model.draw(np.random.default_rng(2), 1000)
+    assert draws.linear is not None
+    assert draws.values == pytest.approx(draws.linear, rel=1e-10, abs=1e-9)
+
+
+def test_finite_degrees_of_freedom_give_a_scaled_t() -> None:
+    given = prediction()
+    dof = np.array([5.0, 7.5, 20.0, np.inf, 5.0, 40.0])
+    model = trials(given, np.eye(6), dof)
+    values = drawn(model, 3)
+    u = np.sqrt(np.diag(given.covariance))
+    standard = (values - given.mean[:, None]) / u[:, None]
+    for i, nu in enumerate(dof):
+        law = stats.norm() if np.isinf(nu) else stats.t(nu)
+        assert stats.kstest(standard[i], law.cdf).pvalue > 1e-4
+        for probability in (0.025, 0.5, 0.975):
+            q = law.ppf(probability)
+            error = np.sqrt(probability * (1 - probability) / TRIALS) / law.pdf(q)
+            assert abs(np.quantile(standard[i], probability) - q) < 4.5 * error
+        assert model.linear_variance[i] == pytest.approx(u[i] ** 2 * law.var())
+    # Heavy tails: the variance's own standard error needs kurtosis; 7.5 has one, 5 too.
+    for i in (1, 2, 3, 5):
+        kurtosis = 3.0 if np.isinf(dof[i]) else 3 + 6 / (dof[i] - 4)
+        error = np.sqrt((kurtosis - 1) / TRIALS) * model.linear_variance[i]
+        assert abs(values[i].var() - model.linear_variance[i]) < 4.5 * error
+
+
+def test_u_does_not_exist_with_two_degrees_of_freedom_or_fewer() -> None:
+    model = trials(prediction(), np.eye(6), np.array([1.5, 2.0, 2.1, 3, 4, np.inf]))
+    assert list(model.u_exists) == [False, False, True, True, True, True]
+    assert np.isnan(model.linear_variance[:2]).all()
+    assert np.isfinite(model.linear_variance[2:]).all()
+
+
+def test_all_combinations_of_an_output_share_its_scale() -> None:
+    """An output that needs two combinations: their ratio is that of one normal draw."""
+    given = prediction()
+    combine = np.eye(6)[:2]
+    seen: list[FloatArray] = []
+
+    def measure(combined: FloatArray, work: Workspace) -> FloatArray:
+        seen.append(combined.copy())
+        return combined[:1]
+
+    model = PointTrials(
+        given, ("one",), measure, combine, np.zeros(2, np.int64), combine[:1] @ given.mean,
+        combine[:1], np.array([3.0]),
+    )  # fmt: skip
+    model.draw(np.random.default_rng(4), TRIALS)
+    centred = seen[0] - (combine @ given.mean)[:, None]
+    R = np.linalg.cholesky(given.covariance[:2, :2])
+    z1, z2 = np.linalg.solve(R, centred)
+    # Two independent normals over one scale: their ratio is Cauchy; with two scales it is not.
+    assert stats.kstest(z1 / z2, "cauchy").pvalue > 1e-3
+    squares = np.corrcoef(np.log(z1**2), np.log(z2**2))[0, 1]
+    assert squares > 0.1
+
+
+def test_outputs_have_the_first_order_variance_where_D_is_negative() -> None:
+    """A mean of many points: what is drawn and what is stated may not part."""
+    n = 25
+    s2 = 1.0
+    low = estimate(
+        "a",
+        "x",
+        [0.0],
+        C=np.array([[0.05 / 5]]),
+        D=np.array([[0.05 - s2 / 8]]),
+        s=np.sqrt(s2),
+        pass_dof=4,
+        repeat_dof=35,
+        n_passes=5,
+    )
+    model = model_of([(low, {"x": "1"})], axes=("x",))
+    points = np.column_stack([np.linspace(0, 100, n), np.zeros(n), np.zeros(n)])
+    given = predict(model, [str(i) for i in range(n)], points)
+    mean = np.full((1, n), 1 / n)
+    wanted = given.variance(mean).total
+    assert float((mean @ given.covariance @ mean.T)[0, 0]) < 0
+    values = drawn(trials(given, mean, np.array([np.inf])))
+    assert values.var() == pytest.approx(wanted[0], rel=4.5 * np.sqrt(2 / TRIALS))
+
+
+def test_two_degrees_of_freedom_give_null_u_and_a_warning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three readings of a constant and nothing else: u of the Monte Carlo cannot be had."""
+    (tmp_path / "machine.yaml").write_text(
+        "schema: mtu/machine/1\nname: m\n"
+        "components: {axy: {unit: arcsec}}\nequations: {Ex: -y*axy, Ey: 0}\n"
+    )
+    (tmp_path / "part.yaml").write_text(
+        "schema: mtu/part/1\nname: p\n"
+        "features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 100, y_mm: 0}, c: {x_mm: 0, y_mm: 100}}\n"
+        "orthogonality: [{id: xy, row: [a, b], column: [a, c]}]\n"
+    )
+    (tmp_path / "lbb.csv").write_text(
+        "component,pass,error,unit\naxy,1,10,arcsec\naxy,2,13,arcsec\naxy,3,11,arcsec\n"
+    )
+    code, report, text = run_command(
+        monkeypatch, tmp_path, "orthogonality", "-m", "machine.yaml", "-p", "part.yaml",
+        "--lbb", "lbb.csv",
+    )  # fmt: skip
+    assert code == 0
+    angle = report["results"]["orthogonality"][0]
+    assert angle["u_arcsec"] is None
+    assert angle["U_arcsec"] is None
+    assert all(np.isfinite(angle["interval95_arcsec"]))
+    # -b1(column): the column leans by -axy; t of two degrees of freedom, s sqrt(4/3).
+    error = np.array([10.0, 13, 11])
+    half = stats.t(2).ppf(0.975) * error.std(ddof=1) * np.sqrt(4 / 3)
+    low, high = angle["interval95_arcsec"]
+    assert (low + high) / 2 == pytest.approx(error.mean(), abs=0.05 * half)
+    assert (high - low) / 2 == pytest.approx(half, rel=0.05)
+    codes = {item["code"] for item in report["warnings"]}
+    assert "few-degrees-of-freedom" in codes
+    assert "few-degrees-of-freedom" in text
