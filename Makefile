@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 MTU := $(abspath $(BIN))/mtu
 OUT := out
 
-.PHONY: demo test lint type bench clean
+.PHONY: demo test lint type bench data clean
 
 # Stamps are made again when the project's requirements change.
 $(VENV)/.base: pyproject.toml
@@ -40,6 +40,25 @@ type: $(VENV)/.dev
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m pytest tests/bench --benchmark-disable -q -s -o addopts= -p no:cacheprovider
+
+# The synthetic data under data/, as it was made.
+GL := configs/gilsinn-ling
+PARTS := --first-repeats 4:5 --parts 21 --repeats 2
+data: $(VENV)/.base
+	$(MTU) simulate -m $(GL)-simulated/truth.yaml -p $(GL)-simulated/part.yaml --seed 2004 \
+	  --positions 10:150:8 --passes 5 --write-lbb data/gilsinn-ling-simulated/lbb.csv
+	$(MTU) simulate -m $(GL)-parts/truth.yaml -p $(GL)/part.yaml --seed 2004 $(PARTS) \
+	  --operation drilled --cmm-u-um 0.95 \
+	  --effect 'Ex: 1e-3*(3.254 - 0.0731*x + 0.0177*y)' --effect 'Ey: 1e-3*(8.738 - 0.0015*x - 0.0723*y)' \
+	  --scatter 'Ex: 1e-3*sqrt(253.7 + 0.1677*x - 0.3933*y)' \
+	  --scatter 'Ey: 1e-3*sqrt(504.4 + 0.6400*x - 0.2568*y)' \
+	  --write-cmm data/gilsinn-ling-parts/drilled.csv
+	$(MTU) simulate -m $(GL)-parts/truth.yaml -p $(GL)/part.yaml --seed 1126 $(PARTS) \
+	  --operation milled --cmm-u-um 0.9 \
+	  --effect 'Ex: 1e-3*(11.785 - 0.0862*x + 0.0277*y)' --effect 'Ey: 1e-3*(11.700 - 0.0377*x - 0.0123*y)' \
+	  --scatter 'Ex: 1e-3*sqrt(30.14 + 0.1296*x + 0.2177*y)' \
+	  --scatter 'Ey: 1e-3*sqrt(23.67 - 0.0269*x + 0.5230*y)' \
+	  --write-cmm data/gilsinn-ling-parts/milled.csv
 
 clean:
 	rm -rf $(VENV) $(OUT)

@@ -53,7 +53,7 @@ def part_of(folder: Path, text: str) -> LoadedPart:
 def estimate(
     name: str,
     of: str | None,
-    coefficients: Sequence[float],
+    coefficients: Sequence[float] | FloatArray,
     *,
     C: FloatArray | None = None,
     D: FloatArray | None = None,

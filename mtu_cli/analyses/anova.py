@@ -7,6 +7,18 @@ from typing import Literal, assert_never
 
 import numpy as np
 
+from mtu_cli.analyses.anova_parts import (
+    FEWEST_PARTS,
+    Label,
+    UnusualPart,
+    axis_scatter,
+    part_limits,
+    parts_table,
+    side_by_side,
+    unusual_parts,
+)
+from mtu_cli.analyses.anova_totals import Total, totals_of
+from mtu_cli.analyses.anova_warnings import anova_warnings, missing_entries
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.model.measured import (
@@ -14,67 +26,60 @@ from mtu_cli.model.measured import (
     angle_tables,
     feature_tables,
     length_tables,
+    only_features,
     visits_of,
 )
 from mtu_cli.model.measured_checks import check_measured
 from mtu_cli.model.settings import Settings, Warned
-from mtu_cli.stats.anova import (
-    Components,
-    OneWay,
-    moments,
-    one_way,
-    paper,
-    part_interval,
-)
+from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml
-from mtu_cli.stats.rotation import Outstanding, outstanding_rows
-from mtu_cli.stats.swap import SwapTest, swap_test
+from mtu_cli.stats.swap import SwapTest
 
 Method = Literal["paper", "anova", "reml"]
-FAMILY_RATE = 0.05
-FEWEST_PARTS = 4
-"""Fewer parts than this say nothing about which of them stands out."""
+METHODS: tuple[Method, ...] = ("paper", "anova", "reml")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Analysed:
     """Tables of one kind with their analysis; arrays (tables,) in mm or rad, squared.
 
-    `components` by the chosen method; `interval` (tables, 2) for the part variance. `u_mean` of
-    the grand mean and `u_future` of a future part; by the paper's method eqs. (32)-(33), which
-    have the repeat scatter alone.
+    `components` by the chosen method, `reml` those that scale the part means; `interval`
+    (tables, 2) for the part variance. `u_mean` of the grand mean and `u_future` of a future
+    part; by the paper's method eqs. (32)-(33), which have the repeat scatter alone. `unusual`
+    are the parts that stand out of each table by itself.
     """
 
     tables: MeasuredTables
     one_way: OneWay
     components: Components
+    reml: Components
     interval: FloatArray
     u_mean: FloatArray
     u_future: FloatArray
+    unusual: tuple[tuple[str, ...], ...]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnusualPart:
-    """A part that stands out at the family-wise rate; `features` where single features do."""
-
-    part: str
-    p: float
-    what: Literal["distance", "mean", "feature"]
-    features: tuple[tuple[str, str, str], ...]
+    def limits(self) -> FloatArray:
+        """Half widths (tables, parts) of the family-wise limits of part means."""
+        return part_limits(self.tables, self.one_way, self.reml)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnovaResult:
-    """The analysis of all measured parts."""
+    """The analysis of all measured parts.
+
+    `unusual` is None where there are too few parts to tell; `axis_scatter` has one test an
+    operation, y over x; `shown` are the features in the order of their interest.
+    """
 
     method: Method
     features: Analysed
     lengths: Analysed | None
     angles: Analysed | None
-    unusual: tuple[UnusualPart, ...]
-    outstanding: Outstanding | None
+    unusual: tuple[UnusualPart, ...] | None
     axis_scatter: tuple[tuple[str, SwapTest], ...]
+    totals: tuple[Total, ...]
+    shown: tuple[str, ...]
     coverage_factor: float
     warnings: tuple[Warned, ...]
 
@@ -84,157 +89,118 @@ def analyse_variance(
 ) -> AnovaResult:
     """Gilsinn & Ling 2004, section 4: one table a feature and axis, a length, an angle.
 
-    Raises InputError for values that cannot be what they claim to be (see `check_measured`).
+    Raises InputError for values that cannot be what they claim to be (see `check_measured`)
+    and for a feature that stands twice in one repeat of one part.
     """
     warnings = check_measured(points)
-    features = analysed(feature_tables(points), method)
-    lengths = angles = None
-    if part is not None and (part.part.lengths or part.part.orthogonality):
-        visits = visits_of(points)
-        found = length_tables(points, visits, part)
-        lengths = None if found is None else analysed(found, method)
-        found = angle_tables(points, visits, part)
-        angles = None if found is None else analysed(found, method)
-    outstanding, unusual = _unusual(features, settings.seed)
+    kinds: dict[str, MeasuredTables | None] = {"features": feature_tables(points)}
+    if part is not None:
+        kinds |= _of_part(points, part)
+        warnings += missing_entries(part, kinds["lengths"], kinds["angles"])
+    present = {kind: tables for kind, tables in kinds.items() if tables is not None}
+    bases = {kind: _Base(tables) for kind, tables in present.items()}
+    family = side_by_side(
+        *(parts_table(base.tables, base.one_way, base.reml) for base in bases.values())
+    )
+    outstanding, unusual = unusual_parts(family, settings.seed)
+    singles: dict[Label, list[str]] = {}
+    for item in unusual:
+        for label in item.singles:
+            singles.setdefault(label, []).append(item.part)
+    found = {kind: _analysed(base, method, singles) for kind, base in bases.items()}
+    features = found["features"]
     return AnovaResult(
         method=method,
         features=features,
-        lengths=lengths,
-        angles=angles,
-        unusual=unusual,
-        outstanding=outstanding,
-        axis_scatter=_axis_scatter(features, settings.seed),
+        lengths=found.get("lengths"),
+        angles=found.get("angles"),
+        unusual=None if outstanding is None else tuple(unusual),
+        axis_scatter=axis_scatter(features.tables, settings.seed),
+        totals=totals_of(features.tables, features.one_way, features.reml),
+        shown=_shown(part, points),
         coverage_factor=settings.coverage_factor,
-        warnings=(*warnings, *_warnings(features, method)),
+        warnings=(
+            *warnings,
+            *anova_warnings(
+                features.tables, features.one_way, features.components, method, FEWEST_PARTS
+            ),
+        ),
     )
 
 
-def analysed(tables: MeasuredTables, method: Method) -> Analysed:
-    """The analysis of tables of one kind by one method."""
-    table = one_way(tables.cells)
+class _Base:
+    """What every method needs of the tables of one kind."""
+
+    def __init__(self, tables: MeasuredTables) -> None:
+        self.tables = tables
+        self.one_way = one_way(tables.cells)
+        self.reml = reml(tables.cells)
+
+
+def _of_part(points: Points, part: LoadedPart) -> dict[str, MeasuredTables | None]:
+    """Tables of the part file's lengths and angles."""
+    lengths, angles = part.part.lengths, part.part.orthogonality
+    names = [name for item in lengths for name in (item.from_, item.to)]
+    names += [name for item in angles for name in (*item.row, *item.column)]
+    needed = only_features(points, names)
+    if not len(needed):
+        return {"lengths": None, "angles": None}
+    visits = visits_of(needed)
+    return {
+        "lengths": length_tables(needed, visits, part),
+        "angles": angle_tables(needed, visits, part),
+    }
+
+
+def _shown(part: LoadedPart | None, points: Points) -> tuple[str, ...]:
+    """Features that a picture shows first: the ends of lengths."""
+    lengths = [] if part is None else part.part.lengths
+    ends = [name for item in lengths for name in (item.from_, item.to)]
+    measured = set(points.features)
+    return tuple(dict.fromkeys(name for name in (*ends, *points.features) if name in measured))
+
+
+def _components(base: _Base, method: Method) -> Components:
     match method:
         case "paper":
-            components = paper(table)
+            return paper(base.one_way)
         case "anova":
-            components = moments(table)
+            return moments(base.one_way)
         case "reml":
-            components = reml(tables.cells)
+            return base.reml
         case _:
             assert_never(method)
-    n = tables.cells.n
-    if method == "paper":
-        s2 = table.ms_within
-        u_mean = np.sqrt(s2 / table.N)
-        u_future = np.sqrt(s2 * (1 + 1 / table.N))
-    else:
-        # Without repeats only the sum of both components is known; it serves as well.
-        total = np.where(table.df_between > 0, table.ms_between, np.nan)
-        apart = np.isfinite(components.part)
-        variance = components.part * (n**2).sum(axis=1) / table.N**2
-        variance = variance + components.repeat / table.N
-        variance = np.where(apart, variance, total / table.N)
-        u_mean = np.sqrt(variance)
-        u_future = np.sqrt(np.where(apart, components.part, total) + variance)
+
+
+def _analysed(base: _Base, method: Method, singles: dict[Label, list[str]]) -> Analysed:
+    table, components = base.one_way, _components(base, method)
+    u_mean, u_future = _uncertainties(base, components, method)
     return Analysed(
-        tables=tables,
+        tables=base.tables,
         one_way=table,
         components=components,
-        interval=part_interval(tables.cells, table),
+        reml=base.reml,
+        interval=part_interval(base.tables.cells, table),
         u_mean=u_mean,
         u_future=u_future,
+        unusual=tuple(tuple(singles.get(label, ())) for label in base.tables.labels),
     )
 
 
-def part_means(found: Analysed) -> FloatArray:
-    """(parts, tables) deviations of the part means, scaled to equal variance.
+def _uncertainties(
+    base: _Base, components: Components, method: Method
+) -> tuple[FloatArray, FloatArray]:
+    """u of the grand mean and of a future part, (tables,) each.
 
-    The variance of a part's mean is s_part^2 + s_repeat^2/n_i; nan where a part is missing.
+    u^2(mean) = s_part^2 sum n_i^2/N^2 + s_repeat^2/N; a future part adds s_part^2. Without
+    repeats MS_between, the sum of both components, serves for both.
     """
-    cells = found.tables.cells
-    grand = (found.one_way.mean - cells.origin)[:, None]
-    components = reml(cells)
-    part = np.where(np.isfinite(components.part), components.part, 0.0)[:, None]
-    repeat = np.where(np.isfinite(components.repeat), components.repeat, 0.0)[:, None]
-    n = np.where(cells.present, cells.n, 1.0)
-    variance = part + repeat / n
-    scale = np.sqrt(np.where(variance > 0, variance, 1.0))
-    return np.where(cells.present, (cells.mean - grand) / scale, np.nan).T
-
-
-def _unusual(found: Analysed, seed: int) -> tuple[Outstanding | None, tuple[UnusualPart, ...]]:
-    labels = found.tables.labels
-    if len(found.tables.parts) < FEWEST_PARTS:
-        return None, ()
-    kinds = list(dict.fromkeys((operation, axis) for operation, _, axis in labels))
-    groups = np.array([kinds.index((operation, axis)) for operation, _, axis in labels])
-    outstanding = outstanding_rows(part_means(found), groups, seed)
-    unusual = []
-    for i, part in enumerate(found.tables.parts):
-        cells = np.flatnonzero(outstanding.by_cell[i] <= FAMILY_RATE)
-        p_row, p_cell = float(outstanding.by_row[i]), float(outstanding.by_cell[i].min())
-        if min(p_row, p_cell) > FAMILY_RATE:
-            continue
-        row_kind: Literal["distance", "mean"] = "mean" if outstanding.row_kind[i] else "distance"
-        unusual.append(
-            UnusualPart(
-                part=part,
-                p=min(p_row, p_cell),
-                what=row_kind if p_row <= p_cell else "feature",
-                features=tuple(labels[j] for j in cells),
-            )
-        )
-    return outstanding, tuple(unusual)
-
-
-def _axis_scatter(found: Analysed, seed: int) -> tuple[tuple[str, SwapTest], ...]:
-    """Does Y scatter more from part to part than X? One test an operation."""
-    labels = found.tables.labels
-    means = found.tables.cells
-    values = np.where(means.present, means.mean, np.nan)
-    tests = []
-    for operation in dict.fromkeys(label[0] for label in labels):
-        sides = []
-        for axis in ("x", "y"):
-            rows = [
-                i for i, label in enumerate(labels) if label[0] == operation and label[2] == axis
-            ]
-            sides.append(values[rows].T)
-        if sides[0].shape == sides[1].shape and sides[0].shape[0] >= FEWEST_PARTS:
-            tests.append((operation, swap_test(sides[0], sides[1], seed)))
-    return tuple(tests)
-
-
-def _warnings(found: Analysed, method: Method) -> list[Warned]:
-    table = found.one_way
-    warnings = []
-    if not (table.df_within > 0).any():
-        warnings.append(
-            Warned(
-                code="no-repeats",
-                message="no part was measured twice: part-to-part scatter and the CMM's cannot be "
-                "told apart, and what scatters is their sum",
-            )
-        )
-    if (table.df_between < 1).all():
-        warnings.append(
-            Warned(code="one-part", message="there is one part only: parts cannot be compared")
-        )
-    exact = (table.df_within > 0) & (table.ms_within == 0)
-    if exact.any():
-        warnings.append(
-            Warned(
-                code="zero-variance",
-                message=f"the repeats of {int(exact.sum())} of {len(exact)} tables are all equal: "
-                "F and p cannot be had there",
-            )
-        )
-    negative = found.components.part_estimate < 0
-    if method == "anova" and negative.any():
-        warnings.append(
-            Warned(
-                code="negative-variance",
-                message=f"{int(negative.sum())} of {len(negative)} part-to-part variances are "
-                "estimated below zero; 0 is used",
-            )
-        )
-    return warnings
+    table, n = base.one_way, base.tables.cells.n
+    if method == "paper":
+        s2 = table.ms_within
+        return np.sqrt(s2 / table.N), np.sqrt(s2 * (1 + 1 / table.N))
+    total = np.where(table.df_between > 0, table.ms_between, np.nan)
+    apart = np.isfinite(components.part)
+    variance = components.part * (n**2).sum(axis=1) / table.N**2 + components.repeat / table.N
+    variance = np.where(apart, variance, total / table.N)
+    return np.sqrt(variance), np.sqrt(np.where(apart, components.part, total) + variance)

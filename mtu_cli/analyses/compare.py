@@ -23,7 +23,7 @@ from mtu_cli.model.measured import (
 from mtu_cli.model.measured_checks import check_measured
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings, Warned
-from mtu_cli.stats.anova import OneWay, one_way
+from mtu_cli.stats.anova import Cells, OneWay, one_way
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml
 
@@ -159,7 +159,17 @@ def _covariate(points: Points, name: str) -> FloatArray | None:
 def _of_axes(tables: MeasuredTables, axes: tuple[int, ...]) -> MeasuredTables:
     names = {AXES[i] for i in axes}
     kept = [i for i, label in enumerate(tables.labels) if label[2] in names]
-    return tables.only(kept)
+    cells = tables.cells
+    return MeasuredTables(
+        labels=tuple(tables.labels[i] for i in kept),
+        parts=tables.parts,
+        cells=Cells(
+            origin=cells.origin[kept],
+            n=cells.n[kept],
+            mean=cells.mean[kept],
+            within=cells.within[kept],
+        ),
+    )
 
 
 def _lengths(

@@ -11,13 +11,13 @@ from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.conformance import Conformance, conformance_of, joint_conformance
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
+from mtu_cli.model.length_geometry import length_gradient, length_measure
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
-from mtu_cli.model.trials import Measure, PointTrials
+from mtu_cli.model.trials import PointTrials
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import IntArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
@@ -130,47 +130,6 @@ def predict_lengths(
             *dof_warnings(names, dof),
         ),
     )
-
-
-def length_gradient(prediction: Prediction, pairs: IntArray, delta: FloatArray) -> FloatArray:
-    """dL/dE (lengths, rows): minus and plus the nominal unit vector, eq. (22)."""
-    a = len(prediction.axes)
-    unit = delta / np.linalg.norm(delta, axis=1)[:, None]
-    columns = [AXES.index(axis) for axis in prediction.axes]
-    gradient = np.zeros((len(pairs), len(prediction.mean)))
-    for i, (start, end) in enumerate(pairs):
-        gradient[i, start * a : start * a + a] -= unit[i, columns]
-        gradient[i, end * a : end * a + a] += unit[i, columns]
-    return gradient
-
-
-def length_measure(
-    prediction: Prediction, pairs: IntArray, delta: FloatArray
-) -> tuple[Measure, FloatArray]:
-    """Length minus nominal, eqs. (20)-(21), and the differences of errors that it needs.
-
-    L - L0 = (2 delta.e + e.e) / (L + L0), e the difference of the two ends' errors: no digits
-    are lost to the difference of two lengths.
-    """
-    a = len(prediction.axes)
-    columns = [AXES.index(axis) for axis in prediction.axes]
-    L0 = np.linalg.norm(delta, axis=1)[:, None]
-    m = len(pairs)
-    combine = np.zeros((a * m, len(prediction.mean)))
-    for j in range(a):
-        rows = np.arange(j * m, (j + 1) * m)
-        combine[rows, pairs[:, 1] * a + j] += 1.0
-        combine[rows, pairs[:, 0] * a + j] -= 1.0
-
-    def measure(differences: FloatArray, work: Workspace) -> FloatArray:
-        grown = np.zeros((m, differences.shape[1]))
-        for j, column in enumerate(columns):
-            e = differences[j * m : (j + 1) * m]
-            grown += (2 * delta[:, column, None] + e) * e
-        errors: FloatArray = grown / (np.sqrt(L0**2 + grown) + L0)
-        return errors
-
-    return measure, combine
 
 
 def _lengths(

@@ -12,7 +12,7 @@ from mtu_cli.model.features import dof_warnings, feature_points, outside_warning
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
-from mtu_cli.model.trials import PointTrials, repaired
+from mtu_cli.model.trials import PointTrials, reportable
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.validation import Validation
@@ -59,7 +59,7 @@ def predict_points(
     rows = np.eye(len(prediction.mean))
     split = prediction.variance(rows)
     total, dof = split.total, split.dof
-    covariance = repaired(prediction.covariance, total)
+    covariance = reportable(prediction, total)
     if settings.independent:
         total = prediction.independent_variance
         covariance = np.diag(total)

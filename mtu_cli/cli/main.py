@@ -33,7 +33,10 @@ def _lazily(module: str) -> Callable[[p.Options], None]:
     def run(options: p.Options) -> None:
         from importlib import import_module
 
-        import_module(f"mtu_cli.cli.{module}").run(options)
+        try:
+            import_module(f"mtu_cli.cli.{module}").run(options)
+        except BrokenPipeError:
+            hush()
 
     return run
 

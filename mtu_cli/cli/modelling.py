@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.settings import Warned
+
+if TYPE_CHECKING:
+    from mtu_cli.files.machine import LoadedMachine
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +46,8 @@ def modelled(inputs: Inputs) -> Modelled:
         readings = inputs.readings
         fit = None if readings is None else fit_machine(machine, readings)
         estimates = estimates_from_fit(machine, fit)
+        if fit is not None:
+            estimates = _as_reported(machine, fit, estimates)
     model = build_model(machine, estimates)
     unused = [name for name in inputs.at if name not in model.covariates()]
     warnings += [
@@ -49,3 +56,19 @@ def modelled(inputs: Inputs) -> Modelled:
     ]
     warnings += [Warned(code=code, message=text) for code, text in estimates.warnings]
     return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
+
+
+def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) -> Estimates:
+    """The estimates as a fit-components report holds them.
+
+    Reports are in the components' own units. Going through them makes readings and their
+    report give the same bits, which the Monte Carlo would tell apart in the seventh digit.
+    """
+    from mtu_cli.files.components_file import SCHEMA, components_from
+    from mtu_cli.files.json_file import report_bytes
+    from mtu_cli.reports.fit_components import document
+
+    results = document(machine.machine.name, fit, estimates)
+    written = report_bytes({"schema": SCHEMA, "results": results})
+    found = estimates_from_report(machine, components_from(machine.source, json.loads(written)))
+    return replace(found, warnings=estimates.warnings)

@@ -78,7 +78,14 @@ def read_components(path: Path) -> ComponentsReport:
 
     Raises InputError for a file that is not one, with the path inside the document.
     """
-    source, document = read_json(path, "components")
+    return components_from(*read_json(path, "components"))
+
+
+def components_from(source: Source, document: Any) -> ComponentsReport:
+    """Checks a fit-components report that was read, or made, already.
+
+    Raises InputError with every fault of the document.
+    """
     found = document.get("schema") if isinstance(document, dict) else None
     if found != SCHEMA:
         raise fault(

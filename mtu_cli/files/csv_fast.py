@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import csv
-import io
-from collections.abc import Iterator
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.files.csv_cells import NO_TIME, is_text, microseconds
+from mtu_cli.files.csv_frames import MARK, Suspect, frames
 from mtu_cli.files.csv_table import Columns, Kind, TableSpec, TextColumn, TimeColumn
 from mtu_cli.files.csv_text import CsvText, lines_from
 
@@ -17,12 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-_ROWS = 1 << 17
 _SNIFFED_ROWS = 20
-
-
-class Suspect(Exception):  # noqa: N818  # not an error: a reason to read cell by cell
-    """The table may be faulty: only the slow reader can say what, and where."""
 
 
 def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
@@ -41,15 +35,12 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
     }
     texts = {name: _Texts(capacity) for name, kind in kinds.items() if kind == "text"}
     times = {name: _Times(capacity) for name, kind in kinds.items() if kind == "time"}
-    dtypes = _dtypes(kinds, seen)
     count = 0
-    for frame in _frames(text, dtypes):
+    for frame in frames(text, _dtypes(kinds)):
         for name in [name for name in numbers if not _is_numeric(frame[name])]:
             if kinds[name] == "number":
                 raise Suspect
             del numbers[name]
-        for name in [name for name in texts if _is_converted(frame[name])]:
-            del texts[name]
         for column in (numbers, texts, times):
             for name, store in column.items():
                 store.add(frame[name], count)
@@ -65,19 +56,10 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
     return count, columns
 
 
-def _dtypes(kinds: dict[str, Kind], seen: set[str]) -> dict[str, Any]:
-    """What pandas is told of the columns.
-
-    Categories are fast, but pandas turns them into numbers where all look like numbers, and
-    part 007 into part 7: they are for columns that are seen to hold other texts.
-    """
-    found: dict[str, Any] = {}
-    for name, kind in kinds.items():
-        if kind == "number":
-            found[name] = "float64"
-        elif kind != "covariate":
-            found[name] = "category" if name in seen or kind == "time" else object
-    return found
+def _dtypes(kinds: dict[str, Kind]) -> dict[str, Any]:
+    """What pandas is told of the columns; it finds out by itself what a covariate is."""
+    found = {"number": "float64", "text": "category", "time": "category"}
+    return {name: found[kind] for name, kind in kinds.items() if kind != "covariate"}
 
 
 def _first_texts(text: CsvText) -> set[str]:
@@ -93,16 +75,6 @@ def _first_texts(text: CsvText) -> set[str]:
     return found
 
 
-def _is_converted(column: pd.Series[Any]) -> bool:
-    """Whether pandas has made numbers or truth values of the texts of a category."""
-    import pandas as pd
-
-    if not isinstance(column.dtype, pd.CategoricalDtype):
-        return False
-    categories = column.cat.categories
-    return len(categories) > 0 and not isinstance(categories[0], str)
-
-
 def _is_numeric(column: pd.Series[Any]) -> bool:
     import pandas as pd
 
@@ -110,51 +82,12 @@ def _is_numeric(column: pd.Series[Any]) -> bool:
     return types.is_numeric_dtype(column) and not types.is_bool_dtype(column)
 
 
-def _frames(
-    text: CsvText, dtypes: dict[str, Any], usecols: list[str] | None = None
-) -> Iterator[pd.DataFrame]:
-    """The body in frames; a cell beyond the header's last column is Suspect."""
-    import pandas as pd
-
-    stream = io.BytesIO(text.content)
-    stream.seek(text.body)
-    beyond = "\0"
-    options: dict[str, Any] = {}
-    if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
-        # Later versions read numbers exactly by themselves and warn of the option.
-        options["float_precision"] = "round_trip"
-    try:
-        reader = pd.read_csv(
-            stream,
-            sep=text.separator,
-            decimal=text.decimal,
-            header=None,
-            names=[*text.header, beyond] if usecols is None else [*text.header],
-            usecols=usecols,
-            index_col=False,
-            dtype=dtypes,
-            keep_default_na=False,
-            na_values=[""],
-            encoding="utf-8",
-            chunksize=_ROWS,
-            low_memory=False,
-            **options,
-        )
-        with reader:
-            for frame in reader:
-                if usecols is None and frame[beyond].notna().any():
-                    raise Suspect
-                yield frame
-    except (ValueError, OverflowError, pd.errors.ParserError, pd.errors.EmptyDataError):
-        raise Suspect from None
-
-
 def _read_texts(text: CsvText, names: list[str], capacity: int) -> dict[str, _Texts]:
     """Columns that turned out to be texts, read again as they are written."""
     found = {name: _Texts(capacity) for name in names}
     count = 0
     if found:
-        for frame in _frames(text, dict.fromkeys(names, object), names):
+        for frame in frames(text, dict.fromkeys(names, "category"), names):
             for name, store in found.items():
                 store.add(frame[name], count)
             count += len(frame)
@@ -183,15 +116,10 @@ class _Texts:
 
     def add(self, column: pd.Series[Any], start: int) -> None:
         import numpy as np
-        import pandas as pd
 
-        if isinstance(column.dtype, pd.CategoricalDtype):
-            codes, labels = column.cat.codes.to_numpy(), column.cat.categories.tolist()
-        else:
-            codes, found = pd.factorize(column)
-            labels = found.tolist()
+        codes, labels = column.cat.codes.to_numpy(), column.cat.categories.tolist()
         index = self.index
-        stripped = [label.strip() for label in labels]
+        stripped = ["" if label == MARK else label.strip() for label in labels]
         lookup = [index.setdefault(label, len(index)) if label else -1 for label in stripped]
         # Code -1, an empty cell, picks the last entry.
         self.codes[start : start + len(column)] = np.array([*lookup, -1], np.int32)[codes]

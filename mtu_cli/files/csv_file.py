@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from mtu_cli.errors import InputError, Problem, closest, fault
 from mtu_cli.files.csv_cells import is_not_finite, number
-from mtu_cli.files.csv_fast import Suspect, read_fast
+from mtu_cli.files.csv_fast import read_fast
+from mtu_cli.files.csv_frames import Suspect
 from mtu_cli.files.csv_rows import editor_rows
 from mtu_cli.files.csv_slow import read_slow
 from mtu_cli.files.csv_table import Columns, ProblemList, Table, TableSpec
@@ -38,7 +39,7 @@ def read_table(
         found.raise_if_any()
         raise fault("holds a header but no rows", file=text.source.shown, expected="readings")
     table = Table(
-        source=replace(text.source, rows=len(rows)),
+        source=replace(text.source, rows=len(rows), sha256=text.digest.hexadecimal()),
         header=text.header,
         header_row=text.header_row,
         rows=rows,
@@ -61,8 +62,18 @@ def _read(
         count, columns = read_fast(text, spec)
     except Suspect:
         return read_slow(text, spec, problems)
-    rows = editor_rows(text, count)
+    rows = editor_rows(text, count, complete=_ends_full(text, columns))
     return read_slow(text, spec, problems) if rows is None else (rows, columns)
+
+
+def _ends_full(text: CsvText, columns: Columns) -> bool:
+    """Whether the last column has no empty cell: then no row is too short."""
+    import numpy as np
+
+    name = text.header[-1]
+    if name in columns.numbers:
+        return not np.isnan(columns.numbers[name]).any()
+    return name in columns.texts and bool((columns.texts[name].codes >= 0).all())
 
 
 def _check_header(text: CsvText, spec: TableSpec) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mtu_cli.files.byte_count import count_byte
 from mtu_cli.files.csv_text import CsvText
 
 if TYPE_CHECKING:
@@ -16,8 +17,10 @@ _CHUNK = 8 << 20
 _QUOTE, _NEWLINE, _RETURN = 34, 10, 13
 
 
-def editor_rows(text: CsvText, count: int) -> Positions | None:
+def editor_rows(text: CsvText, count: int, *, complete: bool = False) -> Positions | None:
     """The editor row at which each of `count` records starts, (count,).
+
+    `complete` where it is known that no record has fewer cells than the header.
 
     None where the records found here are not `count` records of as many cells as the header:
     the file then needs a reader that looks at every character.
@@ -27,10 +30,10 @@ def editor_rows(text: CsvText, count: int) -> Positions | None:
     content, body = text.content, text.body
     separators = count * (len(text.header) - 1)
     if content.find(b'"', body) < 0:
-        if content.count(text.separator.encode(), body) != separators:
+        if count_byte(content, ord(text.separator), body) != separators:
             return None
         end = _end(content, body)
-        if not _no_row_is_longer(text, np.zeros(0, np.int64)):
+        if not complete and not _no_row_is_longer(text, np.zeros(0, np.int64)):
             return None
         if text.newlines - content.count(b"\n", end) + 1 == count:
             return np.arange(text.body_row, text.body_row + count, dtype=np.int64)

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Literal
 
 from mtu_cli.errors import fault
-from mtu_cli.files.source import Source, check_text, read_source
+from mtu_cli.files.byte_count import count_byte
+from mtu_cli.files.source import Digest, Source, check_text, read_bytes
 
 Separator = Literal[",", ";"]
 Decimal = Literal[".", ","]
@@ -30,10 +31,12 @@ class CsvText:
 
     `content` is UTF-8 without byte order mark, comment lines blanked, so that lines still
     count as in an editor; `body` is the offset after the header, `body_row` the editor row
-    of the line there, `newlines` the number of line ends from there on.
+    of the line there, `newlines` the number of line ends from there on. `source` is without
+    the hash, which `digest` works out meanwhile.
     """
 
     source: Source
+    digest: Digest
     content: bytes
     header: tuple[str, ...]
     header_row: int
@@ -50,7 +53,9 @@ def read_csv_text(path: Path, role: str) -> CsvText:
     Raises InputError for a file that cannot be read, is no UTF-8 text, has no header, or
     separates its columns by anything but commas or semicolons.
     """
-    source, content = read_source(path, role)
+    shown, content = read_bytes(path, role)
+    source = Source(role=role, path=path, shown=shown, sha256="")
+    digest = Digest(content)
     if content.startswith(b"\x1f\x8b"):
         content = _inflate(content, source.shown)
     elif path.suffix.lower() == ".gz":
@@ -65,12 +70,13 @@ def read_csv_text(path: Path, role: str) -> CsvText:
     header, body, body_row = _header(content, start, row, separator)
     return CsvText(
         source=source,
+        digest=digest,
         content=content,
         header=header,
         header_row=row,
         body=body,
         body_row=body_row,
-        newlines=content.count(b"\n", body),
+        newlines=count_byte(content, ord("\n"), body),
         separator=separator,
         decimal=_decimal(content, body) if separator == ";" else ".",
     )

@@ -11,6 +11,7 @@ import numpy as np
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec, cell_text
+from mtu_cli.files.row_marks import all_distinct, row_marks
 from mtu_cli.files.source import Source
 
 if TYPE_CHECKING:
@@ -56,19 +57,25 @@ def numbers(tables: Sequence[Table], name: str) -> Floats:
     if not any(name in table.columns.numbers for table in tables):
         # One number seen n times: a column that nobody gave takes no memory.
         return np.broadcast_to(np.float64(np.nan), sum(len(table) for table in tables))
-    return _end_to_end(
+    return end_to_end(
         [table.columns.numbers.get(name, np.full(len(table), np.nan)) for table in tables]
     )
 
 
 def columns_of(tables: Sequence[Table], names: Sequence[str]) -> Floats:
     """Numeric columns side by side, (n, k)."""
+    n = sum(map(len, tables))
     if not any(name in table.columns.numbers for table in tables for name in names):
-        return np.broadcast_to(np.float64(np.nan), (sum(map(len, tables)), len(names)))
-    return np.column_stack([numbers(tables, name) for name in names])
+        return np.broadcast_to(np.float64(np.nan), (n, len(names)))
+    # Column by column in memory: each is written, and later read, in one go.
+    found = np.empty((n, len(names)), order="F")
+    for index, name in enumerate(names):
+        found[:, index] = numbers(tables, name)
+    return found
 
 
-def _end_to_end(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+def end_to_end(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Arrays of all files as one; that of a single file itself, not to be written to."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
@@ -84,6 +91,10 @@ def integers(tables: Sequence[Table], name: str, problems: ProblemList) -> Ints:
     if not any(name in table.columns.numbers for table in tables):
         return np.broadcast_to(np.int64(-1), sum(len(table) for table in tables))
     values = numbers(tables, name)
+    if np.abs(values).max() <= LARGEST_INTEGER:
+        whole = values.astype(np.int64)
+        if np.array_equal(whole, values):
+            return whole
     faulty = (values != np.floor(values)) | (np.abs(values) > LARGEST_INTEGER)
     faulty &= ~np.isnan(values)
     _by_table(tables, faulty, name, "not a whole number", values, "a whole number", problems)
@@ -134,7 +145,10 @@ def labelled(
             continue
         lookup = [index.setdefault(label, len(index)) for label in column.labels]
         parts.append(np.array([*lookup, -1], np.int64)[column.codes])
-    codes = _end_to_end(parts)
+    codes = end_to_end(parts)
+    if len(index) == 1 and not codes.any():
+        # One label seen n times takes no memory.
+        return tuple(index), np.broadcast_to(np.int64(0), len(codes))
     used = np.zeros(len(index) + 1, bool)
     used[codes] = True
     used = used[:-1]
@@ -170,7 +184,7 @@ def minutes(tables: Sequence[Table], problems: ProblemList) -> Floats:
             parts.append(np.full(len(table), np.nan))
         else:
             parts.append((column.microseconds - earliest) / MINUTE)
-    return _end_to_end(parts)
+    return end_to_end(parts)
 
 
 def covariates(tables: Sequence[Table]) -> dict[str, Floats | Texts]:
@@ -216,6 +230,27 @@ def check_labels(
             problems.add_cells(table, indices, name, what, [label], hint)
 
 
+def told_apart(table: Table, number: str) -> bool:
+    """Whether the texts and the whole numbers of a column already differ from row to row.
+
+    A quick answer that saves comparing all cells; False where it would not be quick.
+    """
+    values = table.columns.numbers.get(number)
+    if values is None or not table.sound:
+        return False
+    low = values.min()
+    span = float(values.max() - low) + 1
+    if not span <= 2 * len(table):
+        return False
+    whole = (values - low).astype(np.int32)
+    if (whole != values - low).any():
+        return False
+    texts = [(text.codes, len(text.labels)) for text in table.columns.texts.values()]
+    if any((codes < 0).any() for codes, _ in texts):
+        return False
+    return all_distinct([(whole, int(span)), *texts], 4 * len(table) + 1000)
+
+
 def check_doubled_rows(table: Table, problems: ProblemList) -> None:
     """Rows equal to an earlier one in every column, for tables that tell repeats apart."""
     if not table.sound:
@@ -225,12 +260,7 @@ def check_doubled_rows(table: Table, problems: ProblemList) -> None:
     keys: list[NDArray[Any]] = list(columns.numbers.values())
     keys += [text.codes for text in columns.texts.values()]
     keys += [time.microseconds for time in columns.times.values()]
-    mixed = np.zeros(len(table), np.uint64)
-    for key in keys:
-        # Adding 0.0 makes -0.0 the 0.0 that it equals.
-        bits = (key + 0.0).view(np.uint64) if key.dtype == np.float64 else key.astype(np.uint64)
-        mixed = (mixed ^ bits) * np.uint64(0x9E3779B97F4A7C15)
-        mixed ^= mixed >> np.uint64(29)
+    mixed = row_marks(keys)
     ordered = np.sort(mixed)
     repeated = ordered[1:][ordered[1:] == ordered[:-1]]
     if not len(repeated):

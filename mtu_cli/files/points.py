@@ -102,7 +102,7 @@ def _check_table(table: Table, features: Mapping[str, Place] | None, problems: P
             lambda label: None if label in features else did_you_mean(label, features), problems,
         )  # fmt: skip
     names = {*table.columns.numbers, *table.columns.times}
-    if names & {"repeat", "time", "time_min"}:
+    if names & {"repeat", "time", "time_min"} and not joined.told_apart(table, "repeat"):
         joined.check_doubled_rows(table, problems)
 
 
@@ -130,7 +130,7 @@ def _assemble(
         direction=joined.columns_of(tables, directions),
         covariates=joined.covariates(tables),
         file_index=joined.file_indices(tables),
-        row=np.concatenate([table.rows for table in tables]),
+        row=joined.end_to_end([table.rows for table in tables]),
         sources=tuple(table.source for table in tables),
     )
 
@@ -158,18 +158,25 @@ def _nominal(
     problems: ProblemList,
 ) -> NDArray[np.float64]:
     """Nominal places of the part file, or else of the columns; both must agree."""
-    places = [_place(features, name) for name in names]
-    nominal = np.array(places, np.float64).reshape(-1, 3)[feature]
+    columns = [f"nominal_{letter}_mm" for letter in AXES]
+    if features is None:
+        nominal = joined.columns_of(tables, columns)
+    else:
+        places = np.array([_place(features, name) for name in names], np.float64).reshape(-1, 3)
+        nominal = np.empty((len(feature), 3), order="F")
+        for axis in range(3):
+            nominal[:, axis] = places[:, axis][feature]
     start = 0
     for table in tables:
         rows = slice(start, start + len(table))
-        for axis, letter in enumerate(AXES):
-            own = table.columns.numbers.get(f"nominal_{letter}_mm")
-            if own is not None:
-                _merge(table, nominal[rows, axis], own, letter, problems)
+        start += len(table)
         if features is None:
             _report_unknown(table, nominal[rows], problems)
-        start += len(table)
+            continue
+        for axis, column in enumerate(columns):
+            own = table.columns.numbers.get(column)
+            if own is not None:
+                _merge(table, nominal[rows, axis], own, AXES[axis], problems)
     return nominal
 
 
@@ -195,12 +202,13 @@ def _merge(
             what = f"the nominal {letter} of {name!r} is not the part file's"
             problems.add(table.problem(int(index), column, what, float(own[index]), expected))
         problems.uncounted += max(0, len(apart) - 1000)
-    free = np.isnan(nominal)
-    nominal[free] = own[free]
+    np.copyto(nominal, own, where=np.isnan(nominal))
 
 
 def _report_unknown(table: Table, nominal: NDArray[np.float64], problems: ProblemList) -> None:
     unknown = np.isnan(nominal[:, 0]) | np.isnan(nominal[:, 1])
+    if not unknown.any():
+        return
     column = table.columns.texts["feature"]
     codes, first = np.unique(column.codes[unknown], return_index=True)
     rows = np.flatnonzero(unknown)[first]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import hashlib
 import os
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,8 +47,32 @@ def _text(path: Path) -> str:
     return printable(os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace"))
 
 
+class Digest:
+    """SHA-256 of bytes, calculated while they are read."""
+
+    def __init__(self, content: bytes) -> None:
+        self._found = ""
+        self._thread = threading.Thread(target=self._calculate, args=(content,), daemon=True)
+        self._thread.start()
+
+    def _calculate(self, content: bytes) -> None:
+        self._found = hashlib.sha256(content).hexdigest()
+
+    def hexadecimal(self) -> str:
+        """The digest, as soon as it is there."""
+        self._thread.join()
+        return self._found
+
+
 def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[Source, bytes]:
-    """The file's bytes and its Source.
+    """The file's bytes and its Source; raises InputError as `read_bytes` does."""
+    shown, content = read_bytes(path, role, max_bytes=max_bytes)
+    digest = hashlib.sha256(content).hexdigest()
+    return Source(role=role, path=path, shown=shown, sha256=digest), content
+
+
+def read_bytes(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[str, bytes]:
+    """The file's name in messages and its bytes.
 
     Raises InputError for a missing file (with the closest name in its folder), a folder, a
     file that may not be read, is empty or is larger than `max_bytes`.
@@ -70,8 +95,7 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
         raise fault(f"cannot be read: {reason(error)}", file=shown) from None
     if not content:
         raise fault("the file is empty", file=shown, expected=f"a {role} file")
-    digest = hashlib.sha256(content).hexdigest()
-    return Source(role=role, path=path, shown=shown, sha256=digest), content
+    return shown, content
 
 
 def missing_file(folder: Path, name: str) -> Problem | None:

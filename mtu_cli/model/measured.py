@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +11,13 @@ from numpy.typing import NDArray
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
+from mtu_cli.files.row_marks import all_distinct
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.stats.anova import Cells, cells_of
 from mtu_cli.stats.least_squares import FloatArray
 
 IntArray = NDArray[np.int64]
+MOST_TOLD = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,34 +32,77 @@ class MeasuredTables:
     parts: tuple[str, ...]
     cells: Cells
 
+    def only(self, kept: list[int]) -> MeasuredTables:
+        """The tables at the indices `kept`."""
+        cells = Cells(
+            origin=self.cells.origin[kept],
+            n=self.cells.n[kept],
+            mean=self.cells.mean[kept],
+            within=self.cells.within[kept],
+        )
+        return MeasuredTables(
+            labels=tuple(self.labels[i] for i in kept), parts=self.parts, cells=cells
+        )
+
 
 def axes_of(points: Points) -> tuple[int, ...]:
     """The axes (0, 1, 2) along which every point was measured and has a nominal."""
-    errors_known = np.isfinite(points.measured).all(axis=0) & np.isfinite(points.nominal).all(
-        axis=0
+    return tuple(
+        axis
+        for axis in range(3)
+        if np.isfinite(points.measured[:, axis]).all()
+        and np.isfinite(points.nominal[:, axis]).all()
     )
-    return tuple(int(i) for i in np.flatnonzero(errors_known))
+
+
+def operations_of(points: Points) -> tuple[tuple[str, ...], IntArray]:
+    """Names and codes (n,) of operations; "" where a file does not tell them."""
+    if not points.operations:
+        return ("",), np.broadcast_to(np.int64(0), len(points))
+    untold = points.operation < 0
+    if not untold.any():
+        return points.operations, points.operation
+    return (*points.operations, ""), np.where(untold, len(points.operations), points.operation)
 
 
 def feature_tables(points: Points) -> MeasuredTables:
-    """One table an operation, feature and axis: measured minus nominal, mm."""
-    operations = points.operations or ("",)
-    operation = np.maximum(points.operation, 0)
-    group = operation * len(points.features) + points.feature
-    used, table = np.unique(group, return_inverse=True)
-    parts = len(points.parts)
-    cell = table.reshape(-1) * parts + points.part
+    """One table an operation, feature and axis: measured minus nominal, mm.
+
+    Raises InputError for a feature that stands twice in one repeat of one part.
+    """
+    operations, operation = operations_of(points)
+    features, parts = len(points.features), len(points.parts)
+    group = points.feature if len(operations) == 1 else operation * features + points.feature
+    seen = np.bincount(group, minlength=len(operations) * features) > 0
+    used = np.flatnonzero(seen)
+    table = group if len(used) == len(seen) else (np.cumsum(seen) - 1)[group]
+    cell = table * parts + points.part
+    _check_repeats(points, cell, len(used) * parts)
     labels: list[tuple[str, str, str]] = []
     found: list[Cells] = []
     for axis in axes_of(points):
         errors = points.measured[:, axis] - points.nominal[:, axis]
         found.append(cells_of(errors, cell, len(used), parts))
         labels += [
-            (operations[g // len(points.features)], points.features[g % len(points.features)],
-             AXES[axis])
-            for g in used
-        ]  # fmt: skip
+            (operations[g // features], points.features[g % features], AXES[axis])
+            for g in used.tolist()
+        ]
     return MeasuredTables(labels=tuple(labels), parts=points.parts, cells=_stacked(found))
+
+
+def _check_repeats(points: Points, cell: IntArray, cells: int) -> None:
+    """Refuses a repeat that stands twice in a cell."""
+    low, high = int(points.repeat.min()), int(points.repeat.max())
+    if high < 0:
+        return
+    columns = [(cell, cells), (points.repeat - low, high - low + 1)]
+    if all_distinct(columns, 8 * len(points) + 1000):
+        return
+    code = np.unique(points.repeat, return_inverse=True)[1].reshape(-1)
+    place = cell * (int(code.max()) + 1) + code
+    given = points.repeat >= 0
+    if len(np.unique(place[given])) < int(given.sum()):
+        _refuse_doubled(points, place, given)
 
 
 def _stacked(found: list[Cells]) -> Cells:
@@ -90,28 +136,51 @@ def visits_of(points: Points) -> Visits:
 
     Raises InputError for a feature that stands twice in one repeat of one part.
     """
-    operation = np.maximum(points.operation, 0)
-    features = len(points.features)
-    base = (operation * len(points.parts) + points.part) * features + points.feature
-    repeat = np.where(points.repeat >= 0, points.repeat, occurrence(base))
-    keys = np.column_stack([operation, points.part, repeat])
-    distinct, visit = np.unique(keys, axis=0, return_inverse=True)
+    _, operation = operations_of(points)
+    features, parts = len(points.features), len(points.parts)
+    run = operation * parts + points.part
+    repeat = np.where(points.repeat >= 0, points.repeat, occurrence(run * features + points.feature))
+    numbers, code = np.unique(repeat, return_inverse=True)
+    distinct, visit = np.unique(run * len(numbers) + code.reshape(-1), return_inverse=True)
     visit = visit.reshape(-1)
     place = visit * features + points.feature
-    first = np.unique(place, return_index=True)[1]
-    if len(first) < len(place):
-        _refuse_doubled(points, place)
+    if np.bincount(place).max() > 1:
+        _refuse_doubled(points, place, np.ones(len(points), bool))
     errors = np.full((len(distinct) * features, 3), np.nan)
     errors[place] = points.measured - points.nominal
     nominal = np.full((features, 3), np.nan)
     nominal[points.feature] = points.nominal
+    run_of = distinct // len(numbers)
     return Visits(
-        part=distinct[:, 1].astype(np.int64),
-        operation=distinct[:, 0].astype(np.int64),
+        part=run_of % parts,
+        operation=run_of // parts,
+        of_point=visit.astype(np.int64),
         errors=errors.reshape(len(distinct), features, 3),
         nominal=nominal,
-        of_point=visit.astype(np.int64),
     )
+
+
+def only_features(points: Points, names: Iterable[str]) -> Points:
+    """The points of some features; parts and operations keep their codes."""
+    index = {name: code for code, name in enumerate(points.features)}
+    kept = [index[name] for name in dict.fromkeys(names) if name in index]
+    code = np.full(len(points.features), -1)
+    code[kept] = np.arange(len(kept))
+    feature = code[points.feature]
+    rows = np.flatnonzero(feature >= 0)
+    return replace(
+        points,
+        features=tuple(points.features[i] for i in kept),
+        feature=feature[rows],
+        covariates={name: column[rows] for name, column in points.covariates.items()},
+        **{name: getattr(points, name)[rows] for name in _BY_POINT},
+    )
+
+
+_BY_POINT = (
+    "part", "operation", "measured", "nominal", "repeat", "time_min", "sequence", "direction",
+    "file_index", "row",
+)  # fmt: skip
 
 
 def occurrence(codes: IntArray) -> IntArray:
@@ -125,8 +194,9 @@ def occurrence(codes: IntArray) -> IntArray:
     return count
 
 
-def _refuse_doubled(points: Points, place: IntArray) -> None:
-    rows = np.flatnonzero(occurrence(place) > 0)
+def _refuse_doubled(points: Points, place: IntArray, given: NDArray[np.bool_]) -> None:
+    rows = np.flatnonzero(given)
+    rows = rows[occurrence(place[rows]) > 0]
     raise InputError(
         [
             Problem(
@@ -137,7 +207,7 @@ def _refuse_doubled(points: Points, place: IntArray) -> None:
                 value=points.features[points.feature[i]],
                 expected="one row a feature and `repeat`",
             )
-            for i in rows
+            for i in rows[:MOST_TOLD]
         ]
     )
 
@@ -184,15 +254,18 @@ def _slope(visits: Visits, which: list[int], along: int, across: int) -> FloatAr
     u = place[:, along] - place[:, along].mean() + visits.errors[:, which, along]
     v = place[:, across] - place[:, across].mean() + visits.errors[:, which, across]
     u = u - u.mean(axis=1, keepdims=True)
-    slope: FloatArray = (u * v).sum(axis=1) / (u * u).sum(axis=1)
-    return slope
+    squares = (u * u).sum(axis=1)
+    # Features one above the other have no slope.
+    return np.divide(
+        (u * v).sum(axis=1), squares, out=np.full(len(u), np.nan), where=squares > 0
+    )
 
 
 def _visit_tables(
     points: Points, visits: Visits, ids: list[str], values: FloatArray
 ) -> MeasuredTables | None:
     """Tables of quantities (ids, visits) by operation; visits without a value are left out."""
-    operations = points.operations or ("",)
+    operations, _ = operations_of(points)
     labels, found = [], []
     parts = len(points.parts)
     for code, operation in enumerate(operations):

@@ -6,6 +6,9 @@ import numpy as np
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.points import Points
+from mtu_cli.files.row_marks import fingerprints
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.measured import axes_of, operations_of
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -14,23 +17,30 @@ SUSPICIOUS_MM = 0.5
 EXPLAINS = 0.1
 """A mistake is named if undoing it leaves less than this share of the error."""
 FEWEST_COPIED = 4
-"""Fewer equal values than this may be chance."""
+"""Fewer equal values than this are no reason to speak."""
+CHANCE = 1e-3
+"""Equal parts are refused where chance alone would make a pair less often than this."""
+SAME_MM = 1e-6
 
 
 def check_measured(points: Points) -> list[Warned]:
     """Warnings on errors of millimetres, with the mistake that would explain them.
 
-    Raises InputError for a part whose values are those of another part, to the last digit.
+    Raises InputError for a part whose values are those of another part, to the last digit,
+    where that cannot be chance.
     """
-    _refuse_copies(points)
-    known = np.isfinite(points.measured).all(axis=0) & np.isfinite(points.nominal).all(axis=0)
-    measured, nominal = points.measured[:, known], points.nominal[:, known]
-    size = np.abs(measured - nominal).max(axis=1)
-    far = size > SUSPICIOUS_MM
+    axes = axes_of(points)
+    return [*_copies(points, axes), *_left_out(points, axes), *_far(points, axes)]
+
+
+def _far(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+    far = np.zeros(len(points), bool)
+    for axis in axes:
+        far |= np.abs(points.measured[:, axis] - points.nominal[:, axis]) > SUSPICIOUS_MM
     if not far.any():
         return []
-    i = int(np.flatnonzero(far)[0])
-    guess = _mistake(measured[far], nominal[far])
+    i = int(np.argmax(far))
+    guess = _mistake(points.measured[far][:, axes], points.nominal[far][:, axes])
     place = f"{points.sources[points.file_index[i]].shown}, row {points.row[i]}"
     return [
         Warned(
@@ -41,6 +51,16 @@ def check_measured(points: Points) -> list[Warned]:
     ]
 
 
+def _left_out(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+    """An axis that only some points have, or that has no nominal, is not analysed: say so."""
+    found = []
+    for axis in range(3):
+        if axis not in axes and np.isfinite(points.measured[:, axis]).any():
+            what = f"{AXES[axis]}_mm is left out: not every point has it with a nominal"
+            found.append(Warned(code="axis-left-out", message=what))
+    return found
+
+
 def _mistake(measured: FloatArray, nominal: FloatArray) -> str:
     now = _typical(measured - nominal)
     guesses = {
@@ -49,6 +69,7 @@ def _mistake(measured: FloatArray, nominal: FloatArray) -> str:
         "this looks like the sign of x the other way round": measured * _flip(measured, 0),
         "this looks like the sign of y the other way round": measured * _flip(measured, 1),
         "this looks like inches taken for mm": measured * 25.4,
+        "this looks like mm taken for inches": measured / 25.4,
         "this looks like um taken for mm": measured / 1000.0,
         "this looks like metres taken for mm": measured * 1000.0,
     }
@@ -61,7 +82,7 @@ def _mistake(measured: FloatArray, nominal: FloatArray) -> str:
         return "this looks like an origin that differs by " + ", ".join(
             f"{value:.4g} mm" for value in shift
         )
-    return "this looks like a unit, a sign, swapped axes or another origin"
+    return "this looks like a unit, sign or swap mistake, or another origin"
 
 
 def _flip(measured: FloatArray, axis: int) -> FloatArray:
@@ -74,34 +95,47 @@ def _typical(errors: FloatArray) -> float:
     return float(np.median(np.abs(errors).max(axis=1)))
 
 
-def _refuse_copies(points: Points) -> None:
-    """Real parts never agree to the last digit in all their values."""
-    operation = np.maximum(points.operation, 0)
-    order = np.lexsort((points.repeat, points.feature, operation, points.part))
-    part = points.part[order]
-    starts = np.flatnonzero(np.r_[True, part[1:] != part[:-1]])
-    seen: dict[bytes, int] = {}
-    problems = []
-    for begin, end in zip(starts, np.r_[starts[1:], len(order)], strict=True):
-        rows = order[begin:end]
-        if len(rows) * 2 < FEWEST_COPIED:
+def _copies(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+    """Parts whose values agree with an earlier part's in every feature, in whatever order."""
+    parts = len(points.parts)
+    _, operation = operations_of(points)
+    columns = [points.feature, operation, *(points.measured[:, axis] for axis in axes)]
+    marks = fingerprints(columns, points.part, parts)
+    first: dict[bytes, int] = {}
+    problems, warned = [], []
+    for part in range(parts):
+        other = first.setdefault(marks[part].tobytes(), part)
+        if other == part:
             continue
-        key = (
-            points.measured[rows].tobytes()
-            + points.feature[rows].tobytes()
-            + operation[rows].tobytes()
-        )
-        first = seen.setdefault(key, int(rows[0]))
-        if first != int(rows[0]):
-            name, other = (points.parts[points.part[j]] for j in (rows[0], first))
-            problems.append(
-                Problem(
-                    what=f"part {name!r} has the same values as part {other!r}",
-                    file=points.sources[points.file_index[rows[0]]].shown,
-                    row=int(points.row[rows[0]]),
-                    column="part",
-                    expected="each part once; repeated measurements are numbered in `repeat`",
-                )
+        rows = np.flatnonzero(points.part == part)
+        if len(rows) * len(axes) < FEWEST_COPIED:
+            continue
+        what = f"part {points.parts[part]!r} has the same values as part {points.parts[other]!r}"
+        if _chance(points, rows, axes) >= CHANCE:
+            warned.append(Warned(code="parts-alike", message=f"{what}: was it measured twice?"))
+            continue
+        problems.append(
+            Problem(
+                what=what,
+                file=points.sources[points.file_index[rows[0]]].shown,
+                row=int(points.row[rows[0]]),
+                column="part",
+                expected="each part once; repeated measurements are numbered in `repeat`",
             )
+        )
     if problems:
         raise InputError(problems)
+    return warned
+
+
+def _chance(points: Points, rows: np.ndarray, axes: tuple[int, ...]) -> float:
+    """Expected number of pairs of parts that agree by chance in as many values as this one.
+
+    Two errors agree as often as two of the part's own: coarse or vanishing errors often do.
+    """
+    errors = np.concatenate(
+        [points.measured[rows, axis] - points.nominal[rows, axis] for axis in axes]
+    )
+    count = np.unique(np.round(errors / SAME_MM), return_counts=True)[1] / len(errors)
+    pairs = len(points.parts) * (len(points.parts) - 1) / 2
+    return float(pairs * (count**2).sum() ** len(errors))

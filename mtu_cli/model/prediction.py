@@ -26,7 +26,13 @@ from mtu_cli.model.machine_model import (
     design,
     theta,
 )
-from mtu_cli.model.variance import Block, Variance, block_variance, noise_covariance
+from mtu_cli.model.variance import (
+    Block,
+    Variance,
+    block_variance,
+    noise_covariance,
+    positive_part,
+)
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -50,12 +56,20 @@ class Prediction:
     def covariance(self) -> FloatArray:
         """Covariance (n*a, n*a) of the errors of one future part, mm^2.
 
-        It may have a negative part where D has; `trials.repaired` takes it out.
+        It may have a negative part where D has; `drawable` has none.
         """
+        return self._assembled([block.D for block in self.blocks])
+
+    @cached_property
+    def drawable(self) -> FloatArray:
+        """The same without the negative part of any D: a covariance, somewhat too large."""
+        return self._assembled([positive_part(block.D, block.C) for block in self.blocks])
+
+    def _assembled(self, passes: Sequence[FloatArray]) -> FloatArray:
         rows = len(self.mean)
         total = np.zeros((rows, rows))
-        for block in self.blocks:
-            total += block.G @ (block.C + block.D) @ block.G.T
+        for block, D in zip(self.blocks, passes, strict=True):
+            total += block.G @ (block.C + D) @ block.G.T
             total += noise_covariance(block.noise, len(self.axes))
         return total
 

@@ -55,17 +55,9 @@ class PointTrials:
         # The first-order form is drawn as further rows of the same product.
         stacked = np.vstack([combine, gradient])
         self.offset = np.concatenate([combine @ prediction.mean, first_order])[:, None]
-        covariance = (
-            np.diag(prediction.independent_variance) if independent else prediction.covariance
-        )
-        self.factor = factor_of(stacked @ covariance @ stacked.T)
         self.k = len(combine)
         self.owner = np.concatenate([owner, np.arange(len(names))])
-        self._scale_to(
-            gradient**2 @ prediction.independent_variance
-            if independent
-            else prediction.variance(gradient).total
-        )
+        self.factor = self._factor(stacked, prediction, independent)
         self.linear_u = np.sqrt(np.sum(self.factor[self.k :] ** 2, axis=1))[:, None]
         self.dof = dof
         self.u_exists = dof > 2
@@ -76,16 +68,25 @@ class PointTrials:
             inflation = np.where(np.isinf(dof), 1.0, np.where(dof > 2, dof / (dof - 2), np.nan))
         self.linear_variance = self.linear_u[:, 0] ** 2 * inflation
 
-    def _scale_to(self, variance: FloatArray) -> None:
-        """Gives every output the first-order `variance` (outputs,), all that it owns alike.
+    def _factor(self, stacked: FloatArray, prediction: Prediction, independent: bool) -> FloatArray:
+        """F with F F' the covariance of the stacked rows, every output at its own variance.
 
-        It differs from that of the covariance only where a negative moment estimate of
-        pass-to-pass covariance was kept from making it too small (`variance.block_variance`).
+        Where that is not the covariance's (a negative D was kept from making it too small,
+        `variance.block_variance`), the covariance is drawn without negative part and all rows
+        of the output are scaled alike.
         """
-        drawn = np.sum(self.factor[self.k :] ** 2, axis=1)
-        ratio = np.divide(variance, drawn, out=np.ones_like(drawn), where=drawn > 0)
-        ratio[np.abs(ratio - 1) < 1e-9] = 1.0
-        self.factor *= np.sqrt(ratio)[self.owner, None]
+        gradient = stacked[self.k :]
+        if independent:
+            return factor_of(stacked * prediction.independent_variance @ stacked.T)
+        raw = stacked @ prediction.covariance @ stacked.T
+        wanted = prediction.variance(gradient).total
+        if np.allclose(np.diag(raw)[self.k :], wanted, rtol=1e-9, atol=0.0):
+            return factor_of(raw)
+        factor = factor_of(stacked @ prediction.drawable @ stacked.T)
+        drawn = np.sum(factor[self.k :] ** 2, axis=1)
+        ratio = np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0)
+        scaled: FloatArray = factor * np.sqrt(ratio)[self.owner, None]
+        return scaled
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (outputs, m), with the scale of the latter."""
@@ -114,33 +115,32 @@ def factor_of(covariance: FloatArray) -> FloatArray:
 
     With a moment estimate of pass-to-pass covariance the errors of very many points together
     need not have a covariance. The negative part is then left out and every row scaled back to
-    its own variance (one whose variance is negative stays as it is).
+    its own variance. A row without variance is zero, not a residue of rounding.
     """
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
     kept = values > 1e-14 * max(values[-1], 0.0)
     factor: FloatArray = np.ascontiguousarray(vectors[:, kept] * np.sqrt(values[kept]))
+    wanted = np.clip(np.diag(covariance), 0.0, None)
+    factor[wanted == 0] = 0.0
     if values[0] < -1e-9 * abs(values[-1]):
-        _scale_rows(factor, np.diag(covariance))
+        drawn = np.sum(factor**2, axis=1)
+        ratio = np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0)
+        factor *= np.sqrt(ratio)[:, None]
     return factor
 
 
-def repaired(covariance: FloatArray, variance: FloatArray) -> FloatArray:
-    """The covariance (rows, rows) with the variances (rows,) and no negative eigenvalue.
+def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
+    """The covariance (rows, rows) with the variances (rows,), without negative eigenvalues.
 
-    The one given where it has both already.
+    The prediction's own where it has both already.
     """
+    covariance = prediction.covariance
     values = np.linalg.eigvalsh((covariance + covariance.T) / 2)
     same = np.allclose(np.diag(covariance), variance, rtol=1e-9, atol=0.0)
     if same and values[0] >= -1e-9 * abs(values[-1]):
         return covariance
-    factor = factor_of(covariance)
-    _scale_rows(factor, variance)
-    whole: FloatArray = factor @ factor.T
-    return whole
-
-
-def _scale_rows(factor: FloatArray, variance: FloatArray) -> None:
-    drawn = np.sum(factor**2, axis=1)
-    scaled = (drawn > 0) & (variance >= 0)
-    ratio = np.divide(variance, drawn, out=np.ones_like(drawn), where=scaled)
-    factor *= np.sqrt(ratio)[:, None]
+    drawable = prediction.drawable
+    own = np.diag(drawable)
+    ratio = np.divide(variance, own, out=np.zeros_like(own), where=own > 0)
+    scaled: FloatArray = drawable * np.sqrt(np.outer(ratio, ratio))
+    return scaled

@@ -110,3 +110,18 @@ def noise_covariance(noise: FloatArray, axes: int) -> FloatArray:
     for p, block in enumerate(blocks):
         total[p * axes : (p + 1) * axes, p * axes : (p + 1) * axes] = block
     return total
+
+
+def positive_part(D: FloatArray, C: FloatArray) -> FloatArray:
+    """D (k, k) without its negative part, measured in the standard uncertainties of C.
+
+    Level and slope differ in unit: without a measure the result would depend on them.
+    """
+    scale = np.sqrt(np.diag(C))
+    scale[scale == 0] = 1.0
+    values, vectors = np.linalg.eigh(D / np.outer(scale, scale))
+    if values[0] >= 0:
+        return D
+    root = scale[:, None] * vectors * np.sqrt(np.clip(values, 0.0, None))
+    positive: FloatArray = root @ root.T
+    return positive

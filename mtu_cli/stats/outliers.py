@@ -23,3 +23,14 @@ def deviation_p(d: FloatArray, count: FloatArray) -> FloatArray:
     t = np.abs(d) * np.sqrt(n * (n - 2) / np.maximum(left, np.finfo(np.float64).tiny))
     p: FloatArray = np.where(count >= FEWEST, 2 * stdtr(n - 2, -t), 1.0)
     return p
+
+
+def deviation_limit(count: FloatArray, p: float) -> FloatArray:
+    """The deviation (value - mean)/s whose two-sided p is `p`; nan for too few values."""
+    from scipy.special import stdtrit
+
+    n = np.maximum(count, float(FEWEST))
+    t = stdtrit(n - 2, 1 - p / 2)
+    limit = (n - 1) / np.sqrt(n) * np.sqrt(t**2 / (n - 2 + t**2))
+    found: FloatArray = np.where(count >= FEWEST, limit, np.nan)
+    return found

@@ -33,9 +33,7 @@ def environment(changes: Mapping[str, str] | None = None) -> dict[str, str]:
     return kept | dict(changes or {})
 
 
-def mtu(
-    *args: str | Path, cwd: Path | None = None, env: Mapping[str, str] | None = None
-) -> Result:
+def mtu(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Result:
     """One call, standard input closed."""
     return subprocess.run(
         [MTU, *map(str, args)],
@@ -70,7 +68,7 @@ def done(result: Result, code: int = 0) -> Result:
     return result
 
 
-def report(*args: str | Path, cwd: Path | None = None) -> dict[str, Any]:
+def report(*args: object, cwd: Path | None = None) -> dict[str, Any]:
     """The JSON report of a call, from standard output."""
     found: dict[str, Any] = json.loads(done(mtu(*args, "-o", "-", cwd=cwd)).stdout)
     return found
@@ -92,7 +90,7 @@ def prepared(folder: Path, example: Path | None = None) -> Path:
     return folder
 
 
-def refused(folder: Path, *args: str | Path, env: Mapping[str, str] | None = None) -> str:
+def refused(folder: Path, *args: object, env: Mapping[str, str] | None = None) -> str:
     """The message of a call that must fail: code 2, nothing said elsewhere, nothing written."""
     before = listing(folder)
     result = done(mtu(*args, cwd=folder, env=env), 2)

@@ -46,7 +46,7 @@ def bomb() -> str:
         ),
         (
             MACHINE + "equations: {Ex: \"__import__('os').system('touch stolen')\"}",
-            "machine.yaml:4: equations.Ex: unexpected character \"'\" at column 12",
+            'machine.yaml:4: equations.Ex: unexpected character "\'" at column 12',
         ),
         (
             "!!python/object/apply:os.system ['touch stolen']\n",
@@ -71,7 +71,7 @@ def test_hostile_equations_of_simulate_are_refused_at_once(tmp_path: Path) -> No
     equation = "__import__('os').system('touch stolen')"
     call = ["simulate", "--write-cmm", "out.csv", "--covariate"]
     message = refused(work, *call, f"a: {equation}")
-    assert "--covariate a: unexpected character \"'\" at column 15" in message
+    assert '--covariate a: unexpected character "\'" at column 15' in message
     start = time.perf_counter()
     assert "nested deeper" in refused(work, *call, "a: " + "(" * 5000)
     assert time.perf_counter() - start < SECONDS
@@ -83,10 +83,10 @@ def test_hostile_equations_of_simulate_are_refused_at_once(tmp_path: Path) -> No
         (bytes(range(256)) * 8, "not a text file: byte 1 is zero"),
         (b"PK\x03\x04" + bytes(100), "looks like an Excel workbook"),
         ("component,error".encode("utf-16"), "is UTF-16 text"),
-        (b"component,error,unit\naxy,1,urad\naxy,\xb5,urad\n", ":3: not UTF-8: byte 36 is 0xb5"),
+        (b"component,error,unit\naxy,1,urad\naxy,\xb5,urad\n", ":3: not UTF-8: byte 37 is 0xb5"),
         (b"\x1f\x8bgarbage", "damaged gzip data"),
         (gzip.compress(b"component,error,unit\n" * 500)[:60], "the compressed data end too early"),
-        (gzip.compress(bytes(200 << 20), compresslevel=1), "unpacks to more than"),
+        (gzip.compress(bytes(16 << 20)) * 8, "unpacks to more than"),
     ],
     ids=["binary", "excel", "utf-16", "latin-1", "gzip-damaged", "gzip-cut", "gzip-bomb"],
 )

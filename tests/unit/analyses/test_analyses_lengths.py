@@ -10,9 +10,10 @@ import pytest
 from model_examples import estimate, model_of, part_of, run_command, stated
 from scipy import stats
 
-from mtu_cli.analyses.lengths import length_gradient, length_measure, predict_lengths
+from mtu_cli.analyses.lengths import predict_lengths
 from mtu_cli.analyses.predict_points import predict_points
 from mtu_cli.errors import InputError
+from mtu_cli.model.length_geometry import length_gradient, length_measure
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
@@ -21,7 +22,7 @@ from mtu_cli.stats.workspace import Workspace
 FAST = Settings(trials=20_000, threads=1)
 PART = """
 features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 100, y_mm: 0}, c: {x_mm: 70, y_mm: 90}}
-lengths: [{from: a, to: b, tolerance_um: 9}, {from: b, to: c, tolerance_um: 12}, {from: c, to: a}]
+lengths: [{from: a, to: b, tolerance_um: 9}, {from: b, to: c}, {from: c, to: a, tolerance_um: 4}]
 """
 
 
@@ -175,20 +176,20 @@ def test_joint_conformance_against_counted_parts(tmp_path: Path) -> None:
     sx = b[:, :1] + b[:, 1:] * p[:, 0] + 1e-3 * rng.standard_normal((n, 3))
     x, y = p[:, 0] + sx - p[:, 1] * t, p[:, 1] + 0.3 * sx + p[:, 0] * t
     ab = np.hypot(x[:, 1] - x[:, 0], y[:, 1] - y[:, 0]) - 100
-    bc = np.hypot(x[:, 2] - x[:, 1], y[:, 2] - y[:, 1]) - np.hypot(30, 90)
-    good = (np.abs(ab) <= 9e-3) & (np.abs(bc) <= 12e-3)
+    ca = np.hypot(x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]) - np.hypot(70, 90)
+    good = (np.abs(ab) <= 9e-3) & (np.abs(ca) <= 4e-3)
     probability, error = found.joint_conformance
     assert probability == pytest.approx(good.mean(), abs=4.5 * np.hypot(error, 0.5 / np.sqrt(n)))
     alone = [item.conformance.probability for item in found.lengths if item.conformance]
     assert alone == pytest.approx(
-        [np.mean(np.abs(ab) <= 9e-3), np.mean(np.abs(bc) <= 12e-3)], abs=5e-3
+        [np.mean(np.abs(ab) <= 9e-3), np.mean(np.abs(ca) <= 4e-3)], abs=5e-3
     )
     # The product would be wrong: the lengths share the part's state.
     assert abs(np.prod(alone) - good.mean()) > 10 * error
 
 
 def test_no_joint_probability_for_one_tolerance(tmp_path: Path) -> None:
-    text = PART.replace(", tolerance_um: 12", "")
+    text = PART.replace(", tolerance_um: 4", "")
     assert predict_lengths(machine(), part_of(tmp_path, text), FAST).joint_conformance is None
 
 

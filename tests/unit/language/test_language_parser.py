@@ -9,7 +9,7 @@ from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.parser import MAX_CHARACTERS, MAX_DEPTH, MAX_OPERATORS
 from mtu_cli.language.tree import Binary, Call, Name, Negative, Number
 
-SECONDS = 0.1
+SECONDS = 1.0
 
 
 @pytest.mark.parametrize(

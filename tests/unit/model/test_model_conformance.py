@@ -25,8 +25,9 @@ def test_against_student_and_normal(tol: float, error: float, u: float, dof: flo
     assert found.probability == pytest.approx(wanted, abs=1e-7)
     normal = conformance_of(tol, error, u, np.inf)
     assert normal is not None
-    law = stats.norm(loc=error, scale=u)
-    assert normal.probability == pytest.approx(law.cdf(tol * 1e-3) - law.cdf(-tol * 1e-3), abs=1e-9)
+    gauss = stats.norm(loc=error, scale=u)
+    inside = gauss.cdf(tol * 1e-3) - gauss.cdf(-tol * 1e-3)
+    assert normal.probability == pytest.approx(inside, abs=1e-9)
 
 
 def test_against_counted_parts() -> None:

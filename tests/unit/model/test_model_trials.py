@@ -164,6 +164,32 @@ def test_outputs_have_the_first_order_variance_where_D_is_negative() -> None:
     assert values.var() == pytest.approx(wanted[0], rel=4.5 * np.sqrt(2 / TRIALS))
 
 
+def test_an_axis_without_error_is_exactly_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rounding in Ey = 0.001 x is no uncertainty that trials could converge on or fail."""
+    given = prediction()
+    combine = np.array([[1.0, 0, 0.3, 0, 0, 0], [0, 0, 0, 0, 0, 0], [0, 0.7, 0, 0, 0, -1]])
+    model = trials(given, combine, np.full(3, np.inf))
+    assert (model.factor[[1, 4]] == 0).all()
+    (tmp_path / "machine.yaml").write_text(
+        "schema: mtu/machine/1\nname: m\n"
+        "components: {a: {of: x, unit: um, coefficients: [1, 0.3], s_repeat: 1.7}}\n"
+        "equations: {Ex: a, Ey: 0.001*x}\n"
+    )
+    (tmp_path / "part.yaml").write_text(
+        "schema: mtu/part/1\nname: p\n"
+        "features: {a: {x_mm: 3.3, y_mm: 0}, b: {x_mm: 97.1, y_mm: 0}, c: {x_mm: 7, y_mm: 9}}\n"
+        "lengths: [{from: a, to: b}, {from: a, to: c}]\n"
+    )
+    for command in ("predict-points", "lengths"):
+        code, report, _ = run_command(
+            monkeypatch, tmp_path, command, "-m", "machine.yaml", "-p", "part.yaml"
+        )
+        assert code == 0
+        assert report["warnings"] == []
+
+
 def test_two_degrees_of_freedom_give_null_u_and_a_warning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,183 @@
+"""Parts that stand out, and which axis scatters more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.stats.anova import Components, OneWay
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.outliers import deviation_limit
+from mtu_cli.stats.rotation import Outstanding, outstanding_rows
+from mtu_cli.stats.swap import SwapTest, swap_test
+
+FAMILY_RATE = 0.05
+FEWEST_PARTS = 4
+"""Fewer parts than this say nothing about which of them stands out."""
+
+Label = tuple[str, str, str]
+Why = Literal["distance", "mean", "single"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnusualPart:
+    """A part that stands out at the family-wise rate, and by what most of all.
+
+    `why`: its mean over a group of tables (an axis of an operation, the lengths), its distance
+    there (root mean square), or a `single` table. `where` is that group or table (operation, id,
+    axis), `deviation` how far the part lies from the parts' mean there and `typical` how far
+    the others do (root mean square), in the unit of the tables; `singles` all tables that stand
+    out by themselves.
+    """
+
+    part: str
+    p: float
+    why: Why
+    where: Label
+    deviation: float
+    typical: float
+    singles: tuple[Label, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartsTable:
+    """Tables of any kind side by side: deviations of the part means (parts, tables).
+
+    `raw` in the tables' unit, `scaled` to equal variance for unequal repeats; nan where a part
+    is missing. Tables of equal `group` are looked at together.
+    """
+
+    labels: tuple[Label, ...]
+    parts: tuple[str, ...]
+    raw: FloatArray
+    scaled: FloatArray
+    group: tuple[Label, ...]
+
+
+def parts_table(tables: MeasuredTables, table: OneWay, components: Components) -> PartsTable:
+    """Deviations of part means; the variance of one is s_part^2 + s_repeat^2/n_i."""
+    cells = tables.cells
+    raw = cells.mean - (table.mean - cells.origin)[:, None]
+    scaled = raw / mean_scale(tables, components)
+    for values in (raw, scaled):
+        values[~cells.present] = np.nan
+    group = tuple((operation, "" if axis else "*", axis) for operation, _, axis in tables.labels)
+    return PartsTable(
+        labels=tables.labels, parts=tables.parts, raw=raw.T, scaled=scaled.T, group=group
+    )
+
+
+def mean_scale(tables: MeasuredTables, components: Components) -> FloatArray:
+    """Standard deviation (tables, parts) of a part's mean, relative where it is not known."""
+    cells = tables.cells
+    part = np.nan_to_num(components.part)[:, None]
+    repeat = np.nan_to_num(components.repeat)[:, None]
+    variance = part + repeat / np.where(cells.present, cells.n, 1.0)
+    scale: FloatArray = np.sqrt(np.where(variance > 0, variance, 1.0))
+    return scale
+
+
+def side_by_side(first: PartsTable, *others: PartsTable) -> PartsTable:
+    """All tables of the same parts as one family."""
+    found = (first, *others)
+    return PartsTable(
+        labels=tuple(label for item in found for label in item.labels),
+        parts=first.parts,
+        raw=np.hstack([item.raw for item in found]) if others else first.raw,
+        scaled=np.hstack([item.scaled for item in found]) if others else first.scaled,
+        group=tuple(label for item in found for label in item.group),
+    )
+
+
+def unusual_parts(table: PartsTable, seed: int) -> tuple[Outstanding | None, list[UnusualPart]]:
+    """Parts that stand out with a family-wise error rate of 5 % over all parts and tables."""
+    if len(table.parts) < FEWEST_PARTS:
+        return None, []
+    kinds = {label: code for code, label in enumerate(dict.fromkeys(table.group))}
+    groups = np.array([kinds[label] for label in table.group])
+    found = outstanding_rows(table.scaled, groups, seed)
+    p_row, p_single = found.by_row, found.by_cell.min(axis=1)
+    unusual = []
+    for i in np.flatnonzero(np.minimum(p_row, p_single) <= FAMILY_RATE):
+        singles = np.flatnonzero(found.by_cell[i] <= FAMILY_RATE)
+        if p_row[i] <= p_single[i]:
+            why: Why = "mean" if found.row_kind[i] else "distance"
+            where, deviation, typical = _of_groups(table, groups, list(kinds), int(i), why)
+        else:
+            why, j = "single", int(np.argmin(found.by_cell[i]))
+            where, deviation = table.labels[j], float(table.raw[i, j])
+            typical = _rms(np.delete(table.raw[:, j], i))
+        unusual.append(
+            UnusualPart(
+                part=table.parts[i],
+                p=float(min(p_row[i], p_single[i])),
+                why=why,
+                where=where,
+                deviation=deviation,
+                typical=typical,
+                singles=tuple(table.labels[j] for j in singles),
+            )
+        )
+    return found, sorted(unusual, key=lambda item: item.p)
+
+
+def _of_groups(
+    table: PartsTable, groups: np.ndarray, kinds: list[Label], i: int, why: Why
+) -> tuple[Label, float, float]:
+    """The group in which part `i` stands out most: its deviation and the others'."""
+    best: tuple[float, Label, float, float] | None = None
+    for code, label in enumerate(kinds):
+        known = np.where(np.isfinite(table.raw), table.raw, 0.0)[:, groups == code]
+        count = np.maximum(np.isfinite(table.raw)[:, groups == code].sum(axis=1), 1)
+        each = known.sum(axis=1) if why == "mean" else np.einsum("ij,ij->i", known, known)
+        value = each / count if why == "mean" else np.sqrt(each / count)
+        typical = _rms(np.delete(value, i))
+        share = abs(float(value[i])) / typical if typical > 0 else np.inf
+        if best is None or share > best[0]:
+            best = (share, label, float(value[i]), typical)
+    if best is None:
+        raise ValueError("a table without columns")
+    return best[1:]
+
+
+def _rms(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt((known**2).mean())) if len(known) else float("nan")
+
+
+def part_limits(tables: MeasuredTables, table: OneWay, components: Components) -> FloatArray:
+    """Half widths (tables, parts) that part means keep to in 95 % of all clean studies.
+
+    Grubbs's statistic with the bound of Bonferroni over all parts and tables.
+    """
+    cells = tables.cells
+    count = table.parts
+    scale = mean_scale(tables, components)
+    away = (cells.mean - (table.mean - cells.origin)[:, None]) / scale
+    squares = np.where(cells.present, away**2, 0.0).sum(axis=1)
+    s = np.sqrt(squares / np.maximum(count - 1, 1))
+    limit = deviation_limit(count, FAMILY_RATE / max(float(count.sum()), 1.0))
+    limits: FloatArray = np.where(cells.present, (limit * s)[:, None] * scale, np.nan)
+    return limits
+
+
+def axis_scatter(tables: MeasuredTables, seed: int) -> tuple[tuple[str, SwapTest], ...]:
+    """Does Y scatter more from part to part than X? One test an operation."""
+    means = tables.cells
+    rows: dict[tuple[str, str], list[int]] = {}
+    for i, (operation, _, axis) in enumerate(tables.labels):
+        rows.setdefault((operation, axis), []).append(i)
+    tests = []
+    for operation in dict.fromkeys(label[0] for label in tables.labels):
+        sides = []
+        for axis in ("x", "y"):
+            chosen = rows.get((operation, axis), [])
+            there = means.present[chosen]
+            kept = there.any(axis=0)
+            sides.append(np.where(there, means.mean[chosen], np.nan).T[kept])
+        if sides[0].shape == sides[1].shape and len(sides[0]) >= FEWEST_PARTS:
+            tests.append((operation, swap_test(sides[0], sides[1], seed)))
+    return tuple(tests)

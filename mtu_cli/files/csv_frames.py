@@ -1,0 +1,124 @@
+"""The body of a CSV file as frames of pandas' C engine, block by block on all cores."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from mtu_cli.files.csv_text import CsvText
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MARK = "\x02mtu\x02"
+"""A text in a first row of every block that is no row of the file.
+
+pandas makes numbers of a category whose texts all look like numbers, and part 007 into part 7;
+among them one text that does not look like a number keeps all of them as they are written.
+"""
+_BEYOND = "\0"
+_BLOCK = 8 << 20
+_MOST_THREADS = 4
+
+
+class Suspect(Exception):  # noqa: N818  # not an error: a reason to read cell by cell
+    """The table may be faulty: only the slow reader can say what, and where."""
+
+
+def frames(
+    text: CsvText, dtypes: dict[str, Any], usecols: list[str] | None = None
+) -> Iterator[pd.DataFrame]:
+    """The body in frames, in order; columns of dtype "category" hold texts, MARK among them.
+
+    Raises Suspect for what pandas cannot read, and for a cell beyond the header's last column.
+    """
+    import pandas as pd
+
+    blocks = _blocks(text)
+    read = partial(_frame, text, dtypes, usecols)
+    threads = min(_MOST_THREADS, os.cpu_count() or 1, len(blocks))
+    try:
+        if threads < 2:
+            yield from (read(block) for block in blocks)
+        else:
+            yield from _in_order(read, blocks, threads)
+    except (ValueError, OverflowError, pd.errors.ParserError, pd.errors.EmptyDataError):
+        raise Suspect from None
+
+
+def _in_order(read: Any, blocks: list[slice], threads: int) -> Iterator[pd.DataFrame]:
+    """Frames in the order of the blocks, few of them ahead of their use."""
+    with ThreadPoolExecutor(threads) as pool:
+        pending: deque[Future[pd.DataFrame]] = deque()
+        try:
+            for block in blocks:
+                pending.append(pool.submit(read, block))
+                if len(pending) > 2 * threads:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        finally:
+            for future in pending:
+                future.cancel()
+
+
+def _blocks(text: CsvText) -> list[slice]:
+    """Pieces of the body that end with a line, and not within a quoted cell."""
+    content, end = text.content, len(text.content)
+    quoted = content.find(b'"', text.body) >= 0
+    found = []
+    start = text.body
+    while start < end:
+        stop = _line_end(content, min(start + _BLOCK, end))
+        while quoted and content.count(b'"', start, stop) % 2 and stop < end:
+            stop = _line_end(content, stop)
+        if not content[start:stop].isspace():
+            found.append(slice(start, stop))
+        start = stop
+    return found
+
+
+def _line_end(content: bytes, at: int) -> int:
+    stop = content.find(b"\n", at) + 1
+    return stop if stop > 0 else len(content)
+
+
+def _frame(
+    text: CsvText, dtypes: dict[str, Any], usecols: list[str] | None, block: slice
+) -> pd.DataFrame:
+    import pandas as pd
+
+    names = [*text.header] if usecols is not None else [*text.header, _BEYOND]
+    marks = (_mark(dtypes.get(name)) for name in text.header)
+    first = text.separator.join(marks).encode() + b"\n"
+    options: dict[str, Any] = {}
+    if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
+        # Later versions read numbers exactly by themselves and warn of the option.
+        options["float_precision"] = "round_trip"
+    frame = pd.read_csv(
+        io.BytesIO(first + memoryview(text.content)[block]),
+        sep=text.separator,
+        decimal=text.decimal,
+        header=None,
+        names=names,
+        usecols=usecols,
+        index_col=False,
+        dtype=dtypes,
+        keep_default_na=False,
+        na_values=[""],
+        encoding="utf-8",
+        low_memory=False,
+        **options,
+    )
+    if usecols is None and frame[_BEYOND].notna().any():
+        raise Suspect
+    return frame.iloc[1:]
+
+
+def _mark(dtype: object) -> str:
+    return {"category": MARK, "float64": "0"}.get(str(dtype), "")

@@ -1,0 +1,153 @@
+"""The report of anova: one entry an operation, feature and axis, a length, a right angle.
+
+`axis` is null for lengths and angles, `operation` where the data do not tell one. A figure is
+null where the data cannot give it (no repeats, one part, no variance), and a warning says so.
+With --method paper `var_part` is MS_between and u_mean, u_future have the repeat scatter alone
+(Gilsinn & Ling 2004, eqs. (31)-(34)). `var_part_estimate` may be negative with --method anova.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+from mtu_cli.analyses.anova import Analysed, AnovaResult
+from mtu_cli.analyses.anova_parts import FAMILY_RATE, Label, UnusualPart
+from mtu_cli.analyses.anova_totals import Total
+from mtu_cli.reports.document import arcsec, finite, um, um2
+from mtu_cli.units import ARCSEC
+
+Number = Callable[[float | None], float | None]
+
+
+def arcsec2(value: float | None) -> float | None:
+    """rad^2 to arcsec^2."""
+    return None if value is None else finite(value / ARCSEC**2)
+
+
+def document(result: AnovaResult) -> dict[str, Any]:
+    """`results` of the report."""
+    k = result.coverage_factor
+    return {
+        "method": result.method,
+        "features": list(entries(result.features, k, "um")),
+        "lengths": [] if result.lengths is None else list(entries(result.lengths, k, "um")),
+        "orthogonality": []
+        if result.angles is None
+        else list(entries(result.angles, k, "arcsec")),
+        "totals": [_total(item) for item in result.totals],
+        "unusual_parts": None
+        if result.unusual is None
+        else [_unusual(item) for item in result.unusual],
+        "family_wise_rate": FAMILY_RATE,
+        "axis_scatter": [
+            {
+                "operation": operation or None,
+                "variance_ratio_y_to_x": finite(test.ratio),
+                "p": finite(test.p),
+            }
+            for operation, test in result.axis_scatter
+        ],
+    }
+
+
+def entries(found: Analysed, k: float, unit: str) -> Iterator[dict[str, Any]]:
+    """One entry a table; values in `unit`, "um" or "arcsec", and its square."""
+    value, square = (um, um2) if unit == "um" else (arcsec, arcsec2)
+    table, components = found.one_way, found.components
+    name = "feature" if unit == "um" and found.tables.labels[0][2] else "id"
+    for i, (operation, label, axis) in enumerate(found.tables.labels):
+        yield {
+            "operation": operation or None,
+            name: label,
+            "axis": axis or None,
+            "parts": int(table.parts[i]),
+            "n": int(table.N[i]),
+            f"mean_error_{unit}": value(table.mean[i]),
+            f"ms_between_{unit}2": square(table.ms_between[i]),
+            f"ms_within_{unit}2": square(table.ms_within[i]),
+            "df_between": int(table.df_between[i]),
+            "df_within": int(table.df_within[i]),
+            "F": finite(table.F[i]),
+            "F_critical_95": finite(table.F_critical_95[i]),
+            "p": finite(table.p[i]),
+            "n0": finite(table.n0[i]),
+            f"var_part_{unit}2": square(components.part[i]),
+            f"var_part_estimate_{unit}2": square(components.part_estimate[i]),
+            f"var_repeat_{unit}2": square(components.repeat[i]),
+            f"var_part_interval95_{unit}2": _interval(square, found.interval[i]),
+            "method": METHOD_NAMES[found.method],
+            f"s_pooled_{unit}": value(math.sqrt(table.ms_within[i])),
+            f"u_mean_{unit}": value(found.u_mean[i]),
+            f"u_future_{unit}": value(found.u_future[i]),
+            f"U_future_{unit}": value(k * found.u_future[i]),
+            "unusual_parts": list(found.unusual[i]),
+        }
+
+
+METHOD_NAMES = {"paper": "paper", "anova": "anova", "reml": "reml"}
+
+
+def _interval(square: Number, ends: Iterable[float]) -> list[float | None] | None:
+    found = [square(float(end)) for end in ends]
+    return None if None in found else found
+
+
+def _total(item: Total) -> dict[str, Any]:
+    return {
+        "operation": item.operation or None,
+        "axis": item.axis,
+        "features": item.features,
+        "mean_error_um": um(item.mean),
+        "largest_mean_error_um": um(item.largest),
+        "mean_var_part_um2": um2(item.part),
+        "mean_var_repeat_um2": um2(item.repeat),
+        "mean_ms_between_um2": um2(item.both),
+        "repeat_share": finite(item.repeat_share),
+        "F_above_critical": item.significant,
+        "F_tested": item.tested,
+    }
+
+
+def in_arcsec(label: Label) -> bool:
+    """Whether a group of tables (operation, "*", kind) or a table is of right angles."""
+    return label[2] == "angle"
+
+
+def _unusual(item: UnusualPart) -> dict[str, Any]:
+    unit, value = ("arcsec", arcsec) if in_arcsec(item.where) else ("um", um)
+    operation, name, axis = item.where
+    return {
+        "part": item.part,
+        "p_familywise": finite(item.p),
+        "why": item.why,
+        "where": {"operation": operation or None, "id": name or None, "axis": axis},
+        f"deviation_{unit}": value(item.deviation),
+        f"typical_{unit}": value(item.typical),
+        "singles": [
+            {"operation": operation or None, "id": name, "axis": axis or None}
+            for operation, name, axis in item.singles
+        ],
+    }
+
+
+CSV_COLUMNS = [
+    "operation", "feature", "axis", "parts", "n", "mean_error_um", "ms_between_um2",
+    "ms_within_um2", "df_between", "df_within", "F", "F_critical_95", "p", "n0", "var_part_um2",
+    "var_part_estimate_um2", "var_repeat_um2", "var_part_low95_um2", "var_part_high95_um2",
+    "method", "s_pooled_um", "u_mean_um", "u_future_um", "U_future_um", "unusual_parts",
+]  # fmt: skip
+
+
+def csv_rows(result: AnovaResult) -> tuple[list[str], Iterable[list[object]]]:
+    """One row a table of features, the fields of `results.features` side by side."""
+    return CSV_COLUMNS, (_flat(item) for item in entries(result.features, result.coverage_factor, "um"))
+
+
+def _flat(found: dict[str, Any]) -> list[object]:
+    low, high = found["var_part_interval95_um2"] or (None, None)
+    ends = {"var_part_low95_um2": low, "var_part_high95_um2": high}
+    parts = {"unusual_parts": " ".join(found["unusual_parts"])}
+    both = found | ends | parts
+    return [both[name] for name in CSV_COLUMNS]

@@ -1,0 +1,176 @@
+"""Calls that are at fault: options, values, gates, reports of another machine."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_runner import SMALL, TRUTH, done, mtu, prepared, refused
+
+OUTPUTS = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.png"]
+
+
+@pytest.fixture
+def work(tmp_path: Path) -> Path:
+    """A copy of the small study."""
+    return prepared(tmp_path / "work")
+
+
+def test_all_settings_out_of_range_are_told_at_once(work: Path) -> None:
+    values = {"--k": "nan", "--digits": "5", "--seed": "-1", "--correlation": "some"}
+    values |= {"--trials": "999", "--threads": "0"}
+    call = [word for pair in values.items() for word in pair]
+    found = refused(work, "lengths", *call, *OUTPUTS).removeprefix("mtu: ").splitlines()
+    assert len(found) == len(values)
+    for line, (option, value) in zip(found, values.items(), strict=True):
+        assert line.startswith(f"{option} is out of range: '{value}'; expected ")
+
+
+def test_the_other_ends_of_the_ranges(work: Path) -> None:
+    values = {"--k": "inf", "--digits": "0", "--trials": "9" * 20, "--threads": "1025"}
+    call = [word for pair in values.items() for word in pair]
+    found = refused(work, "orthogonality", *call, *OUTPUTS).splitlines()
+    assert [line.split(" is out")[0] for line in found] == ["mtu: --k", *list(values)[1:]]
+    message = refused(work, "lengths", "--k", "0", "--seed", "9" * 5000)
+    assert "--seed" in message
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        ["--seed", "1.5"],
+        ["--k", "two"],
+        ["--trials", "many"],
+        ["--threads"],
+        ["--thread", "1"],
+        ["study.yaml", "another.yaml"],
+    ],
+    ids=" ".join,
+)
+def test_values_of_the_wrong_kind(call: list[str], work: Path) -> None:
+    message = refused(work, "lengths", *OUTPUTS, *call)
+    assert call[0] in message or "another.yaml" in message
+
+
+def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
+    bad = ["T", "=1", "T_a_degC=", "T_a_degC=warm", "T_a_degC=nan", "T_a_degC=-inf", "a\x07=1"]
+    call = [word for text in [*bad, "dir_x=1", "dir_x=-1"] for word in ("--at", text)]
+    found = refused(work, "lengths", *call, *OUTPUTS).removeprefix("mtu: ").splitlines()
+    assert len(found) == len(bad) + 1
+    for line, text in zip(found, bad, strict=False):
+        assert line.startswith(f"--at is not NAME=VALUE: {text!r}; expected such as ")
+    assert found[-1] == "--at gives 'dir_x' twice: 'dir_x=-1'"
+
+
+@pytest.mark.parametrize(
+    ("command", "gate", "expected"),
+    [
+        ("lengths", "nonconforming", "nonconforming=P with P from 0 to 1"),
+        ("lengths", "nonconforming=1.5", "nonconforming=P with P from 0 to 1"),
+        ("lengths", "nonconforming=nan", "nonconforming=P with P from 0 to 1"),
+        ("lengths", "drift", "nonconforming=P with P from 0 to 1"),
+        ("fit-components", "drifts", "drift"),
+    ],
+)
+def test_unknown_gates(command: str, gate: str, expected: str, work: Path) -> None:
+    message = refused(work, command, "--fail-if", gate, *OUTPUTS)
+    assert message == f"mtu: unknown gate: '{gate}'; expected {expected}\n"
+
+
+SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.csv"]
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (["--positions", "0:140"], "--positions is not LOW:HIGH:COUNT: '0:140'"),
+        (["--positions", "140:0:8"], "--positions is not LOW:HIGH:COUNT"),
+        (["--positions", "0:inf:8"], "--positions is not LOW:HIGH:COUNT"),
+        (["--positions", "0:140:1"], "--positions is not LOW:HIGH:COUNT"),
+        (["--effect", "0.004*dir_x"], "--effect is not NAME: EQUATION: '0.004*dir_x'"),
+        (["--effect", "Ez: 0.004"], "--effect is of an unknown equation: 'Ez: 0.004'"),
+        (["--effect", "Ex: 0.004*dirx"], "unknown name 'dirx' at column 11"),
+        (["--effect", "Ex: 0.004*"], "--effect Ex: the equation ends too early at column 11"),
+        (["--effect", "Ex: 1/(x - x)"], "'Ex' has no finite value"),
+        (["--covariate", "x_mm: 1"], "--covariate: the name 'x_mm' is taken: 'x_mm: 1'"),
+        (["--covariate", "dir_x: 1"], "--covariate: the name 'dir_x' is taken"),
+        (["--covariate", "T_a_degC: 20 + t"], "unknown name 't' at column 16"),
+        (["--covariate", "a: 1", "--covariate", "a: 2"], "the name 'a' is taken: 'a: 2'"),
+        (["--minutes", "inf", "--cmm-u-um", "inf"], "--cmm-u-um is out of range: 'inf'"),
+        (["--seed", "-1"], "--seed is out of range: '-1'"),
+        (["--parts", "1000000000"], "rows to write; expected at most"),
+        (["--passes", "1000000000"], "rows to write; expected at most"),
+        (["--passes", "0"], "'--passes'"),
+        (["--cmm-u-um", "nan"], "'--cmm-u-um'"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_faulty_simulations(call: list[str], words: str, work: Path) -> None:
+    assert words in refused(work, *SIMULATE, *call)
+
+
+def test_unknown_schema_and_command(work: Path) -> None:
+    message = refused(work, "schema", "machin")
+    assert message.startswith("mtu: unknown schema: 'machin'; did you mean 'machine'?")
+    message = refused(work, "lenghts")
+    assert "No such command 'lenghts'" in message
+    assert "'lengths'" in message
+
+
+@pytest.fixture(scope="module")
+def fitted() -> dict[str, Any]:
+    """The components report of the small study."""
+    found: dict[str, Any] = json.loads(done(mtu("fit-components", SMALL, "-o", "-")).stdout)
+    return found
+
+
+def test_components_reports_that_are_not_sound(work: Path, fitted: dict[str, Any]) -> None:
+    components = fitted["results"]["components"]
+    components["dx_x"] |= {"s_repeat": -1.0, "unit": "inch"}
+    components["ez_x"]["covariance"][0][0] = -1.0
+    components["dy_y"] |= {"degree": 3}
+    components["axy"] |= {"pass_covariance": [[1.0, 0.0], [0.0, 1.0]]}
+    (work / "range.json").write_text(json.dumps(fitted))
+    assert "range.json: results.components.dx_x.s_repeat: " in refused(
+        work, "lengths", "-c", "range.json", *OUTPUTS
+    )
+    components["dx_x"]["s_repeat"] = 1.0
+    group = fitted["results"]["joint_pass_covariance"][0]
+    group["widths"][0] = 1
+    (work / "sizes.json").write_text(json.dumps(fitted))
+    found = refused(work, "lengths", "-c", "sizes.json", *OUTPUTS)
+    for words in (
+        "results.components.dx_x.unit: unknown unit: 'inch'",
+        "results.components.ez_x.covariance: a variance is negative",
+        "results.components.dy_y.coefficients: 2 coefficients of a component of degree 3",
+        "results.components.axy.pass_covariance is not 1 x 1".replace(
+            " is", ": pass_covariance is"
+        ),
+        "results.joint_pass_covariance.0.widths: not the numbers of coefficients",
+    ):
+        assert words in found
+
+
+def test_a_components_report_of_another_machine(work: Path) -> None:
+    done(mtu("fit-components", "-o", "fit.json", "-q", cwd=work))
+    text = (
+        (work / "machine.yaml")
+        .read_text()
+        .replace("dy_y", "dz_y")
+        .replace("ez_x: {of: x", "ez_x: {of: y")
+    )
+    (work / "other.yaml").write_text(text)
+    found = refused(
+        work, "lengths", "-m", "other.yaml", "-p", "part.yaml", "-c", "fit.json", *OUTPUTS
+    )
+    assert "fit.json: results.components.ez_x: 'ez_x' is of x" in found
+    assert "fit.json: results.components.dy_y: other.yaml has no component 'dy_y'" in found
+    shown = refused(work, "lengths", "-c", "fit.json", "-o", "fit.json")
+    assert shown.startswith("mtu: fit.json: is an input of this run and is not overwritten")
+
+
+def test_a_study_has_no_truth_to_simulate_without_readings(work: Path) -> None:
+    message = refused(work, *SIMULATE, "-m", TRUTH)
+    assert message.startswith("mtu: no part file is given; expected -p FILE")

@@ -1,0 +1,64 @@
+"""The same inputs and seed give the same bytes, wherever and however a command runs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from cli_runner import SMALL, Listing, done, listing, mtu, prepared
+
+SURROUNDINGS = [
+    (1, {"PYTHONHASHSEED": "0", "TZ": "UTC", "LC_ALL": "C"}),
+    (2, {"PYTHONHASHSEED": "1", "TZ": "Asia/Tokyo", "LC_ALL": "de_DE.UTF-8", "COLUMNS": "250"}),
+    (4, {"PYTHONHASHSEED": "4294967295", "LANG": "tr_TR.UTF-8", "MPLBACKEND": "svg"}),
+]
+KINDS = {"fit-components": "png", "predict-points": "svg", "lengths": "pdf", "orthogonality": "svg"}
+
+
+def outcome(folder: Path, command: str, threads: int, env: dict[str, str]) -> Listing:
+    """All bytes of a call: the files it writes, and its standard streams.
+
+    The call is made with absolute paths from another folder, at another home.
+    """
+    work = prepared(folder / "secret-folder")
+    away = folder / "away"
+    away.mkdir()
+    files = ["-o", "out.json", "--csv", "out.csv", "--plot", f"out.{KINDS[command]}"]
+    count = [] if command == "fit-components" else ["--threads", str(threads)]
+    result = done(mtu(command, work / "mtu.yaml", *files, *count, cwd=away, env=env))
+    return listing(away) | {"": result.stdout.encode(), " ": result.stderr.encode()}
+
+
+@pytest.mark.parametrize("command", KINDS)
+def test_threads_hash_seeds_languages_time_zones_and_places(command: str, tmp_path: Path) -> None:
+    first, *others = (
+        outcome(tmp_path / str(threads), command, threads, env) for threads, env in SURROUNDINGS
+    )
+    assert set(first) == {"", " ", "out.json", "out.csv", f"out.{KINDS[command]}"}
+    for other in others:
+        assert other == first
+    for name, content in first.items():
+        text = (content or b"").decode("utf-8", "replace")
+        assert "secret-folder" not in text, name
+        assert str(Path.home()) + "/" not in text, name
+        assert not re.search(r"\b20\d\d-\d\d-\d\d|CreationDate", text), name
+        assert '"path": "/' not in text, name
+
+
+def test_the_seed_makes_the_difference(tmp_path: Path) -> None:
+    texts: list[str] = []
+    for seed in ("1", "1", "2"):
+        path = tmp_path / f"{len(texts)}.json"
+        done(mtu("orthogonality", SMALL, "--seed", seed, "--trials", "20000", "-o", path))
+        texts.append(path.read_text("utf-8").replace(f'"seed": {seed}', '"seed"'))
+    assert texts[0] == texts[1] != texts[2]
+
+
+def test_simulated_files_are_the_same_everywhere(tmp_path: Path) -> None:
+    found = []
+    for threads, env in SURROUNDINGS[:2]:
+        work = prepared(tmp_path / str(threads))
+        done(mtu("simulate", "--write-lbb", "a.csv", "--write-cmm", "b.csv", cwd=work, env=env))
+        found.append(listing(work))
+    assert found[0] == found[1]

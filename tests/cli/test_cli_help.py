@@ -1,0 +1,40 @@
+"""Help: there for every command, complete, and no wider than a terminal."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+import typer
+from cli_runner import done, mtu
+
+from mtu_cli import __version__
+from mtu_cli.cli.main import app
+
+COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # a group has them
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_tells_every_option_in_a_sentence(name: str) -> None:
+    shown = done(mtu(name, "--help", env={"COLUMNS": "100"})).stdout
+    assert max(map(len, shown.splitlines())) <= 100
+    words = " ".join(re.sub("[^\x20-\x7e]", " ", shown).split())
+    assert COMMANDS[name].help in words
+    for parameter in COMMANDS[name].params:
+        for option in parameter.opts:
+            assert option in words or parameter.param_type_name == "argument"
+        assert re.fullmatch(r"(?s)[A-Z(\w-].{4,}[.;].*|.{5,}\.", parameter.help or ""), parameter
+        assert (parameter.help or "")[-1] in ".)", parameter.help
+
+
+def test_help_of_the_whole() -> None:
+    shown = done(mtu("--help", env={"COLUMNS": "100"})).stdout
+    assert max(map(len, shown.splitlines())) <= 100
+    for name in COMMANDS:
+        assert f" {name} " in shown
+    alone = mtu(env={"COLUMNS": "100"})
+    assert alone.stdout.strip() == shown.strip()
+
+
+def test_version() -> None:
+    assert done(mtu("--version")).stdout == f"mtu {__version__}\n"

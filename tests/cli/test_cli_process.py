@@ -1,0 +1,181 @@
+"""The process: pipes, terminals, signals, full disks, and what a kill leaves behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from cli_runner import MTU, SMALL, done, environment, listing, mtu, prepared, shell
+from support import SIMULATED
+
+ESCAPE = "\x1b["
+BOXES = re.compile("[\u2500-\u257f]")
+OLD = b'{"old": true}\n'
+
+
+def start(*args: object, cwd: Path) -> subprocess.Popen[bytes]:
+    """A call that runs while the test goes on."""
+    return subprocess.Popen(
+        [MTU, *map(str, args)],
+        cwd=cwd,
+        env=environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+@pytest.mark.parametrize(
+    "command", ["fit-components", "predict-points", "lengths", "orthogonality"]
+)
+def test_a_pipe_receives_plain_text(command: str) -> None:
+    plain = done(mtu(command, SMALL)).stdout
+    assert ESCAPE not in plain
+    assert BOXES.search(plain) is None
+    assert max(map(len, plain.splitlines())) <= 100
+    assert not any(line.endswith(" ") for line in plain.splitlines())
+
+
+def test_the_terminal_it_was_started_from_changes_nothing_in_a_pipe() -> None:
+    plain = done(mtu("lengths", SMALL)).stdout
+    assert done(mtu("lengths", SMALL, env={"COLUMNS": "40", "FORCE_COLOR": "1"})).stdout == plain
+
+
+def on_a_terminal(*args: object) -> str:
+    """What a call writes where standard output is a terminal."""
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [MTU, *map(str, args)],
+        env=environment({"TERM": "xterm-256color", "COLUMNS": "100"}),
+        stdin=subprocess.DEVNULL,
+        stdout=theirs,
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(theirs)
+    found = b""
+    while select.select([ours], [], [], 30)[0]:
+        try:
+            part = os.read(ours, 1 << 16)
+        except OSError:
+            break
+        if not part:
+            break
+        found += part
+    os.close(ours)
+    assert process.wait(30) == 0
+    return found.decode()
+
+
+def test_a_terminal_receives_colour() -> None:
+    shown = on_a_terminal("lengths", SMALL)
+    assert ESCAPE in shown
+    assert BOXES.search(shown)
+    bare = re.sub(r"\x1b\[[0-9;]*m", "", shown)
+    for line in done(mtu("lengths", SMALL)).stdout.splitlines()[3:5]:
+        assert line.split() == next(x for x in bare.splitlines() if x.startswith(line[:3])).split()
+
+
+def test_a_reader_that_leaves_early() -> None:
+    for call in (f"mtu lengths {SMALL}", f"mtu fit-components {SMALL} -o -", "mtu schema machine"):
+        result = done(shell(f"set -o pipefail; {call} | head -1"))
+        assert len(result.stdout.splitlines()) == 1
+        assert "BrokenPipe" not in result.stderr
+        assert "Exception" not in result.stderr
+
+
+def test_a_gate_counts_where_nobody_reads(tmp_path: Path) -> None:
+    process = start("fit-components", SIMULATED, "--fail-if", "drift", cwd=tmp_path)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    with process.stderr as stream:
+        error = stream.read().decode()
+    assert process.wait(30) == 3
+    assert "Traceback" not in error
+    assert "mtu: gate drift: drift in " in error
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_full_disks_and_closed_streams() -> None:
+    for call in (f"lengths {SMALL} > /dev/full", f"lengths {SMALL} -o /dev/full"):
+        assert "no space left on device" in done(shell(f"mtu {call}"), 2).stderr
+    done(shell(f"mtu lengths {SMALL} >&-"))
+    assert done(shell(f"mtu lengths {SMALL} -o - 2>&-")).stdout.startswith("{")
+
+
+def test_an_output_that_lacks_letters() -> None:
+    bare = {"PYTHONIOENCODING": "ascii"}
+    assert "20.2 \\xb1 3.0" in done(mtu("fit-components", SMALL, env=bare)).stdout
+    result = done(mtu("fit-components", SMALL, "-o", "-", env=bare))
+    assert result.stdout == done(mtu("fit-components", SMALL, "-o", "-")).stdout
+
+
+def test_interrupt(tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    before = listing(work)
+    process = start("orthogonality", "--trials", "1000000000", "-o", "out.json", cwd=work)
+    time.sleep(2.0)
+    process.send_signal(signal.SIGINT)
+    output, error = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert b"Traceback" not in error
+    assert output == b""
+    assert listing(work) == before
+
+
+def large(folder: Path) -> list[str]:
+    """A study and a call with a report of 2 MB, so that writing it takes a while."""
+    work = prepared(folder)
+    features = "".join(f"  f{i}: {{x_mm: {i / 2}, y_mm: {i / 3:.4f}}}\n" for i in range(160))
+    (work / "part.yaml").write_text(f"schema: mtu/part/1\nname: grid\nfeatures:\n{features}")
+    (work / "out.json").write_bytes(OLD)
+    return [
+        "predict-points",
+        "--covariance",
+        "--trials",
+        "1000",
+        "-q",
+        "-o",
+        "out.json",
+        "--csv",
+        "out.csv",
+    ]
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT], ids=["kill", "interrupt"])
+def test_stopped_while_writing(number: signal.Signals, tmp_path: Path) -> None:
+    """The moment is found by looking for the temporary file."""
+    call = large(tmp_path / "work")
+    work = tmp_path / "work"
+    kept = 0
+    for delay in (0.0, 0.002, 0.01, 0.05):
+        (work / "out.json").write_bytes(OLD)
+        (work / "out.csv").unlink(missing_ok=True)
+        for left in work.glob(".out*"):
+            left.unlink()
+        process = start(*call, cwd=work)
+        while process.poll() is None and not any(work.glob(".out.json*.tmp")):
+            time.sleep(0.0005)
+        time.sleep(delay)
+        process.send_signal(number)
+        _, error = process.communicate(timeout=30)
+        assert b"Traceback" not in error
+        content = (work / "out.json").read_bytes()
+        if content == OLD:
+            kept += 1
+            assert process.returncode in (130, -number)
+        else:
+            report = json.loads(content)
+            assert len(report["results"]["covariance_um2"]) == 320
+        if number == signal.SIGINT:
+            assert not any(work.glob(".out*"))
+            assert (content == OLD) == (not (work / "out.csv").exists())
+    assert kept >= 1

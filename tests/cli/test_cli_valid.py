@@ -1,0 +1,295 @@
+"""Calls that work: every command on the shipped studies, its outputs, and what depends on what."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from cli_runner import SMALL, TRUTH, VALID, done, listing, mtu, prepared, report
+from support import CONFIGS, DATA, PAPER, SIMULATED
+
+from mtu_cli.files.yaml_file import read_yaml
+
+FOLDERS = sorted(path for path in VALID.iterdir() if (path / "call.txt").exists())
+MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "svg": b"<?xml", "pdf": b"%PDF-"}
+KEYS = {"schema", "tool", "inputs", "settings", "results", "warnings"}
+PREDICTIONS = ("predict-points", "lengths", "orthogonality")
+MAIN = {
+    "fit-components": "components",
+    "predict-points": "points",
+    "lengths": "lengths",
+    "orthogonality": "orthogonality",
+}
+SHIPPED = [(command, SIMULATED) for command in MAIN] + [(command, PAPER) for command in PREDICTIONS]
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The components report of the simulated study."""
+    path = tmp_path_factory.mktemp("fit") / "components.json"
+    done(mtu("fit-components", SIMULATED, "-o", path, "-q"))
+    return path
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
+def test_sound_input(folder: Path, tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work", folder)
+    result = done(mtu(*shlex.split((folder / "call.txt").read_text("utf-8")), cwd=work))
+    for words in (folder / "expected.txt").read_text("utf-8").splitlines():
+        assert words in result.stdout + result.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "study"), SHIPPED, ids=lambda x: x.name if isinstance(x, Path) else x
+)
+def test_shipped_studies(command: str, study: Path, tmp_path: Path) -> None:
+    """Tables, report and main table come from one call and agree in what they list."""
+    outputs = ["-o", str(tmp_path / "out.json"), "--csv", str(tmp_path / "out.csv")]
+    result = done(mtu(command, study, *outputs))
+    document = json.loads((tmp_path / "out.json").read_text("utf-8"))
+    assert set(document) == KEYS
+    assert document["schema"] == f"mtu/{command}/1"
+    assert {item["role"] for item in document["inputs"]} >= {"study", "machine"}
+    assert all(re.fullmatch("[0-9a-f]{64}", item["sha256"]) for item in document["inputs"])
+    assert {f"[{item['code']}]" in result.stderr for item in document["warnings"]} <= {True}
+    assert len(result.stderr.splitlines()) == len(document["warnings"])
+    main = document["results"][MAIN[command]]
+    rows = (tmp_path / "out.csv").read_text("utf-8").splitlines()
+    assert len(rows) == len(main) + 1
+    ids = list(main) if isinstance(main, dict) else [item["id"] for item in main]
+    assert [row.split(",")[0] for row in rows[1:]] == ids
+    shown = [line.split()[0] for line in result.stdout.splitlines() if line]
+    assert [name for name in shown if name in ids] == ids
+
+
+def test_standard_output_holds_the_report_alone(tmp_path: Path) -> None:
+    result = done(mtu("lengths", SIMULATED, "-o", "-", "--plot", tmp_path / "out.svg"))
+    assert set(json.loads(result.stdout)) == KEYS
+    assert listing(tmp_path).keys() == {"out.svg"}
+    table = done(mtu("lengths", SIMULATED, "--csv", "-", "-o", tmp_path / "out.json"))
+    assert table.stdout.startswith("id,from,to,nominal_mm,")
+
+
+def test_quiet(tmp_path: Path) -> None:
+    assert done(mtu("lengths", PAPER, "-q")).stdout == ""
+    assert done(mtu("simulate", SMALL, "--write-lbb", tmp_path / "x.csv", "-q")).stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        ("fit-components", "out.svg"),
+        ("predict-points", "out.pdf"),
+        ("lengths", "out.PNG"),
+        ("orthogonality", "out.png"),
+    ],
+)
+def test_pictures(command: str, name: str, tmp_path: Path) -> None:
+    done(mtu(command, SMALL, "-q", "--plot", tmp_path / name))
+    content = (tmp_path / name).read_bytes()
+    assert content.startswith(MAGIC[name[-3:].lower()])
+    assert len(content) > 5000
+
+
+def test_covariance_is_in_the_report_where_it_is_asked_for() -> None:
+    plain = report("predict-points", SMALL)
+    full = report("predict-points", SMALL, "--covariance")
+    matrix = full["results"].pop("covariance_um2")
+    assert full["results"].pop("covariance_rows")[:2] == ["A.x", "A.y"]
+    assert plain["results"] == full["results"]
+    points = full["results"]["points"]
+    assert len(matrix) == 2 * len(points)
+    for i, point in enumerate(points):
+        assert matrix[2 * i][2 * i] == pytest.approx(point["var_x_um2"], rel=1e-12)
+        assert matrix[2 * i + 1][2 * i + 1] == pytest.approx(point["var_y_um2"], rel=1e-12)
+
+
+def test_the_study_is_found_here_and_above(tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    below = work / "reports" / "2024"
+    below.mkdir(parents=True)
+    here = done(mtu("lengths", cwd=work))
+    assert here.stdout.startswith("Lengths\n")
+    assert done(mtu("lengths", cwd=below)).stdout == here.stdout
+    assert done(mtu("lengths", work / "mtu.yaml")).stdout == here.stdout
+
+
+def test_options_win_over_the_study(tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    text = (work / "part.yaml").read_text().replace("to: C, tolerance_um: 30", "to: B")
+    (work / "other.yaml").write_text(text)
+    own = report("lengths", cwd=work)
+    found = report("lengths", "-p", "other.yaml", "--k", "3", "--seed", "5", cwd=work)
+    assert [item["id"] for item in own["results"]["lengths"]] == ["A-C", "A-E"]
+    assert [item["id"] for item in found["results"]["lengths"]] == ["A-B", "A-E"]
+    assert own["settings"] | {"coverage_factor": 3.0, "seed": 5} == found["settings"]
+    before, after = own["results"]["lengths"][1], found["results"]["lengths"][1]
+    assert after["U_um"] == 3 * after["u_um"]
+    assert (before["u_um"], before["error_um"]) == (after["u_um"], after["error_um"])
+
+
+def test_correlation_is_the_papers_where_it_is_asked_for() -> None:
+    shared = report("lengths", SMALL)["results"]["lengths"]
+    alone = report("lengths", SMALL, "--correlation", "independent")["results"]["lengths"]
+    for first, second in zip(shared, alone, strict=True):
+        assert second["u_um"] == first["independent"]["u_um"] != first["u_um"]
+
+
+def test_a_covariate_that_nothing_needs_is_a_warning() -> None:
+    found = report("lengths", SMALL, "--at", "T_air_degC=21")
+    assert found["settings"]["at"] == {"T_air_degC": 21.0}
+    assert "covariate-not-needed" in [item["code"] for item in found["warnings"]]
+
+
+@pytest.mark.parametrize("command", PREDICTIONS)
+def test_a_components_report_stands_for_the_readings(command: str, fitted: Path) -> None:
+    """To the last bit: the report holds all that predictions need."""
+    readings = report(command, SIMULATED)
+    again = report(command, SIMULATED, "-c", fitted)
+    assert again["results"] == readings["results"]
+    assert [item["role"] for item in again["inputs"]] == ["study", "machine", "components", "part"]
+    assert "readings-not-used" in [item["code"] for item in again["warnings"]]
+
+
+def test_a_components_report_wins_over_coefficients_of_the_machine(fitted: Path) -> None:
+    part = ["-p", SIMULATED / "part.yaml"]
+    paper = report("lengths", "-m", PAPER / "machine.yaml", *part)
+    found = report("lengths", "-m", PAPER / "machine.yaml", *part, "-c", fitted)
+    machine = ["-m", SIMULATED / "machine.yaml"]
+    expected = report("lengths", *machine, *part, "-c", fitted)["results"]
+    assert found["results"]["lengths"] == expected["lengths"] != paper["results"]["lengths"]
+
+
+def test_gates() -> None:
+    met = done(mtu("lengths", SIMULATED, "--fail-if", "nonconforming=1e-9"), 3)
+    assert "mtu: gate nonconforming=1e-9: probability of a nonconforming part above" in met.stderr
+    assert met.stdout == done(mtu("lengths", SIMULATED, "--fail-if", "nonconforming=0.5")).stdout
+    drift = done(mtu("fit-components", SIMULATED, "--fail-if", "drift"), 3)
+    assert "mtu: gate drift: drift in dx_x (pass to pass)" in drift.stderr
+    steady = DATA / "gilsinn-ling" / "axis_angle.csv"
+    done(mtu("fit-components", PAPER, "--lbb", steady, "--fail-if", "drift"))
+
+
+def test_outputs_are_written_where_a_gate_is_met(tmp_path: Path) -> None:
+    outputs = ["-o", str(tmp_path / "out.json"), "--csv", str(tmp_path / "out.csv")]
+    done(mtu("fit-components", SIMULATED, "--fail-if", "drift", *outputs), 3)
+    assert listing(tmp_path).keys() == {"out.json", "out.csv"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "files"),
+    [
+        ("machine", [*CONFIGS.glob("*/machine.yaml"), TRUTH]),
+        ("part", list(CONFIGS.glob("*/part.yaml"))),
+        ("study", list(CONFIGS.glob("*/mtu.yaml"))),
+    ],
+)
+def test_json_schemas(kind: str, files: list[Path]) -> None:
+    """The shipped files pass, also what editors refuse: a misspelt key, another schema."""
+    schema = json.loads(done(mtu("schema", kind)).stdout)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    assert len(files) >= 2
+    for path in files:
+        data: dict[str, Any] = read_yaml(path, kind).data
+        validator.validate(data)
+        assert not validator.is_valid(data | {"mashine": "m"})
+        assert not validator.is_valid(data | {"schema": f"mtu/{kind}/2"})
+
+
+def test_simulate_fit_predict(tmp_path: Path) -> None:
+    """A virtual machine is measured, and its components are found again within five u."""
+    readings, points = tmp_path / "lbb.csv", tmp_path / "cmm.csv"
+    part = SIMULATED / "part.yaml"
+    call = ["-m", TRUTH, "-p", part, "--seed", "3", "--passes", "12", "--parts", "3"]
+    shown = done(mtu("simulate", *call, "--write-lbb", readings, "--write-cmm", points)).stdout
+    assert shown.splitlines()[0].endswith("lbb.csv: 1932 synthetic rows")
+    assert shown.splitlines()[1].endswith("cmm.csv: 144 synthetic rows")
+    fit = tmp_path / "fit.json"
+    machine = ["-m", SIMULATED / "machine.yaml"]
+    done(mtu("fit-components", *machine, "--lbb", readings, "-o", fit, "-q"))
+    found = json.loads(fit.read_text())["results"]["components"]
+    truth = read_yaml(TRUTH, "machine").data["components"]
+    for name, item in found.items():
+        for k, value in enumerate(truth[name]["coefficients"]):
+            assert abs(item["coefficients"][k] - value) < 5 * item["covariance"][k][k] ** 0.5
+    lengths = report("lengths", *machine, "-p", part, "-c", fit)["results"]["lengths"]
+    assert [item["id"] for item in lengths] == ["3-9", "9-15", "3-15"]
+
+
+def csv_rows(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file below its comment lines."""
+    lines = [line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
+    header = lines[0].split(",")
+    return [dict(zip(header, line.split(","), strict=True)) for line in lines[1:]]
+
+
+def test_simulated_effects_and_covariates(tmp_path: Path) -> None:
+    call = ["simulate", "-m", TRUTH, "-p", SIMULATED / "part.yaml", "--parts", "2", "-q"]
+    call += ["--covariate", "T_bed_degC: 20 + time_min/60"]
+    done(mtu(*call, "--write-cmm", tmp_path / "a.csv"))
+    effect = ["--effect", "Ex: 0.004*dir_x", "--effect", "Ey: 0.001*(T_bed_degC\n - 20)"]
+    done(mtu(*call, *effect, "--write-cmm", tmp_path / "b.csv"))
+    plain, changed = csv_rows(tmp_path / "a.csv"), csv_rows(tmp_path / "b.csv")
+    assert len(plain) == len(changed) == 96
+    assert {row["dir_x"] for row in plain} == {"1", "-1"}
+    for first, second in zip(plain, changed, strict=True):
+        temperature = 20 + float(first["time_min"]) / 60
+        assert float(second["T_bed_degC"]) == pytest.approx(temperature, abs=1e-6)
+        moved = float(second["x_mm"]) - float(first["x_mm"])
+        assert moved == pytest.approx(0.004 * float(first["dir_x"]), abs=1.1e-6)
+        moved = float(second["y_mm"]) - float(first["y_mm"])
+        assert moved == pytest.approx(0.001 * (temperature - 20), abs=1.1e-6)
+
+
+def as_semicolons(text: str) -> bytes:
+    """Decimal commas, as a German spreadsheet saves them."""
+    return "\n".join(
+        line if line.startswith("#") else line.replace(",", ";").replace(".", ",")
+        for line in text.splitlines()
+    ).encode()
+
+
+def as_other_columns(text: str) -> bytes:
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    return "\n".join(",".join([*line.split(",")[::-1]]) for line in lines).encode()
+
+
+def as_commented(text: str) -> bytes:
+    lines = text.splitlines()
+    return ("# kept\n\n" + "\n".join([*lines[:20], "# a note", "", *lines[20:]])).encode()
+
+
+def as_windows(text: str) -> bytes:
+    return b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode()
+
+
+VARIANTS: dict[str, Callable[[str], bytes]] = {
+    "semicolons.csv": as_semicolons,
+    "windows.csv": as_windows,
+    "other-columns-quoted.csv": lambda text: re.sub(b"um\\b", b'"um"', as_other_columns(text)),
+    "commented.csv.gz": lambda text: gzip.compress(as_commented(text)),
+    "all.csv.gz": lambda text: gzip.compress(as_windows(as_semicolons(text).decode())),
+}
+
+
+def test_variants_of_a_csv_file_give_the_same_results(tmp_path: Path) -> None:
+    text = (DATA / "gilsinn-ling-simulated" / "lbb.csv").read_text("utf-8")
+    machine = SIMULATED / "machine.yaml"
+    (tmp_path / "plain.csv").write_text(text)
+    call = ["fit-components", "-m", machine, "--lbb"]
+    expected = report(*call, tmp_path / "plain.csv")
+    assert expected["inputs"][1]["rows"] == 805
+    for name, variant in VARIANTS.items():
+        (tmp_path / name).write_bytes(variant(text))
+        found = report(*call, tmp_path / name)
+        assert found["results"] == expected["results"], name
+        assert found["warnings"] == expected["warnings"], name
+        assert found["inputs"][1]["rows"] == 805, name

@@ -1,0 +1,196 @@
+"""A machine's components from readings, from a report, or from its own file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from machine_trials import POINTS, Drift, machine, read_machine
+from model_examples import Segment, loaded, readings, run_command, stated
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.components_file import read_components
+from mtu_cli.model.estimates import from_centre, to_centre
+from mtu_cli.model.fit import (
+    MachineFit,
+    estimates_from_fit,
+    estimates_from_report,
+    fit_machine,
+)
+from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.prediction import predict
+from mtu_cli.reports.fit_components import document
+
+
+def reported(folder: Path, known: object, fit: MachineFit) -> Path:
+    """The fit as `fit-components -o` writes it."""
+    from mtu_cli.files.machine import LoadedMachine
+
+    assert isinstance(known, LoadedMachine)
+    results = document("m", fit, estimates_from_fit(known, fit))
+    path = folder / "components.json"
+    path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
+    return path
+
+
+@pytest.mark.parametrize("drift", [Drift(1.0), Drift(0.0), Drift(1.0, common=True)])
+def test_a_report_predicts_what_its_fit_predicts(tmp_path: Path, drift: Drift) -> None:
+    known = machine(tmp_path)
+    fit = fit_machine(known, read_machine(np.random.default_rng(1), drift))
+    direct = estimates_from_fit(known, fit)
+    again = estimates_from_report(known, read_components(reported(tmp_path, known, fit)))
+    assert [group.components for group in again.joint] == [g.components for g in direct.joint]
+    for name, one in direct.components.items():
+        two = again.components[name]
+        scale = np.sqrt(np.diag(one.covariance))
+        size = np.outer(scale, scale)
+        assert two.coefficients == pytest.approx(one.coefficients, rel=1e-12)
+        assert two.covariance / size == pytest.approx(one.covariance / size, abs=1e-9)
+        assert two.pass_covariance / size == pytest.approx(one.pass_covariance / size, abs=1e-8)
+        assert two.s_repeat == pytest.approx(one.s_repeat, rel=1e-12)
+        assert (two.pass_dof, two.n_passes, two.of) == (one.pass_dof, one.n_passes, one.of)
+        assert two.repeat_dof == one.repeat_dof
+        assert two.position_range == one.position_range
+    A = np.random.default_rng(2).normal(size=(5, 6))
+    one_, two_ = (predict(build_model(known, e), list("abc"), POINTS) for e in (direct, again))
+    assert two_.mean == pytest.approx(one_.mean, rel=1e-12)
+    assert two_.variance(A).total == pytest.approx(one_.variance(A).total, rel=1e-8)
+    assert two_.variance(A).dof == pytest.approx(one_.variance(A).dof, rel=1e-6)
+    assert two_.independent_variance == pytest.approx(one_.independent_variance, rel=1e-9)
+
+
+def test_a_cubic_report_keeps_its_degrees_of_freedom(tmp_path: Path) -> None:
+    known = loaded(tmp_path, "components: {a: {of: x, unit: um, degree: 3}}\nequations: {Ex: a}\n")
+    p = np.linspace(0, 140, 8)
+    rng = np.random.default_rng(3)
+    error = 1e-3 * rng.standard_normal((6, 1)) + 1e-3 * rng.standard_normal((6, 8))
+    given = Segment(
+        name="a", position=np.tile(p, 6), error=error.ravel(), passes=np.repeat(np.arange(6), 8)
+    )
+    fit = fit_machine(known, readings([given]))
+    direct = estimates_from_fit(known, fit)
+    again = estimates_from_report(known, read_components(reported(tmp_path, known, fit)))
+    points = np.array([[0.0, 0, 0], [60, 0, 0], [200, 0, 0]])
+    one, two = (predict(build_model(known, e), list("abc"), points) for e in (direct, again))
+    found, wanted = two.variance(np.eye(3)), one.variance(np.eye(3))
+    assert found.total == pytest.approx(wanted.total, rel=1e-9)
+    assert found.dof == pytest.approx(wanted.dof, rel=1e-6)
+
+
+def test_readings_win_over_coefficients_and_the_rest_stays(tmp_path: Path) -> None:
+    known = loaded(
+        tmp_path,
+        """
+        components:
+          a: {unit: um, coefficients: [5.0]}
+          b: {unit: um, coefficients: [7.0]}
+        equations: {Ex: a + b}
+        """,
+    )
+    fit = fit_machine(known, readings([Segment(name="a", position=None, error=np.array([1.0, 3]))]))
+    found = estimates_from_fit(known, fit).components
+    assert found["a"].coefficients == pytest.approx([2.0])
+    assert found["b"].coefficients == pytest.approx([7e-3])
+    assert estimates_from_fit(known, None).components["a"].coefficients == pytest.approx([5e-3])
+
+
+def test_a_component_with_nothing_names_the_line_and_the_csv(tmp_path: Path) -> None:
+    known = loaded(
+        tmp_path,
+        "components:\n  a: {unit: um}\n  b: {of: x, unit: um}\nequations: {Ex: a + b}\n",
+    )
+    given = readings([Segment(name="a", position=None, error=np.array([1.0, 3]))])
+    with pytest.raises(InputError) as error:
+        fit_machine(known, given)
+    text = str(error.value)
+    assert "machine.yaml:5: components.b" in text
+    assert "'b' has neither readings nor coefficients" in text
+    assert "lbb.csv" in text
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("a: {of: y, unit: um}", "is of x in um"),
+        ("a: {of: x, unit: urad}", "is of x in um"),
+        ("a: {of: x, unit: um, degree: 2}", "is of degree 1"),
+    ],
+)
+def test_a_report_of_another_machine_is_refused(tmp_path: Path, change: str, message: str) -> None:
+    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
+    given = Segment(name="a", position=np.arange(5.0), error=np.array([1.0, 3, 2, 4, 1]))
+    path = reported(tmp_path, known, fit_machine(known, readings([given])))
+    equation = "0.5*x*a" if "rad" in change else "a"
+    other = loaded(tmp_path, f"components: {{{change}}}\nequations: {{Ex: {equation}}}\n")
+    with pytest.raises(InputError, match=message):
+        estimates_from_report(other, read_components(path))
+
+
+def test_a_report_in_another_unit_of_the_same_kind(tmp_path: Path) -> None:
+    text = "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n"
+    known = loaded(tmp_path, text)
+    given = Segment(name="a", position=np.arange(5.0), error=np.array([1.0, 3, 2, 4, 1]))
+    fit = fit_machine(known, readings([given]))
+    path = reported(tmp_path, known, fit)
+    other = loaded(tmp_path, text.replace("unit: um", "unit: mm"))
+    found = estimates_from_report(other, read_components(path)).components["a"]
+    assert found.coefficients == pytest.approx(fit.components["a"].estimate.coefficients)
+
+
+def test_as_many_readings_as_coefficients_have_no_uncertainty(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
+    (tmp_path / "part.yaml").write_text(
+        "schema: mtu/part/1\nname: p\nfeatures: {a: {x_mm: 0, y_mm: 0}}\n"
+    )
+    (tmp_path / "lbb.csv").write_text("component,position_mm,error,unit\na,0,1,um\na,10,2,um\n")
+    code, _, text = run_command(
+        monkeypatch, tmp_path, "predict-points", "-m", "machine.yaml", "-p", "part.yaml",
+        "--lbb", "lbb.csv",
+    )  # fmt: skip
+    assert code == 2
+    assert "machine.yaml:3: components.a: the component 'a' has as many readings as" in text
+    assert not (tmp_path / "report.json").exists()
+
+
+def test_stated_components(tmp_path: Path) -> None:
+    """Every form in which a machine file may state what is known, by hand."""
+    model = stated(
+        tmp_path,
+        """
+        components:
+          a: {of: x, unit: um, coefficients: [1, 0.1], s_repeat: 2, dof: 12,
+              pass_covariance: [[4, 0.1], [0.1, 0.01]], pass_center_mm: 50}
+          b: {of: x, unit: um, coefficients: [1, 0.1], u_future: 3, dof: 8}
+          c: {unit: um, coefficients: [1], u_future: 3, dof: 4}
+          d: {unit: um, coefficients: [1], covariance: [[9]], pass_dof: 5}
+        equations: {Ex: a + b + c + d}
+        """,
+    )
+    a, b, c, d = (term.estimate for term in model.terms)
+    x = 20.0
+    g = np.array([1.0, x])
+    of_D = 4 + 2 * 0.1 * (x - 50) + 0.01 * (x - 50) ** 2
+    assert g @ a.pass_covariance @ g == pytest.approx(of_D * 1e-6)
+    assert [a.pass_dof, a.repeat_dof, a.s_repeat] == pytest.approx([12, 12, 2e-3])
+    assert (b.pass_covariance == 0).all()
+    assert [b.s_repeat, b.pass_dof, b.repeat_dof] == pytest.approx([3e-3, 0, 8])
+    assert c.pass_covariance[0, 0] == pytest.approx(9e-6)
+    assert (c.s_repeat, c.pass_dof) == (0, 4)
+    assert d.covariance[0, 0] == pytest.approx(9e-6)
+
+
+def test_level_at_the_centre_and_back() -> None:
+    D = np.array([[4.0, 0.1], [0.1, 0.01]])
+    for k in (2, 3, 4):
+        T = from_centre(70.0, k, 2)
+        assert to_centre(70.0, T @ D @ T.T) == pytest.approx(D, rel=1e-9, abs=1e-12)
+        for p in (0.0, 70.0, 130.0):
+            g = p ** np.arange(k)
+            z = np.array([1.0, p - 70.0])
+            assert g @ T @ D @ T.T @ g == pytest.approx(z @ D @ z, rel=1e-9)
+    one = from_centre(70.0, 1, 1)
+    assert (one == [[1.0]]).all()

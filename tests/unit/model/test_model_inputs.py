@@ -1,0 +1,147 @@
+"""Covariates, fixed positions and degrees of the design matrix, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_examples import stated
+
+from mtu_cli.errors import InputError
+from mtu_cli.model.prediction import predict
+
+ARCSEC = np.pi / 180 / 3600
+
+COVARIATES = """
+components:
+  a: {of: x, unit: um, coefficients: [1.0, 0.1]}
+  b: {of: y, unit: um, degree: 0, coefficients: [5.0]}
+equations: {Ex: a*dir_x + b*(T_spindle_degC - 20) + 0.001*T_spindle_degC, Ey: b}
+"""
+
+
+def test_covariates_as_arrays_and_as_numbers(tmp_path: Path) -> None:
+    model = stated(tmp_path, COVARIATES)
+    assert model.covariates() == ("T_spindle_degC", "dir_x")
+    place = np.array([[10.0, 1, 0], [20, 2, 0], [30, 3, 0]])
+    direction, T = np.array([1.0, -1, 1]), np.array([20.0, 21.5, 26.0])
+    Ex = (1 + 0.1 * place[:, 0]) * 1e-3 * direction + 5e-3 * (T - 20) + 1e-3 * T
+    given = predict(model, list("abc"), place, {"dir_x": direction, "T_spindle_degC": T})
+    assert given.mean[0::2] == pytest.approx(Ex, rel=1e-14)
+    assert given.mean[1::2] == pytest.approx(np.full(3, 5e-3))
+    one = predict(model, ["b"], place[1:2], {"dir_x": -1.0, "T_spindle_degC": 21.5, "spare": 3.0})
+    assert one.mean[0] == pytest.approx(Ex[1], rel=1e-14)
+
+
+def test_a_missing_covariate_is_named(tmp_path: Path) -> None:
+    model = stated(tmp_path, COVARIATES)
+    with pytest.raises(InputError) as error:
+        predict(model, ["a"], np.zeros((1, 3)), {"T_spindel_degC": 20.0})
+    text = str(error.value)
+    assert "need the covariate 'dir_x'" in text
+    assert "--at T_spindle_degC=VALUE (did you mean 'T_spindel_degC'?)" in text
+    assert len(error.value.problems) == 2
+
+
+def test_a_position_constant_fixes_the_coordinate(tmp_path: Path) -> None:
+    text = """
+    constants: {z: 127.0}
+    components:
+      e: {of: x, unit: arcsec, coefficients: [2.0, 0.1]}
+      pz: {of: z, unit: um, coefficients: [1.0, 0.01]}
+    equations: {Ex: z*e + pz}
+    """
+    model = stated(tmp_path, text)
+    place = np.array([[10.0, 0, np.nan], [10.0, 0, 55.0]])
+    wanted = 127.0 * (2 + 0.1 * 10) * ARCSEC + (1 + 1.27) * 1e-3
+    assert predict(model, ["a", "b"], place).mean == pytest.approx([wanted, wanted], rel=1e-14)
+
+
+def test_a_fixed_position_with_uncertainty_propagates(tmp_path: Path) -> None:
+    model = stated(
+        tmp_path,
+        """
+        constants: {z: {value: 127.0, u: 0.5}}
+        components:
+          e: {of: x, unit: mrad, coefficients: [2.0]}
+          pz: {of: z, unit: um, coefficients: [1.0, 0.01]}
+        equations: {Ex: z*e + pz}
+        """,
+    )
+    found = predict(model, ["a"], np.array([[10.0, 0, np.nan]]))
+    assert found.variance(np.eye(1)).total[0] == pytest.approx((0.5 * (2e-3 + 1e-5)) ** 2)
+
+
+@pytest.mark.parametrize("degree", [0, 2, 3, 5])
+def test_degrees(tmp_path: Path, degree: int) -> None:
+    known = {"a": [(-1.0) ** k * (k + 1) / 40**k for k in range(degree + 1)]}
+    model = stated(
+        tmp_path,
+        f"components: {{a: {{of: y, unit: um, degree: {degree}, coefficients: {known['a']!r}}}}}\n"
+        "equations: {Ey: a}\n",
+    )
+    place = np.array([[0.0, -30, 0], [0, 0, 0], [0, 77, 0]])
+    y = place[:, 1]
+    wanted = sum(c * y**k for k, c in enumerate(known["a"])) * np.ones(3) * 1e-3
+    assert model.axes == ("y",)
+    assert predict(model, list("abc"), place).mean == pytest.approx(wanted, rel=1e-13)
+
+
+def test_a_missing_coordinate_is_named(tmp_path: Path) -> None:
+    text = "components: {e: {of: x, unit: urad, coefficients: [1.0]}}\nequations: {Ex: z*e}\n"
+    with pytest.raises(InputError, match="a value for z") as error:
+        predict(stated(tmp_path, text), ["a"], np.array([[3.0, 4, np.nan]]))
+    assert "equation Ex has no finite value at x=3, y=4" in str(error.value)
+
+
+def test_an_infinite_equation_is_an_input_error(tmp_path: Path) -> None:
+    text = """
+    components: {a: {of: x, unit: um, coefficients: [1.0, 0.1]}}
+    equations: {Ex: a*y/x}
+    """
+    with pytest.raises(InputError, match="no finite value at x=0, y=5") as error:
+        predict(stated(tmp_path, text), ["a", "b"], np.array([[1.0, 5, 0], [0.0, 5, 0]]))
+    assert "defined at every feature" in str(error.value)
+
+
+def test_equations_without_components_are_refused(tmp_path: Path) -> None:
+    text = "components: {a: {unit: um, coefficients: [1.0]}}\nequations: {Ex: 0.001*x}\n"
+    with pytest.raises(InputError, match="no equation holds a component"):
+        stated(tmp_path, text)
+
+
+def test_a_component_without_estimate_names_its_line(tmp_path: Path) -> None:
+    text = """
+    components:
+      a: {of: x, unit: um, coefficients: [1.0, 0.1]}
+      b: {of: x, unit: um}
+    equations: {Ex: a + b}
+    """
+    with pytest.raises(InputError) as error:
+        stated(tmp_path, text)
+    found = str(error.value)
+    assert "machine.yaml:6: components.b" in found
+    assert "neither readings nor coefficients" in found
+
+
+def test_independent_variance_by_hand(tmp_path: Path) -> None:
+    """Lever arms squared times x'(C + D)x + s^2, as the papers' eq. (18) has it."""
+    model = stated(
+        tmp_path,
+        """
+        components:
+          a: {of: x, unit: um, coefficients: [1, 0.1], covariance: [[0.4, -0.01], [-0.01, 0.001]],
+              pass_covariance: [[0.3, 0.0], [0.0, 0.002]], pass_center_mm: 50, s_repeat: 0.7}
+          f: {of: y, unit: um, degree: 0, coefficients: [1], u_future: 1.9}
+        equations: {Ex: 3*a - f}
+        """,
+    )
+    x = 20.0
+    of_C = 0.4 - 2 * 0.01 * x + 0.001 * x**2
+    of_D = 0.3 + 0.002 * (x - 50) ** 2
+    wanted = (9 * (of_C + of_D + 0.7**2) + 1.9**2) * 1e-6
+    result = predict(model, ["a"], np.array([[x, 0.0, 0.0]]))
+    assert result.independent_variance == pytest.approx([wanted], rel=1e-12)
+    # One point of one axis: nothing is shared that could make a difference.
+    assert result.variance(np.eye(1)).total == pytest.approx([wanted], rel=1e-12)

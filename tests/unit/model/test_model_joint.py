@@ -1,0 +1,236 @@
+"""Covariance between components that share passes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_examples import FloatArray, Segment, loaded, readings
+from numpy.typing import NDArray
+
+from mtu_cli.model.fit import estimates_from_fit, fit_machine
+from mtu_cli.model.joint import shared_passes
+from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.prediction import predict
+
+P = np.linspace(0.0, 90.0, 4)
+CENTRE = P.mean()
+PASSES = 5
+MACHINE = """
+components: {a: {of: x, unit: mm}, b: {of: y, unit: mm}, t: {unit: rad}}
+equations: {Ex: a - y*t, Ey: b + x*t}
+"""
+# Level and slope of a, of b, and the angle, at the centre of the readings.
+D = np.array(
+    [
+        [1.0, 4e-3, 0.9, 0.0, 3e-3],
+        [4e-3, 1e-4, 2e-3, 3e-5, 1e-5],
+        [0.9, 2e-3, 2.0, -6e-3, 4e-3],
+        [0.0, 3e-5, -6e-3, 2e-4, 0.0],
+        [3e-3, 1e-5, 4e-3, 0.0, 5e-5],
+    ]
+)
+TO_ORIGIN = np.array([[1.0, -CENTRE], [0.0, 1.0]])
+T = np.block(
+    [
+        [TO_ORIGIN, np.zeros((2, 3))],
+        [np.zeros((2, 2)), TO_ORIGIN, np.zeros((2, 1))],
+        [np.zeros((1, 4)), np.ones((1, 1))],
+    ]
+)
+S_REPEAT = (0.8, 1.5)
+
+
+def segments(states: FloatArray, rng: np.random.Generator) -> list[Segment]:
+    """Passes with the given states (passes, 5)."""
+    n = len(states)
+    number = np.repeat(np.arange(1, n + 1), len(P))
+    found = []
+    for c, (name, s) in enumerate(zip("ab", S_REPEAT, strict=True)):
+        lines = states[:, 2 * c, None] + states[:, 2 * c + 1, None] * (P - CENTRE)
+        noise = s * rng.standard_normal(lines.shape)
+        error = (lines + noise).ravel()
+        found.append(Segment(name=name, position=np.tile(P, n), error=error, passes=number))
+    found.append(Segment(name="t", position=None, error=states[:, 4], passes=np.arange(1, n + 1)))
+    return found
+
+
+def test_joint_covariances_are_unbiased(tmp_path: Path) -> None:
+    """C, D and a future part's covariance over many machines, against what drew them."""
+    machine = loaded(tmp_path, MACHINE)
+    rng = np.random.default_rng(1)
+    half = np.linalg.cholesky(D)
+    machines = 700
+    found_C, found_D, coefficients = [], [], []
+    for _ in range(machines):
+        states = rng.standard_normal((PASSES, 5)) @ half.T
+        fit = fit_machine(machine, readings(segments(states, rng)))
+        (group,) = fit.joint
+        assert group.components == ("a", "b", "t")
+        assert (group.pass_dof, group.n_passes) == (PASSES - 1, PASSES)
+        found_C.append(group.covariance)
+        found_D.append(group.pass_covariance)
+        coefficients.append(
+            np.concatenate([fit.components[name].estimate.coefficients for name in "abt"])
+        )
+    X = np.column_stack([np.ones_like(P), P])
+    of_noise = np.zeros((5, 5))
+    for c, s in enumerate(S_REPEAT):
+        of_noise[2 * c : 2 * c + 2, 2 * c : 2 * c + 2] = s**2 * np.linalg.inv(X.T @ X)
+    in_origin = T @ D @ T.T
+    of_C = (in_origin + of_noise) / PASSES
+    for found, wanted in ((found_D, in_origin), (found_C, of_C)):
+        sample = np.array(found)
+        error = sample.std(axis=0, ddof=1) / np.sqrt(machines)
+        assert (np.abs(sample.mean(axis=0) - wanted) < 4.5 * error).all()
+        # The test can tell: cross terms stand out from zero.
+        assert abs(wanted[0, 2]) > 4.5 * error[0, 2]
+    seen = np.cov(np.array(coefficients).T)
+    scale = np.sqrt(np.outer(np.diag(of_C), np.diag(of_C)) + of_C**2) / np.sqrt(machines)
+    assert (np.abs(seen - of_C) < 4.5 * scale).all()
+
+
+def test_prediction_with_shared_passes_by_hand(tmp_path: Path) -> None:
+    """g'(1 + 1/n)S g + s^2 terms, S from the passes' lines as numpy fits them."""
+    machine = loaded(tmp_path, MACHINE)
+    rng = np.random.default_rng(2)
+    given = segments(rng.standard_normal((PASSES, 5)) @ np.linalg.cholesky(D).T, rng)
+    fit = fit_machine(machine, readings(given))
+    model = build_model(machine, estimates_from_fit(machine, fit))
+    x, y = 30.0, 70.0
+    lines, s2, M = [], [], []
+    for item in given[:2]:
+        by_pass = item.error.reshape(PASSES, len(P))
+        own = np.polyfit(P, by_pass.T, 1)[::-1]
+        rest = by_pass - (own[0][:, None] + own[1][:, None] * P)
+        s2.append(np.sum(rest**2) / (PASSES * (len(P) - 2)))
+        at = x if item.name == "a" else y
+        lines.append(own[0] + own[1] * at)
+        M.append(1 / len(P) + (at - CENTRE) ** 2 / np.sum((P - CENTRE) ** 2))
+    Ex = lines[0] - y * given[2].error
+    Ey = lines[1] + x * given[2].error
+    found = predict(model, ["p"], np.array([[x, y, 0.0]]))
+    S = np.cov(Ex, Ey)
+    visits = np.diag([s2[0] * (1 - M[0]), s2[1] * (1 - M[1])])
+    assert found.mean == pytest.approx([Ex.mean(), Ey.mean()])
+    assert found.covariance == pytest.approx((1 + 1 / PASSES) * S + visits, rel=1e-9)
+    variance = found.variance(np.eye(2))
+    for i in range(2):
+        between = (1 + 1 / PASSES) * S[i, i]
+        nu = PASSES * (len(P) - 2)
+        spread = between**2 / (PASSES - 1) + visits[i, i] ** 2 / nu
+        assert variance.dof[i] == pytest.approx((between + visits[i, i]) ** 2 / spread)
+    assert variance.by_block.shape == (1, 2)
+
+
+def two(rng: np.random.Generator, **changes: object) -> list[Segment]:
+    """Two components in the same passes, the second with changes."""
+    first, second, _ = segments(rng.standard_normal((PASSES, 5)), rng)
+    return [first, replace(second, **changes)]  # type: ignore[arg-type]  # fields by name
+
+
+def groups(tmp_path: Path, given: list[Segment]) -> int:
+    machine = loaded(
+        tmp_path, MACHINE.replace(", t: {unit: rad}", "").replace("- y*t", "").replace("+ x*t", "")
+    )
+    return len(shared_passes(fit_machine(machine, readings(given)).components))
+
+
+def clock(start: float, passes: int = PASSES) -> FloatArray:
+    """Minutes of each reading: ten a pass, a reading a minute."""
+    return np.asarray(start + (10.0 * np.arange(passes)[:, None] + np.arange(len(P))).ravel())
+
+
+def test_who_shares_passes(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    assert groups(tmp_path, two(rng)) == 1
+    # Another instrument, other pass numbers, fewer passes, no pass column.
+    assert groups(tmp_path, two(rng, role="laser")) == 0
+    number: NDArray[np.int64] = np.repeat(np.arange(2, PASSES + 2), len(P))
+    assert groups(tmp_path, two(rng, passes=number)) == 0
+    direction = np.tile(np.repeat([1, -1], [2, 2]), PASSES)
+    assert groups(tmp_path, two(rng, direction=direction)) == 0
+    assert groups(tmp_path, two(rng, passes=None)) == 0
+
+
+def test_a_laser_reads_one_component_a_set_up(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    given = [replace(item, role="laser") for item in two(rng)]
+    assert groups(tmp_path, given) == 0
+    assert groups(tmp_path, [replace(item, setup="one") for item in given]) == 1
+    timed = [replace(item, time=clock(0)) for item in given]
+    assert groups(tmp_path, timed) == 1
+
+
+def test_set_ups_decide_where_they_are_given(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    first, second = two(rng)
+    same = [replace(first, setup="A"), replace(second, setup="A")]
+    other = [replace(first, setup="A"), replace(second, setup="B")]
+    assert groups(tmp_path, same) == 1
+    assert groups(tmp_path, other) == 0
+    assert groups(tmp_path, [replace(first, setup="A"), second]) == 0
+
+
+def test_times_must_overlap(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    first, second = two(rng)
+    first = replace(first, time=clock(0))
+    assert groups(tmp_path, [first, replace(second, time=clock(2))]) == 1
+    assert groups(tmp_path, [first, replace(second, time=clock(200))]) == 0
+    # One of the five passes apart is enough.
+    late = clock(2)
+    late[-len(P) :] += 100
+    assert groups(tmp_path, [first, replace(second, time=late)]) == 0
+
+
+def test_two_pairs_make_two_groups(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    machine = loaded(
+        tmp_path,
+        "components: {a: {of: x, unit: mm}, b: {of: x, unit: mm}, c: {of: x, unit: mm},"
+        " d: {of: x, unit: mm}, e: {of: x, unit: mm}}\nequations: {Ex: a + b + c + d + e}\n",
+    )
+    base = segments(rng.standard_normal((PASSES, 5)), rng)[0]
+    setups = {"a": "1", "b": "2", "c": "1", "d": "2", "e": "3"}
+    given = [replace(base, name=name, setup=setup) for name, setup in setups.items()]
+    found = shared_passes(fit_machine(machine, readings(given)).components)
+    assert [group.components for group in found] == [("a", "c"), ("b", "d")]
+
+
+def test_a_cubic_shares_its_level_and_slope(tmp_path: Path) -> None:
+    """Cross blocks of C are T S T'/n whatever the degree: powers are no pass's own."""
+    p = np.linspace(0, 90, 8)
+    machine = loaded(
+        tmp_path,
+        "components: {a: {of: x, unit: mm, degree: 3}, b: {of: x, unit: mm}}\n"
+        "equations: {Ex: a, Ey: b}\n",
+    )
+    rng = np.random.default_rng(8)
+    machines, found, C = 250, [], []
+    for _ in range(machines):
+        states = rng.standard_normal((PASSES, 2)) * [1.0, 0.02]
+        number = np.repeat(np.arange(1, PASSES + 1), 8)
+        given = [
+            Segment(
+                name=name,
+                position=np.tile(p, PASSES),
+                error=(states[:, :1] + states[:, 1:] * (p - 45)).ravel()
+                + 0.3 * rng.standard_normal(8 * PASSES),
+                passes=number,
+            )
+            for name in "ab"
+        ]
+        fit = fit_machine(machine, readings(given))
+        C.append(fit.joint[0].covariance[:4, 4:])
+        found.append(np.concatenate([fit.components[name].estimate.coefficients for name in "ab"]))
+    g = np.array([1.0, 20, 400, 8000])
+    h = np.array([1.0, 80])
+    claimed = np.array([g @ block @ h for block in C])
+    true = (1 + (0.02**2) * (20 - 45) * (80 - 45)) / PASSES
+    assert abs(claimed.mean() - true) < 4.5 * claimed.std() / np.sqrt(machines)
+    a, b = np.array(found)[:, :4] @ g, np.array(found)[:, 4:] @ h
+    error = np.sqrt((a.var() * b.var() + true**2) / machines)
+    assert abs(np.cov(a, b)[0, 1] - true) < 4.5 * error

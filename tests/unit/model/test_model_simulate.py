@@ -1,0 +1,216 @@
+"""Virtual machines: independent streams, the moments that were declared, effects."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_examples import FloatArray, estimate, model_of, stated
+
+from mtu_cli.errors import InputError
+from mtu_cli.language import parse
+from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.simulate import (
+    PartsPlan,
+    ReadingsPlan,
+    SimulatedPoints,
+    simulate_points,
+    simulate_readings,
+)
+
+IDS = ["a", "b", "c", "d"]
+POINTS = np.array([[0.0, 0, 0], [100, 0, 0], [100, 80, 0], [0, 80, 0]])
+D = np.array([[4e-6, -1e-8], [-1e-8, 9e-10]])
+PLAN = PartsPlan(
+    parts=3, repeats=2, cmm_u=1e-3, part_offset=2e-3, reverse_every=0, minutes=0.5
+)  # fmt: skip
+READ = ReadingsPlan(passes=3, directions=(1, -1), positions={"x": np.linspace(0, 100, 5)})
+
+
+def machine(s: float = 2e-3) -> MachineModel:
+    a = estimate("a", "x", [1e-3, 2e-5], D=D, s=s)
+    t = estimate("t", None, [1e-5], D=np.array([[4e-10]]))
+    return model_of([(a, {"x": "1", "y": "0.5"}), (t, {"x": "-y", "y": "x"})])
+
+
+def simulate(
+    plan: PartsPlan = PLAN, seed: int = 1, model: MachineModel | None = None
+) -> SimulatedPoints:
+    return simulate_points(model or machine(), IDS, POINTS, plan, seed)
+
+
+def shaped(found: SimulatedPoints, plan: PartsPlan) -> FloatArray:
+    """Errors (parts, repeats, features, axes)."""
+    errors = found.measured.reshape(plan.parts, plan.repeats, 4, 2) - POINTS[:, :2]
+    return np.asarray(errors)
+
+
+def test_more_parts_leave_the_earlier_ones() -> None:
+    more = replace(PLAN, parts=9)
+    assert (shaped(simulate(more), more)[:3] == shaped(simulate(), PLAN)).all()
+
+
+def test_more_repeats_leave_the_parts() -> None:
+    more = replace(PLAN, repeats=5)
+    assert (shaped(simulate(more), more)[:, :2] == shaped(simulate(), PLAN)).all()
+    exact = replace(PLAN, cmm_u=0.0)
+    other = replace(exact, repeats=7)
+    one, two = shaped(simulate(exact), exact), shaped(simulate(other), other)
+    assert (two == one[:, :1]).all()
+
+
+def test_more_passes_leave_the_earlier_ones_and_parts_do_not_move_readings() -> None:
+    few = simulate_readings(machine(), READ, 1)
+    many = simulate_readings(machine(), replace(READ, passes=8), 1)
+    for name in "at":
+        rows = [i for i, other in enumerate(few.component) if other == name]
+        first = [i for i, other in enumerate(many.component) if other == name][: len(rows)]
+        assert (many.error[first] == few.error[rows]).all()
+    assert (simulate_readings(machine(), READ, 2).error != few.error).all()
+
+
+def test_a_component_does_not_change_the_readings_of_those_before_it() -> None:
+    alone = model_of([(machine().terms[0].estimate, {"x": "1"})], axes=("x",))
+    few, many = simulate_readings(alone, READ, 1), simulate_readings(machine(), READ, 1)
+    assert (many.error[: len(few.error)] == few.error).all()
+
+
+def test_moments_of_readings() -> None:
+    """The passes' lines have covariance D + s^2 (X'X)^-1, what is left s^2."""
+    plan = ReadingsPlan(passes=4000, directions=(1,), positions=READ.positions)
+    found = simulate_readings(machine(), plan, 3)
+    rows = np.array([name == "a" for name in found.component])
+    errors = found.error[rows].reshape(4000, 5)
+    p = found.position[rows][:5]
+    X = np.column_stack([np.ones(5), p])
+    lines = errors @ X @ np.linalg.inv(X.T @ X)
+    wanted = D + 4e-6 * np.linalg.inv(X.T @ X)
+    se = np.sqrt((np.outer(np.diag(wanted), np.diag(wanted)) + wanted**2) / 4000)
+    assert (np.abs(np.cov(lines.T) - wanted) < 4.5 * se).all()
+    deviation = np.sqrt(np.diag(wanted) / 4000)
+    assert (np.abs(lines.mean(axis=0) - [1e-3, 2e-5]) < 4.5 * deviation).all()
+    rest = np.sum((errors - lines @ X.T) ** 2) / (4000 * 3)
+    assert rest == pytest.approx(4e-6, rel=4.5 * np.sqrt(2 / 12000))
+    angle = found.error[~rows]
+    assert len(angle) == 4000
+    assert angle.var(ddof=1) == pytest.approx(4e-10, rel=4.5 * np.sqrt(2 / 4000))
+
+
+def test_readings_run_back_and_forth() -> None:
+    found = simulate_readings(machine(), READ, 1)
+    positions = found.position[:10]
+    assert list(positions) == [0, 25, 50, 75, 100, 100, 75, 50, 25, 0]
+    assert list(found.direction[:10]) == [1] * 5 + [-1] * 5
+    assert list(found.pass_number[:30:10]) == [1, 2, 3]
+    constant = np.array([name == "t" for name in found.component])
+    assert list(found.direction[constant]) == [0, 0, 0]
+    assert found.unit[0] == "mm"
+
+
+def test_moments_of_parts() -> None:
+    """Part state, visits, offset and CMM noise: covariance over 4000 parts by hand."""
+    plan = replace(PLAN, parts=4000, repeats=2)
+    errors = shaped(simulate(plan, seed=4), plan)
+    x, y = POINTS[:, 0], POINTS[:, 1]
+    rows = []
+    for i in range(4):
+        rows += [[1, x[i], -y[i]], [0.5, 0.5 * x[i], x[i]]]
+    J = np.array(rows)
+    state = np.zeros((3, 3))
+    state[:2, :2], state[2, 2] = D, 4e-10
+    lever = np.array([1, 0.5])
+    wanted = J @ state @ J.T + np.kron(np.eye(4), 4e-6 * np.outer(lever, lever))
+    wanted += np.kron(np.ones((4, 4)), 4e-6 * np.eye(2))  # the part's offset
+    wanted += 1e-6 / 2 * np.eye(8)  # mean of two measurements
+    means = errors.mean(axis=1).reshape(4000, 8)
+    se = np.sqrt((np.outer(np.diag(wanted), np.diag(wanted)) + wanted**2) / 4000)
+    assert (np.abs(np.cov(means.T) - wanted) < 4.5 * se).all()
+    expected = J @ [1e-3, 2e-5, 1e-5]
+    assert (np.abs(means.mean(axis=0) - expected) < 4.5 * np.sqrt(np.diag(wanted) / 4000)).all()
+    within = np.diff(errors, axis=1).ravel()
+    assert within.var() == pytest.approx(2e-6, rel=4.5 * np.sqrt(2 / len(within)))
+
+
+def test_a_cubic_has_the_declared_pass_covariance() -> None:
+    whole = np.zeros((4, 4))
+    whole[:2, :2] = D
+    model = model_of([(estimate("a", "x", [0, 0, 0, 1e-9], D=whole), {"x": "1"})], axes=("x",))
+    plan = ReadingsPlan(passes=3000, directions=(1,), positions={"x": np.array([0.0, 100.0])})
+    errors = simulate_readings(model, plan, 5).error.reshape(3000, 2)
+    X = np.array([[1, 0], [1, 100.0]])
+    wanted = X @ D @ X.T
+    se = np.sqrt((np.outer(np.diag(wanted), np.diag(wanted)) + wanted**2) / 3000)
+    assert (np.abs(np.cov(errors.T) - wanted) < 4.5 * se).all()
+    assert errors.mean(axis=0) == pytest.approx([0, 1e-3], abs=4.5 * np.sqrt(wanted.max() / 3000))
+
+
+QUIET = PartsPlan(parts=4, repeats=1, cmm_u=0.0, part_offset=0.0, reverse_every=2, minutes=0.5)
+
+
+def quiet() -> MachineModel:
+    return model_of([(estimate("a", None, [0.0]), {"x": "1", "y": "1"})])
+
+
+def test_directions_sequence_and_time() -> None:
+    found = simulate(QUIET, model=quiet()).covariates
+    by_part = {name: values.reshape(4, 4) for name, values in found.items()}
+    # a b c d: right, up, left; the second and fourth part are made d c b a.
+    assert list(by_part["dir_x"][0]) == [1, 1, 1, -1]
+    assert list(by_part["dir_y"][0]) == [1, 1, 1, 1]
+    assert list(by_part["dir_x"][1]) == [-1, 1, 1, 1]
+    assert list(by_part["dir_y"][1]) == [-1, -1, 1, 1]
+    assert (by_part["dir_x"][2] == by_part["dir_x"][0]).all()
+    assert list(by_part["sequence"][:, 0]) == [1, 2, 3, 4]
+    assert list(by_part["time_min"][0]) == [0, 0.5, 1, 1.5]
+    assert list(by_part["time_min"][1]) == [3.5, 3, 2.5, 2]
+    assert "dir_z" not in by_part
+
+
+def test_effects_and_covariates_are_evaluated() -> None:
+    plan = replace(
+        QUIET,
+        effects=(("x", parse("0.004*dir_x + 1e-4*(T_spindle_degC - 20)")), ("y", parse("x*1e-5"))),
+        covariates=(("T_spindle_degC", parse("20 + time_min/2")),),
+    )
+    found = simulate(plan, model=quiet())
+    errors = found.measured - np.tile(POINTS[:, :2], (4, 1))
+    c = found.covariates
+    assert c["T_spindle_degC"] == pytest.approx(20 + c["time_min"] / 2)
+    assert errors[:, 0] == pytest.approx(0.004 * c["dir_x"] + 1e-4 * c["time_min"] / 2, abs=1e-13)
+    assert errors[:, 1] == pytest.approx(np.tile(POINTS[:, 0] * 1e-5, 4), abs=1e-13)
+    assert found.part == tuple(str(p) for p in range(1, 5) for _ in range(4))
+    assert found.feature == tuple(IDS * 4)
+
+
+def test_effects_that_cannot_be_evaluated() -> None:
+    with pytest.raises(InputError, match="unknown name 'dir_q'"):
+        simulate(replace(QUIET, effects=(("x", parse("dir_q")),)), model=quiet())
+    with pytest.raises(InputError, match="no finite value"):
+        simulate(replace(QUIET, effects=(("x", parse("1/x")),)), model=quiet())
+
+
+DECLARED = """
+components: {a: {of: x, unit: um, coefficients: [1.0, 0.1]}}
+equations: {Ex: a*T_spindle_degC/20, Ey: 0}
+effects:
+  - {name: e, parameters: {h: {value: 4, u: 1, unit: um}}, equations: {Ex: h*dir_x}}
+"""
+
+
+def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
+    """Its parameters are nothing an instrument reads; its covariates must be given."""
+    model = stated(tmp_path, DECLARED)
+    assert set(simulate_readings(model, READ, 1).component) == {"a"}
+    with pytest.raises(InputError, match="need the covariate 'T_spindle_degC'") as error:
+        simulate(QUIET, model=model)
+    assert "--covariate 'T_spindle_degC: EQUATION'" in str(error.value)
+    plan = replace(QUIET, covariates=(("T_spindle_degC", parse("30")),))
+    found = simulate(plan, model=model)
+    Ex = found.measured[:, 0] - np.tile(POINTS[:, 0], 4)
+    a = (1 + 0.1 * np.tile(POINTS[:, 0], 4)) * 1e-3
+    assert Ex == pytest.approx(1.5 * a + 4e-3 * found.covariates["dir_x"], abs=1e-13)
+    row = POINTS[[0, 0]] + [[0, 0, 0], [0, 5, 0]]
+    with pytest.raises(InputError, match="need the covariate 'dir_x'"):
+        simulate_points(model, ["a", "b"], row, plan, 1)
