@@ -9,9 +9,11 @@ import numpy as np
 
 from mtu_cli.analyses.anova_parts import (
     FEWEST_PARTS,
+    Kind,
     Label,
     UnusualPart,
     axis_scatter,
+    full_labels,
     part_limits,
     parts_table,
     side_by_side,
@@ -50,6 +52,8 @@ class Analysed:
     are the parts that stand out of each table by itself.
     """
 
+    kind: Kind
+    method: Method
     tables: MeasuredTables
     one_way: OneWay
     components: Components
@@ -93,14 +97,13 @@ def analyse_variance(
     and for a feature that stands twice in one repeat of one part.
     """
     warnings = check_measured(points)
-    kinds: dict[str, MeasuredTables | None] = {"features": feature_tables(points)}
+    kinds: dict[Kind, MeasuredTables | None] = {"feature": feature_tables(points)}
     if part is not None:
         kinds |= _of_part(points, part)
-        warnings += missing_entries(part, kinds["lengths"], kinds["angles"])
-    present = {kind: tables for kind, tables in kinds.items() if tables is not None}
-    bases = {kind: _Base(tables) for kind, tables in present.items()}
+        warnings += missing_entries(part, kinds["length"], kinds["angle"])
+    bases = {k: _Base(k, tables) for k, tables in kinds.items() if tables is not None}
     family = side_by_side(
-        *(parts_table(base.tables, base.one_way, base.reml) for base in bases.values())
+        *(parts_table(base.tables, kind, base.one_way, base.reml) for kind, base in bases.items())
     )
     outstanding, unusual = unusual_parts(family, settings.seed)
     singles: dict[Label, list[str]] = {}
@@ -108,12 +111,12 @@ def analyse_variance(
         for label in item.singles:
             singles.setdefault(label, []).append(item.part)
     found = {kind: _analysed(base, method, singles) for kind, base in bases.items()}
-    features = found["features"]
+    features = found["feature"]
     return AnovaResult(
         method=method,
         features=features,
-        lengths=found.get("lengths"),
-        angles=found.get("angles"),
+        lengths=found.get("length"),
+        angles=found.get("angle"),
         unusual=None if outstanding is None else tuple(unusual),
         axis_scatter=axis_scatter(features.tables, settings.seed),
         totals=totals_of(features.tables, features.one_way, features.reml),
@@ -131,24 +134,25 @@ def analyse_variance(
 class _Base:
     """What every method needs of the tables of one kind."""
 
-    def __init__(self, tables: MeasuredTables) -> None:
+    def __init__(self, kind: Kind, tables: MeasuredTables) -> None:
+        self.kind = kind
         self.tables = tables
         self.one_way = one_way(tables.cells)
         self.reml = reml(tables.cells)
 
 
-def _of_part(points: Points, part: LoadedPart) -> dict[str, MeasuredTables | None]:
+def _of_part(points: Points, part: LoadedPart) -> dict[Kind, MeasuredTables | None]:
     """Tables of the part file's lengths and angles."""
     lengths, angles = part.part.lengths, part.part.orthogonality
     names = [name for item in lengths for name in (item.from_, item.to)]
     names += [name for item in angles for name in (*item.row, *item.column)]
     needed = only_features(points, names)
     if not len(needed):
-        return {"lengths": None, "angles": None}
+        return {"length": None, "angle": None}
     visits = visits_of(needed)
     return {
-        "lengths": length_tables(needed, visits, part),
-        "angles": angle_tables(needed, visits, part),
+        "length": length_tables(needed, visits, part),
+        "angle": angle_tables(needed, visits, part),
     }
 
 
@@ -176,6 +180,8 @@ def _analysed(base: _Base, method: Method, singles: dict[Label, list[str]]) -> A
     table, components = base.one_way, _components(base, method)
     u_mean, u_future = _uncertainties(base, components, method)
     return Analysed(
+        kind=base.kind,
+        method=method,
         tables=base.tables,
         one_way=table,
         components=components,
@@ -183,7 +189,9 @@ def _analysed(base: _Base, method: Method, singles: dict[Label, list[str]]) -> A
         interval=part_interval(base.tables.cells, table),
         u_mean=u_mean,
         u_future=u_future,
-        unusual=tuple(tuple(singles.get(label, ())) for label in base.tables.labels),
+        unusual=tuple(
+            tuple(singles.get(label, ())) for label in full_labels(base.tables, base.kind)
+        ),
     )
 
 

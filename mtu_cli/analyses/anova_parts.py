@@ -20,6 +20,7 @@ FEWEST_PARTS = 4
 
 Label = tuple[str, str, str]
 Why = Literal["distance", "mean", "single"]
+Kind = Literal["feature", "length", "angle"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,10 +28,10 @@ class UnusualPart:
     """A part that stands out at the family-wise rate, and by what most of all.
 
     `why`: its mean over a group of tables (an axis of an operation, the lengths), its distance
-    there (root mean square), or a `single` table. `where` is that group or table (operation, id,
-    axis), `deviation` how far the part lies from the parts' mean there and `typical` how far
-    the others do (root mean square), in the unit of the tables; `singles` all tables that stand
-    out by themselves.
+    there (root mean square), or a `single` table. `where` is that table (operation, id, axis)
+    or the group (id ""), "length" and "angle" standing for an axis; `deviation` how far the
+    part lies from the parts' mean there and `typical` how far the others do (root mean square),
+    in the unit of the tables; `singles` all tables that stand out by themselves.
     """
 
     part: str
@@ -57,16 +58,27 @@ class PartsTable:
     group: tuple[Label, ...]
 
 
-def parts_table(tables: MeasuredTables, table: OneWay, components: Components) -> PartsTable:
+def full_labels(tables: MeasuredTables, kind: Kind) -> tuple[Label, ...]:
+    """Labels of which the axis of a length is "length", that of a right angle "angle"."""
+    return tuple((operation, name, axis or kind) for operation, name, axis in tables.labels)
+
+
+def parts_table(
+    tables: MeasuredTables, kind: Kind, table: OneWay, components: Components
+) -> PartsTable:
     """Deviations of part means; the variance of one is s_part^2 + s_repeat^2/n_i."""
     cells = tables.cells
     raw = cells.mean - (table.mean - cells.origin)[:, None]
     scaled = raw / mean_scale(tables, components)
     for values in (raw, scaled):
         values[~cells.present] = np.nan
-    group = tuple((operation, "" if axis else "*", axis) for operation, _, axis in tables.labels)
+    labels = full_labels(tables, kind)
     return PartsTable(
-        labels=tables.labels, parts=tables.parts, raw=raw.T, scaled=scaled.T, group=group
+        labels=labels,
+        parts=tables.parts,
+        raw=raw.T,
+        scaled=scaled.T,
+        group=tuple((operation, "", axis) for operation, _, axis in labels),
     )
 
 

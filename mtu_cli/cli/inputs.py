@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mtu_cli.files.components_file import ComponentsReport
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.part import LoadedPart
+    from mtu_cli.files.points import Points
     from mtu_cli.files.readings import Readings
     from mtu_cli.files.source import Source
 
@@ -104,6 +105,19 @@ class Inputs:
         readings = read_readings(files, self.machine.machine.components, for_fit=True)
         self.sources.extend(readings.sources)
         return readings
+
+    @cached_property
+    def points(self) -> Points:
+        """The measured points; nominals from the part file if there is one, else their own."""
+        from mtu_cli.files.points import read_points
+
+        files = self.files("cmm")
+        if not files:
+            self.only("cmm", "--cmm")
+        places = self.part.part.places() if self.files("part") else None
+        points = read_points([(path, "cmm") for path in files], places)
+        self.sources.extend(points.sources)
+        return points
 
     @cached_property
     def at(self) -> dict[str, float]:

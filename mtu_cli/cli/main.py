@@ -96,6 +96,13 @@ p.register(
 )
 p.register(
     app,
+    "anova",
+    [p.STUDY, p.PART, p.CMM, p.METHOD, p.COVERAGE, p.SEED, p.OUTPUT, p.fail_if("unusual")],
+    _lazily("anova"),
+    "Measured parts: part-to-part and CMM scatter of features, lengths and right angles.",
+)
+p.register(
+    app,
     "simulate",
     [p.STUDY, p.PART, p.COMPONENTS, p.SEED, SIMULATE, p.QUIET],
     _lazily("simulate"),

@@ -78,6 +78,29 @@ READINGS: list[Parameter] = [
         None,
     ),
 ]
+CMM: list[Parameter] = [
+    (
+        "cmm",
+        Annotated[
+            list[Path] | None, typer.Option("--cmm", help="Measured points CSV; repeatable.")
+        ],
+        None,
+    ),
+]
+METHOD: list[Parameter] = [
+    (
+        "method",
+        Annotated[
+            str,
+            typer.Option(
+                "--method",
+                metavar="METHOD",
+                help="Components of variance: reml, anova (mean squares) or paper.",
+            ),
+        ],
+        "reml",
+    ),
+]
 AT: list[Parameter] = [
     (
         "at",

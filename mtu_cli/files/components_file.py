@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+)
 
 from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.json_file import read_json
@@ -14,8 +22,24 @@ from mtu_cli.files.source import Source
 from mtu_cli.units import UNITS
 
 SCHEMA = "mtu/fit-components/1"
-Matrix = list[list[float]]
 NonNegative = Annotated[float, Field(ge=0)]
+
+
+def _or_nan(value: object) -> object:
+    return math.nan if value is None else value
+
+
+def _not_negative(value: float) -> float:
+    if value < 0:
+        raise ValueError("should not be negative")
+    return value
+
+
+Figure = Annotated[float, Field(strict=True, allow_inf_nan=True), BeforeValidator(_or_nan)]
+"""A number; nan where the report says null, because the readings do not determine it."""
+
+Deviation = Annotated[Figure, AfterValidator(_not_negative)]
+Matrix = list[list[Figure]]
 
 
 class ReportedComponent(BaseModel):
@@ -31,7 +55,7 @@ class ReportedComponent(BaseModel):
     covariance: Matrix
     covariance_independent: Matrix | None
     s: NonNegative | None
-    s_repeat: NonNegative
+    s_repeat: Deviation
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
     pass_center_mm: float

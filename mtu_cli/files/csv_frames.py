@@ -117,7 +117,8 @@ def _frame(
     )
     if usecols is None and frame[_BEYOND].notna().any():
         raise Suspect
-    return frame.iloc[1:]
+    found: pd.DataFrame = frame.iloc[1:]
+    return found
 
 
 def _mark(dtype: object) -> str:

@@ -139,7 +139,9 @@ def visits_of(points: Points) -> Visits:
     _, operation = operations_of(points)
     features, parts = len(points.features), len(points.parts)
     run = operation * parts + points.part
-    repeat = np.where(points.repeat >= 0, points.repeat, occurrence(run * features + points.feature))
+    repeat = np.where(
+        points.repeat >= 0, points.repeat, occurrence(run * features + points.feature)
+    )
     numbers, code = np.unique(repeat, return_inverse=True)
     distinct, visit = np.unique(run * len(numbers) + code.reshape(-1), return_inverse=True)
     visit = visit.reshape(-1)
@@ -256,9 +258,9 @@ def _slope(visits: Visits, which: list[int], along: int, across: int) -> FloatAr
     u = u - u.mean(axis=1, keepdims=True)
     squares = (u * u).sum(axis=1)
     # Features one above the other have no slope.
-    return np.divide(
-        (u * v).sum(axis=1), squares, out=np.full(len(u), np.nan), where=squares > 0
-    )
+    slope = np.full(len(u), np.nan)
+    np.divide((u * v).sum(axis=1), squares, out=slope, where=squares > 0)
+    return slope
 
 
 def _visit_tables(

@@ -30,7 +30,12 @@ def check_measured(points: Points) -> list[Warned]:
     where that cannot be chance.
     """
     axes = axes_of(points)
-    return [*_copies(points, axes), *_left_out(points, axes), *_far(points, axes)]
+    return [
+        *_copies(points, axes),
+        *_left_out(points, axes),
+        *_moved(points, axes),
+        *_far(points, axes),
+    ]
 
 
 def _far(points: Points, axes: tuple[int, ...]) -> list[Warned]:
@@ -59,6 +64,27 @@ def _left_out(points: Points, axes: tuple[int, ...]) -> list[Warned]:
             what = f"{AXES[axis]}_mm is left out: not every point has it with a nominal"
             found.append(Warned(code="axis-left-out", message=what))
     return found
+
+
+def _moved(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+    """A feature is one place of the part: two nominals are two features, or a slip."""
+    first = np.zeros(len(points.features), np.int64)
+    first[points.feature[::-1]] = np.arange(len(points) - 1, -1, -1)
+    moved = np.zeros(len(points), bool)
+    for axis in axes:
+        nominal = points.nominal[:, axis]
+        moved |= np.abs(nominal - nominal[first][points.feature]) > SAME_MM
+    if not moved.any():
+        return []
+    i = int(np.argmax(moved))
+    names = np.unique(points.feature[moved])
+    text = (
+        f"{len(names)} of {len(points.features)} features have more than one nominal place "
+        f"(first: {points.features[points.feature[i]]!r} in "
+        f"{points.sources[points.file_index[i]].shown}, row {points.row[i]}): the errors of "
+        "different places are analysed as one feature"
+    )
+    return [Warned(code="nominals-differ", message=text)]
 
 
 def _mistake(measured: FloatArray, nominal: FloatArray) -> str:

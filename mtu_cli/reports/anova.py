@@ -26,16 +26,17 @@ def arcsec2(value: float | None) -> float | None:
     return None if value is None else finite(value / ARCSEC**2)
 
 
+UNITS: tuple[tuple[str, Number, Number], ...] = (("um", um, um2), ("arcsec", arcsec, arcsec2))
+
+
 def document(result: AnovaResult) -> dict[str, Any]:
     """`results` of the report."""
     k = result.coverage_factor
     return {
         "method": result.method,
-        "features": list(entries(result.features, k, "um")),
-        "lengths": [] if result.lengths is None else list(entries(result.lengths, k, "um")),
-        "orthogonality": []
-        if result.angles is None
-        else list(entries(result.angles, k, "arcsec")),
+        "features": list(entries(result.features, k)),
+        "lengths": list(entries(result.lengths, k)) if result.lengths else [],
+        "orthogonality": list(entries(result.angles, k)) if result.angles else [],
         "totals": [_total(item) for item in result.totals],
         "unusual_parts": None
         if result.unusual is None
@@ -52,11 +53,11 @@ def document(result: AnovaResult) -> dict[str, Any]:
     }
 
 
-def entries(found: Analysed, k: float, unit: str) -> Iterator[dict[str, Any]]:
-    """One entry a table; values in `unit`, "um" or "arcsec", and its square."""
-    value, square = (um, um2) if unit == "um" else (arcsec, arcsec2)
+def entries(found: Analysed, k: float) -> Iterator[dict[str, Any]]:
+    """One entry a table; values in um or arcsec, and its square."""
+    unit, value, square = UNITS[found.kind == "angle"]
     table, components = found.one_way, found.components
-    name = "feature" if unit == "um" and found.tables.labels[0][2] else "id"
+    name = "feature" if found.kind == "feature" else "id"
     for i, (operation, label, axis) in enumerate(found.tables.labels):
         yield {
             "operation": operation or None,
@@ -77,16 +78,13 @@ def entries(found: Analysed, k: float, unit: str) -> Iterator[dict[str, Any]]:
             f"var_part_estimate_{unit}2": square(components.part_estimate[i]),
             f"var_repeat_{unit}2": square(components.repeat[i]),
             f"var_part_interval95_{unit}2": _interval(square, found.interval[i]),
-            "method": METHOD_NAMES[found.method],
+            "method": found.method,
             f"s_pooled_{unit}": value(math.sqrt(table.ms_within[i])),
             f"u_mean_{unit}": value(found.u_mean[i]),
             f"u_future_{unit}": value(found.u_future[i]),
             f"U_future_{unit}": value(k * found.u_future[i]),
             "unusual_parts": list(found.unusual[i]),
         }
-
-
-METHOD_NAMES = {"paper": "paper", "anova": "anova", "reml": "reml"}
 
 
 def _interval(square: Number, ends: Iterable[float]) -> list[float | None] | None:
@@ -100,6 +98,7 @@ def _total(item: Total) -> dict[str, Any]:
         "axis": item.axis,
         "features": item.features,
         "mean_error_um": um(item.mean),
+        "s_mean_errors_um": um(item.spread),
         "largest_mean_error_um": um(item.largest),
         "mean_var_part_um2": um2(item.part),
         "mean_var_repeat_um2": um2(item.repeat),
@@ -110,26 +109,23 @@ def _total(item: Total) -> dict[str, Any]:
     }
 
 
-def in_arcsec(label: Label) -> bool:
-    """Whether a group of tables (operation, "*", kind) or a table is of right angles."""
-    return label[2] == "angle"
-
-
 def _unusual(item: UnusualPart) -> dict[str, Any]:
-    unit, value = ("arcsec", arcsec) if in_arcsec(item.where) else ("um", um)
-    operation, name, axis = item.where
+    unit, value, _ = UNITS[item.where[2] == "angle"]
     return {
         "part": item.part,
         "p_familywise": finite(item.p),
         "why": item.why,
-        "where": {"operation": operation or None, "id": name or None, "axis": axis},
+        "where": _place(item.where),
         f"deviation_{unit}": value(item.deviation),
         f"typical_{unit}": value(item.typical),
-        "singles": [
-            {"operation": operation or None, "id": name, "axis": axis or None}
-            for operation, name, axis in item.singles
-        ],
+        "singles": [_place(label) for label in item.singles],
     }
+
+
+def _place(label: Label) -> dict[str, str | None]:
+    """`axis` is x, y, z, "length" or "angle"; `id` is null for all of the operation's together."""
+    operation, name, axis = label
+    return {"operation": operation or None, "id": name or None, "axis": axis}
 
 
 CSV_COLUMNS = [
@@ -142,7 +138,8 @@ CSV_COLUMNS = [
 
 def csv_rows(result: AnovaResult) -> tuple[list[str], Iterable[list[object]]]:
     """One row a table of features, the fields of `results.features` side by side."""
-    return CSV_COLUMNS, (_flat(item) for item in entries(result.features, result.coverage_factor, "um"))
+    found = entries(result.features, result.coverage_factor)
+    return CSV_COLUMNS, (_flat(item) for item in found)
 
 
 def _flat(found: dict[str, Any]) -> list[object]:

@@ -1,0 +1,67 @@
+"""`mtu anova`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, cast
+
+from mtu_cli.analyses.anova import METHODS, AnovaResult, Method, analyse_variance
+from mtu_cli.cli.execute import Outcome, execute
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.parameters import Options
+from mtu_cli.errors import did_you_mean, fault
+from mtu_cli.model.settings import Settings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+GATE = "unusual"
+
+
+def run(options: Options) -> None:
+    """Splits the scatter of measured parts."""
+    execute(options, analyse)
+
+
+def analyse(inputs: Inputs, settings: Settings) -> Outcome:
+    from mtu_cli.reports import anova as report
+
+    gate, method = inputs.options.fail_if, inputs.options.method
+    if gate not in (None, GATE):
+        raise fault("unknown gate", value=gate, expected=GATE)
+    if method not in METHODS:
+        raise fault("unknown method", value=method, expected=did_you_mean(method, METHODS))
+    points = inputs.points
+    part = inputs.part if inputs.files("part") else None
+    result = analyse_variance(points, part, cast(Method, method), settings)
+    return Outcome(
+        results=lambda: report.document(result),
+        tables=lambda: _tables(result),
+        rows=lambda: report.csv_rows(result),
+        figure=lambda: _figure(result),
+        warnings=result.warnings,
+        gate=None if gate is None else _met(result),
+    )
+
+
+def _tables(result: AnovaResult) -> list[object]:
+    from mtu_cli.reports.anova_table import table
+
+    return table(result)
+
+
+def _figure(result: AnovaResult) -> Figure:
+    from mtu_cli.reports.anova_figure import figure
+
+    return figure(result)
+
+
+def _met(result: AnovaResult) -> str | None:
+    if result.unusual is None:
+        raise fault(
+            "no part can be called unusual among so few", expected="four or more measured parts"
+        )
+    if not result.unusual:
+        return None
+    names = [item.part for item in result.unusual]
+    more = f" and {len(names) - 6} more" if len(names) > 6 else ""
+    return f"parts that stand out: {', '.join(names[:6])}{more}"
