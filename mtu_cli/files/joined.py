@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 MINUTE = 60_000_000
 LARGEST_INTEGER = 2.0**53
+LARGEST_READING = 1e12
 
 
 def read_tables(
@@ -107,6 +108,18 @@ def check_signs(tables: Sequence[Table], name: str, problems: ProblemList) -> No
         values = numbers(tables, name)
         faulty = ~np.isnan(values) & (np.abs(values) != 1.0)
         _by_table(tables, faulty, name, "not a direction", values, "-1 or +1", problems)
+
+
+def check_magnitude(table: Table, name: str, problems: ProblemList) -> None:
+    """Cells of a column that are no measurement: their squares would overflow."""
+    values = table.columns.numbers.get(name)
+    if values is None:
+        return
+    large = np.flatnonzero(np.abs(values) > LARGEST_READING)
+    cells = values[large].tolist()
+    expected = f"at most {LARGEST_READING:g} in size"
+    if len(large):
+        problems.add_cells(table, large, name, "too large", cells, expected)
 
 
 def _by_table(

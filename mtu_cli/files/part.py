@@ -20,12 +20,18 @@ Place = tuple[float, float, float | None]
 REFERENCE_TEMPERATURE = 20.0
 
 
+LARGEST_MM = 1e9
+"""A thousand kilometres: beyond it a coordinate is a slip, and products of them overflow."""
+
+Coordinate = Annotated[float, Field(ge=-LARGEST_MM, le=LARGEST_MM)]
+
+
 class Feature(Contract):
     """The nominal place of a feature in the part's frame, mm."""
 
-    x_mm: float
-    y_mm: float
-    z_mm: float | None = Field(default=None, description="Default: the part's z_mm")
+    x_mm: Coordinate
+    y_mm: Coordinate
+    z_mm: Coordinate | None = Field(default=None, description="Default: the part's z_mm")
 
 
 class _Identified(Contract):
@@ -103,7 +109,9 @@ class Part(Contract):
     name: Annotated[str, Field(min_length=1)]
     says: str | None = Field(default=None, description="What it is, in words")
     notes: str | None = Field(default=None, description="Free text")
-    z_mm: float | None = Field(default=None, description="z of all features that do not state it")
+    z_mm: Coordinate | None = Field(
+        default=None, description="z of all features that do not state it"
+    )
     features: Annotated[dict[str, Feature], Field(min_length=1)]
     lengths: list[Length] = Field(default=[], description="Lengths between features")
     orthogonality: list[Orthogonality] = Field(

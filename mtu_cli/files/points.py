@@ -96,6 +96,9 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
 
 
 def _check_table(table: Table, features: Mapping[str, Place] | None, problems: ProblemList) -> None:
+    for axis in AXES:
+        joined.check_magnitude(table, f"{axis}_mm", problems)
+        joined.check_magnitude(table, f"nominal_{axis}_mm", problems)
     if features is not None:
         joined.check_labels(
             table, "feature", "unknown feature",

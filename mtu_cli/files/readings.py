@@ -118,6 +118,8 @@ def _check_table(
         lambda label: None if label in UNITS else unit_expectation(label), problems,
     )  # fmt: skip
     joined.check_labels(table, "direction", "unknown direction", _direction_hint, problems)
+    for name in ("error", "position_mm"):
+        joined.check_magnitude(table, name, problems)
     if components is not None:
         joined.check_labels(
             table, "component", "unknown component",

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem
-from mtu_cli.model.estimates import ComponentEstimate, between_passes, from_centre
+from mtu_cli.model.estimates import ComponentEstimate, from_centre
+from mtu_cli.model.instruments import combine
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray, PassFit, fit_passes
 from mtu_cli.stats.pass_tests import (
@@ -26,11 +27,15 @@ if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
 
 
+PassKey = tuple[int, int, int]
+"""(file, pass, direction)."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentFit:
     """One component as one instrument read it; arrays in mm, rad and the readings' order.
 
-    `keys` (G, 2) are the (pass, direction) of the fit's passes, in its order.
+    `keys` are the (file, pass, direction) of the fit's passes, in its order.
     """
 
     role: str
@@ -38,7 +43,7 @@ class InstrumentFit:
     error: FloatArray
     direction: FloatArray
     group: IntArray | None
-    keys: tuple[tuple[int, int], ...]
+    keys: tuple[PassKey, ...]
     starts: FloatArray
     ends: FloatArray
     setups: tuple[str, ...]
@@ -85,7 +90,7 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     estimates = [_estimate(name, component, unit, fit) for fit in fits]
     if len(fits) > 1:
         _check_weights(readings, name, fits, estimates)
-    estimate, agreement = combine(estimates)
+    estimate, agreement = combine(estimates, [len(fit.error) for fit in fits])
     return ComponentFit(
         name=name, unit=unit, instruments=fits, estimate=estimate, agreement_p=agreement
     )
@@ -106,7 +111,7 @@ def _check_weights(
             expected="more readings, with all their digits",
         )
         for fit, estimate in zip(fits, estimates, strict=True)
-        if not (np.diag(estimate.covariance) > 0).all()
+        if not estimate.independent_s
     ]
     if problems:
         raise InputError(problems)
@@ -147,21 +152,23 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
 
 def _passes(
     readings: Readings, rows: IntArray, without_axis: bool
-) -> tuple[IntArray | None, tuple[tuple[int, int], ...]]:
-    """The pass of every reading: one (pass, direction), forward before reverse.
+) -> tuple[IntArray | None, tuple[PassKey, ...]]:
+    """The pass of every reading: one (file, pass, direction), forward before reverse.
 
-    A component without a position is read once a pass, so that readings without a pass
-    number are passes of their own.
+    Files number their passes on their own: pass 1 of two days is two passes. A component
+    without a position is read once a pass, so that readings without a pass number are passes
+    of their own.
     """
     if not readings.has_pass[rows].all():
         if not without_axis:
             return None, ()
-        return np.arange(len(rows)), tuple((i + 1, 0) for i in range(len(rows)))
+        files = readings.file_index[rows]
+        return np.arange(len(rows)), tuple((int(f), i + 1, 0) for i, f in enumerate(files))
     numbers = readings.pass_number[rows].astype(np.int64)
     signs = readings.direction[rows].astype(np.int64)
-    pairs = np.column_stack([numbers, -signs])
-    distinct, group = np.unique(pairs, axis=0, return_inverse=True)
-    keys = tuple((int(number), int(-sign)) for number, sign in distinct)
+    triples = np.column_stack([readings.file_index[rows], numbers, -signs])
+    distinct, group = np.unique(triples, axis=0, return_inverse=True)
+    keys = tuple((int(file), int(number), int(-sign)) for file, number, sign in distinct)
     return group.reshape(-1).astype(np.int64), keys
 
 
@@ -205,80 +212,3 @@ def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> Co
         independent_s=float(np.sqrt(fit.plain.s2)),
         position_range=None if component.of is None else (low, high),
     )
-
-
-def combine(estimates: Sequence[ComponentEstimate]) -> tuple[ComponentEstimate, float | None]:
-    """One estimate from several instruments' and the p value that they agree.
-
-    b = (sum C_i^-1)^-1 sum C_i^-1 b_i. The scatter of passes and of visits is pooled by
-    degrees of freedom: an instrument's own noise stays in s_repeat, which is then an upper
-    bound of the machine's.
-    """
-    if len(estimates) == 1:
-        return estimates[0], None
-    first = estimates[0]
-    weights = [np.linalg.inv(item.covariance) for item in estimates]
-    C = np.linalg.inv(np.sum(weights, axis=0))
-    b = C @ np.sum([w @ e.coefficients for w, e in zip(weights, estimates, strict=True)], axis=0)
-    passes = np.array([item.pass_dof for item in estimates])
-    repeats = np.array([item.repeat_dof for item in estimates])
-    D = _pooled([item.pass_covariance for item in estimates], passes)
-    s2 = _pooled([np.array(item.s_repeat**2) for item in estimates], repeats)
-    ranges = [item.position_range for item in estimates if item.position_range is not None]
-    independent = [w for w in (item.independent_covariance for item in estimates) if w is not None]
-    combined = ComponentEstimate(
-        name=first.name,
-        of=first.of,
-        unit=first.unit,
-        coefficients=b,
-        covariance=(C + C.T) / 2,
-        pass_covariance=D,
-        s_repeat=float(np.sqrt(s2)),
-        pass_dof=float(passes.sum()),
-        repeat_dof=float(repeats.sum()),
-        independent_covariance=np.linalg.inv(np.sum([np.linalg.inv(w) for w in independent], 0)),
-        independent_s=float(
-            np.sqrt(np.mean([(item.independent_s or 0.0) ** 2 for item in estimates]))
-        ),
-        position_range=(min(r[0] for r in ranges), max(r[1] for r in ranges)) if ranges else None,
-    )
-    return combined, agreement(estimates[0], estimates[1])
-
-
-def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
-    """p value that two instruments read the same line.
-
-    T^2 = d' (C_a + C_b)^-1 d with d = b_a - b_b, referred to F with the effective degrees of
-    freedom of its covariance (Yao, Biometrika 52 (1965) 139, with Welch's weights taken over
-    all coefficients): a chi-square would reject far too often, the covariances being estimated.
-    """
-    from scipy.special import fdtrc
-
-    d = a.coefficients - b.coefficients
-    inverse = np.linalg.inv(a.covariance + b.covariance)
-    k = len(d)
-    sources = [source for item in (a, b) for source in _sources(item)]
-    shares = [float(np.trace(part @ inverse)) / k for part, _ in sources]
-    nu = 1.0 / sum(share**2 / dof for share, (_, dof) in zip(shares, sources, strict=True))
-    if nu <= k - 1:
-        return 1.0
-    F = float(d @ inverse @ d) * (nu - k + 1) / (nu * k)
-    return float(fdtrc(k, nu - k + 1, F))
-
-
-def _sources(item: ComponentEstimate) -> list[tuple[FloatArray, float]]:
-    """The mean squares that make up C, with their degrees of freedom."""
-    S = between_passes(item)
-    if S is None or item.n_passes is None:
-        return [(item.covariance, item.pass_dof or item.repeat_dof)]
-    of_passes = S / item.n_passes
-    return [(of_passes, item.pass_dof), (item.covariance - of_passes, item.repeat_dof)]
-
-
-def _pooled(values: Sequence[FloatArray], dofs: FloatArray) -> FloatArray:
-    """Mean weighted by degrees of freedom; those without any have no say."""
-    finite = np.where(np.isinf(dofs), 1e9, dofs)
-    if finite.sum() == 0:
-        return np.zeros_like(values[0])
-    pooled: FloatArray = np.tensordot(finite / finite.sum(), np.array(values), axes=1)
-    return pooled

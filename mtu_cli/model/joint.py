@@ -21,9 +21,9 @@ def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
     """The groups of components that share passes, with their joint covariances.
 
     Two components share passes if one instrument read both in the same (pass, direction)
-    pairs and nothing says otherwise: with a `setup` column the set-ups must agree, with times
-    the passes must overlap; a laser reads one component a set-up, so without either its passes
-    are not shared.
+    pairs and, with a `setup` column, in the same set-ups, or, with times, in passes that
+    overlap. Without either, passes of one ball-bar file are shared; those of two files are
+    not, nor those of a laser, which reads one component a set-up.
     """
     groups: list[list[ComponentFit]] = []
     for fit in fits.values():
@@ -39,14 +39,14 @@ def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
 
 
 def _share(a: InstrumentFit, b: InstrumentFit) -> bool:
-    if a.role != b.role or a.keys != b.keys:
+    if a.role != b.role or [key[1:] for key in a.keys] != [key[1:] for key in b.keys]:
         return False
     if any(a.setups) or any(b.setups):
         return a.setups == b.setups
     if np.isfinite(a.starts).all() and np.isfinite(b.starts).all():
         overlap = (a.starts <= b.ends) & (b.starts <= a.ends)
         return bool(overlap.all())
-    return a.role == "lbb"
+    return a.role == "lbb" and a.keys == b.keys
 
 
 def _joint(group: Sequence[ComponentFit]) -> JointPasses:

@@ -167,7 +167,7 @@ def _sheet(title: str, found: Analysed, k: float) -> Sheet:
 METHODS = {
     "reml": "restricted maximum likelihood",
     "anova": "mean squares (a negative variance is shown as <0)",
-    "paper": "the root of MS_between, as Gilsinn & Ling 2004",
+    "paper": "the root of MS_between, as Gilsinn & Ling 2004; the interval is of s part itself",
 }
 
 

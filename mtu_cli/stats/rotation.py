@@ -10,6 +10,7 @@ large tables quickly.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -25,6 +26,7 @@ ENTRIES = 100_000
 WORK = 40_000_000
 """Entries rotated for a large table, in all; never fewer than `FEWEST` rotations."""
 FEWEST = 39
+MOST_THREADS = 4
 DENSE_ROWS = 64
 """Up to so many rows the rotations are uniform on the whole orthogonal group."""
 
@@ -49,28 +51,39 @@ def outstanding_rows(table: FloatArray, groups: NDArray[np.int64], seed: int) ->
     """Rows that stand out of `table` (rows, columns), nan where an entry is missing.
 
     Three kinds of statistics share the error rate: single entries |d_ij|/s_j, the distance
-    sum_j d_ij^2/s_j^2 and the mean |sum_j d_ij/s_j| over the columns of a group (an axis of an
-    operation, say), d the deviation from the column's mean and s its sample deviation. Missing
-    entries count as 0; rows of unequal repeats should be scaled to equal variance before.
+    sum_j d_ij^2/s_j^2 over the columns of a group (an axis of an operation, say) and over all
+    of them, and the mean |sum_j d_ij/s_j| over those of a group; d is the deviation from the
+    column's mean, s its sample deviation. Missing entries count as 0, which errs on the safe
+    side; rows of unequal repeats should be scaled to equal variance before.
     """
     d, count = _scaled(table)
     indicator = (groups[:, None] == np.unique(groups)[None, :]).astype(np.float64)
     rng = np.random.default_rng(seed)
     if d.size <= ENTRIES:
-        return _by_rotation(d, indicator, rng)
+        return _by_rotation(d, count, indicator, rng)
     return _by_bounds(d, count, indicator, rng)
 
 
-def _by_rotation(d: FloatArray, indicator: FloatArray, rng: np.random.Generator) -> Outstanding:
+def _by_rotation(
+    d: FloatArray, count: FloatArray, indicator: FloatArray, rng: np.random.Generator
+) -> Outstanding:
     observed = _statistics(d, indicator)
-    rotate = _rotations(d, rng)
-    largest = np.empty((ROTATIONS, 3))
-    for b in range(ROTATIONS):
-        largest[b] = [item.max() for item in _statistics(rotate(), indicator)]
-    p = [_tail(item, largest[:, kind]) for kind, item in enumerate(observed)]
+    rotate = _rotations(_filled(d, count), rng)
+    largest: list[list[FloatArray]] = [[], [], []]
+    for _ in range(ROTATIONS):
+        for found, item in zip(largest, _statistics(rotate(), indicator), strict=True):
+            found.append(item.max(axis=0))
+    # Entries are alike in all columns, the others differ in size from group to group.
+    nulls: list[FloatArray] = [np.array(largest[0]).max(axis=1)]
+    values = [observed[0]]
+    for kind in (1, 2):
+        value, null = _alike(observed[kind], np.array(largest[kind]))
+        values.append(value)
+        nulls.append(null)
+    p = [_tail(value, null) for value, null in zip(values, nulls, strict=True)]
     # The three kinds are tested side by side: the smallest p of a table under the null is
     # itself referred to its distribution.
-    own = np.array([_tail(largest[:, kind], largest[:, kind]) for kind in range(3)])
+    own = np.array([_tail(null, null) for null in nulls])
     smallest = own.min(axis=0)
     entries, distance, mean = (_lower_tail(item, smallest) for item in p)
     return _outstanding(entries, distance.min(axis=1), mean.min(axis=1))
@@ -88,23 +101,39 @@ def _by_bounds(
     scale = np.sqrt((means**2).sum(axis=0) / (rows - 1))
     means = means / np.where(scale > 0, scale, 1.0)
     mean = np.minimum(4 * means.size * deviation_p(means, np.full(1, float(rows))), 1.0)
-    observed = (d**2) @ indicator
+    together = _and_all(indicator)
+    observed = (d**2) @ together
     # Single precision suffices for a null distribution and halves the time.
-    rotate = _rotations(d.astype(np.float32), rng)
-    single = indicator.astype(np.float32)
+    rotate = _rotations(_filled(d, count).astype(np.float32), rng)
+    single = together.astype(np.float32)
     rotations = max(FEWEST, min(ROTATIONS, WORK // d.size))
-    largest = np.empty(rotations)
+    largest = np.empty((rotations, together.shape[1]))
     for b in range(rotations):
         turned = rotate()
-        largest[b] = (np.square(turned, out=turned) @ single).max()
-    distance = np.minimum(2 * _tail(observed, largest, 1e-5), 1.0)
+        largest[b] = (np.square(turned, out=turned) @ single).max(axis=0)
+    distance = np.minimum(2 * _tail(*_alike(observed, largest), 1e-5), 1.0)
     return _outstanding(entries, distance.min(axis=1), mean.min(axis=1))
 
 
+def _alike(observed: FloatArray, largest: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Statistics (rows, groups) of groups of any size made comparable, and the null (rotations,)
+    of the largest of them.
+
+    Each is taken in terms of its group's largest values, the observed one among them: they
+    are exchangeable under the null.
+    """
+    pool = np.vstack([largest, observed.max(axis=0)])
+    s = pool.std(axis=0)
+    s = np.where(s > 0, s, 1.0)
+    return (observed - pool.mean(axis=0)) / s, ((largest - pool.mean(axis=0)) / s).max(axis=1)
+
+
 def _outstanding(entries: FloatArray, distance: FloatArray, mean: FloatArray) -> Outstanding:
-    rowwise = np.stack([distance, mean])
+    # Of equals the mean says more: it has a sign.
     return Outstanding(
-        by_row=rowwise.min(axis=0), by_cell=entries, row_kind=np.argmin(rowwise, axis=0)
+        by_row=np.minimum(distance, mean),
+        by_cell=entries,
+        row_kind=(mean <= distance).astype(np.int64),
     )
 
 
@@ -119,8 +148,22 @@ def _scaled(table: FloatArray) -> tuple[FloatArray, FloatArray]:
     return scaled, count
 
 
+def _filled(d: FloatArray, count: FloatArray) -> FloatArray:
+    """What is rotated: columns with missing entries stretched to the variance of full ones."""
+    stretched: FloatArray = d * np.sqrt((len(d) - 1) / np.maximum(count - 1, 1))
+    return stretched
+
+
+def _and_all(indicator: FloatArray) -> FloatArray:
+    """The groups and, where there are several, all columns together."""
+    if indicator.shape[1] == 1:
+        return indicator
+    return np.column_stack([indicator, np.ones(len(indicator))])
+
+
 def _statistics(d: FloatArray, indicator: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return np.abs(d), (d**2) @ indicator, np.abs(d @ indicator) / np.sqrt(indicator.sum(axis=0))
+    squares = (d**2) @ _and_all(indicator)
+    return np.abs(d), squares, np.abs(d @ indicator) / np.sqrt(indicator.sum(axis=0))
 
 
 def _rotations(d: FloatArray, rng: np.random.Generator) -> Rotate:
@@ -130,9 +173,17 @@ def _rotations(d: FloatArray, rng: np.random.Generator) -> Rotate:
         from scipy.fft import dct, idct
 
         core = dct(d, axis=0, norm="ortho")
-        return lambda: idct(
-            core * rng.choice(np.array([-1, 1], d.dtype), (rows, 1)), axis=0, norm="ortho"
-        )
+        signs = np.array([-1, 1], d.dtype)
+        threads = min(MOST_THREADS, os.cpu_count() or 1)
+
+        def flip() -> FloatArray:
+            turned: FloatArray = idct(
+                core * rng.choice(signs, (rows, 1)), axis=0, norm="ortho", overwrite_x=True,
+                workers=threads,
+            )  # fmt: skip
+            return turned
+
+        return flip
     basis = _complement_of_ones(rows)
     inner = basis.T @ d
 
@@ -156,7 +207,7 @@ def _tail(values: FloatArray, null: FloatArray, rounding: float = 1e-12) -> Floa
     """(1 + number of null values at least as large)/(1 + their count), for every value."""
     ordered = np.sort(null)
     # Equal up to rounding counts as equal, so that a table is never rarer than itself.
-    below = np.searchsorted(ordered, values * (1 - rounding), side="left")
+    below = np.searchsorted(ordered, values - rounding * (1 + np.abs(values)), side="left")
     tail: FloatArray = (1 + len(null) - below) / (1 + len(null))
     return tail
 

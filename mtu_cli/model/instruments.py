@@ -1,0 +1,136 @@
+"""One component read by several instruments: combined, and whether they agree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mtu_cli.model.estimates import ComponentEstimate, between_passes
+from mtu_cli.stats.coverage import welch_satterthwaite
+from mtu_cli.stats.least_squares import FloatArray
+
+
+def combine(
+    estimates: Sequence[ComponentEstimate], counts: Sequence[int]
+) -> tuple[ComponentEstimate, float | None]:
+    """One estimate from several instruments' and the p value that they agree.
+
+    b = sum W_i b_i with scalar weights from each instrument's own repeatability over its `counts`
+    n_i readings and the machine's pass-to-pass drift, which is one for all instruments:
+    1/W_i proportional to d^2/G_i + s_i^2/n_i. The inverses of whole covariances that few
+    passes estimate would follow their errors (95 % intervals then cover 80 %).
+    C = sum W_i^2 C_i whatever the weights. The scatter of passes and of visits is pooled by
+    degrees of freedom: an instrument's own noise stays in s_repeat, which is then an upper
+    bound of the machine's.
+    """
+    if len(estimates) == 1:
+        return estimates[0], None
+    first = estimates[0]
+    s2 = np.array([(item.independent_s or 0.0) ** 2 for item in estimates])
+    passes = np.array([item.pass_dof for item in estimates])
+    repeats = np.array([item.repeat_dof for item in estimates])
+    D = _pooled([item.pass_covariance for item in estimates], passes)
+    W = _weights(estimates, D, np.array(counts, dtype=np.float64))
+    plain = np.array(counts) - len(first.coefficients)
+    ranges = [item.position_range for item in estimates if item.position_range is not None]
+    combined = ComponentEstimate(
+        name=first.name,
+        of=first.of,
+        unit=first.unit,
+        coefficients=_weighted([item.coefficients for item in estimates], W),
+        covariance=_weighted([item.covariance for item in estimates], W**2),
+        pass_covariance=D,
+        s_repeat=float(np.sqrt(_pooled([np.array(e.s_repeat**2) for e in estimates], repeats))),
+        pass_dof=_combined_dof(estimates, W, passes, repeats),
+        repeat_dof=float(repeats.sum()),
+        independent_covariance=_weighted(
+            [e.independent_covariance for e in estimates if e.independent_covariance is not None],
+            W**2,
+        ),
+        independent_s=float(np.sqrt(_pooled([np.array(s) for s in s2], plain.astype(float)))),
+        position_range=(min(r[0] for r in ranges), max(r[1] for r in ranges)) if ranges else None,
+    )
+    return combined, agreement(estimates[0], estimates[1])
+
+
+def _weights(estimates: Sequence[ComponentEstimate], D: FloatArray, n: FloatArray) -> FloatArray:
+    """W (instruments,), summing to 1, by the variance of the level in the middle of the range."""
+    middle = np.mean([np.mean(item.position_range or (0.0, 0.0)) for item in estimates])
+    x = middle ** np.arange(len(D))
+    drift = max(float(x @ D @ x), 0.0)
+    variance = np.array(
+        [
+            (drift / item.n_passes if item.n_passes else 0.0) + item.s_repeat**2 / count
+            for item, count in zip(estimates, n, strict=True)
+        ]
+    )
+    # One reading a pass has no repeatability of its own to weigh it by.
+    known = variance if (variance > 0).all() else 1.0 / n
+    W: FloatArray = (1.0 / known) / np.sum(1.0 / known)
+    return W
+
+
+def _weighted(values: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
+    total: FloatArray = np.tensordot(weights, np.array(values), axes=1)
+    return total
+
+
+def _combined_dof(
+    estimates: Sequence[ComponentEstimate], W: FloatArray, passes: FloatArray, repeats: FloatArray
+) -> float:
+    """Welch-Satterthwaite over the instruments' mean squares behind C, by its trace.
+
+    0 where no instrument tells passes apart: then one mean square stands behind all.
+    """
+    if not passes.any():
+        return 0.0
+    scale = np.diag(_weighted([item.covariance for item in estimates], W**2))
+    traces = [
+        float(w**2 * np.sum(np.diag(item.covariance) / scale))
+        for w, item in zip(W, estimates, strict=True)
+    ]
+    dofs = [float(p or r) for p, r in zip(passes, repeats, strict=True)]
+    return welch_satterthwaite(np.array(traces), np.array(dofs))
+
+
+def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
+    """p value that two instruments read the same line.
+
+    T^2 = d' (C_a + C_b)^-1 d with d = b_a - b_b, referred to F with the effective degrees of
+    freedom of its covariance (Yao, Biometrika 52 (1965) 139, with Welch's weights taken over
+    all coefficients): a chi-square would reject far too often, the covariances being estimated.
+    """
+    from scipy.special import fdtrc
+
+    d = a.coefficients - b.coefficients
+    V = a.covariance + b.covariance
+    scale = np.sqrt(np.diag(V))
+    inverse = np.linalg.pinv(V / np.outer(scale, scale), rcond=1e-9, hermitian=True)
+    inverse /= np.outer(scale, scale)
+    k = int(np.linalg.matrix_rank(inverse * np.outer(scale, scale)))
+    sources = [source for item in (a, b) for source in _sources(item)]
+    shares = [float(np.trace(part @ inverse)) / k for part, _ in sources]
+    nu = 1.0 / sum(share**2 / dof for share, (_, dof) in zip(shares, sources, strict=True))
+    if nu <= k - 1:
+        return 1.0
+    F = float(d @ inverse @ d) * (nu - k + 1) / (nu * k)
+    return float(fdtrc(k, nu - k + 1, F))
+
+
+def _sources(item: ComponentEstimate) -> list[tuple[FloatArray, float]]:
+    """The mean squares that make up C, with their degrees of freedom."""
+    S = between_passes(item)
+    if S is None or item.n_passes is None:
+        return [(item.covariance, item.pass_dof or item.repeat_dof)]
+    of_passes = S / item.n_passes
+    return [(of_passes, item.pass_dof), (item.covariance - of_passes, item.repeat_dof)]
+
+
+def _pooled(values: Sequence[FloatArray], dofs: FloatArray) -> FloatArray:
+    """Mean weighted by degrees of freedom; those without any have no say."""
+    finite = np.where(np.isinf(dofs), 1e9, dofs)
+    if finite.sum() == 0:
+        return np.zeros_like(values[0])
+    pooled: FloatArray = np.tensordot(finite / finite.sum(), np.array(values), axes=1)
+    return pooled
