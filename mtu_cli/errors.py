@@ -68,7 +68,7 @@ class InputError(MtuError):
     def __str__(self) -> str:
         shown = [str(problem) for problem in self.problems[:SHOWN_PROBLEMS]]
         if len(self.problems) > SHOWN_PROBLEMS:
-            shown.append(f"... and {len(self.problems) - SHOWN_PROBLEMS} more of this kind")
+            shown.append(f"... and {len(self.problems) - SHOWN_PROBLEMS} more")
         return "\n".join(shown)
 
 

@@ -12,10 +12,9 @@ from mtu_cli.model.features import dof_warnings, feature_points, outside_warning
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
-from mtu_cli.model.trials import PointTrials, reportable
+from mtu_cli.model.trials import reportable
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.validation import Validation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +23,7 @@ class PointsResult:
 
     `variance`, `dof` under the settings' correlation; `interval95` (rows, 2) with t;
     `covariance` (rows, rows); `passes`, `repeatability`, `coefficients` (rows,) split the
-    variance; `validations` clause 8 of each row.
+    variance; `independent` whether the papers' independence was asked for.
     """
 
     prediction: Prediction
@@ -37,9 +36,7 @@ class PointsResult:
     coefficients: FloatArray
     passes: FloatArray
     repeatability: FloatArray
-    validations: tuple[Validation, ...]
-    trials: int
-    converged: bool
+    independent: bool
     warnings: tuple[Warned, ...]
 
 
@@ -50,7 +47,8 @@ def predict_points(
     covariates: Mapping[str, float] | None = None,
 ) -> PointsResult:
     """Predicts every feature of the part: eq. (1) and (18) of Gilsinn & Ling 2004, with the
-    covariance of shared coefficients and passes; each interval checked by Monte Carlo.
+    covariance of shared coefficients and passes. Errors are linear in the components, and
+    uncertain constants are taken to second order: there is nothing for a Monte Carlo to check.
 
     Raises InputError for a missing covariate or coordinate.
     """
@@ -65,18 +63,6 @@ def predict_points(
         covariance = np.diag(total)
         dof = np.full(len(total), np.inf)
     names = tuple(f"{i}.{axis}" for i in ids for axis in prediction.axes)
-    trial_model = PointTrials(
-        prediction,
-        names,
-        lambda errors, work: errors,
-        rows,
-        np.arange(len(rows)),
-        prediction.mean,
-        rows,
-        dof,
-        independent=settings.independent,
-    )
-    run = settings.run(trial_model)
     u = np.sqrt(total)
     factor = np.array([coverage_factor(PROBABILITY, value) for value in dof])
     return PointsResult(
@@ -90,10 +76,6 @@ def predict_points(
         coefficients=split.coefficients,
         passes=split.passes,
         repeatability=split.repeatability,
-        validations=tuple(
-            settings.validate(prediction.mean[i], u[i], dof[i], run, i) for i in range(len(u))
-        ),
-        trials=run.trials,
-        converged=run.converged,
+        independent=settings.independent,
         warnings=(*warnings, *outside_warnings(prediction), *dof_warnings(names, dof)),
     )

@@ -121,7 +121,7 @@ def main() -> None:
     """Runs the command line; every fault of the input ends with one message and exit code 2."""
     # One thread a BLAS call: results must not depend on how many cores a machine has.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+        os.environ[name] = "1"
     prepare_streams()
     try:
         try:

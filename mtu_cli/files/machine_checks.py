@@ -78,7 +78,7 @@ def check_components(machine: Machine, findings: Findings) -> None:
         else:
             _check_sizes(component, path, findings)
         if component.u_future is not None:
-            for key in ("s_repeat", "pass_covariance"):
+            for key in ("s_repeat", "pass_covariance", "covariance"):
                 if getattr(component, key) is not None:
                     findings.add((*path, key), "given beside u_future, which stands for it")
 
@@ -95,7 +95,7 @@ def _check_sizes(component: Component, path: YamlPath, findings: Findings) -> No
     if component.covariance is not None:
         _check_matrix(component.covariance, size, (*path, "covariance"), findings)
     if component.pass_covariance is not None:
-        passes = 1 if component.of is None else 2
+        passes = min(2, size)
         _check_matrix(component.pass_covariance, passes, (*path, "pass_covariance"), findings)
 
 

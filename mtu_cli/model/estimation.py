@@ -111,7 +111,7 @@ def _check_weights(
             expected="more readings, with all their digits",
         )
         for fit, estimate in zip(fits, estimates, strict=True)
-        if not estimate.independent_s
+        if not (np.diag(estimate.covariance) > 0).all()
     ]
     if problems:
         raise InputError(problems)

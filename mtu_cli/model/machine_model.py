@@ -63,8 +63,8 @@ class MachineModel:
 class Design:
     """The machine at n points: rows are (point, axis), points first.
 
-    `J` (n*a, K) in theta, `levers` (n*a, c) of each term, `remainder` (n*a,) in mm,
-    `constant_columns` (n*a, m) derivatives after the uncertain constants.
+    `J` (n*a, K) in theta, `columns` of each term in it, `levers` (n*a, c) of each term,
+    `remainder` (n*a,) in mm.
     """
 
     J: FloatArray
@@ -249,31 +249,3 @@ def _check_finite(
 def theta(model: MachineModel) -> FloatArray:
     """The coefficients of all terms, one after the other, (K,)."""
     return np.concatenate([term.estimate.coefficients for term in model.terms])
-
-
-def constant_derivatives(
-    model: MachineModel, points: FloatArray, covariates: Mapping[str, FloatArray | float]
-) -> tuple[FloatArray, FloatArray]:
-    """dE/dc (rows, m) after the uncertain constants, and their variances (m,).
-
-    Central differences over one standard uncertainty: exact for offsets, which enter the
-    equations linearly, and the slope over the constant's own range otherwise.
-    """
-    uncertain = [(name, value, u) for name, (value, u) in model.constants.items() if u > 0]
-    columns = []
-    for name, value, u in uncertain:
-        ends = []
-        for end in (value + u, value - u):
-            shifted = _with_constant(model, name, end, u)
-            rows = design(shifted, points, covariates)
-            ends.append(rows.J @ theta(model) + rows.remainder)
-        columns.append((ends[0] - ends[1]) / (2 * u))
-    rows_count = len(points) * len(model.axes)
-    D = np.column_stack(columns) if columns else np.zeros((rows_count, 0))
-    return D, np.array([u**2 for _, _, u in uncertain])
-
-
-def _with_constant(model: MachineModel, name: str, value: float, u: float) -> MachineModel:
-    from dataclasses import replace
-
-    return replace(model, constants=model.constants | {name: (value, u)})

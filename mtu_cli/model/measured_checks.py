@@ -101,7 +101,7 @@ def _mistake(measured: FloatArray, nominal: FloatArray) -> str:
     }
     left = {text: _typical(changed - nominal) for text, changed in guesses.items()}
     best = min(left, key=lambda text: left[text])
-    if left[best] < EXPLAINS * now:
+    if left[best] < min(EXPLAINS * now, SUSPICIOUS_MM):
         return best
     shift = np.median(measured - nominal, axis=0)
     if _typical(measured - nominal - shift) < EXPLAINS * now:

@@ -16,13 +16,13 @@ from functools import cached_property
 
 import numpy as np
 
-from mtu_cli.model.estimates import ComponentEstimate, JointPasses, between_passes
+from mtu_cli.model.blocks import component_blocks
+from mtu_cli.model.constants import constant_effects
+from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.machine_model import (
     AXES,
     MachineModel,
-    Term,
     check_covariates,
-    constant_derivatives,
     design,
     theta,
 )
@@ -128,109 +128,17 @@ def predict(
     given = covariates or {}
     check_covariates(model, given)
     rows = design(model, points, given)
-    blocks = _blocks(model, rows.J, rows.levers, rows.columns)
-    derivatives, variances = constant_derivatives(model, points, given)
-    if derivatives.shape[1]:
-        blocks.append(_constants_block(model, derivatives, variances))
+    blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
+    constants = constant_effects(model, points, given, rows)
     return Prediction(
         ids=tuple(ids),
         axes=model.axes,
         points=points,
-        mean=rows.J @ theta(model) + rows.remainder,
-        blocks=tuple(blocks),
+        mean=rows.J @ theta(model) + rows.remainder + constants.shift,
+        blocks=(*blocks, *constants.blocks),
         independent_variance=_independent(model, rows.J, rows.levers, rows.columns)
-        + derivatives**2 @ variances,
+        + constants.variance,
         outside=_outside(model, ids, points),
-    )
-
-
-def _blocks(
-    model: MachineModel, J: FloatArray, levers: FloatArray, columns: Sequence[slice]
-) -> list[Block]:
-    index = {term.estimate.name: t for t, term in enumerate(model.terms)}
-    blocks: list[Block] = []
-    taken: set[str] = set()
-    for group in model.joint:
-        kept = [name for name in group.components if name in index]
-        if len(kept) < 2:
-            continue
-        own = [
-            _own_block(model.terms[i], J[:, columns[i]], levers[:, i])
-            for i in (index[name] for name in kept)
-        ]
-        blocks.append(_joint_block(group, _positions_in_group(group, kept), own))
-        taken.update(kept)
-    for t, term in enumerate(model.terms):
-        if term.estimate.name not in taken:
-            blocks.append(_own_block(term, J[:, columns[t]], levers[:, t]))
-    return blocks
-
-
-def _positions_in_group(group: JointPasses, kept: Sequence[str]) -> list[int]:
-    """Rows of the kept components in a group's covariance."""
-    starts = np.concatenate([[0], np.cumsum(group.widths)]).astype(int)
-    return [
-        row
-        for name, start, width in zip(group.components, starts, group.widths, strict=False)
-        if name in kept
-        for row in range(start, start + width)
-    ]
-
-
-def _own_block(term: Term, G: FloatArray, lever: FloatArray) -> Block:
-    estimate = term.estimate
-    return Block(
-        names=(estimate.name,),
-        columns=(slice(0, G.shape[1]),),
-        G=G,
-        C=estimate.covariance,
-        D=estimate.pass_covariance,
-        noise=(lever * estimate.s_repeat)[:, None],
-        pass_dof=estimate.pass_dof,
-        repeat_dof=(estimate.repeat_dof,),
-        between=between_passes(estimate),
-        n_passes=estimate.n_passes or 0,
-    )
-
-
-def _joint_block(group: JointPasses, inside: Sequence[int], own: Sequence[Block]) -> Block:
-    """The components of a group as one block; their own blocks lie on its diagonal."""
-    ends = np.cumsum([block.G.shape[1] for block in own])
-    columns = tuple(
-        slice(int(end) - block.G.shape[1], int(end)) for block, end in zip(own, ends, strict=True)
-    )
-    C = group.covariance[np.ix_(inside, inside)]
-    between = None
-    if group.n_passes is not None and all(block.between is not None for block in own):
-        # Between components C is S/n of their level and slope, whatever their degree.
-        between = group.n_passes * C
-        for part, block in zip(columns, own, strict=True):
-            between[part, part] = block.between
-    return Block(
-        names=tuple(block.names[0] for block in own),
-        columns=columns,
-        G=np.column_stack([block.G for block in own]),
-        C=C,
-        D=group.pass_covariance[np.ix_(inside, inside)],
-        noise=np.column_stack([block.noise for block in own]),
-        pass_dof=group.pass_dof,
-        repeat_dof=tuple(block.repeat_dof[0] for block in own),
-        between=between,
-        n_passes=group.n_passes or 0,
-    )
-
-
-def _constants_block(model: MachineModel, G: FloatArray, variances: FloatArray) -> Block:
-    k = len(variances)
-    return Block(
-        names=tuple(name for name, (_, u) in model.constants.items() if u > 0),
-        columns=(slice(0, k),),
-        G=G,
-        C=np.diag(variances),
-        D=np.zeros((k, k)),
-        noise=np.zeros((len(G), 1)),
-        pass_dof=0.0,
-        repeat_dof=(np.inf,),
     )
 
 

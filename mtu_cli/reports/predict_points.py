@@ -12,7 +12,6 @@ import numpy as np
 
 from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.model.settings import Warned
-from mtu_cli.reports import validations
 from mtu_cli.reports.arrows import figure
 from mtu_cli.reports.document import finite, matrix, root, um, um2
 from mtu_cli.reports.numbers import MISSING, degrees_of_freedom, interval, with_u
@@ -29,7 +28,6 @@ def document(result: PointsResult, *, with_covariance: bool = False) -> dict[str
     results: dict[str, Any] = {
         "axes": list(prediction.axes),
         "points": [_point(result, i) for i in range(len(prediction.ids))],
-        "monte_carlo": {"trials": result.trials, "converged": result.converged},
     }
     if with_covariance:
         results["covariance_rows"] = [f"{i}.{a}" for i in prediction.ids for a in prediction.axes]
@@ -48,10 +46,7 @@ def _point(result: PointsResult, i: int) -> dict[str, Any]:
         variance = float(prediction.independent_variance[i * len(prediction.axes) + j])
         apart |= _scatter(axis, variance, result.coverage_factor)
     point["independent"] = apart
-    for j, axis in enumerate(prediction.axes):
-        found = result.validations[i * len(prediction.axes) + j]
-        point[f"validation_{axis}"] = validations.validation_fields(found, "um", UM)
-    if not _as_independent(result):
+    if not result.independent:
         for j, axis in enumerate(prediction.axes):
             row = i * len(prediction.axes) + j
             point[f"variance_{axis}_um2"] = {
@@ -83,13 +78,8 @@ def _outside(result: PointsResult, name: str) -> list[str]:
 
 
 def warnings(result: PointsResult) -> list[Warned]:
-    """The result's warnings, and what clause 8 and the trials have to say."""
-    names = [f"{i}.{axis}" for i in result.prediction.ids for axis in result.prediction.axes]
-    return [
-        *result.warnings,
-        *validations.validation_warnings(names, result.validations, "um", UM),
-        *validations.convergence_warnings(result.trials, result.converged),
-    ]
+    """The result's own warnings."""
+    return list(result.warnings)
 
 
 def table(result: PointsResult) -> list[Sheet]:
@@ -122,13 +112,8 @@ def _place(column: FloatArray, i: int) -> str:
     return f"{column[i]:.0f}" if whole else f"{column[i]:.3f}"
 
 
-def _as_independent(result: PointsResult) -> bool:
-    """Whether independence was asked for as the main result."""
-    return bool(np.array_equal(result.variance, result.prediction.independent_variance))
-
-
 def _kind(result: PointsResult) -> str:
-    if _as_independent(result):
+    if result.independent:
         return "components and points taken as independent (Gilsinn & Ling 2004)"
     return "covariance of shared passes and coefficients included"
 

@@ -11,6 +11,7 @@ from mtu_cli.stats.least_squares import FloatArray
 
 GRID = np.concatenate([[0.0], 10.0 ** np.arange(-5.0, 9.01, 0.25)])
 """Ratios s_part^2/s_repeat^2 at which the likelihood is looked at first."""
+NEGLIGIBLE = 1e-9
 STEPS = 70
 GOLDEN = (np.sqrt(5.0) - 1) / 2
 
@@ -52,7 +53,7 @@ def reml(cells: Cells) -> Components:
     high = GRID[np.minimum(best + 1, len(GRID) - 1)]
     r = _golden(levels, low, high)
     # At the boundary the interior search stops short of 0.
-    r = np.where(_criterion(levels, np.zeros_like(r))[0] <= _criterion(levels, r)[0], 0.0, r)
+    r = np.where(r < NEGLIGIBLE, 0.0, r)
     repeat = _criterion(levels, r)[1] / np.maximum(levels.N - 1, 1)
     part = r * repeat
     exact = levels.within == 0

@@ -55,7 +55,7 @@ def test_every_problem_is_kept_and_twenty_are_shown() -> None:
     lines = str(error).splitlines()
     assert len(error.problems) == 23
     assert lines[:SHOWN_PROBLEMS] == [f"fault {i}" for i in range(20)]
-    assert lines[SHOWN_PROBLEMS:] == ["... and 3 more of this kind"]
+    assert lines[SHOWN_PROBLEMS:] == ["... and 3 more"]
 
 
 def test_twenty_problems_leave_nothing_to_count() -> None:

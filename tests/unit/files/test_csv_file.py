@@ -10,8 +10,8 @@ import pytest
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.csv_fast import read_fast
-from mtu_cli.files.csv_frames import Suspect
 from mtu_cli.files.csv_file import read_table
+from mtu_cli.files.csv_frames import Suspect
 from mtu_cli.files.csv_slow import read_slow
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.csv_text import read_csv_text

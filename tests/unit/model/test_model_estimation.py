@@ -11,8 +11,11 @@ from scipy import stats
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.machine_contract import Component
+from mtu_cli.files.readings import Readings
 from mtu_cli.model.estimates import ComponentEstimate
-from mtu_cli.model.estimation import ComponentFit, agreement, combine, fit_component
+from mtu_cli.model.estimation import ComponentFit, fit_component
+from mtu_cli.model.instruments import agreement, combine
+from mtu_cli.stats.coverage import coverage_factor
 
 AXIS = Component(of="x", unit="um")
 
@@ -53,7 +56,7 @@ def fit(*segments: Segment, component: Component = AXIS) -> ComponentFit:
 def test_passes_are_pairs_of_number_and_direction() -> None:
     given = segment(np.random.default_rng(1), both=True, passes=3)
     found = fit(given).instruments[0]
-    assert found.keys == ((1, 1), (1, -1), (2, 1), (2, -1), (3, 1), (3, -1))
+    assert found.keys == ((0, 1, 1), (0, 1, -1), (0, 2, 1), (0, 2, -1), (0, 3, 1), (0, 3, -1))
     assert found.fit.n_passes == 6
     assert found.fit.pass_dof == 4
     error = given.error.reshape(6, 8)
@@ -65,7 +68,7 @@ def test_passes_are_pairs_of_number_and_direction() -> None:
 def test_without_direction_a_pass_is_its_number() -> None:
     given = segment(np.random.default_rng(1), passes=4)
     found = fit(given).instruments[0]
-    assert found.keys == ((1, 0), (2, 0), (3, 0), (4, 0))
+    assert found.keys == ((0, 1, 0), (0, 2, 0), (0, 3, 0), (0, 4, 0))
     assert found.fit.pass_dof == 3
     assert found.reversal is None
 
@@ -84,58 +87,88 @@ def test_without_a_pass_column_nothing_is_separated() -> None:
 def test_a_constant_without_a_pass_column_is_read_once_a_pass() -> None:
     error = np.array([3e-6, 5e-6, 4e-6, 9e-6])
     found = fit(Segment(name="c", position=None, error=error), component=Component(unit="urad"))
-    assert found.instruments[0].keys == ((1, 0), (2, 0), (3, 0), (4, 0))
+    assert found.instruments[0].keys == ((0, 1, 0), (0, 2, 0), (0, 3, 0), (0, 4, 0))
     assert found.estimate.pass_covariance[0, 0] == pytest.approx(error.var(ddof=1))
     assert found.estimate.covariance[0, 0] == pytest.approx(error.var(ddof=1) / 4)
     assert found.estimate.s_repeat == 0
     assert found.estimate.position_range is None
 
 
-def test_two_instruments_against_stacked_generalised_least_squares() -> None:
-    """With known variances: b = (X'V^-1 X)^-1 X'V^-1 y over all readings at once."""
-    rng = np.random.default_rng(3)
-    estimates, blocks, designs, response = [], [], [], []
-    for positions, passes, s, D in (
-        (np.linspace(0, 140, 8), 5, 1.0, np.diag([2.0, 1e-4])),
-        (np.linspace(20, 200, 5), 3, 0.3, np.diag([0.5, 4e-4])),
-    ):
-        X = np.column_stack([np.ones_like(positions), positions])
-        Z = np.column_stack([np.ones_like(positions), positions - positions.mean()])
-        V = np.kron(np.eye(passes), s**2 * np.eye(len(positions)) + Z @ D @ Z.T)
-        stacked = np.tile(X, (passes, 1))
-        y = stacked @ [3.0, -0.02] + np.linalg.cholesky(V) @ rng.standard_normal(len(V))
-        inverse = np.linalg.inv(stacked.T @ stacked)
-        C = inverse @ stacked.T @ V @ stacked @ inverse
-        b = inverse @ stacked.T @ y
-        estimates.append(estimate("c", "x", b, C=C, s=s, pass_dof=passes - 1, repeat_dof=30))
-        estimates[-1] = replace(estimates[-1], independent_covariance=C, independent_s=1.0)
-        blocks.append(V)
-        designs.append(stacked)
-        response.append(y)
-    X, y = np.vstack(designs), np.concatenate(response)
-    V = np.block([[blocks[0], np.zeros((40, 15))], [np.zeros((15, 40)), blocks[1]]])
-    information = X.T @ np.linalg.solve(V, X)
-    wanted = np.linalg.solve(information, X.T @ np.linalg.solve(V, y))
-    found, _ = combine(estimates)
-    assert found.coefficients == pytest.approx(wanted, rel=1e-9)
-    assert found.covariance == pytest.approx(np.linalg.inv(information), rel=1e-9)
-    assert (found.pass_dof, found.repeat_dof) == (6, 60)
-    assert found.s_repeat == pytest.approx(np.sqrt((1.0 + 0.09) / 2))
+def test_instruments_are_weighted_by_the_variance_of_their_level() -> None:
+    """By hand: 1/W = d^2/G + s^2/n at the middle of the range; C = sum W^2 C whatever W is."""
+    D = np.diag([2.0, 0.0])
+    first = estimate("c", "x", [1.0, 0.1], C=np.eye(2), D=D, s=1.0, pass_dof=4, repeat_dof=30)
+    second = estimate("c", "x", [3.0, 0.3], C=2 * np.eye(2), D=D, s=0.5, pass_dof=9, repeat_dof=60)
+    first = replace(first, n_passes=5, independent_covariance=np.eye(2), independent_s=1.5)
+    second = replace(second, n_passes=10, independent_covariance=np.eye(2), independent_s=1.2)
+    found, _ = combine([first, second], [40, 80])
+    precision = np.array([1 / (2 / 5 + 1 / 40), 1 / (2 / 10 + 0.25 / 80)])
+    W = precision / precision.sum()
+    assert found.coefficients == pytest.approx(W @ [[1.0, 0.1], [3.0, 0.3]])
+    assert found.covariance == pytest.approx((W[0] ** 2 + 2 * W[1] ** 2) * np.eye(2))
+    shares = np.array([W[0] ** 2, 2 * W[1] ** 2])
+    assert found.pass_dof == pytest.approx(shares.sum() ** 2 / (shares**2 / [4, 9]).sum())
+    assert found.repeat_dof == 90
+
+
+@pytest.mark.parametrize("passes", [2, 3, 5])
+def test_two_instruments_cover_what_they_both_read(passes: int) -> None:
+    """95 % intervals of the level in the middle, few passes and unequal noise."""
+    p = np.linspace(0.0, 140.0, 8)
+    component = Component(of="x", unit="um", degree=1)
+    x = np.array([1.0, 70.0])
+    hits = []
+    for rng in np.random.default_rng(5).spawn(500):
+        errors = []
+        for s in (1.0, 0.5):
+            level = rng.standard_normal((passes, 1)) * 1.2
+            slope = rng.standard_normal((passes, 1)) * 0.01
+            noise = s * rng.standard_normal((passes, len(p)))
+            errors.append(1 + 0.01 * p + level + slope * (p - 70) + noise)
+        found = fit_component(two_instruments(p, errors), "a", component).estimate
+        u = np.sqrt(x @ found.covariance @ x)
+        hits.append(
+            abs(x @ found.coefficients - 1.7e-3) < coverage_factor(0.95, found.pass_dof) * u
+        )
+    # With two or three passes Welch-Satterthwaite errs on the wide side, never the narrow one.
+    assert np.mean(hits) > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / len(hits))
+
+
+def two_instruments(p: FloatArray, errors: list[FloatArray]) -> Readings:
+    """Passes (G, positions) in um of component a, by a ball bar and a laser."""
+    n, passes = sum(item.size for item in errors), len(errors[0])
+    return Readings(
+        components=("a",),
+        code=np.zeros(n, np.int64),
+        position_mm=np.tile(p, 2 * passes),
+        error=np.concatenate([item.ravel() for item in errors]) * 1e-3,
+        pass_number=np.tile(np.repeat(np.arange(1, passes + 1), len(p)), 2),
+        has_pass=np.ones(n, bool),
+        direction=np.zeros(n, np.int8),
+        cycles=(),
+        cycle=np.full(n, -1),
+        time_min=np.full(n, np.nan),
+        covariates={},
+        file_index=np.repeat([0, 1], n // 2),
+        row=np.arange(n),
+        sources=(),
+        roles=("lbb", "laser"),
+    )
 
 
 def test_pooled_scatter_is_weighted_by_degrees_of_freedom() -> None:
     a = estimate("c", None, [1.0], C=np.eye(1), D=4 * np.eye(1), s=1.0, pass_dof=9, repeat_dof=70)
     b = estimate("c", None, [2.0], C=np.eye(1), D=1 * np.eye(1), s=3.0, pass_dof=3, repeat_dof=10)
     a, b = (replace(item, independent_covariance=np.eye(1), independent_s=1.0) for item in (a, b))
-    found, _ = combine([a, b])
-    assert found.coefficients == pytest.approx([1.5])
+    found, _ = combine([a, b], [10, 10])
+    assert found.coefficients == pytest.approx([(9 * 1 + 1 * 2) / 10])
     assert found.pass_covariance[0, 0] == pytest.approx((9 * 4 + 3 * 1) / 12)
     assert found.s_repeat**2 == pytest.approx((70 * 1 + 10 * 9) / 80)
 
 
 def test_one_instrument_is_left_alone() -> None:
     item = estimate("c", None, [1.0], C=np.eye(1))
-    assert combine([item]) == (item, None)
+    assert combine([item], [5]) == (item, None)
 
 
 @pytest.mark.parametrize("degree", [0, 1, 3])

@@ -1,0 +1,84 @@
+"""Measured points made in memory, for the tests of what is done with them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mtu_cli.files.part import LoadedPart, load_part
+from mtu_cli.files.points import Points
+from mtu_cli.files.source import Source
+from mtu_cli.stats.least_squares import FloatArray
+
+PLACES = {"a": (10.0, 20.0), "b": (110.0, 25.0), "c": (15.0, 220.0)}
+
+PART = """\
+schema: mtu/part/1
+name: three holes
+features: {a: {x_mm: 10, y_mm: 20}, b: {x_mm: 110, y_mm: 25}, c: {x_mm: 15, y_mm: 220}}
+lengths: [{from: a, to: b}, {from: c, to: a}]
+orthogonality: [{id: xy, row: [a, b], column: [a, c]}]
+"""
+
+
+def part_file(folder: Path) -> LoadedPart:
+    """The part of three holes."""
+    path = folder / "part.yaml"
+    path.write_text(PART)
+    return load_part(path)
+
+
+def points(
+    rows: list[tuple[str, str, int, float, float]], operations: list[str] | None = None
+) -> Points:
+    """Points from (part, feature, repeat, error x, error y); errors in mm, repeat -1 unknown."""
+    parts, features = (list(dict.fromkeys(row[i] for row in rows)) for i in (0, 1))
+    n = len(rows)
+    names = list(dict.fromkeys(operations or ()))
+    place = np.array([[*PLACES[str(row[1])], np.nan] for row in rows])
+    error = np.array([[row[3], row[4], np.nan] for row in rows])
+    source = Source(role="cmm", path=Path("cmm.csv"), shown="cmm.csv", sha256="")
+    return Points(
+        parts=tuple(parts),
+        part=np.array([parts.index(row[0]) for row in rows]),
+        features=tuple(features),
+        feature=np.array([features.index(row[1]) for row in rows]),
+        operations=tuple(names),
+        operation=np.array([names.index(item) for item in operations])
+        if operations
+        else np.full(n, -1),
+        measured=place + error,
+        nominal=place,
+        repeat=np.array([row[2] for row in rows]),
+        time_min=np.full(n, np.nan),
+        sequence=np.arange(n),
+        direction=np.full((n, 3), np.nan),
+        covariates={},
+        file_index=np.zeros(n, np.int64),
+        row=np.arange(n) + 2,
+        sources=(source,),
+    )
+
+
+def study(
+    parts: int, repeats: int, seed: int, s_part: float = 0.01, s_repeat: float = 0.001
+) -> Points:
+    """A clean study of the three holes."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for p in range(parts):
+        for name in PLACES:
+            x, y = s_part * rng.standard_normal(2)
+            rows += [
+                (f"P{p}", name, r, x + s_repeat * rng.standard_normal(),
+                 y + s_repeat * rng.standard_normal())
+                for r in range(repeats)
+            ]  # fmt: skip
+    return points(rows)
+
+
+def with_measured(found: Points, measured: FloatArray) -> Points:
+    """The same points measured elsewhere."""
+    return replace(found, measured=measured)

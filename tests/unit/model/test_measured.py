@@ -1,0 +1,218 @@
+"""Measured points as tables of errors, lengths and angles, and what cannot be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from measured_examples import PLACES, part_file, points, study, with_measured
+
+from mtu_cli.errors import InputError
+from mtu_cli.model.measured import (
+    angle_tables,
+    feature_tables,
+    length_tables,
+    only_features,
+    visits_of,
+)
+from mtu_cli.model.measured_checks import check_measured
+
+
+def test_feature_tables_are_errors_by_part() -> None:
+    found = feature_tables(
+        points([("p", "a", 1, 0.01, -0.02), ("q", "a", 1, 0.03, 0.0), ("p", "a", 2, 0.03, -0.04)])
+    )
+    assert found.labels == (("", "a", "x"), ("", "a", "y"))
+    assert found.cells.n.tolist() == [[2, 1], [2, 1]]
+    mean = found.cells.origin[:, None] + found.cells.mean
+    np.testing.assert_allclose(mean, [[0.02, 0.03], [-0.03, 0.0]], atol=1e-13)
+    np.testing.assert_allclose(found.cells.within, [0.0002, 0.0002], rtol=1e-9)
+
+
+def test_operations_are_apart_and_an_untold_one_too() -> None:
+    rows = [("p", "a", 1, 0.01, 0.0), ("p", "a", 1, 0.05, 0.0), ("q", "a", 1, 0.09, 0.0)]
+    found = points(rows, ["drilled", "milled", "milled"])
+    tables = feature_tables(found)
+    assert [label[0] for label in tables.labels] == ["drilled", "milled"] * 2
+    assert tables.cells.n[:2].tolist() == [[1, 0], [1, 1]]
+    untold = feature_tables(replace(found, operation=np.array([0, 1, -1])))
+    assert [label[0] for label in untold.labels[:3]] == ["drilled", "milled", ""]
+
+
+def test_a_repeat_that_stands_twice() -> None:
+    rows = [("p", "a", 1, 0.0, 0.0), ("p", "b", 1, 0.0, 0.0), ("p", "a", 1, 0.1, 0.0)]
+    with pytest.raises(InputError, match="row 4, column 'feature': the feature stands twice"):
+        feature_tables(points(rows))
+    with pytest.raises(InputError, match="row 4"):
+        visits_of(points(rows))
+    # Without numbers, rows of a cell are its repeats.
+    unnumbered = [(part, name, -1, x, y) for part, name, _, x, y in rows]
+    assert feature_tables(points(unnumbered)).cells.n.max() == 2
+    assert len(visits_of(points(unnumbered)).part) == 2
+
+
+def test_large_repeat_numbers() -> None:
+    rows = [("p", "a", 10**12, 0.0, 0.0), ("p", "a", 7, 0.1, 0.0), ("q", "a", 10**12, 0.0, 0.1)]
+    assert feature_tables(points(rows)).cells.n[0].tolist() == [2, 1]
+    with pytest.raises(InputError, match="twice"):
+        feature_tables(points([*rows, ("q", "a", 10**12, 0.2, 0.0)]))
+
+
+def test_lengths_are_distances(tmp_path: Path) -> None:
+    found = study(4, 2, 1)
+    visits = visits_of(found)
+    tables = length_tables(found, visits, part_file(tmp_path))
+    assert tables is not None
+    assert [label[1] for label in tables.labels] == ["a-b", "c-a"]
+    for i, (start, end) in enumerate((("a", "b"), ("c", "a"))):
+        for p in range(4):
+            lengths = []
+            for r in range(2):
+                rows = [
+                    k
+                    for name in (start, end)
+                    for k in range(len(found))
+                    if (found.part[k], found.repeat[k]) == (p, r)
+                    and found.features[found.feature[k]] == name
+                ]
+                one, two = found.measured[rows, :2]
+                lengths.append(math.dist(one, two) - math.dist(PLACES[start], PLACES[end]))
+            mean = tables.cells.origin[i] + tables.cells.mean[i, p]
+            assert mean == pytest.approx(np.mean(lengths), abs=1e-12)
+
+
+def test_a_turned_part_has_no_error_of_length_or_angle(tmp_path: Path) -> None:
+    """A rotation of the whole part changes every point and nothing that counts."""
+    found = study(4, 1, 1, 0.0, 0.0)
+    # Slopes instead of angles (eqs. (24)-(26)) turn by 1 + slope^2 of lines that are not level.
+    angle = 1e-5
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    measured = found.measured.copy()
+    measured[:, :2] = measured[:, :2] @ turn.T
+    turned = with_measured(found, measured)
+    visits, part = visits_of(turned), part_file(tmp_path)
+    lengths, angles = length_tables(turned, visits, part), angle_tables(turned, visits, part)
+    assert lengths is not None
+    assert angles is not None
+    np.testing.assert_allclose(lengths.cells.origin[:, None] + lengths.cells.mean, 0, atol=1e-12)
+    straight = visits_of(found)
+    before = angle_tables(found, straight, part)
+    assert before is not None
+    np.testing.assert_allclose(angles.cells.origin, before.cells.origin, atol=1e-7)
+
+
+def test_angle_is_that_of_equations_24_to_26(tmp_path: Path) -> None:
+    found = study(3, 1, 5)
+    angles = angle_tables(found, visits_of(found), part_file(tmp_path))
+    assert angles is not None
+    for p in range(3):
+        place = {
+            found.features[found.feature[k]]: found.measured[k, :2]
+            for k in range(len(found))
+            if found.part[k] == p
+        }
+        row = np.polyfit(*np.array([place["a"], place["b"]]).T, 1)[0]
+        column = np.polyfit(*np.array([place["a"], place["c"]]).T[::-1], 1)[0]
+        value = angles.cells.origin[0] + angles.cells.mean[0, p]
+        assert value == pytest.approx(-column - row, rel=1e-9)
+
+
+def test_what_was_not_measured_is_left_out(tmp_path: Path) -> None:
+    part = part_file(tmp_path)
+    found = points([("p", "a", 1, 0.0, 0.0), ("p", "b", 1, 0.0, 0.0), ("q", "a", 1, 0.0, 0.0)])
+    lengths = length_tables(found, visits_of(found), part)
+    assert lengths is not None
+    assert lengths.labels == (("", "a-b", ""),)
+    assert lengths.cells.n.tolist() == [[1, 0]]
+    assert angle_tables(found, visits_of(found), part) is None
+    alone = only_features(found, ["c"])
+    assert len(alone) == 0
+    few = only_features(found, ["b", "nobody"])
+    assert (few.features, few.row.tolist()) == (("b",), [3])
+
+
+def codes(found: list[object]) -> list[str]:
+    return [item.code for item in found]  # type: ignore[attr-defined]  # warnings
+
+
+def test_a_clean_study_is_not_suspected() -> None:
+    assert check_measured(study(21, 2, 3)) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda xyz: xyz[:, [1, 0, 2]], "x and y swapped"),
+        (lambda xyz: -xyz, "a sign the other way round"),
+        (lambda xyz: xyz * [-1, 1, 1], "sign of x"),
+        (lambda xyz: xyz * [1, -1, 1], "sign of y"),
+        (lambda xyz: xyz / 25.4, "inches taken for mm"),
+        (lambda xyz: xyz * 1000, "um taken for mm"),
+        (lambda xyz: xyz / 1000, "metres taken for mm"),
+        (lambda xyz: xyz + [3.0, -70.0, 0], "origin that differs by"),
+        (lambda xyz: xyz**2, "unit, sign or swap mistake"),
+    ],
+)
+def test_mistakes_are_named(change: object, word: str) -> None:
+    found = study(6, 2, 3)
+    wrong = with_measured(found, change(found.measured))  # type: ignore[operator]  # a lambda
+    (warning,) = check_measured(wrong)
+    assert warning.code == "error-of-millimetres"
+    assert word in warning.message
+    assert "36 of 36 points" in warning.message or word == "x and y swapped"
+
+
+def test_mixed_units_are_named_for_the_rows_that_have_them() -> None:
+    found = study(6, 2, 3)
+    measured = found.measured.copy()
+    measured[found.part == 2] /= 25.4
+    (warning,) = check_measured(with_measured(found, measured))
+    assert "6 of 36 points" in warning.message
+    assert "row 14" in warning.message
+    assert "inches" in warning.message
+
+
+def test_a_part_measured_under_two_names() -> None:
+    found = study(5, 2, 3)
+    measured = found.measured.copy()
+    measured[found.part == 4] = measured[found.part == 1]
+    copied = with_measured(found, measured)
+    with pytest.raises(InputError, match=r"part 'P4' has the same values as part 'P1'"):
+        check_measured(copied)
+    order = np.random.default_rng(1).permutation(len(found))
+    shuffled = replace(
+        copied,
+        **{
+            name: getattr(copied, name)[order]
+            for name in ("part", "feature", "operation", "measured", "nominal", "repeat", "row")
+        },
+    )
+    with pytest.raises(InputError, match="same values"):
+        check_measured(shuffled)
+    measured[np.flatnonzero(found.part == 4)[0], 0] += 1e-6
+    assert check_measured(with_measured(found, measured)) == []
+
+
+def test_coarse_values_may_agree_by_chance() -> None:
+    """Perfect parts, or one feature to 0.01 mm, are no copies: a word of warning at most."""
+    rows = [(f"P{p}", name, 1, 0.0, 0.0) for p in range(3) for name in PLACES]
+    assert codes(check_measured(points(rows))) == ["parts-alike", "parts-alike"]  # type: ignore[arg-type]  # Warned
+    rows = [(f"P{p}", "a", 1, 0.01 * (p % 2), 0.0) for p in range(9)]
+    assert check_measured(points(rows)) == []
+
+
+def test_an_axis_without_nominal_and_a_moved_nominal() -> None:
+    found = study(4, 1, 2)
+    measured = found.measured.copy()
+    measured[:, 2] = 1.0
+    (warning,) = check_measured(with_measured(found, measured))
+    assert warning.code == "axis-left-out"
+    nominal = found.nominal.copy()
+    nominal[5, 1] += 0.001
+    (warning,) = check_measured(replace(found, nominal=nominal))
+    assert warning.code == "nominals-differ"
+    assert "'c'" in warning.message
+    assert "row 7" in warning.message

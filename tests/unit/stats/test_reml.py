@@ -1,0 +1,113 @@
+"""Components of variance by REML against statsmodels, closed forms and the edges."""
+
+from __future__ import annotations
+
+import warnings
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from anova_designs import PAPER, cells, drawn, simulated
+
+from mtu_cli.stats.anova import moments, one_way
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.reml import reml
+
+DESIGNS = [PAPER, (3, 1, 2, 4, 1), (2, 2, 5, 1, 1, 3, 4), (6, 1, 1, 1, 1, 1)]
+
+
+def other(values: FloatArray, part: FloatArray) -> tuple[float, float]:
+    """statsmodels' MixedLM, its best of several optimisers."""
+    statsmodels = pytest.importorskip("statsmodels.api")
+    model = statsmodels.MixedLM(values, np.ones((len(values), 1)), groups=part)
+    fits = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name in ("bfgs", "lbfgs", "powell"):
+            # Its optimisers may step onto a singular Hessian.
+            with suppress(np.linalg.LinAlgError):
+                fits.append(model.fit(reml=True, method=[name]))
+    best = max((fit for fit in fits if np.isfinite(fit.llf)), key=lambda fit: fit.llf)
+    return float(np.ravel(best.cov_re)[0]), float(best.scale)
+
+
+@pytest.mark.parametrize("repeats", DESIGNS)
+@pytest.mark.parametrize("s_part", [0.0, 0.4, 1.0, 4.0])
+def test_against_statsmodels(repeats: tuple[int, ...], s_part: float) -> None:
+    """To four digits of the total variance; statsmodels' optimisers reach no more near 0."""
+    values, part = simulated(repeats, 3, s_part, 1.0, 21)
+    found = reml(cells(values, part, len(repeats)))
+    for i, row in enumerate(values):
+        expected = other(row, part)
+        scale = sum(expected)
+        assert found.part[i] == pytest.approx(expected[0], abs=1e-4 * scale)
+        assert found.repeat[i] == pytest.approx(expected[1], abs=1e-4 * scale)
+
+
+def test_a_part_variance_of_zero_is_found() -> None:
+    values, part = simulated(PAPER, 40, 0.0, 1.0, 5)
+    found = reml(cells(values, part, len(PAPER)))
+    assert 0.3 < np.mean(found.part == 0) < 0.8
+    i = int(np.argmax(found.part == 0))
+    assert other(values[i], part)[0] == pytest.approx(0, abs=1e-4)
+    # Without parts all values are one sample.
+    assert found.repeat[i] == pytest.approx(values[i].var(ddof=1), rel=1e-12)
+
+
+def test_balanced_data_have_the_moment_estimate() -> None:
+    """Where it is not negative (Searle, Casella & McCulloch 1992, 3.8)."""
+    found = drawn((3,) * 8, 300, 1.0, 1.0, 2)
+    table = one_way(found)
+    expected = moments(table)
+    positive = expected.part_estimate > 1e-6
+    assert positive.sum() > 200
+    ours = reml(found)
+    np.testing.assert_allclose(ours.part[positive], expected.part[positive], rtol=1e-5)
+    np.testing.assert_allclose(ours.repeat[positive], expected.repeat[positive], rtol=1e-5)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e6])
+def test_scales_with_the_unit(size: float) -> None:
+    values, part = simulated(PAPER, 5, 1.0, 0.3, 4)
+    one, other_unit = (reml(cells(v, part, len(PAPER))) for v in (values, size * values))
+    np.testing.assert_allclose(other_unit.part, size**2 * one.part, rtol=1e-6)
+
+
+def test_minimum_of_the_criterion() -> None:
+    """The restricted likelihood as a determinant, from the covariance matrix of all values."""
+    values, part = simulated((3, 1, 2, 4, 1), 4, 1.0, 1.0, 7)
+    found = reml(cells(values, part, 5))
+
+    def criterion(row: FloatArray, s_part: float, s_repeat: float) -> float:
+        V = s_repeat * np.eye(len(part)) + s_part * (part[:, None] == part[None, :])
+        inverse = np.linalg.inv(V)
+        one = np.ones(len(part))
+        mu = one @ inverse @ row / (one @ inverse @ one)
+        r = row - mu
+        logs = np.linalg.slogdet(V)[1] + np.log(one @ inverse @ one)
+        return float(logs + r @ inverse @ r)
+
+    for row, s_part, s_repeat in zip(values, found.part, found.repeat, strict=True):
+        least = criterion(row, s_part, s_repeat)
+        for a, b in ((1.01, 1), (0.99, 1), (1, 1.01), (1, 0.99)):
+            assert criterion(row, a * s_part, b * s_repeat) >= least
+        assert criterion(row, s_part + 1e-3, s_repeat) > least
+
+
+def test_what_the_data_cannot_tell() -> None:
+    no_repeats = reml(drawn((1,) * 5, 1, 1.0, 1.0, 1))
+    assert np.isnan([no_repeats.part[0], no_repeats.repeat[0]]).all()
+    values, part = simulated((6,), 1, 1.0, 1.0, 1)
+    one_part = reml(cells(values, part, 1))
+    assert np.isnan(one_part.part[0])
+    assert one_part.repeat[0] == pytest.approx(values[0].var(ddof=1), rel=1e-9)
+    single = reml(drawn((1,), 1, 1.0, 1.0, 1))
+    assert np.isnan([single.part[0], single.repeat[0]]).all()
+
+
+def test_equal_repeats_leave_the_variance_of_the_means() -> None:
+    values, part = simulated((3, 1, 2, 2), 1, 1.0, 0.0, 3)
+    found = reml(cells(values, part, 4))
+    means = [values[0][part == i][0] for i in range(4)]
+    assert found.repeat[0] == 0
+    assert found.part[0] == pytest.approx(np.var(means, ddof=1), rel=1e-9)

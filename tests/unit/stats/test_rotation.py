@@ -1,0 +1,165 @@
+"""Rows that stand out: false alarms over a whole table, power, groups, large tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mtu_cli.stats import rotation
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.outliers import deviation_limit, deviation_p
+from mtu_cli.stats.rotation import outstanding_rows
+
+ROWS, COLUMNS = 21, 30
+GROUPS = np.arange(COLUMNS) % 2
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """199 rotations: p in steps of 0.005 are fine enough for the 5 % level."""
+    monkeypatch.setattr(rotation, "ROTATIONS", 199)
+
+
+def clean(seed: int, rho: float, missing: float = 0.0) -> FloatArray:
+    rng = np.random.default_rng([seed, 17])
+    common = rng.standard_normal((ROWS, 2))[:, GROUPS]
+    own = rng.standard_normal((ROWS, COLUMNS))
+    table = np.sqrt(rho) * common + np.sqrt(1 - rho) * own
+    table[rng.random(table.shape) < missing] = np.nan
+    return table
+
+
+def alarmed(table: FloatArray, seed: int) -> np.ndarray:
+    found = outstanding_rows(table, GROUPS, seed)
+    rows: np.ndarray = np.minimum(found.by_row, found.by_cell.min(axis=1)) <= 0.05
+    return rows
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(("rho", "missing"), [(0.0, 0.0), (0.8, 0.0), (0.5, 0.1)])
+def test_false_alarms_of_a_whole_table(rho: float, missing: float) -> None:
+    runs = 300
+    alarms = sum(alarmed(clean(s, rho, missing), s).any() for s in range(runs)) / runs
+    error = np.sqrt(0.05 * 0.95 / runs)
+    assert alarms <= 0.05 + 3 * error
+    # A test that never alarms would do that too; missing entries may cost some of the rate.
+    assert alarms >= 0.005
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("rho", [0.0, 0.5])
+def test_a_row_shifted_by_four_sigma_is_found(rho: float) -> None:
+    runs = 60
+    found = others = 0
+    for seed in range(runs):
+        table = clean(seed, rho)
+        table[4] += 4.0
+        rows = alarmed(table, seed)
+        found += rows[4]
+        others += np.delete(rows, 4).any()
+    assert found >= 0.95 * runs
+    assert others <= 0.15 * runs
+
+
+def test_a_single_entry_and_a_scattering_row_are_told_apart() -> None:
+    table = clean(3, 0.3)
+    table[7, 5] += 15.0
+    found = outstanding_rows(table, GROUPS, 1)
+    assert np.unravel_index(np.argmin(found.by_cell), found.by_cell.shape) == (7, 5)
+    assert found.by_cell[7, 5] <= 0.05
+    table = clean(3, 0.3)
+    table[9] *= 5.0
+    table[9] -= table[9].mean()
+    found = outstanding_rows(table, GROUPS, 1)
+    assert found.by_row[9] <= 0.05
+    assert found.row_kind[9] == 0
+    table = clean(3, 0.3)
+    table[2] -= 6.0
+    found = outstanding_rows(table, GROUPS, 1)
+    assert found.row_kind[2] == 1
+
+
+def test_a_small_group_is_not_drowned_by_a_large_one() -> None:
+    """Three lengths beside many features: their row is judged by its own distribution."""
+    rng = np.random.default_rng(5)
+    table = rng.standard_normal((ROWS, 63))
+    groups = np.r_[np.zeros(60, np.int64), np.ones(3, np.int64)]
+    table[11, 60:] = [9.0, -9.0, 9.0]
+    assert outstanding_rows(table, groups, 1).by_row[11] <= 0.05
+
+
+def test_the_same_seed_gives_the_same_bits() -> None:
+    table = clean(1, 0.2)
+    first, again = (outstanding_rows(table, GROUPS, 9) for _ in range(2))
+    assert (first.by_row == again.by_row).all()
+    assert (first.by_cell == again.by_cell).all()
+
+
+def test_constant_columns_and_few_rows() -> None:
+    table = np.ones((5, 4))
+    found = outstanding_rows(table, np.zeros(4, np.int64), 1)
+    assert (found.by_row > 0.5).all()
+    assert (found.by_cell > 0.5).all()
+    assert outstanding_rows(clean(1, 0)[:4], GROUPS, 1).by_row.shape == (4,)
+
+
+@pytest.mark.parametrize("rows", [20, 70])
+def test_rotations_keep_what_they_must(rows: int) -> None:
+    rng = np.random.default_rng(2)
+    d = rng.standard_normal((rows, 6))
+    d -= d.mean(axis=0)
+    rotate = rotation._rotations(d, rng)
+    for _ in range(3):
+        turned = rotate()
+        np.testing.assert_allclose(turned.mean(axis=0), 0, atol=1e-12)
+        np.testing.assert_allclose(turned.T @ turned, d.T @ d, rtol=1e-9, atol=1e-9)
+        assert np.abs(turned - d).max() > 0.1
+
+
+def test_uniform_rotations_have_no_preferred_direction() -> None:
+    """The first entry of a rotated unit vector has mean 0 and variance 1/(rows - 1) of its
+    share, as a uniform direction has.
+    """
+    rng = np.random.default_rng(4)
+    rows = 6
+    d = np.zeros((rows, 1))
+    d[:2, 0] = [1.0, -1.0]
+    rotate = rotation._rotations(d, rng)
+    found = np.array([rotate()[:, 0] for _ in range(4000)])
+    # E over the sphere of the complement of ones: |d|^2/(rows - 1) (I - 11'/rows).
+    expected = 2 / (rows - 1) * (np.eye(rows) - 1 / rows)
+    error = 4 * 2 / (rows - 1) / np.sqrt(4000) * np.sqrt(3)
+    assert np.abs(found.mean(axis=0)).max() < 4 * np.sqrt(2 / rows / 4000)
+    assert np.abs(found.T @ found / 4000 - expected).max() < error
+
+
+def test_large_tables_by_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rotation, "ENTRIES", 0)
+    monkeypatch.setattr(rotation, "WORK", 0)
+    table = clean(6, 0.3)
+    assert not alarmed(table, 1).any()
+    table[3] += 5.0
+    assert np.flatnonzero(alarmed(table, 1)).tolist() == [3]
+    many = np.random.default_rng(1).standard_normal((300, 40))
+    many[8] *= 3.0
+    many[200, 6] = 12.0
+    found = outstanding_rows(many, np.zeros(40, np.int64), 1)
+    assert found.by_row[8] <= 0.05
+    assert found.by_cell[200, 6] <= 0.001
+    runs = 200
+    alarms = sum(alarmed(clean(s, 0.5), s).any() for s in range(runs)) / runs
+    assert alarms <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / runs)
+
+
+def test_grubbs() -> None:
+    """Critical values of Grubbs 1969, Technometrics 11, Table I, two-sided 5 %: the largest of n
+    deviations at 5 % / (2 n) in a tail.
+    """
+    printed = {10: 2.290, 20: 2.709, 30: 2.908}
+    for n, value in printed.items():
+        limit = deviation_limit(np.array([float(n)]), 0.05 / n)[0]
+        # His third decimal is off by one in places.
+        assert limit == pytest.approx(value, abs=0.001)
+        assert deviation_p(np.array(limit), np.array(float(n))) == pytest.approx(0.05 / n)
+    assert deviation_p(np.array(1.0), np.array(2.0)) == 1.0
+    assert np.isnan(deviation_limit(np.array([2.0]), 0.05))[0]
