@@ -11,7 +11,7 @@ import numpy as np
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.model.datum import Datum, freed, projector
-from mtu_cli.model.length_geometry import length_gradient
+from mtu_cli.model.length_geometry import differences, length_gradient
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import (
     MeasuredTables,
@@ -185,7 +185,8 @@ def _lengths(
             for _, name, _ in tables.labels
         ]
     )
-    delta = np.nan_to_num(prediction.points[pairs[:, 1]] - prediction.points[pairs[:, 0]])
+    names = [name for _, name, _ in tables.labels]
+    delta = differences(prediction.points, pairs, names, part.source.shown)
     gradient = length_gradient(prediction, pairs, delta)
     return _compared(tables, prediction, gradient, prediction.mean, settings)
 

@@ -11,7 +11,7 @@ from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.conformance import Conformance, conformance_of, joint_conformance
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
-from mtu_cli.model.length_geometry import length_gradient, length_measure
+from mtu_cli.model.length_geometry import differences, length_gradient, length_measure
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
@@ -88,14 +88,8 @@ def predict_lengths(
     ids, points, warnings = feature_points(part, model, used)
     prediction = predict(model, ids, points, covariates)
     pairs = np.array([[ids.index(entry.from_), ids.index(entry.to)] for entry in entries])
-    delta = np.nan_to_num(points[pairs[:, 1]] - points[pairs[:, 0]])
+    delta = differences(points, pairs, [entry.id for entry in entries], part.source.shown)
     nominal = np.linalg.norm(delta, axis=1)
-    for i in np.flatnonzero(nominal == 0)[:1]:
-        raise fault(
-            f"the length {entries[i].id!r} is zero: its features differ in a z that only one has",
-            file=part.source.shown,
-            expected="z_mm of both features, or of the part",
-        )
     gradient = length_gradient(prediction, pairs, delta)
     measure, combine = length_measure(prediction, pairs, delta)
     errors = measure((combine @ prediction.mean)[:, None], Workspace())[:, 0]

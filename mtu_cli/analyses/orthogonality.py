@@ -21,10 +21,13 @@ from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
 
+DRAWN = 2**18
+"""Trials kept for the histogram."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Orthogonality:
-    """One angle, in rad: positive where the corner opens beyond 90 degrees.
+    """One angle less 90 degrees, in rad, from the row's +x to the column's +y.
 
     `run` holds the Monte Carlo (mean, u, interval, samples), `first_order` (mean, u, dof),
     `independent` the same trials under the papers' independence, (mean, u).
@@ -94,8 +97,8 @@ def _angle(
 ) -> Orthogonality:
     apart = angle_trials(name, row, column, prediction, independent=True)
     chosen = angle_trials(name, row, column, prediction, independent=settings.independent)
-    independent = settings.run(apart)
-    run = independent if settings.independent else settings.run(chosen)
+    independent = settings.run(apart, keep=DRAWN)
+    run = independent if settings.independent else settings.run(chosen, keep=DRAWN)
     mean, dof = float(chosen.linear_mean[0]), float(chosen.dof[0])
     u = float(chosen.linear_u[0, 0])
     return Orthogonality(

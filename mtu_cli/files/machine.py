@@ -110,6 +110,12 @@ def _warnings(
         place = f"{shown}:{document.line_of('components', name)}: components.{name}"
         if name not in used:
             notices.append(Notice(code="unused-component", message=f"{place}: in no equation"))
+        sure = component.coefficients is not None and all(
+            getattr(component, key) is None for key in _NEEDS_COEFFICIENTS
+        )
+        if sure and name in used:
+            message = f"{place}: no uncertainty is given, it counts as exactly known"
+            notices.append(Notice(code="no-uncertainty", message=message))
         idle = [key for key in _NEEDS_COEFFICIENTS if getattr(component, key) is not None]
         if component.coefficients is None and idle:
             message = f"{place}: {', '.join(idle)} without coefficients: not used"

@@ -104,6 +104,8 @@ def read_readings(
         joined.integers(tables, "pass", problems)
         problems.raise_if_any()
     readings = _assemble(tables, components, problems)
+    if len(tables) > 1 and not problems.listed:
+        _check_copied_files(readings, problems)
     if for_fit and components is not None and not problems.listed:
         _check_positions(readings, components, problems)
     problems.raise_if_any()
@@ -231,3 +233,29 @@ def _check_positions(
                 expected=f"at least {component.degree + 1} positions",
             )
         )
+
+
+def _check_copied_files(readings: Readings, problems: ProblemList) -> None:
+    """A file all of whose rows stand in an earlier one as well would count them twice.
+
+    Single rows may agree by chance where the digits are few; a whole file does not.
+    """
+    columns = (
+        readings.code, readings.position_mm, readings.error, readings.pass_number,
+        readings.direction, readings.time_min,
+    )  # fmt: skip
+    rows = np.column_stack([np.nan_to_num(item.astype(np.float64), nan=-1e300) for item in columns])
+    seen: dict[bytes, int] = {}
+    for file, source in enumerate(readings.sources):
+        own = [row.tobytes() for row in rows[readings.file_index == file]]
+        earlier = {seen[key] for key in own if key in seen}
+        if own and all(key in seen for key in own):
+            names = ", ".join(readings.sources[i].shown for i in sorted(earlier))
+            problems.add(
+                Problem(
+                    what=f"all its readings stand in {names} as well: they would count twice",
+                    file=source.shown,
+                    expected="each reading once",
+                )
+            )
+        seen |= dict.fromkeys(own, file)

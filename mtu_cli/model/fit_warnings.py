@@ -76,9 +76,13 @@ def _not_separated(fit: MachineFit) -> list[Warned]:
 
 def _reversal(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
     value = found.reversal.value / unit.to_internal if found.reversal else 0.0
+    forward, reverse = int((found.direction > 0).sum()), int((found.direction < 0).sum())
+    mean = "the mean of both directions"
+    if forward != reverse:
+        mean += f", leaning to the one read more often ({forward} and {reverse} readings)"
     return (
-        f"{name} reverses by {value:.2g} {unit.name} (p = {p:.1g}): predictions are for the mean "
-        f"of both directions, a feature approached from one side is off by half of it"
+        f"{name} reverses by {value:.2g} {unit.name} (p = {p:.1g}): predictions are for {mean}; "
+        "a feature approached from one side is off by half of it"
     )
 
 

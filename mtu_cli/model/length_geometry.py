@@ -2,14 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from mtu_cli.errors import fault
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.trials import Measure
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray
 from mtu_cli.stats.workspace import Workspace
+
+
+def differences(points: FloatArray, pairs: IntArray, names: Sequence[str], file: str) -> FloatArray:
+    """End minus start (lengths, 3) of nominal `points` (n, 3), mm; 0 along z where neither has it.
+
+    Raises InputError for a length of which one end alone has a z.
+    """
+    delta = points[pairs[:, 1]] - points[pairs[:, 0]]
+    unknown = np.isnan(points[pairs]).any(axis=2)
+    for i in np.flatnonzero(unknown[:, 0] != unknown[:, 1])[:1]:
+        raise fault(
+            f"of the length {names[i]!r} only one end has a z",
+            file=file,
+            expected="z_mm of both features, or of the part",
+        )
+    return np.nan_to_num(delta)
 
 
 def length_gradient(prediction: Prediction, pairs: IntArray, delta: FloatArray) -> FloatArray:

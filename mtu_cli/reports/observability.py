@@ -141,7 +141,7 @@ def _lack_of_fit(item: InstrumentFit) -> Check:
         because = f"{_count(positions, 'position')} for {_count(k, 'coefficient')}"
         return "lack of fit", because, f"readings at {k + 1} positions or more"
     if positions > MAX_POSITIONS:
-        because = f"{positions} different positions: none is repeated often enough"
+        because = f"{positions} different positions; up to {MAX_POSITIONS} are compared"
     else:
         because = "no position is repeated often enough"
     return "lack of fit", because, "the same positions again, in two passes or more"

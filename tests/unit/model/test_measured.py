@@ -114,8 +114,8 @@ def test_angle_is_that_of_equations_24_to_26(tmp_path: Path) -> None:
             for k in range(len(found))
             if found.part[k] == p
         }
-        row = np.polyfit(*np.array([place["a"], place["b"]]).T, 1)[0]
-        column = np.polyfit(*np.array([place["a"], place["c"]]).T[::-1], 1)[0]
+        along, across = place["b"] - place["a"], place["c"] - place["a"]
+        row, column = along[1] / along[0], across[0] / across[1]
         value = angles.cells.origin[0] + angles.cells.mean[0, p]
         assert value == pytest.approx(-column - row, rel=1e-9)
 
@@ -152,7 +152,7 @@ def test_a_clean_study_is_not_suspected() -> None:
         (lambda xyz: xyz / 25.4, "inches taken for mm"),
         (lambda xyz: xyz * 1000, "um taken for mm"),
         (lambda xyz: xyz / 1000, "metres taken for mm"),
-        (lambda xyz: xyz + [3.0, -70.0, 0], "origin that differs by"),
+        (lambda xyz: xyz + np.array([3.0, -70.0, 0.0]), "origin that differs by"),
         (lambda xyz: xyz**2, "unit, sign or swap mistake"),
     ],
 )

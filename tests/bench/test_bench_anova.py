@@ -1,0 +1,115 @@
+"""`mtu anova` on five million rows, against pandas reading the same file.
+
+Ratios decide: to a process that imports pandas and reads the file with its defaults, and to the
+memory of the frame that it gets. Runs alternate and the best of each counts, so that a busy
+machine disturbs both alike.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtu_cli.analyses.anova_parts import PartsTable, unusual_parts
+
+MTU = Path(sys.executable).parent / "mtu"
+RUNS = 3
+ROWS = 5_000_000
+SHAPES = {"few parts": (21, 2500), "as in a series": (500, 500), "many parts": (2500, 200)}
+READ = """
+import json, sys, time
+import pandas
+start = time.perf_counter()
+frame = pandas.read_csv(sys.argv[1])
+seconds = time.perf_counter() - start
+deep = int(frame.memory_usage(deep=True).sum())
+print(json.dumps({"rows": len(frame), "seconds": seconds, "deep": deep}))
+"""
+WATCHED = """
+import json, resource, subprocess, sys, time
+start = time.perf_counter()
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(json.dumps({"seconds": time.perf_counter() - start, "bytes": usage.ru_maxrss * 1024}))
+"""
+
+
+def write(path: Path, parts: int, features: int) -> None:
+    """Points of `parts` parts; texts in part, feature and operation, as CMMs export them."""
+    rng = np.random.default_rng(1)
+    repeats = round(ROWS / (parts * features))
+    place = rng.uniform(0, 300, (features, 2)).round(3)
+    with path.open("w") as file:
+        file.write("part,feature,operation,repeat,x_mm,y_mm,nominal_x_mm,nominal_y_mm\n")
+        for p in range(parts):
+            made = place + rng.normal(0, 0.004, (features, 2))
+            for r in range(1, repeats + 1):
+                seen = made + rng.normal(0, 0.001, (features, 2))
+                file.writelines(
+                    f"P{p:04d},h{i:04d},drilled,{r},{x:.5f},{y:.5f},{X},{Y}\n"
+                    for i, ((x, y), (X, Y)) in enumerate(zip(seen.tolist(), place.tolist()))
+                )
+
+
+def watched(*command: object) -> dict[str, float]:
+    """Seconds and largest memory of a process, from start to end."""
+    found = subprocess.run(
+        [sys.executable, "-c", WATCHED, *map(str, command)],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    numbers: dict[str, float] = json.loads(found.stdout)
+    return numbers
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_five_million_rows(shape: str, tmp_path: Path) -> None:
+    path, out = tmp_path / "cmm.csv", tmp_path / "out.json"
+    write(path, *SHAPES[shape])
+    reader = tmp_path / "read.py"
+    reader.write_text(READ)
+    ours, theirs, inside = [], [], []
+    for _ in range(RUNS):
+        alone = subprocess.run(
+            [sys.executable, reader, path], capture_output=True, text=True, check=True
+        )
+        frame = json.loads(alone.stdout)
+        inside.append(frame["seconds"])
+        theirs.append(watched(sys.executable, reader, path))
+        ours.append(watched(MTU, "anova", "--cmm", path, "-o", out))
+    seconds, bare = (min(item["seconds"] for item in runs) for runs in (ours, theirs))
+    memory = max(item["bytes"] for item in ours)
+    print(
+        f"\nmtu anova, {frame['rows']} rows, {shape}: {seconds:.2f} s = {seconds / bare:.2f} x a "
+        f"process that reads the file, {seconds / min(inside):.2f} x read_csv alone; "
+        f"{memory / frame['deep']:.2f} x the frame's memory"
+    )
+    assert memory <= 3 * frame["deep"]
+    assert seconds <= 1.5 * bare
+
+
+def test_unusual_parts_of_a_large_table() -> None:
+    """500 parts by 200 tables: a thousand rotations take no longer than sorting 2e8 numbers."""
+    rng = np.random.default_rng(1)
+    values = rng.standard_normal((500, 200))
+    table = PartsTable(
+        labels=tuple(("", str(i // 2), "xy"[i % 2]) for i in range(200)),
+        parts=tuple(map(str, range(500))),
+        raw=values,
+        scaled=values,
+        group=tuple(("", "", "xy"[i % 2]) for i in range(200)),
+    )
+    start = time.perf_counter()
+    unusual_parts(table, 1)
+    seconds = time.perf_counter() - start
+    numbers = rng.standard_normal(20_000_000)
+    start = time.perf_counter()
+    np.sort(numbers)
+    sort = time.perf_counter() - start
+    print(f"\nrotations of 500 x 200: {seconds:.2f} s, {seconds / sort:.2f} x sorting 2e7 numbers")
+    assert seconds <= 10 * sort
