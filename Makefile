@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 MTU := $(abspath $(BIN))/mtu
 OUT := out
+GL := configs/gilsinn-ling
 
 .PHONY: demo test lint type bench data clean
 
@@ -23,7 +24,8 @@ demo: $(VENV)/.base
 	@echo "== simulated ball-bar readings of the machine -> its components"
 	$(MTU) fit-components configs/gilsinn-ling-simulated -o $(OUT)/components.json --plot $(OUT)/components.png
 	@echo "== and what its parts will be like"
-	$(MTU) predict-points configs/gilsinn-ling-simulated -c $(OUT)/components.json --plot $(OUT)/points.png
+	$(MTU) predict-points -m $(GL)-simulated/machine.yaml -p $(GL)/part.yaml \
+	  -c $(OUT)/components.json --plot $(OUT)/points.png
 	$(MTU) orthogonality configs/gilsinn-ling --plot $(OUT)/orthogonality.png
 	@echo "== lengths of the paper's machine (Gilsinn & Ling 2004); pictures are in $(OUT)/"
 	$(MTU) lengths configs/gilsinn-ling -o $(OUT)/lengths.json --plot $(OUT)/lengths.png
@@ -42,7 +44,6 @@ bench: $(VENV)/.dev
 	$(BIN)/python -m pytest tests/bench --benchmark-disable -q -s -o addopts= -p no:cacheprovider
 
 # The synthetic data under data/, as it was made.
-GL := configs/gilsinn-ling
 PARTS := --first-repeats 4:5 --parts 21 --repeats 2
 data: $(VENV)/.base
 	$(MTU) simulate -m $(GL)-simulated/truth.yaml -p $(GL)-simulated/part.yaml --seed 2004 \

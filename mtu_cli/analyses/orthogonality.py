@@ -21,6 +21,8 @@ from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
 
+LARGEST_SLOPE = 0.02
+"""Nominal slope of a row or column that still counts as along its axis."""
 DRAWN = 2**18
 """Trials kept for the histogram."""
 
@@ -77,6 +79,8 @@ def predict_orthogonality(
             file=part.source.shown,
             expected="orthogonality: [{id: xy, row: [...], column: [...]}]",
         )
+    for entry in part.part.orthogonality:
+        _check_square(entry.id, entry.row, entry.column, part)
     angles: list[Orthogonality] = []
     warnings: list[Warned] = []
     for entry in part.part.orthogonality:
@@ -86,6 +90,22 @@ def predict_orthogonality(
         warnings += [*noted, *outside_warnings(prediction)]
         warnings += dof_warnings([entry.id], np.array([angles[-1].first_order[2]]))
     return OrthogonalityResult(angles=tuple(angles), warnings=tuple(dict.fromkeys(warnings)))
+
+
+def _check_square(name: str, row: Sequence[str], column: Sequence[str], part: LoadedPart) -> None:
+    """Eqs. (24)-(26) take slopes for angles: rows lie along x, columns along y."""
+    places = part.part.places()
+    for kind, ids, along, across in (("row", row, 0, 1), ("column", column, 1, 0)):
+        line = np.array([[places[i][along], places[i][across]] for i in ids])
+        u, v = (line - line.mean(axis=0)).T
+        slope = float(u @ v / (u @ u))
+        if abs(slope) > LARGEST_SLOPE:
+            raise fault(
+                f"the {kind} of orthogonality {name!r} is "
+                f"{np.degrees(np.arctan(slope)):.3g} degrees off {'xy'[along]}",
+                file=part.source.shown,
+                expected=f"features in a line along {'xy'[along]}, seen in the plane of x and y",
+            )
 
 
 def _angle(
@@ -174,7 +194,7 @@ def angle_measure(
         lines.append((slice(start, start + m), slice(start + m, start + 2 * m)))
         start += 2 * m
 
-    def measure(combined: FloatArray, work: Workspace) -> FloatArray:
+    def lines_apart(combined: FloatArray, work: Workspace) -> FloatArray:
         placed = np.add(combined, nominal, out=work.array("placed", combined.shape))
         angle = work.array("angle", (1, combined.shape[1]))
         angle[:] = 0.0
@@ -184,6 +204,13 @@ def angle_measure(
             angle -= top
         return angle
 
+    def measure(combined: FloatArray, work: Workspace) -> FloatArray:
+        angle = lines_apart(combined, work)
+        angle -= by_design
+        return angle
+
+    # Rows and columns that are not quite square by design have no error for it.
+    by_design = float(lines_apart(np.zeros((len(combine), 1)), Workspace())[0, 0])
     return measure, combine
 
 

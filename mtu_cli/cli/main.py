@@ -131,6 +131,9 @@ def main() -> None:
     except MtuError as error:
         print(f"mtu: {error}", file=sys.stderr)
         sys.exit(EXIT_INPUT)
+    except OverflowError:
+        print("mtu: a number of the input is too large to calculate with", file=sys.stderr)
+        sys.exit(EXIT_INPUT)
     except BrokenPipeError:
         hush()
         sys.exit(0)

@@ -97,10 +97,12 @@ def _heading(options: Options, seed: int) -> str:
     given = [
         f"--{name.replace('_', '-')} {shlex.quote(' '.join(str(item).split()))}"
         for name, value in options.values.items()
-        if name in ("effect", "covariate", "passes", "parts", "repeats", "cmm_u_um", "positions",
+        if name in ("one_way", "effect", "covariate", "passes", "parts", "repeats", "cmm_u_um",
+                    "positions",
                     "scatter", "operation", "first_repeats", "part_offset_um", "reverse_every",
                     "minutes")
-        and value not in (None, [], 0)
+        and value is not None
+        and value != []
         for item in (value if isinstance(value, list) else [value])
     ]  # fmt: skip
     return (

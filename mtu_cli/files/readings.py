@@ -29,6 +29,8 @@ SPEC = TableSpec(
     exclusive=(("time", "time_min"),),
 )
 
+FEWEST_COPIED = 4
+"""Fewer equal readings than this may be chance."""
 DIRECTIONS = {"forward": 1, "+": 1, "1": 1, "+1": 1, "reverse": -1, "-": -1, "-1": -1}
 
 
@@ -249,7 +251,7 @@ def _check_copied_files(readings: Readings, problems: ProblemList) -> None:
     for file, source in enumerate(readings.sources):
         own = [row.tobytes() for row in rows[readings.file_index == file]]
         earlier = {seen[key] for key in own if key in seen}
-        if own and all(key in seen for key in own):
+        if len(own) >= FEWEST_COPIED and all(key in seen for key in own):
             names = ", ".join(readings.sources[i].shown for i in sorted(earlier))
             problems.add(
                 Problem(

@@ -20,7 +20,7 @@ def significant(p_values: dict[str, float]) -> dict[str, float]:
 
 def fit_warnings(fit: MachineFit) -> list[Warned]:
     """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement."""
-    warnings = _not_separated(fit)
+    warnings = [*_not_separated(fit), *_without_scatter(fit)]
     kinds: list[tuple[str, Callable[[InstrumentFit], float | None], Message]] = [
         ("reversal", lambda f: f.reversal.p if f.reversal else None, _reversal),
         ("passes-drift", lambda f: f.trend.p if f.trend else None, _trend),
@@ -70,6 +70,23 @@ def _not_separated(fit: MachineFit) -> list[Warned]:
             message=f"the readings of {', '.join(names)} do not tell pass-to-pass drift from "
             "repeatability (one pass, or no pass column): all scatter counts as repeatability, "
             "and lengths may scatter more than is said",
+        )
+    ]
+
+
+def _without_scatter(fit: MachineFit) -> list[Warned]:
+    names = [
+        name
+        for name, component in fit.components.items()
+        if component.estimate.independent_s is not None and component.estimate.independent_s < 1e-12
+    ]
+    if not names:
+        return []
+    return [
+        Warned(
+            code="no-scatter",
+            message=f"the readings of {', '.join(names)} do not scatter: their uncertainty counts "
+            "as 0, where the instrument's resolution at least remains",
         )
     ]
 

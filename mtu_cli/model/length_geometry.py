@@ -21,7 +21,7 @@ def differences(points: FloatArray, pairs: IntArray, names: Sequence[str], file:
     Raises InputError for a length of which one end alone has a z.
     """
     delta = points[pairs[:, 1]] - points[pairs[:, 0]]
-    unknown = np.isnan(points[pairs]).any(axis=2)
+    unknown = np.isnan(points[pairs].sum(axis=2))
     for i in np.flatnonzero(unknown[:, 0] != unknown[:, 1])[:1]:
         raise fault(
             f"of the length {names[i]!r} only one end has a z",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem, did_you_mean
+from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.tree import Binary
@@ -167,7 +167,7 @@ def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
                 Problem(
                     what=f"the equations of {model.name!r} need the covariate {name!r}",
                     expected=f"--at {name}=VALUE"
-                    + (f" ({did_you_mean(name, given)})" if given else ""),
+                    + (f"; given: {', '.join(given)}" if given else ""),
                 )
                 for name in missing
             ]
@@ -231,16 +231,27 @@ def _check_finite(
     if not bad.any():
         return
     i, a = np.argwhere(bad)[0]
-    unknown = [axis for k, axis in enumerate(AXES) if np.isnan(points[i, k])]
-    unknown = [axis for axis in unknown if axis not in model.constants]
-    place = ", ".join(f"{axis}={points[i, k]:g}" for k, axis in enumerate(AXES))
+    axis = model.axes[a]
+    used: set[str] = set()
+    for term in model.terms:
+        if axis in term.levers:
+            used |= {*names(term.levers[axis]), term.estimate.of or ""}
+    for node in model.remainders[axis]:
+        used |= set(names(node))
+    unknown = [
+        name
+        for k, name in enumerate(AXES)
+        if np.isnan(points[i, k]) and name in used and name not in model.constants
+    ]
+    place = ", ".join(f"{name}={points[i, k]:g}" for k, name in enumerate(AXES) if name in used)
     raise InputError(
         Problem(
-            what=f"the equation E{model.axes[a]} has no finite value at {place}",
+            what=f"the equation E{axis} of {model.name!r} has no finite value at {place}",
             expected=(
                 f"a value for {unknown[0]} (z_mm in the part, or a constant of the machine)"
                 if unknown
-                else "an equation that is defined at every feature"
+                else "an equation that is defined at every feature (no division by 0, no root or "
+                "logarithm of a negative number)"
             ),
         )
     )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from mtu_cli.analyses.lengths import Length, LengthsResult
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports import figures, validations
-from mtu_cli.reports.document import finite, root, um, um2
+from mtu_cli.reports.document import finite, listed, root, um, um2
 from mtu_cli.reports.numbers import interval, percent, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
@@ -101,9 +101,15 @@ def table(result: LengthsResult) -> list[Sheet]:
     rows = [_row(item, toleranced) for item in result.lengths]
     k = result.lengths[0].k
     notes = [
-        f"U = {k:g} u; error = actual minus nominal; u indep.: ends and components independent "
-        "(Gilsinn & Ling 2004, eq. (22))"
+        f"U = {k:g} u of one future part: repeatability, drift, coefficients; error = actual minus "
+        "nominal; u indep.: ends and components independent (Gilsinn & Ling 2004, eq. (22))"
     ]
+    invalid = [x.id for x in result.lengths if x.validation.passed is not True]
+    notes.append(
+        "first order valid for all lengths (Monte Carlo, JCGM 101, clause 8)"
+        if not invalid
+        else f"first order not shown to be valid for {listed(invalid)} (JCGM 101, clause 8)"
+    )
     if result.joint_conformance is not None:
         p, se = result.joint_conformance
         shown = plus_minus(100 * p, 100 * se, 1) if se > 0 else percent(p)
@@ -184,9 +190,10 @@ def figure(result: LengthsResult) -> Figure:
 
 def _draw(panel: Axes, row: int, item: Length) -> None:
     apart = root(item.independent_variance)
-    bars = [(apart, 0.13, figures.ORANGE, 1.6, "independent ends and components")]
-    if item.variance != item.independent_variance:
-        bars.insert(0, (item.u, -0.13, figures.BLUE, 2.4, "with shared covariance"))
+    bars = [
+        (item.u, -0.13, figures.BLUE, 2.4, "with shared covariance"),
+        (apart, 0.13, figures.ORANGE, 1.6, "independent ends and components"),
+    ]
     for u, offset, colour, width, label in bars:
         panel.errorbar(
             item.error / UM,

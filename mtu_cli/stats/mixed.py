@@ -24,6 +24,8 @@ from mtu_cli.stats.pass_lines import between_passes, own_lines
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+FEW_PASSES = 3
+"""Below so many degrees of freedom between passes D is never taken as negative."""
 OWN_SLOPE_SPAN = 0.3
 """A pass over less than this share of the measured range has no slope of its own."""
 
@@ -116,6 +118,10 @@ def fit_passes(
     between, of_repeatability, deviations = found
     D, split = split_mean_square(between, stage.s2, of_repeatability)
     raw = between - stage.s2 * of_repeatability
+    if dof_between < FEW_PASSES:
+        # Two or three passes may agree by chance far better than repeatability allows; the
+        # coefficients are then no surer than repeatability alone would leave them.
+        raw = D
     common = [Z[rows] * f[kept, None] for f in fixed.T]
     pooled = least_squares(np.column_stack([*common, X[rows, q:]]), y[rows])
     return PassFit(

@@ -68,7 +68,7 @@ def monte_carlo(
     tolerance_fraction: float = 1.0,
     threads: int | None = None,
     max_trials: int = 10_000_000,
-    keep: int = 0,
+    keep: int = 2**18,
     progress: Progress | None = None,
 ) -> MonteCarloResult:
     """Propagates distributions through `model` by Monte Carlo.

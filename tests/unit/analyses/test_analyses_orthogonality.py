@@ -37,7 +37,11 @@ def machine(size: float = 1.0) -> MachineModel:
 
 
 def angle_of(moved: FloatArray) -> float:
-    """Eqs. (24)-(26) by numpy's own straight-line fit; `moved` (7, 2)."""
+    """Eqs. (24)-(26) by numpy's own straight-line fit, less the angle by design; (7, 2)."""
+    return between_lines(moved) - between_lines(PLACES)
+
+
+def between_lines(moved: FloatArray) -> float:
     row, column = moved[ROW_AT], moved[COLUMN_AT]
     of_row = np.polyfit(row[:, 0], row[:, 1], 1)[0]
     of_column = np.polyfit(column[:, 1], column[:, 0], 1)[0]
