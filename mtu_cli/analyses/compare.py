@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -112,10 +112,11 @@ def compare(
         prediction.ids.index(name) * len(axes) + [AXES[k] for k in axes].index(axis)
         for _, name, axis in tables.labels
     ]
-    features = _compared(tables, prediction, P[rows], prediction.mean, settings)
+    features = _compared(tables, prediction, P[rows], settings)
+    holes = features if datum == "none" else None
     return CompareResult(
         features=features,
-        lengths=_lengths(prediction, part, points, settings),
+        lengths=_lengths(prediction, part, points, settings, holes),
         datum=datum,
         coverage_factor=settings.coverage_factor,
         warnings=tuple(warnings),
@@ -173,8 +174,13 @@ def _of_axes(tables: MeasuredTables, axes: tuple[int, ...]) -> MeasuredTables:
 
 
 def _lengths(
-    prediction: Prediction, part: LoadedPart, points: Points, settings: Settings
+    prediction: Prediction,
+    part: LoadedPart,
+    points: Points,
+    settings: Settings,
+    holes: Compared | None,
 ) -> Compared | None:
+    """Lengths; with the paper's u from its hole variances, eq. (22), where they are at hand."""
     tables = length_tables(points, visits_of(points), part)
     if tables is None:
         return None
@@ -188,14 +194,40 @@ def _lengths(
     names = [name for _, name, _ in tables.labels]
     delta = differences(prediction.points, pairs, names, part.source.shown)
     gradient = length_gradient(prediction, pairs, delta)
-    return _compared(tables, prediction, gradient, prediction.mean, settings)
+    found = _compared(tables, prediction, gradient, settings)
+    if holes is None:
+        return found
+    variances = [_hole_variances(prediction, holes, label[0]) for label in tables.labels]
+    u = [
+        np.sqrt(paper_length_variance(g, V, N))
+        for g, V, N in zip(gradient, variances, found.one_way.N, strict=True)
+    ]
+    paper = replace(found.measured_paper, u=np.array(u))
+    return replace(found, measured_paper=paper)
+
+
+def _hole_variances(prediction: Prediction, holes: Compared, operation: str) -> FloatArray:
+    """MS_between (rows,) of the holes of an operation, in the rows of the prediction."""
+    V = np.full(len(prediction.mean), np.nan)
+    for label, ms in zip(holes.labels, holes.one_way.ms_between, strict=True):
+        if label[0] == operation:
+            V[prediction.row(label[1], label[2])] = ms
+    return V
+
+
+def paper_length_variance(gradient: FloatArray, holes: FloatArray, N: float) -> float:
+    """Variance of a length as Tables 8 and 9 have it: eq. (22) on the hole variances V_p(m)
+    (rows,), times (1 + 1/N) for a future measurement, eq. (33). It is not the scatter of
+    measured lengths: it takes V_p(m) for the part variance and the two ends for independent.
+    """
+    used = gradient != 0
+    return float(gradient[used] ** 2 @ holes[used]) * (1 + 1 / N)
 
 
 def _compared(
     tables: MeasuredTables,
     prediction: Prediction,
     A: FloatArray,
-    errors: FloatArray,
     settings: Settings,
 ) -> Compared:
     variance = prediction.variance(A)
@@ -210,7 +242,7 @@ def _compared(
     seen = part * spread + repeat / table.N
     expected = np.maximum(future, 0.0) * spread + repeat / table.N
     of_mean = np.maximum(seen, expected)
-    predicted = A @ errors
+    predicted = A @ prediction.mean
     bias = table.mean - predicted
     u_difference = np.sqrt(variance.coefficients + of_mean)
     p_bias = holm(_t_tail(bias / u_difference, np.maximum(table.df_between, 1.0)))

@@ -103,6 +103,13 @@ p.register(
 )
 p.register(
     app,
+    "compare",
+    [*PREDICTION, p.CMM, p.DATUM, p.OUTPUT, p.fail_if("biased, under-predicted")],
+    _lazily("compare"),
+    "Predicted against measured parts: means, scatter, ratios, a verdict for each.",
+)
+p.register(
+    app,
     "simulate",
     [p.STUDY, p.PART, p.COMPONENTS, p.SEED, SIMULATE, p.QUIET],
     _lazily("simulate"),

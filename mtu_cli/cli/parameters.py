@@ -223,6 +223,20 @@ COVARIANCE: list[Parameter] = [
         False,
     ),
 ]
+DATUM: list[Parameter] = [
+    (
+        "datum",
+        Annotated[
+            str | None,
+            typer.Option(
+                "--datum",
+                help="Freedoms of a part's coordinate system: none, offset or offset,rotation.",
+                show_default="none",
+            ),
+        ],
+        None,
+    ),
+]
 KIND: list[Parameter] = [
     (
         "kind",

@@ -92,7 +92,7 @@ def integers(tables: Sequence[Table], name: str, problems: ProblemList) -> Ints:
     if not any(name in table.columns.numbers for table in tables):
         return np.broadcast_to(np.int64(-1), sum(len(table) for table in tables))
     values = numbers(tables, name)
-    if -LARGEST_INTEGER <= values.min() and values.max() <= LARGEST_INTEGER:
+    if values.min() >= -LARGEST_INTEGER and values.max() <= LARGEST_INTEGER:
         whole = values.astype(np.int64)
         if np.array_equal(whole, values):
             return whole
