@@ -34,7 +34,8 @@ def points(
     rows: list[tuple[str, str, int, float, float]], operations: list[str] | None = None
 ) -> Points:
     """Points from (part, feature, repeat, error x, error y); errors in mm, repeat -1 unknown."""
-    parts, features = (list(dict.fromkeys(row[i] for row in rows)) for i in (0, 1))
+    parts = list(dict.fromkeys(row[0] for row in rows))
+    features = list(dict.fromkeys(row[1] for row in rows))
     n = len(rows)
     names = list(dict.fromkeys(operations or ()))
     place = np.array([[*PLACES[str(row[1])], np.nan] for row in rows])

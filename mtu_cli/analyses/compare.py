@@ -24,6 +24,7 @@ from mtu_cli.model.measured_checks import check_measured
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.anova import Cells, OneWay, one_way
+from mtu_cli.stats.family import f_tails, holm, t_tail
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml
 
@@ -245,10 +246,10 @@ def _compared(
     predicted = A @ prediction.mean
     bias = table.mean - predicted
     u_difference = np.sqrt(variance.coefficients + of_mean)
-    p_bias = holm(_t_tail(bias / u_difference, np.maximum(table.df_between, 1.0)))
+    p_bias = holm(t_tail(bias / u_difference, np.maximum(table.df_between, 1.0)))
     ms_expected = repeat + table.n0 * future
     ratio = table.ms_between / ms_expected
-    p_high, p_low = _f_tails(ratio, table.df_between, variance.dof)
+    p_high, p_low = f_tails(ratio, table.df_between, variance.dof)
     p_scatter = holm(2 * np.minimum(p_high, p_low))
     independent = A**2 @ prediction.independent_variance
     return Compared(
@@ -279,33 +280,3 @@ def _verdict(p_bias: float, p_scatter: float, ratio: float) -> Verdict:
     if p_scatter <= FAMILY_RATE:
         return "over-predicted"
     return "consistent"
-
-
-def _t_tail(t: FloatArray, dof: FloatArray) -> FloatArray:
-    """Two-sided p of Student's t."""
-    from scipy.special import stdtr
-
-    p: FloatArray = 2 * stdtr(dof, -np.abs(t))
-    return np.where(np.isfinite(p), p, 1.0)
-
-
-def _f_tails(ratio: FloatArray, df1: FloatArray, df2: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """P(F > ratio) and P(F < ratio); df2 may be infinite. 1 where there is no F."""
-    from scipy.special import chdtr, chdtrc, fdtr, fdtrc
-
-    known = np.isfinite(ratio) & (df1 > 0)
-    r, d1 = np.where(known, ratio, 1.0), np.where(known, df1, 1.0)
-    d2 = np.where(np.isinf(df2), 1.0, df2)
-    high = np.where(np.isinf(df2), chdtrc(d1, r * d1), fdtrc(d1, d2, r))
-    low = np.where(np.isinf(df2), chdtr(d1, r * d1), fdtr(d1, d2, r))
-    return np.where(known, high, 1.0), np.where(known, low, 1.0)
-
-
-def holm(p: FloatArray) -> FloatArray:
-    """Holm's adjusted p values (Scand. J. Statist. 6 (1979) 65) over all of `p` (m,)."""
-    m = len(p)
-    order = np.argsort(p, kind="stable")
-    stepped = np.maximum.accumulate(np.minimum(p[order] * (m - np.arange(m)), 1.0))
-    adjusted = np.empty(m)
-    adjusted[order] = stepped
-    return adjusted

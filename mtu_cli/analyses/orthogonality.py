@@ -173,8 +173,8 @@ def angle_measure(
 ) -> tuple[Measure, FloatArray]:
     """dtheta = -b1(column) - b1(row), eqs. (24)-(26), and the combinations it needs.
 
-    A slope is sum (u - mean u) v / sum (u - mean u)^2: the coordinates along a line are needed
-    less their mean, those across it as they are.
+    A slope is sum (u - mean u)(v - mean v) / sum (u - mean u)^2. The coordinates across a line
+    could stay as they are; less their mean there are fewer directions to draw.
     """
     rows = len(prediction.mean)
     n = len(row), len(column)
@@ -187,7 +187,7 @@ def angle_measure(
     for which, (u, i), (v, j) in zip((row, column), along, across, strict=True):
         m = len(which)
         combine[start : start + m] = u - u.mean(axis=0)
-        combine[start + m : start + 2 * m] = v
+        combine[start + m : start + 2 * m] = v - v.mean(axis=0)
         place = prediction.points[which]
         nominal[start : start + m, 0] = place[:, i] - place[:, i].mean()
         nominal[start + m : start + 2 * m, 0] = place[:, j] - place[:, j].mean()

@@ -30,9 +30,8 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
     seen = _first_texts(text)
     kinds |= {name: "text" for name in seen if kinds[name] == "covariate"}
     capacity = text.newlines + 1
-    numbers = {
-        name: _Numbers(capacity) for name, kind in kinds.items() if kind in ("number", "covariate")
-    }
+    numeric = {name for name, kind in kinds.items() if kind in ("number", "covariate")}
+    numbers, vectors = _number_stores(numeric, spec, capacity)
     texts = {name: _Texts(capacity) for name, kind in kinds.items() if kind == "text"}
     times = {name: _Times(capacity) for name, kind in kinds.items() if kind == "time"}
     count = 0
@@ -51,6 +50,9 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
         numbers={name: store.whole(count) for name, store in numbers.items()},
         texts={name: store.whole(count) for name, store in texts.items()},
         times={name: store.whole(count) for name, store in times.items()},
+        vectors={
+            names: _filled(values, names, numbers, count) for names, values in vectors.items()
+        },
     )
     _check_cells(columns, spec)
     return count, columns
@@ -94,11 +96,39 @@ def _read_texts(text: CsvText, names: list[str], capacity: int) -> dict[str, _Te
     return found
 
 
-class _Numbers:
-    def __init__(self, capacity: int) -> None:
-        import numpy as np
+def _number_stores(
+    numeric: set[str], spec: TableSpec, capacity: int
+) -> tuple[dict[str, _Numbers], dict[tuple[str, ...], NDArray[np.float64]]]:
+    """A store for each column of numbers; those of a vector are rows of one array (k, n)."""
+    import numpy as np
 
-        self.values = np.empty(capacity, np.float64)
+    vectors = {
+        names: np.empty((len(names), capacity))
+        for names in spec.vectors
+        if numeric.intersection(names)
+    }
+    places = {
+        name: values[index]
+        for names, values in vectors.items()
+        for index, name in enumerate(names)
+        if name in numeric
+    }
+    own = {name: np.empty(capacity) for name in numeric - places.keys()}
+    return {name: _Numbers(values) for name, values in (places | own).items()}, vectors
+
+
+def _filled(
+    values: NDArray[np.float64], names: tuple[str, ...], given: dict[str, _Numbers], count: int
+) -> NDArray[np.float64]:
+    for index, name in enumerate(names):
+        if name not in given:
+            values[index, :count] = float("nan")
+    return values[:, :count].T
+
+
+class _Numbers:
+    def __init__(self, values: NDArray[np.float64]) -> None:
+        self.values = values
 
     def add(self, column: pd.Series[Any], start: int) -> None:
         self.values[start : start + len(column)] = column.to_numpy(dtype="float64")

@@ -23,7 +23,7 @@ class TableSpec:
     """The columns that a contract names; every other column is a covariate.
 
     `may_be_empty` are named columns whose cells may be empty; `exclusive` pairs must not
-    both be there, `together` pairs only both.
+    both be there, `together` pairs only both. `vectors` are numbers that belong together.
     """
 
     required: tuple[str, ...]
@@ -33,6 +33,7 @@ class TableSpec:
     may_be_empty: frozenset[str] = frozenset()
     exclusive: tuple[tuple[str, str], ...] = ()
     together: tuple[tuple[str, str], ...] = ()
+    vectors: tuple[tuple[str, ...], ...] = ()
 
     def kind(self, name: str) -> Kind:
         """How the cells of a column are read."""
@@ -71,11 +72,16 @@ class TimeColumn:
 
 @dataclass(slots=True)
 class Columns:
-    """Cells of a table by column name; all arrays have one entry a row."""
+    """Cells of a table by column name; all arrays have one entry a row.
+
+    `vectors` (n, k) hold the columns of a vector side by side, nan where one is not there, so
+    that they need not be copied together.
+    """
 
     numbers: dict[str, NDArray[np.float64]] = field(default_factory=dict)
     texts: dict[str, TextColumn] = field(default_factory=dict)
     times: dict[str, TimeColumn] = field(default_factory=dict)
+    vectors: dict[tuple[str, ...], NDArray[np.float64]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,11 +18,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
+    Ints = NDArray[Any]
     Texts = NDArray[np.object_]
 
 MINUTE = 60_000_000
 LARGEST_INTEGER = 2.0**53
+SMALL_INTEGER = 1e6
+FEW = 30_000
+"""Codes and whole numbers up to these have 4 bytes, and products of two of them still fit."""
 LARGEST_READING = 1e12
 
 
@@ -68,6 +71,8 @@ def columns_of(tables: Sequence[Table], names: Sequence[str]) -> Floats:
     n = sum(map(len, tables))
     if not any(name in table.columns.numbers for table in tables for name in names):
         return np.broadcast_to(np.float64(np.nan), (n, len(names)))
+    if len(tables) == 1 and tuple(names) in tables[0].columns.vectors:
+        return tables[0].columns.vectors[tuple(names)]
     # Column by column in memory: each is written, and later read, in one go.
     found = np.empty((n, len(names)), order="F")
     for index, name in enumerate(names):
@@ -93,7 +98,8 @@ def integers(tables: Sequence[Table], name: str, problems: ProblemList) -> Ints:
         return np.broadcast_to(np.int64(-1), sum(len(table) for table in tables))
     values = numbers(tables, name)
     if values.min() >= -LARGEST_INTEGER and values.max() <= LARGEST_INTEGER:
-        whole = values.astype(np.int64)
+        small = values.min() >= -SMALL_INTEGER and values.max() <= SMALL_INTEGER
+        whole = values.astype(np.int32 if small else np.int64)
         if np.array_equal(whole, values):
             return whole
     faulty = (values != np.floor(values)) | (np.abs(values) > LARGEST_INTEGER)
@@ -150,14 +156,18 @@ def labelled(
     if not any(name in table.columns.texts for table in tables):
         return (), np.broadcast_to(np.int64(-1), sum(len(table) for table in tables))
     index = {label: code for code, label in enumerate(known)}
-    parts = []
+    parts: list[Ints] = []
     for table in tables:
         column = table.columns.texts.get(name)
         if column is None:
             parts.append(np.full(len(table), -1, np.int64))
             continue
         lookup = [index.setdefault(label, len(index)) for label in column.labels]
-        parts.append(np.array([*lookup, -1], np.int64)[column.codes])
+        if len(tables) == 1 and len(lookup) <= FEW and lookup == list(range(len(lookup))):
+            # The codes are those of the only file, in half the memory.
+            parts.append(column.codes)
+        else:
+            parts.append(np.array([*lookup, -1], np.int64)[column.codes])
     codes = end_to_end(parts)
     if len(index) == 1 and not codes.any():
         # One label seen n times takes no memory.

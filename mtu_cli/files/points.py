@@ -34,6 +34,10 @@ SPEC = TableSpec(
     may_be_empty=frozenset({"dir_x", "dir_y", "dir_z", *(f"nominal_{axis}_mm" for axis in AXES)}),
     exclusive=(("time", "time_min"),),
     together=(("nominal_x_mm", "nominal_y_mm"),),
+    vectors=(
+        tuple(f"{axis}_mm" for axis in AXES),
+        tuple(f"nominal_{axis}_mm" for axis in AXES),
+    ),
 )
 
 

@@ -114,5 +114,5 @@ def _trend(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
 def _lack(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
     return (
         f"{name} is not a polynomial of the degree that the machine gives it (p = {p:.1g}): "
-        "raise its degree, or see what close-loop finds"
+        "raise its degree, or look at the picture (--plot)"
     )

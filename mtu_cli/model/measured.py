@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.errors import InputError, Problem
-from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import all_distinct
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.stats.anova import Cells, cells_of
 from mtu_cli.stats.least_squares import FloatArray
+
+if TYPE_CHECKING:
+    from mtu_cli.files.part import LoadedPart
 
 IntArray = NDArray[np.int64]
 MOST_TOLD = 10_000
@@ -72,21 +76,29 @@ def feature_tables(points: Points) -> MeasuredTables:
     """
     operations, operation = operations_of(points)
     features, parts = len(points.features), len(points.parts)
-    group = points.feature if len(operations) == 1 else operation * features + points.feature
-    seen = np.bincount(group, minlength=len(operations) * features) > 0
+    group = points.feature
+    if len(operations) > 1:
+        group = operation.astype(np.int64) * features + points.feature
+    seen = np.zeros(len(operations) * features, bool)
+    seen[group] = True
     used = np.flatnonzero(seen)
     table = group if len(used) == len(seen) else (np.cumsum(seen) - 1)[group]
-    cell = table * parts + points.part
+    cell = np.multiply(table, parts, dtype=np.int64)
+    cell += points.part
     _check_repeats(points, cell, len(used) * parts)
-    labels: list[tuple[str, str, str]] = []
-    found: list[Cells] = []
-    for axis in axes_of(points):
+
+    def along(axis: int) -> Cells:
         errors = points.measured[:, axis] - points.nominal[:, axis]
-        found.append(cells_of(errors, cell, len(used), parts))
-        labels += [
-            (operations[g // features], points.features[g % features], AXES[axis])
-            for g in used.tolist()
-        ]
+        return cells_of(errors, cell, len(used), parts, spare=True)
+
+    axes = axes_of(points)
+    with ThreadPoolExecutor(3) as pool:
+        found = list(pool.map(along, axes))
+    labels = [
+        (operations[g // features], points.features[g % features], AXES[axis])
+        for axis in axes
+        for g in used.tolist()
+    ]
     return MeasuredTables(labels=tuple(labels), parts=points.parts, cells=_stacked(found))
 
 
@@ -138,7 +150,7 @@ def visits_of(points: Points) -> Visits:
     """
     _, operation = operations_of(points)
     features, parts = len(points.features), len(points.parts)
-    run = operation * parts + points.part
+    run = operation.astype(np.int64) * parts + points.part
     repeat = np.where(
         points.repeat >= 0, points.repeat, occurrence(run * features + points.feature)
     )

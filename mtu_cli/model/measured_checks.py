@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem
@@ -21,6 +23,7 @@ FEWEST_COPIED = 4
 CHANCE = 1e-3
 """Equal parts are refused where chance alone would make a pair less often than this."""
 SAME_MM = 1e-6
+_BLOCK = 1 << 15
 
 
 def check_measured(points: Points) -> list[Warned]:
@@ -40,8 +43,10 @@ def check_measured(points: Points) -> list[Warned]:
 
 def _far(points: Points, axes: tuple[int, ...]) -> list[Warned]:
     far = np.zeros(len(points), bool)
-    for axis in axes:
-        far |= np.abs(points.measured[:, axis] - points.nominal[:, axis]) > SUSPICIOUS_MM
+    for block in _blocks(points):
+        for axis in axes:
+            error = points.measured[block, axis] - points.nominal[block, axis]
+            far[block] |= np.abs(error) > SUSPICIOUS_MM
     if not far.any():
         return []
     i = int(np.argmax(far))
@@ -68,12 +73,16 @@ def _left_out(points: Points, axes: tuple[int, ...]) -> list[Warned]:
 
 def _moved(points: Points, axes: tuple[int, ...]) -> list[Warned]:
     """A feature is one place of the part: two nominals are two features, or a slip."""
-    first = np.zeros(len(points.features), np.int64)
-    first[points.feature[::-1]] = np.arange(len(points) - 1, -1, -1)
+    place = np.zeros((len(points.features), len(axes)))
+    for block in reversed(list(_blocks(points))):
+        # Of rows of the same feature the first is written last.
+        for k, axis in enumerate(axes):
+            place[points.feature[block][::-1], k] = points.nominal[block, axis][::-1]
     moved = np.zeros(len(points), bool)
-    for axis in axes:
-        nominal = points.nominal[:, axis]
-        moved |= np.abs(nominal - nominal[first][points.feature]) > SAME_MM
+    for block in _blocks(points):
+        for k, axis in enumerate(axes):
+            away = points.nominal[block, axis] - place[points.feature[block], k]
+            moved[block] |= np.abs(away) > SAME_MM
     if not moved.any():
         return []
     i = int(np.argmax(moved))
@@ -85,6 +94,11 @@ def _moved(points: Points, axes: tuple[int, ...]) -> list[Warned]:
         "different places are analysed as one feature"
     )
     return [Warned(code="nominals-differ", message=text)]
+
+
+def _blocks(points: Points) -> Iterator[slice]:
+    """Pieces of the points that fit the cache."""
+    return (slice(start, start + _BLOCK) for start in range(0, len(points), _BLOCK))
 
 
 def _mistake(measured: FloatArray, nominal: FloatArray) -> str:

@@ -58,6 +58,7 @@ class PointTrials:
         self.k = len(combine)
         self.owner = np.concatenate([owner, np.arange(len(names))])
         self.factor = self._factor(stacked, prediction, independent)
+        self.shifted = np.hstack([self.factor, self.offset])
         self.linear_u = np.sqrt(np.sum(self.factor[self.k :] ** 2, axis=1))[:, None]
         self.dof = dof
         self.u_exists = dof > 2
@@ -90,11 +91,16 @@ class PointTrials:
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (outputs, m), with the scale of the latter."""
-        z = self.work.array("z", (self.factor.shape[1], m))
-        rng.standard_normal(out=z)
+        rank = self.factor.shape[1]
+        z = self.work.array("z", (rank + 1, m))
+        rng.standard_normal(out=z[:rank])
         total = self.work.array("total", (len(self.offset), m))
-        np.matmul(self.factor, z, out=total)
-        if len(self.finite):
+        if not len(self.finite):
+            # The offset rides along in the product: a pass over the array is saved.
+            z[rank] = 1.0
+            np.matmul(self.shifted, z, out=total)
+        else:
+            np.matmul(self.factor, z[:rank], out=total)
             scale = self.work.array("scale", (len(self.names), m))
             scale[:] = 1.0
             for i in self.finite:
@@ -102,7 +108,7 @@ class PointTrials:
                 np.divide(self.dof[i] / 2, scale[i], out=scale[i])
                 np.sqrt(scale[i], out=scale[i])
             total *= scale[self.owner] if len(self.names) > 1 else scale
-        total += self.offset
+            total += self.offset
         return Draws(
             values=self.measure(total[: self.k], self.work),
             linear=total[self.k :],

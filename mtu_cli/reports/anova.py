@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from mtu_cli.analyses.anova import Analysed, AnovaResult
-from mtu_cli.analyses.anova_parts import FAMILY_RATE, Label, UnusualPart
-from mtu_cli.analyses.anova_totals import Total
+from mtu_cli.analyses.anova.parts import FAMILY_RATE, Label, UnusualPart
+from mtu_cli.analyses.anova.totals import Total
 from mtu_cli.reports.document import arcsec, finite, um, um2
 from mtu_cli.units import ARCSEC
 

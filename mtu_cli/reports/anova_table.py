@@ -8,8 +8,8 @@ import numpy as np
 from rich.text import Text
 
 from mtu_cli.analyses.anova import Analysed, AnovaResult
-from mtu_cli.analyses.anova_parts import FAMILY_RATE, UnusualPart
-from mtu_cli.analyses.anova_totals import Total
+from mtu_cli.analyses.anova.parts import FAMILY_RATE, UnusualPart
+from mtu_cli.analyses.anova.totals import Total
 from mtu_cli.reports.document import root
 from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet

@@ -136,8 +136,8 @@ def table(result: OrthogonalityResult, coverage_factor: float) -> list[Sheet]:
             ]
         )
     notes = [
-        f"U = {coverage_factor:g} u; angle from the row's +x to the column's +y in the xy plane, less its nominal; "
-        "u indep.: all holes independent (Gilsinn & Ling 2004)",
+        f"U = {coverage_factor:g} u; angle from the row's +x to the column's +y in the xy plane, "
+        "less its nominal; u indep.: all holes independent (Gilsinn & Ling 2004)",
         "first order valid: its 95 % interval agrees with the Monte Carlo (JCGM 101, clause 8)",
     ]
     return [Sheet(title="Orthogonality", columns=columns, rows=rows, notes=notes)]

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from mtu_cli.stats.least_squares import FloatArray
 
 BoolArray = NDArray[np.bool_]
+_BLOCK = 1 << 15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cells:
     """What an analysis needs of the data: per table and part the count n (tables, parts) and
-    the mean above `origin` (tables,), the table's first value; the sum of squares within the
+    the mean above `origin` (tables,), one of the table's values; the sum of squares within the
     parts, `within` (tables,).
     """
 
@@ -58,30 +59,38 @@ class OneWay:
     n0: FloatArray
 
 
-def cells_of(values: FloatArray, cell: NDArray[np.int64], tables: int, parts: int) -> Cells:
+def cells_of(
+    values: FloatArray, cell: NDArray[np.int64], tables: int, parts: int, *, spare: bool = False
+) -> Cells:
     """Counts, means and sums of squares of `values` (n,) in `cell` = table * parts + part.
 
-    Values are taken about the first of their table before anything is summed: large common
-    leading digits would otherwise be lost (NIST StRD, SmLs07-09).
+    Values are taken about one of their table before anything is summed: large common leading
+    digits would otherwise be lost (NIST StRD, SmLs07-09). Works block by block where it can:
+    what fits the cache needs no further memory. `spare` values may be overwritten.
     """
     size = tables * parts
-    table = cell // parts
-    first = np.zeros(tables)
-    first[table[::-1]] = values[::-1]
-    shifted = values - first[table]
+    blocks = [slice(start, start + _BLOCK) for start in range(0, len(values), _BLOCK)]
+    origin = np.zeros(tables)
+    for block in blocks:
+        origin[cell[block] // parts] = values[block]
+    shifted = values if spare else np.empty(len(values))
+    for block in blocks:
+        np.subtract(values[block], origin[cell[block] // parts], out=shifted[block])
     n = np.bincount(cell, minlength=size).astype(np.float64)
     total = np.bincount(cell, shifted, minlength=size)
     mean = np.divide(total, n, out=np.zeros(size), where=n > 0)
-    shifted -= mean[cell]
+    for block in blocks:
+        shifted[block] -= mean[cell[block]]
     # A second pass takes up what rounding left in the means.
     left = np.bincount(cell, shifted, minlength=size)
     step = np.divide(left, n, out=np.zeros(size), where=n > 0)
     mean += step
-    squares: FloatArray = np.bincount(table, shifted * shifted, minlength=tables).astype(float)
-    squares -= (left * step).reshape(tables, parts).sum(axis=1)
+    np.square(shifted, out=shifted)
+    within = np.bincount(cell, shifted, minlength=size) - left * step
+    squares: FloatArray = within.reshape(tables, parts).sum(axis=1)
     squares[squares <= _rounding(n, mean, tables)] = 0.0
     return Cells(
-        origin=first,
+        origin=origin,
         n=n.reshape(tables, parts),
         mean=mean.reshape(tables, parts),
         within=squares,

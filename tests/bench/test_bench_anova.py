@@ -1,8 +1,9 @@
 """`mtu anova` on five million rows, against pandas reading the same file.
 
-Ratios decide: to a process that imports pandas and reads the file with its defaults, and to the
-memory of the frame that it gets. Runs alternate and the best of each counts, so that a busy
-machine disturbs both alike.
+Ratios decide: to a process that imports pandas and reads the file, and to the memory of the
+frame that it gets. pandas before 3.1 reads with one thread, later versions with all cores unless
+`low_memory=False` is asked for: the bound is on the one-threaded reading, the other ratio is
+printed. Runs alternate and the best of each counts, so that a busy machine disturbs both alike.
 """
 
 from __future__ import annotations
@@ -16,20 +17,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtu_cli.analyses.anova_parts import PartsTable, unusual_parts
+from mtu_cli.analyses.anova.parts import PartsTable, unusual_parts
 
 MTU = Path(sys.executable).parent / "mtu"
 RUNS = 3
 ROWS = 5_000_000
 SHAPES = {"few parts": (21, 2500), "as in a series": (500, 500), "many parts": (2500, 200)}
 READ = """
-import json, sys, time
+import json, sys
 import pandas
-start = time.perf_counter()
-frame = pandas.read_csv(sys.argv[1])
-seconds = time.perf_counter() - start
-deep = int(frame.memory_usage(deep=True).sum())
-print(json.dumps({"rows": len(frame), "seconds": seconds, "deep": deep}))
+frame = pandas.read_csv(sys.argv[1], low_memory=sys.argv[2] == "default")
+if len(sys.argv) > 3:
+    deep = int(frame.memory_usage(deep=True).sum())
+    print(json.dumps({"rows": len(frame), "deep": deep}))
 """
 WATCHED = """
 import json, resource, subprocess, sys, time
@@ -53,7 +53,9 @@ def write(path: Path, parts: int, features: int) -> None:
                 seen = made + rng.normal(0, 0.001, (features, 2))
                 file.writelines(
                     f"P{p:04d},h{i:04d},drilled,{r},{x:.5f},{y:.5f},{X},{Y}\n"
-                    for i, ((x, y), (X, Y)) in enumerate(zip(seen.tolist(), place.tolist()))
+                    for i, ((x, y), (X, Y)) in enumerate(
+                        zip(seen.tolist(), place.tolist(), strict=True)
+                    )
                 )
 
 
@@ -73,28 +75,31 @@ def test_five_million_rows(shape: str, tmp_path: Path) -> None:
     write(path, *SHAPES[shape])
     reader = tmp_path / "read.py"
     reader.write_text(READ)
-    ours, theirs, inside = [], [], []
-    for _ in range(RUNS):
-        alone = subprocess.run(
-            [sys.executable, reader, path], capture_output=True, text=True, check=True
-        )
-        frame = json.loads(alone.stdout)
-        inside.append(frame["seconds"])
-        theirs.append(watched(sys.executable, reader, path))
-        ours.append(watched(MTU, "anova", "--cmm", path, "-o", out))
-    seconds, bare = (min(item["seconds"] for item in runs) for runs in (ours, theirs))
-    memory = max(item["bytes"] for item in ours)
+    alone = subprocess.run(
+        [sys.executable, reader, path, "default", "size"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    frame = json.loads(alone.stdout)
+    commands: dict[str, list[object]] = {
+        "mtu": [MTU, "anova", "--cmm", path, "-o", out],
+        "one thread": [sys.executable, reader, path, "whole"],
+        "default": [sys.executable, reader, path, "default"],
+    }
+    found = [{name: watched(*command) for name, command in commands.items()} for _ in range(RUNS)]
+    best = {name: min(run[name]["seconds"] for run in found) for name in commands}
+    memory = max(run["mtu"]["bytes"] for run in found)
     print(
-        f"\nmtu anova, {frame['rows']} rows, {shape}: {seconds:.2f} s = {seconds / bare:.2f} x a "
-        f"process that reads the file, {seconds / min(inside):.2f} x read_csv alone; "
-        f"{memory / frame['deep']:.2f} x the frame's memory"
+        f"\nmtu anova, {frame['rows']} rows, {shape}: {best['mtu']:.2f} s, "
+        f"{best['mtu'] / best['one thread']:.2f} x pandas with one thread, "
+        f"{best['mtu'] / best['default']:.2f} x pandas with its defaults; memory "
+        f"{memory / frame['deep']:.2f} x the frame's"
     )
     assert memory <= 3 * frame["deep"]
-    assert seconds <= 1.5 * bare
+    assert best["mtu"] <= 1.5 * best["one thread"]
 
 
 def test_unusual_parts_of_a_large_table() -> None:
-    """500 parts by 200 tables: a thousand rotations take no longer than sorting 2e8 numbers."""
+    """500 parts by 200 tables: a thousand rotations cost less than sorting 2e7 numbers twice."""
     rng = np.random.default_rng(1)
     values = rng.standard_normal((500, 200))
     table = PartsTable(
@@ -112,4 +117,4 @@ def test_unusual_parts_of_a_large_table() -> None:
     np.sort(numbers)
     sort = time.perf_counter() - start
     print(f"\nrotations of 500 x 200: {seconds:.2f} s, {seconds / sort:.2f} x sorting 2e7 numbers")
-    assert seconds <= 10 * sort
+    assert seconds <= 2 * sort

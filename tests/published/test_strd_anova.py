@@ -79,7 +79,7 @@ def printed(text: str) -> list[FloatArray]:
 
 
 def digits(found: float, certified: float) -> float:
-    return -np.log10(max(abs(found - certified) / abs(certified), 1e-15))
+    return float(-np.log10(max(abs(found - certified) / abs(certified), 1e-15)))
 
 
 def check(groups: list[FloatArray], certified: Certified) -> None:

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from support import DATA, PAPER, paper_study
 
-from mtu_cli.analyses.compare import CompareResult, compare, holm
+from mtu_cli.analyses.compare import CompareResult, compare
 from mtu_cli.files.points import Points, read_points
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.simulate import PartsPlan, simulate_points
 from mtu_cli.reports.simulate import points_csv
+from mtu_cli.stats.family import holm
 
 STUDY = paper_study()
 PARTS = 21

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.patches import Rectangle
 from measured_examples import part_file, study, with_measured
 
 from mtu_cli.analyses.anova import AnovaResult, analyse_variance
@@ -133,7 +134,7 @@ def test_picture_marks_what_stands_out(planted: AnovaResult, tmp_path: Path) -> 
     titles = [panel.get_title(loc="left") for panel in drawn.axes]
     assert titles[:4] == ["a x", "a y", "b x", "b y"]
     assert "Shares of the variance" in titles[-1]
-    bars = [patch.get_width() for patch in drawn.axes[-1].patches]
+    bars = [patch.get_width() for patch in drawn.axes[-1].patches if isinstance(patch, Rectangle)]
     assert sum(bars) == pytest.approx(200)
     share = planted.totals[0].repeat_share
     assert 100 * share == pytest.approx(bars[1])

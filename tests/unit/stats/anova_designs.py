@@ -6,6 +6,7 @@ import numpy as np
 
 from mtu_cli.stats.anova import Cells, cells_of
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.mixed import IntArray
 
 PAPER = (5, 5, 5, 5, *[2] * 17)
 """Gilsinn & Ling 2004, section 4.1: repeats of the 21 parts, 54 in all."""
@@ -13,15 +14,15 @@ PAPER = (5, 5, 5, 5, *[2] * 17)
 
 def simulated(
     repeats: tuple[int, ...], tables: int, s_part: float, s_repeat: float, seed: int
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, IntArray]:
     """Values (tables, N) and the part (N,) of each."""
     rng = np.random.default_rng(seed)
-    part = np.repeat(np.arange(len(repeats)), repeats)
+    part: IntArray = np.repeat(np.arange(len(repeats)), repeats).astype(np.int64)
     parts = s_part * rng.standard_normal((tables, len(repeats)))
     return parts[:, part] + s_repeat * rng.standard_normal((tables, len(part))), part
 
 
-def cells(values: FloatArray, part: FloatArray, parts: int) -> Cells:
+def cells(values: FloatArray, part: IntArray, parts: int) -> Cells:
     """Cells of values (tables, N)."""
     tables = len(values)
     cell = np.arange(tables)[:, None] * parts + part

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.anova import Components, OneWay
+
+if TYPE_CHECKING:
+    from mtu_cli.files.part import LoadedPart
 
 MOST_NAMED = 6
 

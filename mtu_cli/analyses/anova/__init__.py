@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal, assert_never
+from typing import TYPE_CHECKING, Literal, assert_never
 
 import numpy as np
 
-from mtu_cli.analyses.anova_parts import (
+from mtu_cli.analyses.anova.parts import (
     FEWEST_PARTS,
     Kind,
     Label,
@@ -19,9 +20,8 @@ from mtu_cli.analyses.anova_parts import (
     side_by_side,
     unusual_parts,
 )
-from mtu_cli.analyses.anova_totals import Total, totals_of
-from mtu_cli.analyses.anova_warnings import anova_warnings, missing_entries
-from mtu_cli.files.part import LoadedPart
+from mtu_cli.analyses.anova.totals import Total, totals_of
+from mtu_cli.analyses.anova.warnings import anova_warnings, missing_entries
 from mtu_cli.files.points import Points
 from mtu_cli.model.measured import (
     MeasuredTables,
@@ -37,6 +37,9 @@ from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, par
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml
 from mtu_cli.stats.swap import SwapTest
+
+if TYPE_CHECKING:
+    from mtu_cli.files.part import LoadedPart
 
 Method = Literal["paper", "anova", "reml"]
 METHODS: tuple[Method, ...] = ("paper", "anova", "reml")
@@ -96,8 +99,11 @@ def analyse_variance(
     Raises InputError for values that cannot be what they claim to be (see `check_measured`)
     and for a feature that stands twice in one repeat of one part.
     """
-    warnings = check_measured(points)
-    kinds: dict[Kind, MeasuredTables | None] = {"feature": feature_tables(points)}
+    with ThreadPoolExecutor(1) as pool:
+        # Both go through every point and need nothing of each other.
+        checked = pool.submit(check_measured, points)
+        kinds: dict[Kind, MeasuredTables | None] = {"feature": feature_tables(points)}
+        warnings = checked.result()
     if part is not None:
         kinds |= _of_part(points, part)
         warnings += missing_entries(part, kinds["length"], kinds["angle"])
