@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.errors import Problem, did_you_mean
-from mtu_cli.files import joined
+from mtu_cli.files import doubled, joined
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.source import Source
 
@@ -109,8 +109,8 @@ def _check_table(table: Table, features: Mapping[str, Place] | None, problems: P
             lambda label: None if label in features else did_you_mean(label, features), problems,
         )  # fmt: skip
     names = {*table.columns.numbers, *table.columns.times}
-    if names & {"repeat", "time", "time_min"} and not joined.told_apart(table, "repeat"):
-        joined.check_doubled_rows(table, problems)
+    if names & {"repeat", "time", "time_min"} and not doubled.told_apart(table, "repeat"):
+        doubled.check_doubled_rows(table, problems)
 
 
 def _assemble(

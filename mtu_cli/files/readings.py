@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from mtu_cli.errors import Problem, closest, did_you_mean
-from mtu_cli.files import joined
+from mtu_cli.files import doubled, joined
 from mtu_cli.files.contract_errors import unit_expectation
 from mtu_cli.files.csv_file import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
@@ -133,7 +133,7 @@ def _check_table(
         _check_machine(table, components, problems)
     names = {*table.columns.numbers, *table.columns.times}
     if names & {"pass", "repeat", "time", "time_min"}:
-        joined.check_doubled_rows(table, problems)
+        doubled.check_doubled_rows(table, problems)
 
 
 def _direction_hint(label: str) -> str | None:

@@ -8,11 +8,12 @@ from anova_designs import PAPER, cells, drawn, simulated
 
 from mtu_cli.stats.anova import cells_of, moments, one_way, paper, part_interval
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.mixed import IntArray
 
 TABLES = 2000
 
 
-def plain(values: FloatArray, part: FloatArray) -> dict[str, float]:
+def plain(values: FloatArray, part: IntArray) -> dict[str, float]:
     """Gilsinn & Ling 2004, eqs. (29)-(30), as they are printed."""
     groups = [values[part == i] for i in np.unique(part)]
     N, a = len(values), len(groups)
