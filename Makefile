@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 MTU := $(abspath $(BIN))/mtu
 OUT := out
 GL := configs/gilsinn-ling
+VR := configs/valdes-ring
 
 .PHONY: demo test lint type bench data clean
 
@@ -60,6 +61,14 @@ data: $(VENV)/.base
 	  --scatter 'Ex: 1e-3*sqrt(30.14 + 0.1296*x + 0.2177*y)' \
 	  --scatter 'Ey: 1e-3*sqrt(23.67 - 0.0269*x + 0.5230*y)' \
 	  --write-cmm data/gilsinn-ling-parts/milled.csv
+	$(MTU) simulate -m $(VR)/truth.yaml -p $(VR)/part.yaml --seed 2005 --passes 5 \
+	  --positions x=0:500:8,y=0:350:8,z=-300:0:8 --twin 'T_18_degC: T_02_degC' \
+	  --drift-positions 'ry_x: 0 300' --drift-positions 'yaw_y: 0 300' \
+	  --settled-drift 'pos_y: 28 -4 -34 -38' --settled-drift 'ry_x: 30 30' \
+	  --settled-drift 'yaw_y: 30 30' \
+	  --parts 2 --repeats 1 --cmm-u-um 0.3 --cmm-room 20 --cmm-room 26 \
+	  --covariate 'T_ring_degC: 20 + 6*(sequence - 1)' --write-lbb data/valdes-ring/laser.csv \
+	  --write-drift data/valdes-ring/drift.csv --write-cmm data/valdes-ring/ring.csv
 
 clean:
 	rm -rf $(VENV) $(OUT)

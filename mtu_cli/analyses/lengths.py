@@ -15,6 +15,7 @@ from mtu_cli.model.length_geometry import differences, length_gradient, length_m
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
+from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.trials import PointTrials
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
@@ -121,6 +122,7 @@ def predict_lengths(
             *warnings,
             *_planar_warnings(model, delta, names),
             *outside_warnings(prediction),
+            *temperature_warnings(model, points, covariates or {}),
             *dof_warnings(names, dof),
         ),
     )

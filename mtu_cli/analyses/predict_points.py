@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from mtu_cli.model.features import dof_warnings, feature_points, outside_warning
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
+from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.trials import reportable
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
@@ -53,6 +54,18 @@ def predict_points(
     Raises InputError for a missing covariate or coordinate.
     """
     ids, points, warnings = feature_points(part, model)
+    return predict_places(model, ids, points, settings, covariates, warnings)
+
+
+def predict_places(
+    model: MachineModel,
+    ids: Sequence[str],
+    points: FloatArray,
+    settings: Settings,
+    covariates: Mapping[str, float] | None = None,
+    warnings: Sequence[Warned] = (),
+) -> PointsResult:
+    """The same at any places (n, 3) in mm, such as a grid over the machine's volume."""
     prediction = predict(model, ids, points, covariates)
     rows = np.eye(len(prediction.mean))
     split = prediction.variance(rows)
@@ -77,5 +90,10 @@ def predict_points(
         passes=split.passes,
         repeatability=split.repeatability,
         independent=settings.independent,
-        warnings=(*warnings, *outside_warnings(prediction), *dof_warnings(names, dof)),
+        warnings=(
+            *warnings,
+            *outside_warnings(prediction),
+            *temperature_warnings(model, points, covariates or {}),
+            *dof_warnings(names, dof),
+        ),
     )

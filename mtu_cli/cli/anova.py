@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 from mtu_cli.analyses.anova import METHODS, AnovaResult, Method, analyse_variance
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.parameters import Options
+from mtu_cli.cli.options import Options
 from mtu_cli.errors import did_you_mean, fault
 from mtu_cli.model.settings import Settings
 

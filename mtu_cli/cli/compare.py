@@ -6,7 +6,7 @@ from mtu_cli.analyses.compare import CompareResult, compare
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
-from mtu_cli.cli.parameters import Options
+from mtu_cli.cli.options import Options
 from mtu_cli.errors import did_you_mean, fault
 from mtu_cli.model.datum import DATUMS
 from mtu_cli.model.settings import Settings

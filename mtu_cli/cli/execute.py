@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.parameters import FAIL_IF, Options
+from mtu_cli.cli.options import Options
+from mtu_cli.cli.parameters import FAIL_IF
 from mtu_cli.cli.progress import LateBar
 from mtu_cli.cli.settings import read_settings
 from mtu_cli.cli.streams import hush, write_bytes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.parameters import Options
+from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
 from mtu_cli.model.fit_warnings import fit_warnings, significant

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mtu_cli.cli.parameters import Options
+from mtu_cli.cli.options import Options
 from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
 
 if TYPE_CHECKING:
     from mtu_cli.files.components_file import ComponentsReport
     from mtu_cli.files.machine import LoadedMachine
+    from mtu_cli.files.model_reports import ModelReports
     from mtu_cli.files.part import LoadedPart
     from mtu_cli.files.points import Points
     from mtu_cli.files.readings import Readings
     from mtu_cli.files.source import Source
+    from mtu_cli.files.thermal_file import ThermalReport
 
 
 @dataclass
@@ -83,16 +86,23 @@ class Inputs:
         return part
 
     @cached_property
-    def components(self) -> ComponentsReport | None:
-        """The components report, if one is given."""
-        found = self.files("components")
-        if not found:
-            return None
-        from mtu_cli.files.components_file import read_components
+    def reports(self) -> ModelReports:
+        """The reports of -c, at most one of each kind."""
+        from mtu_cli.files.model_reports import read_reports
 
-        report = read_components(found[0])
-        self.sources.append(report.source)
-        return report
+        reports = read_reports(self.files("components"))
+        self.sources.extend(reports.sources)
+        return reports
+
+    @property
+    def components(self) -> ComponentsReport | None:
+        """The fit-components report, if one is given."""
+        return self.reports.components
+
+    @property
+    def thermal(self) -> ThermalReport | None:
+        """The thermal-fit report, if one is given."""
+        return self.reports.thermal
 
     @cached_property
     def readings(self) -> Readings | None:
@@ -105,6 +115,17 @@ class Inputs:
         readings = read_readings(files, self.machine.machine.components, for_fit=True)
         self.sources.extend(readings.sources)
         return readings
+
+    @property
+    def drift(self) -> Iterator[Readings]:
+        """The drift readings, block by block; their sources count once all are read."""
+        from mtu_cli.files.readings_stream import stream_readings
+
+        files = [(path, "drift") for path in self.files("drift")]
+        components = self.machine.machine.components if self.files("machine") else None
+        stream = stream_readings(files, components)
+        yield from stream
+        self.sources.extend(stream.sources)
 
     @cached_property
     def points(self) -> Points:

@@ -11,6 +11,7 @@ import typer
 
 from mtu_cli import __version__
 from mtu_cli.cli import parameters as p
+from mtu_cli.cli.options import Options, register
 from mtu_cli.cli.simulate_parameters import SIMULATE
 from mtu_cli.cli.streams import hush, prepare_streams
 from mtu_cli.errors import EXIT_INPUT, MtuError, reason
@@ -27,10 +28,10 @@ app = typer.Typer(
 )
 
 
-def _lazily(module: str) -> Callable[[p.Options], None]:
+def _lazily(module: str) -> Callable[[Options], None]:
     """The `run` of a command module, imported at the call."""
 
-    def run(options: p.Options) -> None:
+    def run(options: Options) -> None:
         from importlib import import_module
 
         try:
@@ -56,66 +57,81 @@ def _global(
     pass
 
 
-PREDICTION = [
+PREDICTED = [
     p.STUDY,
     p.PART,
     p.COMPONENTS,
     p.READINGS,
+    p.DRIFT,
     p.AT,
     p.COVERAGE,
     p.CORRELATION,
-    p.MONTE_CARLO,
 ]
-p.register(
+PREDICTION = [*PREDICTED, p.MONTE_CARLO]
+register(
     app,
     "fit-components",
     [p.STUDY, p.READINGS, p.COVERAGE, p.OUTPUT, p.fail_if("drift")],
     _lazily("fit_components"),
     "Readings to coefficients, covariance, repeatability, drift, reversal, per component.",
 )
-p.register(
+register(
+    app,
+    "thermal-fit",
+    [p.STUDY, p.DRIFT, p.THERMAL_MODEL, p.OUTPUT],
+    _lazily("thermal_fit"),
+    "Drift readings with temperatures to a thermal model per component.",
+)
+register(
     app,
     "predict-points",
-    [*PREDICTION, p.COVARIANCE, p.OUTPUT],
+    [*PREDICTION, p.GRID, p.COVARIANCE, p.OUTPUT],
     _lazily("predict_points"),
     "Error and uncertainty of every feature of a part.",
 )
-p.register(
+register(
     app,
     "lengths",
     [*PREDICTION, p.OUTPUT, p.fail_if("nonconforming=0.01")],
     _lazily("lengths"),
     "Feature-to-feature lengths with uncertainty and probability of conformance.",
 )
-p.register(
+register(
     app,
     "orthogonality",
     [*PREDICTION, p.OUTPUT],
     _lazily("orthogonality"),
     "Right angles between rows and columns of features, by Monte Carlo and first order.",
 )
-p.register(
+register(
     app,
     "anova",
     [p.STUDY, p.PART, p.CMM, p.METHOD, p.COVERAGE, p.SEED, p.OUTPUT, p.fail_if("unusual")],
     _lazily("anova"),
     "Measured parts: part-to-part and CMM scatter of features, lengths and right angles.",
 )
-p.register(
+register(
     app,
     "compare",
     [*PREDICTION, p.CMM, p.DATUM, p.OUTPUT, p.fail_if("biased, under-predicted")],
     _lazily("compare"),
     "Predicted against measured parts: means, scatter, ratios, a verdict for each.",
 )
-p.register(
+register(
+    app,
+    "correct",
+    [*PREDICTED, p.CMM, p.OUTPUT],
+    _lazily("correct"),
+    "Measured points minus the modelled error; rings and lengths before and after.",
+)
+register(
     app,
     "simulate",
     [p.STUDY, p.PART, p.COMPONENTS, p.SEED, SIMULATE, p.QUIET],
     _lazily("simulate"),
     "A virtual machine: synthetic readings and points, with any effect, seeded.",
 )
-p.register(
+register(
     app,
     "schema",
     [p.KIND],

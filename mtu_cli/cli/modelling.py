@@ -14,6 +14,7 @@ from mtu_cli.model.settings import Warned
 
 if TYPE_CHECKING:
     from mtu_cli.files.machine import LoadedMachine
+    from mtu_cli.model.thermal import ThermalEstimate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +49,9 @@ def modelled(inputs: Inputs) -> Modelled:
         estimates = estimates_from_fit(machine, fit)
         if fit is not None:
             estimates = _as_reported(machine, fit, estimates)
-    model = build_model(machine, estimates)
+    thermal, more = _thermal(inputs)
+    warnings += more
+    model = build_model(machine, replace(estimates, thermal=thermal))
     unused = [name for name in inputs.at if name not in model.covariates()]
     warnings += [
         Warned(code="covariate-not-needed", message=f"no equation needs --at {name}")
@@ -56,6 +59,22 @@ def modelled(inputs: Inputs) -> Modelled:
     ]
     warnings += [Warned(code=code, message=text) for code, text in estimates.warnings]
     return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
+
+
+def _thermal(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Warned]]:
+    """A thermal-fit report wins over drift readings, those over the machine file."""
+    from mtu_cli.model.thermal_estimates import thermal_from_machine_file, thermal_from_report
+
+    machine = inputs.machine
+    stated = thermal_from_machine_file(machine)
+    if inputs.thermal is not None:
+        return stated | thermal_from_report(machine, inputs.thermal), []
+    if not inputs.files("drift"):
+        return stated, []
+    from mtu_cli.cli.thermal_fit import fitted
+
+    fit = fitted(inputs, "auto")
+    return stated | {name: item.estimate for name, item in fit.components.items()}, [*fit.warnings]
 
 
 def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) -> Estimates:

@@ -6,7 +6,7 @@ from mtu_cli.analyses.orthogonality import predict_orthogonality
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
-from mtu_cli.cli.parameters import Options
+from mtu_cli.cli.options import Options
 from mtu_cli.model.settings import Settings
 
 

@@ -7,8 +7,6 @@ that `--seed` or `--out` means the same, and is documented the same, everywhere.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -49,35 +47,26 @@ COMPONENTS: list[Parameter] = [
     (
         "components",
         Annotated[
-            Path | None,
+            list[Path] | None,
             typer.Option(
                 "-c",
                 "--components",
                 metavar="FILE",
-                help="A fit-components report; wins over the machine file.",
+                help="A fit-components or thermal-fit report, or both; wins over the machine file.",
             ),
         ],
         None,
     ),
 ]
-READINGS: list[Parameter] = [
-    (
-        "lbb",
-        Annotated[
-            list[Path] | None,
-            typer.Option("--lbb", metavar="FILE", help="Ball-bar readings CSV; repeatable."),
-        ],
-        None,
-    ),
-    (
-        "laser",
-        Annotated[
-            list[Path] | None,
-            typer.Option("--laser", metavar="FILE", help="Laser readings CSV; repeatable."),
-        ],
-        None,
-    ),
-]
+
+
+def _readings(name: str, what: str) -> Parameter:
+    option = typer.Option(f"--{name}", metavar="FILE", help=f"{what} readings CSV; repeatable.")
+    return (name, Annotated[list[Path] | None, option], None)
+
+
+READINGS: list[Parameter] = [_readings("lbb", "Ball-bar"), _readings("laser", "Laser")]
+DRIFT: list[Parameter] = [_readings("drift", "Thermal drift")]
 CMM: list[Parameter] = [
     (
         "cmm",
@@ -101,6 +90,20 @@ METHOD: list[Parameter] = [
         "reml",
     ),
 ]
+THERMAL_MODEL: list[Parameter] = [
+    (
+        "model",
+        Annotated[
+            str,
+            typer.Option(
+                "--model",
+                metavar="MODEL",
+                help="auto (the best on held-out cycles), stepwise, ridge or lagged.",
+            ),
+        ],
+        "auto",
+    ),
+]
 AT: list[Parameter] = [
     (
         "at",
@@ -108,6 +111,20 @@ AT: list[Parameter] = [
             list[str] | None,
             typer.Option(
                 "--at", metavar="NAME=VALUE", help="A covariate for the prediction; repeatable."
+            ),
+        ],
+        None,
+    ),
+]
+GRID: list[Parameter] = [
+    (
+        "grid",
+        Annotated[
+            str | None,
+            typer.Option(
+                "--grid",
+                metavar="N or NX,NY,NZ",
+                help="A grid over the machine's travels instead of a part; --plot draws a map.",
             ),
         ],
         None,
@@ -253,41 +270,3 @@ def fail_if(gates: str) -> list[Parameter]:
     """`--fail-if`, with the gates that a command knows."""
     option = typer.Option("--fail-if", metavar="GATE", help=f"Exit with 3 if met: {gates}.")
     return [(FAIL_IF, Annotated[str | None, option], None)]
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """The options of one call, by name; an option that the command lacks is None."""
-
-    command: str
-    values: dict[str, Any] = field(default_factory=dict)
-
-    def __getattr__(self, name: str) -> Any:
-        return self.values.get(name)
-
-
-def register(
-    app: typer.Typer,
-    name: str,
-    groups: Iterable[list[Parameter]],
-    run: Callable[[Options], None],
-    text: str,
-) -> None:
-    """Adds a command whose options are the groups' and whose body is `run`."""
-
-    def command(**values: Any) -> None:
-        run(Options(name, values))
-
-    parameters = [item for group in groups for item in group]
-    command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]  # read by typer
-        [
-            inspect.Parameter(
-                key, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default
-            )
-            for key, annotation, default in parameters
-        ]
-    )
-    command.__annotations__ = {key: annotation for key, annotation, _ in parameters}
-    command.__doc__ = text
-    command.__name__ = name.replace("-", "_")
-    app.command(name, help=text)(command)

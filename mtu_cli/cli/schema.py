@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from mtu_cli.cli.parameters import Options
+from mtu_cli.cli.options import Options
 from mtu_cli.files.schemas import json_schema
 
 

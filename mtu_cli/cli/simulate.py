@@ -6,61 +6,122 @@ import math
 import re
 import shlex
 import sys
+from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
-from mtu_cli.cli.parameters import Options
+from mtu_cli.cli.options import Options
+from mtu_cli.cli.simulate_drift import (
+    drift_plan,
+    drifting,
+    grown,
+    option_name,
+    sensors_heading,
+    temperatures,
+    with_readings,
+)
+from mtu_cli.cli.simulate_positions import read_positions
 from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.write import check_targets, write_files
 from mtu_cli.language import EquationError, Node, parse
+from mtu_cli.model.drift_simulation import simulate_drift
+from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.settings import DEFAULT_SEED
 from mtu_cli.model.simulate import PartsPlan, ReadingsPlan, simulate_points, simulate_readings
-from mtu_cli.reports.simulate import points_csv, readings_csv
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.reports.simulate import drift_csv, points_csv, readings_csv
 
-DEFAULT_POSITIONS = 8
-MAX_POSITIONS = 10_000
 MAX_ROWS = 10_000_000
+OUTPUTS = ("write_lbb", "write_cmm", "write_drift")
+READINGS_AND_POINTS = (
+    "one_way", "effect", "covariate", "passes", "parts", "repeats", "cmm_u_um", "positions",
+    "scatter", "operation", "first_repeats", "part_offset_um", "reverse_every", "minutes",
+)  # fmt: skip
+CLIMATE = (
+    "room", "sensor_lag_min", "sensor_spread", "sensor_wobble_degc", "sensor_noise_degc",
+    "drift_positions", "settled_drift", "most_drift_um", "most_drift_arcsec", "twin",
+)  # fmt: skip
+DRIFT_TEST = (
+    "cycles", "cycle_minutes", "soak_minutes", "interval_min", "room_lag_min",
+    "room_wobble_degc", "reading_noise_um", "reading_noise_arcsec",
+)  # fmt: skip
 _NAMED = re.compile(r"\s*([A-Za-z_][A-Za-z_0-9]*)\s*:(.*)", re.DOTALL)
 
 
 def run(options: Options) -> None:
-    """Writes the readings and points of a virtual machine."""
-    if options.write_lbb is None and options.write_cmm is None:
-        raise fault("nothing to write", expected="--write-lbb FILE, --write-cmm FILE, or both")
-    outputs = [path for path in (options.write_lbb, options.write_cmm) if path is not None]
+    """Writes the readings, points and drift readings of a virtual machine."""
+    outputs = [options.values[name] for name in OUTPUTS if options.values[name] is not None]
+    if not outputs:
+        raise fault(
+            "nothing to write", expected="--write-lbb FILE, --write-cmm FILE or --write-drift FILE"
+        )
     check_targets(outputs)
     inputs = Inputs(options)
-    study = inputs.study.study.settings if inputs.study else None
-    seed = options.seed
-    if seed is None:
-        seed = study.seed if study is not None and study.seed is not None else DEFAULT_SEED
+    seed = _seed(inputs)
     _check_numbers(options, seed)
     model = modelled(inputs).model
-    files: dict[Path, bytes] = {}
-    heading = _heading(options, seed)
+    files: dict[Path, str] = {}
     if options.write_lbb is not None:
-        readings_plan = _readings_plan(inputs, model)
-        _check_rows("--write-lbb", _readings_rows(readings_plan, model))
-        readings = simulate_readings(model, readings_plan, seed)
-        files[options.write_lbb] = readings_csv(readings, heading).encode()
+        files[options.write_lbb] = _readings(inputs, model, seed)
     if options.write_cmm is not None:
-        ids, points, _ = feature_points(inputs.part, model)
-        parts_plan = _parts_plan(options, model)
-        most = max(parts_plan.repeats, parts_plan.first_repeats[1])
-        _check_rows("--write-cmm", len(ids) * parts_plan.parts * most)
-        simulated = simulate_points(model, ids, points, parts_plan, seed)
-        files[options.write_cmm] = points_csv(simulated, heading).encode()
-    write_files(files, inputs=[source.path for source in inputs.sources])
+        files[options.write_cmm] = _points(inputs, model, seed)
+    if options.write_drift is not None:
+        files[options.write_drift] = _drift(inputs, model, seed)
+    content = {path: text.encode() for path, text in files.items()}
+    write_files(content, inputs=[source.path for source in inputs.sources])
     if not options.quiet:
-        for path, content in files.items():
-            rows = content.count(b"\n") - heading.count("\n") - 1
+        for path, text in files.items():
+            rows = sum(not line.startswith("#") for line in text.splitlines()) - 1
             print(f"{path}: {rows} synthetic rows", file=sys.stdout)
+
+
+def _seed(inputs: Inputs) -> int:
+    study = inputs.study.study.settings if inputs.study else None
+    given = inputs.options.seed
+    if given is None and study is not None:
+        given = study.seed
+    return DEFAULT_SEED if given is None else int(given)
+
+
+def _readings(inputs: Inputs, model: MachineModel, seed: int) -> str:
+    plan = _readings_plan(inputs, model)
+    _check_rows("--write-lbb", _readings_rows(plan, model))
+    heading = _heading(inputs.options, seed, READINGS_AND_POINTS)
+    return readings_csv(simulate_readings(model, plan, seed), heading)
+
+
+def _points(inputs: Inputs, model: MachineModel, seed: int) -> str:
+    options = inputs.options
+    ids, points, _ = feature_points(inputs.part, model)
+    plan = _parts_plan(options, model)
+    most = max(plan.repeats, plan.first_repeats[1])
+    _check_rows("--write-cmm", len(ids) * plan.parts * most)
+    named: tuple[str, ...] = READINGS_AND_POINTS
+    if options.cmm_room:
+        named = (*named, *CLIMATE, "cmm_room", "cmm_wobble_degc")
+        drifts = drifting(inputs, model)
+        drift = drift_plan(inputs, drifts)
+        rooms, wobble = options.cmm_room, options.cmm_wobble_degc
+        true = temperatures(drift, drifts, rooms, wobble, plan.parts, len(ids), seed)
+        found = simulate_points(model, ids, points, replace(plan, given=true), seed)
+        found = with_readings(found, drift, drifts, seed)
+    else:
+        found = simulate_points(model, ids, points, plan, seed)
+    return points_csv(grown(found, inputs, ids, points), _heading(options, seed, named))
+
+
+def _drift(inputs: Inputs, model: MachineModel, seed: int) -> str:
+    drifts = drifting(inputs, model)
+    plan = drift_plan(inputs, drifts)
+    places = sum(len(positions) for positions in plan.positions.values())
+    _check_rows("--write-drift", plan.cycles * plan.moments * places)
+    heading = _heading(inputs.options, seed, (*CLIMATE, *DRIFT_TEST))
+    return drift_csv(
+        simulate_drift(drifts, plan, seed), heading + sensors_heading(plan, drifts, seed)
+    )
 
 
 def _check_numbers(options: Options, seed: int) -> None:
@@ -80,7 +141,7 @@ def _check_numbers(options: Options, seed: int) -> None:
 
 
 def _readings_rows(plan: ReadingsPlan, model: MachineModel) -> int:
-    axes = [term.estimate.of for term in model.terms]
+    axes = [term.estimate.of for term in model.terms if EFFECT_MARK not in term.estimate.name]
     each = [1 if of is None else len(plan.positions[of]) * len(plan.directions) for of in axes]
     return plan.passes * sum(each)
 
@@ -90,21 +151,16 @@ def _check_rows(option: str, rows: int) -> None:
         raise fault(f"{option}: {rows} rows to write", expected=f"at most {MAX_ROWS}")
 
 
-def _heading(options: Options, seed: int) -> str:
+def _heading(options: Options, seed: int, names: Collection[str]) -> str:
     """Comment lines that say the file is synthetic and how it came about."""
     from mtu_cli import __version__
 
     given = [
-        f"--{name.replace('_', '-')} {shlex.quote(' '.join(str(item).split()))}"
+        f"{option_name(name)} {shlex.quote(' '.join(str(item).split()))}"
         for name, value in options.values.items()
-        if name in ("one_way", "effect", "covariate", "passes", "parts", "repeats", "cmm_u_um",
-                    "positions",
-                    "scatter", "operation", "first_repeats", "part_offset_um", "reverse_every",
-                    "minutes")
-        and value is not None
-        and value != []
+        if name in names and value is not None and value != []
         for item in (value if isinstance(value, list) else [value])
-    ]  # fmt: skip
+    ]
     return (
         f"# Synthetic, no machine made it: mtu simulate {__version__}, seed {seed}\n"
         f"# {' '.join(given)}\n"
@@ -116,43 +172,8 @@ def _readings_plan(inputs: Inputs, model: MachineModel) -> ReadingsPlan:
     return ReadingsPlan(
         passes=options.passes,
         directions=(1,) if options.one_way else (1, -1),
-        positions=_positions(inputs, model),
+        positions=read_positions(inputs, model),
     )
-
-
-def _positions(inputs: Inputs, model: MachineModel) -> dict[str, FloatArray]:
-    needed = {term.estimate.of for term in model.terms if term.estimate.of is not None}
-    text = inputs.options.positions
-    if text is not None:
-        places = _range(text)
-        return dict.fromkeys(needed, places)
-    _, points, _ = feature_points(inputs.part, model)
-    found: dict[str, FloatArray] = {}
-    for axis in needed:
-        column = points[:, AXES.index(axis)]
-        low, high = np.nanmin(column), np.nanmax(column)
-        if not np.isfinite(low) or low == high:
-            raise fault(
-                f"the part does not extend along {axis}", expected="--positions LOW:HIGH:COUNT"
-            )
-        found[axis] = np.linspace(low, high, DEFAULT_POSITIONS)
-    return found
-
-
-def _range(text: str) -> FloatArray:
-    parts = text.split(":")
-    try:
-        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
-    except (ValueError, IndexError):
-        low, high, count = 0.0, 0.0, 0
-    good = len(parts) == 3 and np.isfinite([low, high]).all() and low < high
-    if not good or not 2 <= count <= MAX_POSITIONS:
-        raise fault(
-            "--positions is not LOW:HIGH:COUNT",
-            value=text,
-            expected=f"such as 0:140:8, two to {MAX_POSITIONS} positions",
-        )
-    return np.linspace(low, high, count)
 
 
 def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:

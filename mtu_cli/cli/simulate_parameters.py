@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from mtu_cli.cli.drift_parameters import DRIFT
 from mtu_cli.cli.parameters import Parameter
 
 SIMULATE: list[Parameter] = [
@@ -27,7 +28,7 @@ SIMULATE: list[Parameter] = [
             typer.Option(
                 "--positions",
                 metavar="LOW:HIGH:COUNT",
-                help="Positions along every axis, mm.",
+                help="Positions along every axis, mm, or x=0:500:8,y=0:300:8,...",
                 show_default="the part's extent, 8 of them",
             ),
         ],
@@ -134,4 +135,5 @@ SIMULATE: list[Parameter] = [
         ],
         None,
     ),
+    *DRIFT,
 ]

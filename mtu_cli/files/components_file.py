@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-)
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.json_file import read_json
+from mtu_cli.files.report_file import (
+    Figure,
+    Matrix,
+    NonNegative,
+    negative,
+    not_a_report,
+    schema_of,
+    square,
+    unit_problem,
+    validated,
+)
 from mtu_cli.files.source import Source
-from mtu_cli.units import UNITS
 
 SCHEMA = "mtu/fit-components/1"
-NonNegative = Annotated[float, Field(ge=0)]
-
-
-def _or_nan(value: object) -> object:
-    return math.nan if value is None else value
 
 
 def _not_negative(value: float) -> float:
@@ -35,11 +32,7 @@ def _not_negative(value: float) -> float:
     return value
 
 
-Figure = Annotated[float, Field(strict=True, allow_inf_nan=True), BeforeValidator(_or_nan)]
-"""A number; nan where the report says null, because the readings do not determine it."""
-
 Deviation = Annotated[Figure, AfterValidator(_not_negative)]
-Matrix = list[list[Figure]]
 
 
 class ReportedComponent(BaseModel):
@@ -110,19 +103,10 @@ def components_from(source: Source, document: Any) -> ComponentsReport:
 
     Raises InputError with every fault of the document.
     """
-    found = document.get("schema") if isinstance(document, dict) else None
-    if found != SCHEMA:
-        raise fault(
-            "is not a components report",
-            file=source.shown,
-            path="schema",
-            value=str(found),
-            expected=f"{SCHEMA!r}, as `mtu fit-components -o FILE.json` writes it",
-        )
-    try:
-        report = _Report.model_validate(document)
-    except ValidationError as error:
-        raise InputError([_problem(source, item) for item in error.errors()]) from None
+    if schema_of(document) != SCHEMA:
+        expected = f"{SCHEMA!r}, as `mtu fit-components -o FILE.json` writes it"
+        raise not_a_report(source, document, expected)
+    report = validated(source, document, _Report, "fit-components")
     problems = [
         problem
         for name, item in report.results.components.items()
@@ -142,16 +126,6 @@ def components_from(source: Source, document: Any) -> ComponentsReport:
     )
 
 
-def _problem(source: Source, item: Any) -> Problem:
-    return Problem(
-        what="is missing" if item["type"] == "missing" else str(item["msg"]).lower(),
-        file=source.shown,
-        path=".".join(str(part) for part in item["loc"]),
-        value=None if item["type"] == "missing" else repr(item["input"]),
-        expected="the report as `mtu fit-components` writes it",
-    )
-
-
 def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
     k = len(item.coefficients)
     q = min(2, k)
@@ -166,7 +140,7 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
             path=f"results.components.{name}.{key}",
         )
         for key, matrix, size in wanted
-        if not _square(matrix, size)
+        if not square(matrix, size)
     ]
     problems += [
         Problem(
@@ -176,7 +150,7 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
         )
         for key, matrix, size in wanted
         # The moment estimate is a difference of mean squares: negative where passes hardly differ.
-        if key != "pass_covariance_moment" and _square(matrix, size) and _negative(matrix)
+        if key != "pass_covariance_moment" and square(matrix, size) and negative(matrix)
     ]
     if item.degree != k - 1:
         problems.append(
@@ -187,17 +161,7 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
                 expected=f"{item.degree + 1}",
             )
         )
-    if item.unit not in UNITS:
-        problems.append(
-            Problem(
-                what="unknown unit",
-                file=source.shown,
-                path=f"results.components.{name}.unit",
-                value=item.unit,
-                expected=", ".join(UNITS),
-            )
-        )
-    return problems
+    return problems + unit_problem(source, name, item.unit)
 
 
 def _group_problems(
@@ -228,17 +192,9 @@ def _group_problems(
         )
     for key in ("coefficient_covariance", "pass_covariance"):
         matrix = getattr(group, key)
-        what = None if _square(matrix, size) else f"not {size} x {size}"
-        if what is None and key == "coefficient_covariance" and _negative(matrix):
+        what = None if square(matrix, size) else f"not {size} x {size}"
+        if what is None and key == "coefficient_covariance" and negative(matrix):
             what = "a variance is negative"
         if what is not None:
             problems.append(Problem(what=what, file=source.shown, path=f"{path}.{key}"))
     return problems
-
-
-def _square(matrix: Matrix, size: int) -> bool:
-    return len(matrix) == size and all(len(row) == size for row in matrix)
-
-
-def _negative(matrix: Matrix) -> bool:
-    return any(row[i] < 0 for i, row in enumerate(matrix))

@@ -7,13 +7,18 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from mtu_cli.errors import InputError, Problem, closest
 from mtu_cli.files.contract_errors import existing_path, path_text, shown_value, to_problems
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 
 SCHEMA_VERSION = 1
+MAX_DEGREE = 9
+"""Of a polynomial in position."""
+
+NonNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0)]
 
 
 class Contract(BaseModel):

@@ -10,4 +10,9 @@ _TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
 
 def is_covariate(name: str) -> bool:
     """Whether a name is a covariate of every machine: dir_x, time_min, T_spindle_degC, ..."""
-    return name in COVARIATES or _TEMPERATURE.fullmatch(name) is not None
+    return name in COVARIATES or is_temperature(name)
+
+
+def is_temperature(name: str) -> bool:
+    """Whether a name is that of a sensor's temperature: T_spindle_degC, ..."""
+    return _TEMPERATURE.fullmatch(name) is not None

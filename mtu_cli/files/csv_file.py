@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from mtu_cli.files.csv_frames import Suspect
 from mtu_cli.files.csv_rows import editor_rows
 from mtu_cli.files.csv_slow import read_slow
 from mtu_cli.files.csv_table import Columns, ProblemList, Table, TableSpec
-from mtu_cli.files.csv_text import CsvText, read_csv_text
+from mtu_cli.files.csv_text import DECIMALS, CsvText, Decimal, read_csv_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,26 +34,33 @@ def read_table(
     """
     found = ProblemList()
     text = read_csv_text(path, role)
-    _check_header(text, spec)
-    rows, columns = _read(text, spec, found)
-    if not len(rows):
+    check_header(text, spec)
+    table = table_from(text, spec, found)
+    if not len(table):
         found.raise_if_any()
-        raise fault("holds a header but no rows", file=text.source.shown, expected="readings")
-    table = Table(
-        source=replace(text.source, rows=len(rows), sha256=text.digest.hexadecimal()),
-        header=text.header,
-        header_row=text.header_row,
-        rows=rows,
-        columns=columns,
-        covariates=tuple(name for name in text.header if not spec.named(name)),
-        sound=not found.listed,
-    )
+        raise fault("holds a header but no rows", file=text.source.shown, expected="rows below it")
+    source = replace(text.source, rows=len(table), sha256=text.digest.hexadecimal())
+    table = replace(table, source=source)
     _check_covariates(table, text, spec, found)
     if problems is None:
         found.raise_if_any()
     else:
         problems.extend(found)
     return table
+
+
+def table_from(text: CsvText, spec: TableSpec, problems: ProblemList) -> Table:
+    """The rows of a text with a sound header; the faults of its cells go to `problems`."""
+    rows, columns = _read(text, spec, problems)
+    return Table(
+        source=text.source,
+        header=text.header,
+        header_row=text.header_row,
+        rows=rows,
+        columns=columns,
+        covariates=tuple(name for name in text.header if not spec.named(name)),
+        sound=not problems.listed,
+    )
 
 
 def _read(
@@ -76,7 +84,8 @@ def _ends_full(text: CsvText, columns: Columns) -> bool:
     return name in columns.texts and bool((columns.texts[name].codes >= 0).all())
 
 
-def _check_header(text: CsvText, spec: TableSpec) -> None:
+def check_header(text: CsvText, spec: TableSpec) -> None:
+    """Raises InputError for columns that are missing, doubled, without name or at odds."""
     shown, row, header = text.source.shown, text.header_row, text.header
     problems = []
     for index, name in enumerate(header):
@@ -113,23 +122,31 @@ def missing_column(
 
 def _check_covariates(table: Table, text: CsvText, spec: TableSpec, problems: ProblemList) -> None:
     """Covariates that are texts only because of nan, infinity or the other decimal sign."""
+    import numpy as np
+
     for name in table.covariates:
         column = table.columns.texts.get(name)
         if column is None or not column.labels or spec.kind(name) != "covariate":
             continue
-        other = [number(label, "," if text.decimal == "." else ".") for label in column.labels]
-        own = [number(label, text.decimal) for label in column.labels]
-        unfinite = [is_not_finite(label, text.decimal) for label in column.labels]
-        for index, code in enumerate(column.codes if _nearly(own, other, unfinite) else ()):
-            if code >= 0 and (own[code] is None or unfinite[code]):
-                what = "not finite" if unfinite[code] else "not a number as the others are"
-                sign = "comma" if text.decimal == "," else "point"
-                expected = f"a finite number with a decimal {sign}, or an empty cell"
-                problems.add(table.problem(index, name, what, column.labels[code], expected))
+        if not all(numbers_at_all(column.labels, text.decimal)):
+            continue
+        sign = "comma" if text.decimal == "," else "point"
+        expected = f"a finite number with a decimal {sign}, or an empty cell"
+        for code, label in enumerate(column.labels):
+            unfinite = is_not_finite(label, text.decimal)
+            if unfinite or number(label, text.decimal) is None:
+                what = "not finite" if unfinite else "not a number as the others are"
+                indices = np.flatnonzero(column.codes == code)
+                problems.add_cells(table, indices, name, what, [label], expected)
 
 
-def _nearly(own: list[float | None], other: list[float | None], unfinite: list[bool]) -> bool:
-    cells = list(zip(own, other, unfinite, strict=True))
-    return any(o is not None or p is not None for o, p, _ in cells) and all(
-        o is not None or p is not None or bad for o, p, bad in cells
-    )
+def numbers_at_all(labels: Iterable[str], decimal: Decimal) -> tuple[bool, bool]:
+    """Whether any text is a number with one or the other decimal sign, and whether all are, or
+    say nan or infinity.
+    """
+    any_is, all_are = False, True
+    for label in labels:
+        is_number = any(number(label, sign) is not None for sign in DECIMALS)
+        any_is |= is_number
+        all_are &= is_number or is_not_finite(label, decimal)
+    return any_is, all_are

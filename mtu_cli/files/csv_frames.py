@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import io
-import os
-from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.files.csv_text import CsvText
+from mtu_cli.files.in_order import in_order
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,8 +21,6 @@ among them one text that does not look like a number keeps all of them as they a
 """
 _BEYOND = "\0"
 _BLOCK = 8 << 20
-_KEPT = 31 << 20
-_MOST_THREADS = 4
 
 
 class Suspect(Exception):  # noqa: N818  # not an error: a reason to read cell by cell
@@ -40,35 +36,10 @@ def frames(
     """
     import pandas as pd
 
-    # The C library hands the memory of every block back to the system, to ask for it again,
-    # until it has seen a larger piece freed (glibc; at most 32 MiB). This takes no memory.
-    bytes(_KEPT)
-    blocks = _blocks(text)
-    read = partial(_frame, text, dtypes, usecols)
-    threads = min(_MOST_THREADS, os.cpu_count() or 1, len(blocks))
     try:
-        if threads < 2:
-            yield from (read(block) for block in blocks)
-        else:
-            yield from _in_order(read, blocks, threads)
+        yield from in_order(partial(_frame, text, dtypes, usecols), _blocks(text))
     except (ValueError, OverflowError, pd.errors.ParserError, pd.errors.EmptyDataError):
         raise Suspect from None
-
-
-def _in_order(read: Any, blocks: list[slice], threads: int) -> Iterator[pd.DataFrame]:
-    """Frames in the order of the blocks, few of them ahead of their use."""
-    with ThreadPoolExecutor(threads) as pool:
-        pending: deque[Future[pd.DataFrame]] = deque()
-        try:
-            for block in blocks:
-                pending.append(pool.submit(read, block))
-                if len(pending) > 2 * threads:
-                    yield pending.popleft().result()
-            while pending:
-                yield pending.popleft().result()
-        finally:
-            for future in pending:
-                future.cancel()
 
 
 def _blocks(text: CsvText) -> list[slice]:

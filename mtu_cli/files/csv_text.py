@@ -6,18 +6,20 @@ import codecs
 import csv
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from mtu_cli.errors import fault
 from mtu_cli.files.byte_count import count_byte
-from mtu_cli.files.source import Digest, Source, check_text, read_bytes
+from mtu_cli.files.source import Digest, RunningDigest, Source, check_text, read_bytes
 
 Separator = Literal[",", ";"]
 Decimal = Literal[".", ","]
+DECIMALS: tuple[Decimal, ...] = (".", ",")
 
+GZIP = b"\x1f\x8b"
 MAX_INFLATED = 4 << 30
 MAX_RATIO = 250
 """Bounds of a compressed file; measured data compress by 3 to 20, a bomb by 1000."""
@@ -36,7 +38,7 @@ class CsvText:
     """
 
     source: Source
-    digest: Digest
+    digest: Digest | RunningDigest
     content: bytes
     header: tuple[str, ...]
     header_row: int
@@ -56,15 +58,31 @@ def read_csv_text(path: Path, role: str) -> CsvText:
     shown, content = read_bytes(path, role)
     source = Source(role=role, path=path, shown=shown, sha256="")
     digest = Digest(content)
-    if content.startswith(b"\x1f\x8b"):
-        content = _inflate(content, source.shown)
-    elif path.suffix.lower() == ".gz":
-        raise fault("is not gzip-compressed", file=source.shown, expected="a .csv.gz file")
-    check_text(content, source.shown)
-    content = content.removeprefix(codecs.BOM_UTF8)
+    check_suffix(path, content, shown)
+    if content.startswith(GZIP):
+        content = b"".join(inflated([content], len(content), shown))
+    check_text(content, shown)
+    return with_header(plain_lines(content.removeprefix(codecs.BOM_UTF8)), source, digest)
+
+
+def check_suffix(path: Path, content: bytes, shown: str) -> None:
+    """Raises InputError where a file called ``.gz`` does not start as one."""
+    if path.suffix.lower() == ".gz" and not content.startswith(GZIP):
+        raise fault("is not gzip-compressed", file=shown, expected="a .csv.gz file")
+
+
+def plain_lines(content: bytes) -> bytes:
+    """The text with line ends that end with a line feed, comment lines blanked."""
     if b"\r" in content and content.count(b"\r") != content.count(b"\r\n"):
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    content = _without_comments(content)
+    return _without_comments(content)
+
+
+def with_header(content: bytes, source: Source, digest: Digest | RunningDigest) -> CsvText:
+    """The text of plain lines that start with a header.
+
+    Raises InputError where there is none, or columns are separated by something else.
+    """
     start, row = _first_line(content, source)
     separator = _separator(content, start, row, source)
     header, body, body_row = _header(content, start, row, separator)
@@ -82,28 +100,40 @@ def read_csv_text(path: Path, role: str) -> CsvText:
     )
 
 
-def _inflate(content: bytes, shown: str) -> bytes:
-    bound = min(MAX_INFLATED, _INFLATED_FREE + MAX_RATIO * len(content))
-    parts: list[bytes] = []
-    size = 0
-    rest = content
+def inflated(raw: Iterable[bytes], size: int, shown: str) -> Iterator[bytes]:
+    """Unpacks gzip data of `size` bytes that come in pieces; what follows them is padding.
+
+    Raises InputError for damaged data, and where they unpack to more than data ever do.
+    """
+    bound = min(MAX_INFLATED, _INFLATED_FREE + MAX_RATIO * size)
+    total = 0
+    held = b""
+    inflater = None
+    padding = False
     try:
-        while rest.startswith(b"\x1f\x8b"):
-            inflater = zlib.decompressobj(wbits=31)
-            while rest and not inflater.eof:
-                parts.append(inflater.decompress(rest, _CHUNK))
-                size += len(parts[-1])
-                if size > bound:
-                    raise fault(f"unpacks to more than {bound} bytes", file=shown)
-                rest = inflater.unconsumed_tail
-            if not inflater.eof:
-                raise fault("the compressed data end too early", file=shown)
-            rest = inflater.unused_data
+        for piece in raw:
+            rest = b"" if padding else held + piece
+            held = b""
+            while rest and not padding:
+                if inflater is None and len(rest) < len(GZIP):
+                    held, rest = rest, b""
+                elif inflater is None and not rest.startswith(GZIP):
+                    padding = True
+                else:
+                    inflater = inflater or zlib.decompressobj(wbits=31)
+                    part = inflater.decompress(rest, _CHUNK)
+                    total += len(part)
+                    if total > bound:
+                        raise fault(f"unpacks to more than {bound} bytes", file=shown)
+                    yield part
+                    rest = inflater.unused_data if inflater.eof else inflater.unconsumed_tail
+                    inflater = None if inflater.eof else inflater
     except zlib.error as error:
         raise fault(f"damaged gzip data: {error}", file=shown) from None
-    if not size:
+    if inflater is not None:
+        raise fault("the compressed data end too early", file=shown)
+    if not total:
         raise fault("the file is empty once unpacked", file=shown)
-    return b"".join(parts)
 
 
 def _without_comments(content: bytes) -> bytes:

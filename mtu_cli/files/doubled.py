@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
     Ints = NDArray[Any]
     Texts = NDArray[np.object_]
+
+_BLOCK = 1 << 16
 
 
 def told_apart(table: Table, number: str) -> bool:
@@ -39,15 +42,65 @@ def told_apart(table: Table, number: str) -> bool:
     return all_distinct([(whole, int(span)), *texts], 4 * len(table) + 1000)
 
 
+def tells_repeats_apart(table: Table) -> bool:
+    """Whether equal rows of a table are one row twice: passes, repeats or times are given."""
+    names = {*table.columns.numbers, *table.columns.times}
+    return not names.isdisjoint(("pass", "repeat", "time", "time_min"))
+
+
+def _key(table: Table, name: str) -> NDArray[Any]:
+    columns = table.columns
+    if name in columns.numbers:
+        return columns.numbers[name]
+    return columns.texts[name].codes if name in columns.texts else columns.times[name].microseconds
+
+
+def lasting_marks(table: Table) -> NDArray[np.uint64]:
+    """Marks (n,) of the rows that those of other blocks of the same file can be held against.
+
+    Codes of texts count from the first of a block; the texts themselves do not.
+    """
+    keys = []
+    for name in table.header:
+        text = table.columns.texts.get(name)
+        if text is None:
+            keys.append(_key(table, name))
+        else:
+            keys.append(np.array([*map(hash, text.labels), 0], np.int64)[text.codes])
+    return row_marks(keys)
+
+
+def copied_files(marks: Sequence[NDArray[np.uint64]], fewest: int) -> list[tuple[int, list[int]]]:
+    """(file, earlier files) of each file all of whose rows stand in earlier ones.
+
+    `marks` (n,) of the rows of each file, in ascending order; files of fewer rows than
+    `fewest` may agree by chance.
+    """
+    found = []
+    for file, own in enumerate(marks):
+        earlier: set[int] = set()
+        for start in range(0, len(own), _BLOCK):
+            rest = own[start : start + _BLOCK]
+            for other in reversed(range(file)):
+                place = np.searchsorted(marks[other], rest)
+                known = marks[other][np.minimum(place, len(marks[other]) - 1)] == rest
+                if known.any():
+                    earlier.add(other)
+                rest = rest[~known]
+            if len(rest):
+                break
+        else:
+            if len(own) >= fewest:
+                found.append((file, sorted(earlier)))
+    return found
+
+
 def check_doubled_rows(table: Table, problems: ProblemList) -> None:
     """Rows equal to an earlier one in every column, for tables that tell repeats apart."""
     if not table.sound:
         # Cells that differ may look alike by what stands for them.
         return
-    columns = table.columns
-    keys: list[NDArray[Any]] = list(columns.numbers.values())
-    keys += [text.codes for text in columns.texts.values()]
-    keys += [time.microseconds for time in columns.times.values()]
+    keys = [_key(table, name) for name in table.header]
     mixed = row_marks(keys)
     ordered = np.sort(mixed)
     repeated = ordered[1:][ordered[1:] == ordered[:-1]]

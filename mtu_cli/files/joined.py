@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -209,15 +209,18 @@ def minutes(tables: Sequence[Table], problems: ProblemList) -> Floats:
     return end_to_end(parts)
 
 
-def covariates(tables: Sequence[Table]) -> dict[str, Floats | Texts]:
+def covariates(
+    tables: Sequence[Table], also: Sequence[str] = (), texts: Collection[str] = ()
+) -> dict[str, Floats | Texts]:
     """Every covariate over all files: floats with nan, or texts with "", where not given.
 
-    A covariate that is a number in one file and a text in another is a text in all.
+    A covariate that is a number in one file and a text in another is a text in all. `also`
+    are the covariates of tables elsewhere, in their order, `texts` those that are texts there.
     """
-    names = dict.fromkeys(name for table in tables for name in table.covariates)
+    names = dict.fromkeys((*also, *(name for table in tables for name in table.covariates)))
     found: dict[str, Floats | Texts] = {}
     for name in names:
-        if any(name in table.columns.texts for table in tables):
+        if name in texts or any(name in table.columns.texts for table in tables):
             found[name] = np.concatenate([_texts(table, name) for table in tables])
         else:
             found[name] = numbers(tables, name)

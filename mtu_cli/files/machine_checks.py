@@ -9,6 +9,7 @@ from mtu_cli.files.contracts import Findings, duplicates, is_identifier, present
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.files.machine_contract import Component, Effect, Machine
 from mtu_cli.files.machine_equations import POSITIONS
+from mtu_cli.files.thermal_contract import check_thermal
 from mtu_cli.files.yaml_file import YamlPath
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
@@ -81,6 +82,8 @@ def check_components(machine: Machine, findings: Findings) -> None:
             for key in ("s_repeat", "pass_covariance", "covariance"):
                 if getattr(component, key) is not None:
                     findings.add((*path, key), "given beside u_future, which stands for it")
+        if component.thermal is not None:
+            check_thermal(component.thermal, component.of, (*path, "thermal"), findings)
 
 
 def _check_sizes(component: Component, path: YamlPath, findings: Findings) -> None:

@@ -7,16 +7,13 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from mtu_cli.files.contract_errors import told, unit_expectation
-from mtu_cli.files.contracts import Contract
+from mtu_cli.files.contracts import MAX_DEGREE, Contract, NonNegative, Positive
+from mtu_cli.files.thermal_contract import Thermal
 from mtu_cli.units import UNITS
 
 AxisName = Literal["x", "y", "z"]
 EquationName = Literal["Ex", "Ey", "Ez"]
 Matrix = list[list[float]]
-MAX_DEGREE = 9
-
-NonNegative = Annotated[float, Field(ge=0)]
-Positive = Annotated[float, Field(gt=0)]
 
 
 def _known_unit(text: str) -> str:
@@ -98,6 +95,7 @@ class Component(Contract):
         default=None,
         description="Standard uncertainty of a future observation, where no more is known",
     )
+    thermal: Thermal | None = Field(default=None, description="Known drift with temperature")
 
     @model_validator(mode="before")
     @classmethod

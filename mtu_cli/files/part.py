@@ -11,8 +11,16 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from mtu_cli.errors import did_you_mean
 from mtu_cli.files.contract_errors import told
-from mtu_cli.files.contracts import Contract, Findings, IdText, check_contract, duplicates, present
-from mtu_cli.files.machine_contract import NonNegative, Positive
+from mtu_cli.files.contracts import (
+    Contract,
+    Findings,
+    IdText,
+    NonNegative,
+    Positive,
+    check_contract,
+    duplicates,
+    present,
+)
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 

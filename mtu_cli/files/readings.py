@@ -14,6 +14,7 @@ from mtu_cli.files import doubled, joined
 from mtu_cli.files.contract_errors import unit_expectation
 from mtu_cli.files.csv_file import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
+from mtu_cli.files.row_marks import row_marks
 from mtu_cli.files.source import Source
 from mtu_cli.units import UNITS, dimension_name
 
@@ -101,11 +102,13 @@ def read_readings(
     problems = ProblemList()
     tables = joined.read_tables(files, SPEC, problems)
     for table in tables:
-        _check_table(table, components, problems)
+        check_cells(table, components, problems)
+        if doubled.tells_repeats_apart(table):
+            doubled.check_doubled_rows(table, problems)
     if problems.listed:
         joined.integers(tables, "pass", problems)
         problems.raise_if_any()
-    readings = _assemble(tables, components, problems)
+    readings = assemble(tables, components, problems)
     if len(tables) > 1 and not problems.listed:
         _check_copied_files(readings, problems)
     if for_fit and components is not None and not problems.listed:
@@ -114,9 +117,10 @@ def read_readings(
     return readings
 
 
-def _check_table(
+def check_cells(
     table: Table, components: Mapping[str, ComponentLike] | None, problems: ProblemList
 ) -> None:
+    """Cells that mean nothing: units, directions, components, positions, sizes."""
     joined.check_labels(
         table, "unit", "unknown unit",
         lambda label: None if label in UNITS else unit_expectation(label), problems,
@@ -131,9 +135,6 @@ def _check_table(
             problems,
         )  # fmt: skip
         _check_machine(table, components, problems)
-    names = {*table.columns.numbers, *table.columns.times}
-    if names & {"pass", "repeat", "time", "time_min"}:
-        doubled.check_doubled_rows(table, problems)
 
 
 def _direction_hint(label: str) -> str | None:
@@ -178,11 +179,12 @@ def _check_machine(
                 problems.add_cells(table, rows, "unit", what, [unit], expected)
 
 
-def _assemble(
+def assemble(
     tables: Sequence[Table],
     components: Mapping[str, ComponentLike] | None,
     problems: ProblemList,
 ) -> Readings:
+    """The rows of sound tables as readings."""
     names, code = joined.labelled(tables, "component", tuple(components or ()))
     position = joined.numbers(tables, "position_mm")
     if components is not None:
@@ -237,27 +239,29 @@ def _check_positions(
         )
 
 
+def reading_marks(readings: Readings) -> NDArray[np.uint64]:
+    """Marks (n,) by which equal readings of different files are found."""
+    columns = (
+        readings.code, readings.position_mm, readings.error, readings.pass_number,
+        readings.direction, readings.time_min,
+    )  # fmt: skip
+    return row_marks([np.nan_to_num(item.astype(np.float64), nan=-1e300) for item in columns])
+
+
 def _check_copied_files(readings: Readings, problems: ProblemList) -> None:
     """A file all of whose rows stand in an earlier one as well would count them twice.
 
     Single rows may agree by chance where the digits are few; a whole file does not.
     """
-    columns = (
-        readings.code, readings.position_mm, readings.error, readings.pass_number,
-        readings.direction, readings.time_min,
-    )  # fmt: skip
-    rows = np.column_stack([np.nan_to_num(item.astype(np.float64), nan=-1e300) for item in columns])
-    seen: dict[bytes, int] = {}
-    for file, source in enumerate(readings.sources):
-        own = [row.tobytes() for row in rows[readings.file_index == file]]
-        earlier = {seen[key] for key in own if key in seen}
-        if len(own) >= FEWEST_COPIED and all(key in seen for key in own):
-            names = ", ".join(readings.sources[i].shown for i in sorted(earlier))
-            problems.add(
-                Problem(
-                    what=f"all its readings stand in {names} as well: they would count twice",
-                    file=source.shown,
-                    expected="each reading once",
-                )
+    marks = reading_marks(readings)
+    files = range(len(readings.sources))
+    ordered = [np.sort(marks[readings.file_index == file]) for file in files]
+    for file, earlier in doubled.copied_files(ordered, FEWEST_COPIED):
+        names = ", ".join(readings.sources[i].shown for i in earlier)
+        problems.add(
+            Problem(
+                what=f"all its readings stand in {names} as well: they would count twice",
+                file=readings.sources[file].shown,
+                expected="each reading once",
             )
-        seen |= dict.fromkeys(own, file)
+        )

@@ -64,6 +64,21 @@ class Digest:
         return self._found
 
 
+class RunningDigest:
+    """SHA-256 of bytes that come piece by piece."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+
+    def update(self, content: bytes) -> None:
+        """The next piece."""
+        self._hash.update(content)
+
+    def hexadecimal(self) -> str:
+        """The digest of all pieces so far."""
+        return self._hash.hexdigest()
+
+
 def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[Source, bytes]:
     """The file's bytes and its Source; raises InputError as `read_bytes` does."""
     shown, content = read_bytes(path, role, max_bytes=max_bytes)

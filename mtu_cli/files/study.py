@@ -13,8 +13,8 @@ from mtu_cli.files.source import Source, missing_file
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 
 STUDY_NAME = "mtu.yaml"
-SINGLE = ("machine", "part", "components")
-SEVERAL = ("lbb", "laser", "cmm", "drift")
+SINGLE = ("machine", "part")
+SEVERAL = ("components", "lbb", "laser", "cmm", "drift")
 
 MAX_COVERAGE = 100.0
 MIN_TRIALS = 1000
@@ -76,7 +76,9 @@ class Study(Contract):
     notes: str | None = Field(default=None, description="Free text")
     machine: FileName | None = Field(default=None, description="Machine YAML")
     part: FileName | None = Field(default=None, description="Part YAML")
-    components: FileName | None = Field(default=None, description="Report of fit-components")
+    components: FileNames = Field(
+        default=[], description="Reports of fit-components and thermal-fit"
+    )
     lbb: FileNames = Field(default=[], description="Readings of the laser ball bar")
     laser: FileNames = Field(default=[], description="Readings of the laser interferometer")
     cmm: FileNames = Field(default=[], description="Measured points")

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtu_cli.model.blocks import component_blocks
-from mtu_cli.model.machine_model import Design, MachineModel, design, theta
+from mtu_cli.model.design import Design, design, theta
+from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.variance import Block
 from mtu_cli.stats.least_squares import FloatArray
 

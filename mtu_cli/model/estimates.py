@@ -7,6 +7,7 @@ from math import inf
 
 import numpy as np
 
+from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import Unit
 
@@ -65,10 +66,11 @@ class JointPasses:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
-    """All components of a machine, and which of them were estimated jointly."""
+    """All components of a machine, which of them were estimated jointly, and their drifts."""
 
     components: dict[str, ComponentEstimate]
     joint: tuple[JointPasses, ...] = ()
+    thermal: dict[str, ThermalEstimate] = field(default_factory=dict)
     warnings: tuple[tuple[str, str], ...] = field(default=())
 
 

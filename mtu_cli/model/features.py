@@ -43,19 +43,25 @@ def feature_points(
 
 
 def outside_warnings(prediction: Prediction) -> list[Warned]:
-    """One warning a component whose measured range the features leave."""
+    """One warning for all components whose measured range the features leave alike."""
+    alike: dict[tuple[float, float, tuple[str, ...]], list[tuple[str, float]]] = {}
     by_component: dict[str, list[tuple[str, float, float, float]]] = {}
     for point, component, position, low, high in prediction.outside:
         by_component.setdefault(component, []).append((point, position, low, high))
-    warnings = []
     for component, found in by_component.items():
-        point, position, low, high = found[0]
-        others = f" and {len(found) - 1} more" if len(found) > 1 else ""
+        _, _, low, high = found[0]
+        key = (low, high, tuple(point for point, *_ in found))
+        alike.setdefault(key, []).append((component, found[0][1]))
+    warnings = []
+    for (low, high, points), members in alike.items():
+        names = ", ".join(name for name, _ in members)
+        others = f" and {len(points) - 1} more" if len(points) > 1 else ""
         warnings.append(
             Warned(
                 code="outside-measured-range",
-                message=f"{component} was measured from {low:g} to {high:g} mm; feature "
-                f"{point!r} at {position:g} mm{others} is outside: the line is a guess there",
+                message=f"{names} {'was' if len(members) == 1 else 'were'} measured from "
+                f"{low:g} to {high:g} mm; feature {points[0]!r} at {members[0][1]:g} mm{others} "
+                "is outside: the line is a guess there",
             )
         )
     return warnings

@@ -1,4 +1,4 @@
-"""The machine as a design matrix: E = J theta + remainder at any set of points."""
+"""A machine with all its components known, term by term."""
 
 from __future__ import annotations
 
@@ -9,22 +9,33 @@ import numpy as np
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.language import LinearForm, Node, evaluate, names
+from mtu_cli.language import LinearForm, Node, names
 from mtu_cli.language.tree import Binary
+from mtu_cli.model.basis import Basis, PolynomialBasis, ThermalBasis
 from mtu_cli.model.effect_parameters import EFFECT_MARK, effect_estimates
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
+from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.model.thermal_terms import leftover_estimate, temperature_estimate
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import polynomial
 
 AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Term:
-    """One component (or effect parameter) and its lever arm in each equation."""
+    """One component (or effect parameter), what its coefficients multiply, and its lever arm
+    in each equation.
+    """
 
     estimate: ComponentEstimate
+    basis: Basis
     levers: dict[str, Node]
+
+
+def polynomial_term(estimate: ComponentEstimate, levers: dict[str, Node]) -> Term:
+    """The term of a component that is a polynomial of its axis."""
+    basis = PolynomialBasis(of=estimate.of, degree=estimate.degree)
+    return Term(estimate=estimate, basis=basis, levers=levers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +57,7 @@ class MachineModel:
         """Names that the equations use beside positions, constants and components."""
         used: dict[str, int] = {}
         for term in self.terms:
+            used |= dict.fromkeys(term.basis.inputs(), 0)
             for lever in term.levers.values():
                 used |= names(lever)
         for nodes in self.remainders.values():
@@ -53,6 +65,11 @@ class MachineModel:
                 used |= names(node)
         known = {*AXES, *self.constants}
         return tuple(sorted(name for name in used if name not in known))
+
+    def drifts(self) -> tuple[ThermalEstimate, ...]:
+        """The thermal models among the terms."""
+        bases = [term.basis for term in self.terms]
+        return tuple(basis.estimate for basis in bases if isinstance(basis, ThermalBasis))
 
     def position_constants(self) -> dict[str, float]:
         """Coordinates that a constant of the machine fixes."""
@@ -105,7 +122,7 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
                     missing[full] = None
             if linear.remainder is not None:
                 remainders[axis].append(linear.remainder)
-    terms = [Term(estimate=found[name], levers=lever) for name, lever in levers.items() if lever]
+    terms = [polynomial_term(found[name], lever) for name, lever in levers.items() if lever]
     problems = [_no_estimate(machine, name) for name in missing]
     problems += [
         _no_uncertainty(machine, term.estimate.name) for term in terms if not _is_known(term)
@@ -117,7 +134,7 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     return MachineModel(
         name=machine.machine.name,
         axes=axes,
-        terms=tuple(terms),
+        terms=(*terms, *_thermal_terms(estimates, levers)),
         remainders={axis: tuple(nodes) for axis, nodes in remainders.items()},
         constants={
             name: (constant.value, constant.u)
@@ -125,6 +142,23 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
         },
         joint=tuple(joint),
     )
+
+
+def _thermal_terms(estimates: Estimates, levers: Mapping[str, dict[str, Node]]) -> list[Term]:
+    """Drift of the components that stand in an equation, and what its model leaves of it."""
+    terms = []
+    for name, drift in estimates.thermal.items():
+        if not levers.get(name):
+            continue
+        terms += [
+            Term(
+                estimate=temperature_estimate(drift),
+                basis=ThermalBasis(estimate=drift),
+                levers=levers[name],
+            ),
+            polynomial_term(leftover_estimate(drift), levers[name]),
+        ]
+    return terms
 
 
 def _added(lever: Node | None, more: Node) -> Node:
@@ -162,10 +196,13 @@ def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
     """Raises InputError naming every covariate that the equations need and nobody gave."""
     missing = [name for name in model.covariates() if name not in given]
     if missing:
+        drifts = sensors_of(model)
         raise InputError(
             [
                 Problem(
-                    what=f"the equations of {model.name!r} need the covariate {name!r}",
+                    what=f"the drift of {', '.join(drifts[name])} needs the temperature {name!r}"
+                    if name in drifts
+                    else f"the equations of {model.name!r} need the covariate {name!r}",
                     expected=f"--at {name}=VALUE"
                     + (f"; given: {', '.join(given)}" if given else ""),
                 )
@@ -174,89 +211,10 @@ def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
         )
 
 
-def design(
-    model: MachineModel, points: FloatArray, covariates: Mapping[str, FloatArray | float]
-) -> Design:
-    """J, lever arms and remainder at `points` (n, 3) in mm (nan where a coordinate is unknown).
-
-    Row (i, axis) holds dE_axis/dtheta at point i: lever arm times powers of the component's
-    position. Gilsinn & Ling 2004, eq. (1), or any other set of linear equations.
-
-    Raises InputError where a needed coordinate is unknown or a value is not finite.
-    """
-    values: dict[str, FloatArray | float] = {
-        name: pair[0] for name, pair in model.constants.items()
-    }
-    place = {axis: points[:, i] for i, axis in enumerate(AXES)} | {
-        axis: np.full(len(points), value) for axis, value in model.position_constants().items()
-    }
-    values |= place
-    values |= {name: covariates[name] for name in model.covariates()}
-    n, a = len(points), len(model.axes)
-    widths = [len(term.estimate.coefficients) for term in model.terms]
-    starts = np.concatenate([[0], np.cumsum(widths)]).astype(int)
-    J = np.zeros((n, a, starts[-1]))
-    levers = np.zeros((n, a, len(model.terms)))
-    for t, term in enumerate(model.terms):
-        rows = _powers(term.estimate, place, n)
-        for i, axis in enumerate(model.axes):
-            if axis in term.levers:
-                levers[:, i, t] = evaluate(term.levers[axis], values)
-                # An infinite lever arm is reported by _check_finite, in words.
-                with np.errstate(invalid="ignore"):
-                    J[:, i, starts[t] : starts[t + 1]] = levers[:, i, t, None] * rows
-    remainder = np.zeros((n, a))
-    for i, axis in enumerate(model.axes):
-        for node in model.remainders[axis]:
-            remainder[:, i] += evaluate(node, values)
-    _check_finite(model, J, remainder, points)
-    return Design(
-        J=J.reshape(n * a, -1),
-        levers=levers.reshape(n * a, -1),
-        remainder=remainder.reshape(n * a),
-        columns=tuple(slice(starts[t], starts[t + 1]) for t in range(len(widths))),
-    )
-
-
-def _powers(estimate: ComponentEstimate, place: Mapping[str, FloatArray], n: int) -> FloatArray:
-    if estimate.of is None:
-        return np.ones((n, 1))
-    return polynomial(place[estimate.of], estimate.degree)
-
-
-def _check_finite(
-    model: MachineModel, J: FloatArray, remainder: FloatArray, points: FloatArray
-) -> None:
-    bad = ~(np.isfinite(J).all(axis=2) & np.isfinite(remainder))
-    if not bad.any():
-        return
-    i, a = np.argwhere(bad)[0]
-    axis = model.axes[a]
-    used: set[str] = set()
-    for term in model.terms:
-        if axis in term.levers:
-            used |= {*names(term.levers[axis]), term.estimate.of or ""}
-    for node in model.remainders[axis]:
-        used |= set(names(node))
-    unknown = [
-        name
-        for k, name in enumerate(AXES)
-        if np.isnan(points[i, k]) and name in used and name not in model.constants
-    ]
-    place = ", ".join(f"{name}={points[i, k]:g}" for k, name in enumerate(AXES) if name in used)
-    raise InputError(
-        Problem(
-            what=f"the equation E{axis} of {model.name!r} has no finite value at {place}",
-            expected=(
-                f"a value for {unknown[0]} (z_mm in the part, or a constant of the machine)"
-                if unknown
-                else "an equation that is defined at every feature (no division by 0, no root or "
-                "logarithm of a negative number)"
-            ),
-        )
-    )
-
-
-def theta(model: MachineModel) -> FloatArray:
-    """The coefficients of all terms, one after the other, (K,)."""
-    return np.concatenate([term.estimate.coefficients for term in model.terms])
+def sensors_of(model: MachineModel) -> dict[str, tuple[str, ...]]:
+    """The components whose drift needs a sensor, by sensor."""
+    found: dict[str, tuple[str, ...]] = {}
+    for drift in model.drifts():
+        for sensor in drift.sensors:
+            found[sensor] = (*found.get(sensor, ()), drift.component)
+    return found

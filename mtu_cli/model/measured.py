@@ -132,8 +132,8 @@ class Visits:
 
     `errors` and `nominal` (visits, features, 3) mm, nan where a feature was not measured;
     `part` and `operation` (visits,) are codes, `of_point` (n,) the visit of each point. A
-    visit is one repeat of one part in one
-    operation: repeats by their number or, without one, in the order of the file.
+    visit is one repeat of one part in one operation: repeats by their number or, without one,
+    in the order of the file, after those with a number.
     """
 
     part: IntArray
@@ -151,9 +151,7 @@ def visits_of(points: Points) -> Visits:
     _, operation = operations_of(points)
     features, parts = len(points.features), len(points.parts)
     run = operation.astype(np.int64) * parts + points.part
-    repeat = np.where(
-        points.repeat >= 0, points.repeat, occurrence(run * features + points.feature)
-    )
+    repeat = _numbered(points.repeat, run * features + points.feature)
     numbers, code = np.unique(repeat, return_inverse=True)
     distinct, visit = np.unique(run * len(numbers) + code.reshape(-1), return_inverse=True)
     visit = visit.reshape(-1)
@@ -172,6 +170,14 @@ def visits_of(points: Points) -> Visits:
         errors=errors.reshape(len(distinct), features, 3),
         nominal=nominal,
     )
+
+
+def _numbered(repeat: IntArray, place: IntArray) -> IntArray:
+    """Repeats with a number each; where none is given, counted on from the largest given."""
+    untold, found = repeat < 0, repeat.copy()
+    if untold.any():
+        found[untold] = max(int(repeat.max()), -1) + 1 + occurrence(place[untold])
+    return found
 
 
 def only_features(points: Points, names: Iterable[str]) -> Points:

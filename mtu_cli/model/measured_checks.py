@@ -136,21 +136,29 @@ def _typical(errors: FloatArray) -> float:
 
 
 def _copies(points: Points, axes: tuple[int, ...]) -> list[Warned]:
-    """Parts whose values agree with an earlier part's in every feature, in whatever order."""
+    """Parts whose values of an operation agree with an earlier part's in every feature, in
+    whatever order.
+    """
     parts = len(points.parts)
-    _, operation = operations_of(points)
+    operations, operation = operations_of(points)
     columns = [points.feature, operation, *(points.measured[:, axis] for axis in axes)]
-    marks = fingerprints(columns, points.part, parts)
+    several = len(operations) > 1
+    # Files of one operation each are copied one by one: a part need not be a copy in all.
+    run = operation.astype(np.int64) * parts + points.part if several else points.part
+    marks = fingerprints(columns, run, len(operations) * parts)
     first: dict[bytes, int] = {}
     problems, warned = [], []
-    for part in range(parts):
-        other = first.setdefault(marks[part].tobytes(), part)
-        if other == part:
+    for copy in np.flatnonzero(marks[:, 0]).tolist():
+        other = first.setdefault(marks[copy].tobytes(), copy)
+        if other == copy:
             continue
-        rows = np.flatnonzero(points.part == part)
+        rows = np.flatnonzero(run == copy)
         if len(rows) * len(axes) < FEWEST_COPIED:
             continue
-        what = f"part {points.parts[part]!r} has the same values as part {points.parts[other]!r}"
+        part, twin = points.parts[copy % parts], points.parts[other % parts]
+        what = f"part {part!r} has the same values as part {twin!r}"
+        if several and operations[copy // parts]:
+            what += f" in operation {operations[copy // parts]!r}"
         if _chance(points, rows, axes) >= CHANCE:
             warned.append(Warned(code="parts-alike", message=f"{what}: was it measured twice?"))
             continue

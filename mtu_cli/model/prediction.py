@@ -18,18 +18,15 @@ import numpy as np
 
 from mtu_cli.model.blocks import component_blocks
 from mtu_cli.model.constants import constant_effects
+from mtu_cli.model.design import design, places, theta
 from mtu_cli.model.estimates import ComponentEstimate
-from mtu_cli.model.machine_model import (
-    AXES,
-    MachineModel,
-    check_covariates,
-    design,
-    theta,
-)
+from mtu_cli.model.machine_model import MachineModel, check_covariates
+from mtu_cli.model.temperature_noise import temperature_blocks
 from mtu_cli.model.variance import (
     Block,
     Variance,
     block_variance,
+    joined,
     noise_covariance,
     positive_part,
 )
@@ -94,15 +91,15 @@ class Prediction:
         would give next to none.
         """
         parts = [block_variance(block, A, len(self.axes)) for block in self.blocks]
-        by_block = np.array([part.sum(axis=0) for part, _, _ in parts])
+        by_block = np.array([part.sum(axis=0) for part, _ in parts])
         total = by_block.sum(axis=0)
-        squares = np.array([square for _, found, _ in parts for square in found])
-        nu = np.array([value for _, _, dofs in parts for value in dofs])[:, None]
+        behind = joined([found for _, found in parts])
+        squares, nu = behind.of_mean + behind.of_part, behind.dof[:, None]
         spread = (squares**2 / nu).sum(axis=0)
         least = np.where(squares == 0, np.inf, nu).min(axis=0)
         found = np.divide(total**2, spread, out=np.full_like(total, np.inf), where=spread > 0)
         dof: FloatArray = np.maximum(found, least)
-        split = np.array([part for part, _, _ in parts]).sum(axis=0)
+        split = np.array([part for part, _ in parts]).sum(axis=0)
         return Variance(
             total=total,
             dof=dof,
@@ -110,6 +107,7 @@ class Prediction:
             coefficients=split[0],
             passes=split[1],
             repeatability=split[2],
+            squares=behind,
         )
 
 
@@ -129,14 +127,16 @@ def predict(
     check_covariates(model, given)
     rows = design(model, points, given)
     blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
+    noise = temperature_blocks(model, points, given, rows.levers)
     constants = constant_effects(model, points, given, rows)
     return Prediction(
         ids=tuple(ids),
         axes=model.axes,
         points=points,
         mean=rows.J @ theta(model) + rows.remainder + constants.shift,
-        blocks=(*blocks, *constants.blocks),
+        blocks=(*blocks, *noise, *constants.blocks),
         independent_variance=_independent(model, rows.J, rows.levers, rows.columns)
+        + sum(((block.G + block.noise)[:, 0] ** 2 for block in noise), np.zeros(len(rows.J)))
         + constants.variance,
         outside=_outside(model, ids, points),
     )
@@ -168,14 +168,13 @@ def _outside(
     model: MachineModel, ids: Sequence[str], points: FloatArray
 ) -> tuple[tuple[str, str, float, float, float], ...]:
     found = []
-    fixed = model.position_constants()
+    place = places(model, points)
     for term in model.terms:
         estimate = term.estimate
         if estimate.of is None or estimate.position_range is None:
             continue
         low, high = estimate.position_range
-        column = points[:, AXES.index(estimate.of)]
-        position = np.full(len(points), fixed[estimate.of]) if estimate.of in fixed else column
+        position = place[estimate.of]
         beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9))
         found += [(ids[int(i)], estimate.name, float(position[i]), low, high) for i in beyond]
     return tuple(found)

@@ -7,18 +7,20 @@ readings, nor more repeats the parts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.language import Node, evaluate
 from mtu_cli.language import names as names_of
+from mtu_cli.model.design import design, theta
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ComponentEstimate
-from mtu_cli.model.machine_model import AXES, MachineModel, design, theta
+from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import polynomial
+from mtu_cli.stats.streams import stream
 
 IntArray = np.ndarray
 
@@ -39,10 +41,10 @@ class PartsPlan:
     `repeats` CMM measurements a feature with standard uncertainty `cmm_u` (mm), or, of the
     first parts, `first_repeats` = (parts, repeats); `scatter` (axis, equation) adds a random
     error of that standard deviation (mm) to each feature of each part; `operation` names how
-    the features were made; a random
-    offset of every part with standard deviation `part_offset` (mm); features are machined in
-    the part's order, every `reverse_every`-th part in the opposite one (0: never), each
-    taking `minutes`. `effects` are (axis, equation in mm), `covariates` (name, equation).
+    the features were made; a random offset of every part with standard deviation `part_offset`
+    (mm); features are machined in the part's order, every `reverse_every`-th part in the
+    opposite one (0: never), each taking `minutes`. `effects` are (axis, equation in mm),
+    `covariates` (name, equation), `given` columns (parts, features) such as temperatures.
     """
 
     parts: int
@@ -56,6 +58,7 @@ class PartsPlan:
     operation: str | None = None
     effects: tuple[tuple[str, Node], ...] = ()
     covariates: tuple[tuple[str, Node], ...] = ()
+    given: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,10 +89,6 @@ class SimulatedPoints:
     covariates: dict[str, FloatArray]
 
 
-def _stream(seed: int, *key: int) -> np.random.Generator:
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
-
-
 def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> SimulatedReadings:
     """Readings of every component: its polynomial, a draw of D a pass, s_repeat a reading.
 
@@ -101,7 +100,7 @@ def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> Sim
         estimate = term.estimate
         if EFFECT_MARK in estimate.name:
             continue
-        rng = _stream(seed, 0, c)
+        rng = stream(seed, 0, c)
         positions = np.zeros(1) if estimate.of is None else plan.positions[estimate.of]
         directions = (0,) if estimate.of is None else plan.directions
         for number in range(1, plan.passes + 1):
@@ -163,13 +162,13 @@ def simulate_points(
     for part in range(plan.parts):
         first, more = plan.first_repeats
         repeats.append(more if part < first else plan.repeats)
-        rng = _stream(seed, 1, part)
+        rng = stream(seed, 1, part)
         values = _covariates(points, plan, part)
         errors = _part_errors(model, points, values, rng)
         errors += plan.part_offset * rng.standard_normal(a)
         errors += _effects(model, points, plan.effects, values)
-        errors += _scatter(model, points, plan.scatter, values, _stream(seed, 3, part))
-        cmm = _stream(seed, 2, part).standard_normal((repeats[-1], n, a)) * plan.cmm_u
+        errors += _scatter(model, points, plan.scatter, values, stream(seed, 3, part))
+        cmm = stream(seed, 2, part).standard_normal((repeats[-1], n, a)) * plan.cmm_u
         measured.append(points[:, columns] + errors + cmm)
         covariates.append(values)
     keys = list(covariates[0])
@@ -193,11 +192,13 @@ def _check_covariates(model: MachineModel, points: FloatArray, plan: PartsPlan) 
     given = _covariates(points, plan, 0)
     missing = [name for name in model.covariates() if name not in given]
     if missing:
+        sensors = {sensor for drift in model.drifts() for sensor in drift.sensors}
         raise InputError(
             [
                 Problem(
                     what=f"the equations of {model.name!r} need the covariate {name!r}",
-                    expected=f"--covariate '{name}: EQUATION'",
+                    expected=f"--covariate '{name}: EQUATION'"
+                    + (", or --cmm-room DEGC" if name in sensors else ""),
                 )
                 for name in missing
             ]
@@ -217,6 +218,7 @@ def _covariates(points: FloatArray, plan: PartsPlan, part: int) -> dict[str, Flo
     for k, axis in enumerate(AXES):
         if np.isfinite(points[:, k]).all() and np.ptp(points[:, k]) > 0:
             values[f"dir_{axis}"] = _directions(points[:, k], visits)
+    values |= {name: columns[part] for name, columns in plan.given.items()}
     for name, node in plan.covariates:
         values[name] = _value(name, node, points, values)
     return values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,11 +33,27 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MeanSquares:
+    """The K independent mean squares behind the variance of m linear measurands, mm^2.
+
+    `of_mean` (K, m) is what each adds to the variance of the mean over all future parts, that
+    of the coefficients; `of_part` (K, m) what it adds to the scatter of parts, of passes and
+    visits; `dof` (K,), infinite where the machine file knows better than by readings. What D
+    or C enter has the degrees of freedom of the passes, however small its estimate.
+    """
+
+    of_mean: FloatArray
+    of_part: FloatArray
+    dof: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Variance:
     """Variance (m,) of m linear measurands with effective degrees of freedom (m,).
 
     `by_block` (blocks, m) are the shares of the blocks; `coefficients`, `passes` and
-    `repeatability` (m,) split the variance by its nature.
+    `repeatability` (m,) split the variance by its nature, `squares` by what it was estimated
+    from.
     """
 
     total: FloatArray
@@ -45,41 +62,47 @@ class Variance:
     coefficients: FloatArray
     passes: FloatArray
     repeatability: FloatArray
+    squares: MeanSquares
 
 
-def block_variance(
-    block: Block, A: FloatArray, axes: int
-) -> tuple[FloatArray, list[FloatArray], list[float]]:
-    """(3, m) variance by nature; the mean squares and their degrees of freedom."""
+def block_variance(block: Block, A: FloatArray, axes: int) -> tuple[FloatArray, MeanSquares]:
+    """(3, m) variance by nature, and the mean squares behind it."""
     g = A @ block.G
     of_C, of_D = _quadratic(g, block.C), _quadratic(g, block.D)
     visits = [
         ((A * column).reshape(len(A), -1, axes).sum(axis=2) ** 2).sum(axis=1)
         for column in block.noise.T
     ]
+    dof = np.array([block.pass_dof, *block.repeat_dof])
     if block.between is not None:
-        split, squares = _of_mean_squares(block, block.between, g, visits)
-        return split, squares, [block.pass_dof, *block.repeat_dof]
+        split, of_mean, of_part = _of_mean_squares(block, block.between, g, visits)
+        return split, MeanSquares(of_mean=of_mean, of_part=of_part, dof=dof)
     noise: FloatArray = np.sum(visits, axis=0)
     # A pooled moment estimate of D may be negative where passes hardly differ; what passes
     # and visits add together is not.
     of_D = np.maximum(of_D, -noise)
     split = np.array([of_C, of_D, noise])
     if block.pass_dof == 0:
-        return split, [of_C + of_D + noise], [block.repeat_dof[0]]
-    return split, [of_C + of_D, *visits], [block.pass_dof, *block.repeat_dof]
+        one = MeanSquares(of_mean=of_C[None], of_part=(of_D + noise)[None], dof=dof[1:2])
+        return split, one
+    none = [np.zeros_like(own) for own in visits]
+    squares = MeanSquares(
+        of_mean=np.array([of_C, *none]), of_part=np.array([of_D, *visits]), dof=dof
+    )
+    return split, squares
 
 
 def _of_mean_squares(
     block: Block, between: FloatArray, g: FloatArray, visits: list[FloatArray]
-) -> tuple[FloatArray, list[FloatArray]]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """With the mean square S of n passes, E S = D + s^2 M, the variance is
 
         g'(C + D)g + s^2 w = (1 + 1/n) g'S g + s^2 (w - g'M g) + s^2 q,
 
-    w the visits of the measurand, q the powers that the passes have in common. Where w is less
-    than g'M g the second term is negative; its s^2 is then kept to what S leaves room for, D
-    being no less than 0: g'S g (1/n + w/g'M g) with the degrees of freedom of the passes.
+    w the visits of the measurand, q the powers that the passes have in common; (1/n) g'S g
+    and s^2 q are of the coefficients. Where w is less than g'M g the second term is negative;
+    its s^2 is then kept to what S leaves room for, D being no less than 0: g'S g (1/n +
+    w/g'M g) with the degrees of freedom of the passes.
     """
     n = block.n_passes
     of_C, of_D, S = (_quadratic(g, matrix) for matrix in (block.C, block.D, between))
@@ -87,13 +110,22 @@ def _of_mean_squares(
     capped = (of_D < 0) & (noise < S - of_D)
     room = np.divide(S, S - of_D, out=np.ones_like(S), where=capped)
     split = np.array([of_C, np.where(capped, 0.0, of_D), room * noise])
-    squares = [np.where(capped, S / n + room * noise, S + S / n)]
+    of_mean, of_part = [S / n], [np.where(capped, room * noise, S)]
     for columns, own in zip(block.columns, visits, strict=True):
         inside = (columns, columns)
-        powers = _quadratic(g[:, columns], block.C[inside] - between[inside] / n)
+        of_mean.append(_quadratic(g[:, columns], block.C[inside] - between[inside] / n))
         beyond = _quadratic(g[:, columns], block.D[inside] - between[inside]) + own
-        squares.append(powers + np.where(capped, 0.0, beyond))
-    return split, squares
+        of_part.append(np.where(capped, 0.0, beyond))
+    return split, np.array(of_mean), np.array(of_part)
+
+
+def joined(parts: Sequence[MeanSquares]) -> MeanSquares:
+    """The mean squares of several blocks, one below the other."""
+    return MeanSquares(
+        of_mean=np.concatenate([part.of_mean for part in parts]),
+        of_part=np.concatenate([part.of_part for part in parts]),
+        dof=np.concatenate([part.dof for part in parts]),
+    )
 
 
 def _quadratic(g: FloatArray, matrix: FloatArray) -> FloatArray:

@@ -129,22 +129,42 @@ def _place(label: Label) -> dict[str, str | None]:
 
 
 CSV_COLUMNS = [
-    "operation", "feature", "axis", "parts", "n", "mean_error_um", "ms_between_um2",
+    "kind", "operation", "feature", "axis", "parts", "n", "mean_error_um", "ms_between_um2",
     "ms_within_um2", "df_between", "df_within", "F", "F_critical_95", "p", "n0", "var_part_um2",
     "var_part_estimate_um2", "var_repeat_um2", "var_part_low95_um2", "var_part_high95_um2",
-    "method", "s_pooled_um", "u_mean_um", "u_future_um", "U_future_um", "unusual_parts",
+    "method", "s_pooled_um", "u_mean_um", "u_future_um", "U_future_um", "unusual_parts", "id",
 ]  # fmt: skip
+CSV_COLUMNS += [name.replace("_um", "_arcsec") for name in CSV_COLUMNS if "_um" in name]
 
 
 def csv_rows(result: AnovaResult) -> tuple[list[str], Iterable[list[object]]]:
-    """One row a table of features, the fields of `results.features` side by side."""
-    found = entries(result.features, result.coverage_factor)
-    return CSV_COLUMNS, (_flat(item) for item in found)
+    """One row a table, the fields of the report side by side: features, lengths, right angles.
+
+    `kind` is feature, length or orthogonality, `id` the name of either; `feature` and `axis`
+    are those of features alone. Angles are in the columns of arcsec and all else in those of
+    um; the other ones are empty.
+    """
+    kinds = {
+        "feature": result.features,
+        "length": result.lengths,
+        "orthogonality": result.angles,
+    }
+    rows = (
+        _flat(kind, found, UNITS[tables.kind == "angle"][0])
+        for kind, tables in kinds.items()
+        if tables is not None
+        for found in entries(tables, result.coverage_factor)
+    )
+    return CSV_COLUMNS, rows
 
 
-def _flat(found: dict[str, Any]) -> list[object]:
-    low, high = found["var_part_interval95_um2"] or (None, None)
-    ends = {"var_part_low95_um2": low, "var_part_high95_um2": high}
-    parts = {"unusual_parts": " ".join(found["unusual_parts"])}
-    both = found | ends | parts
-    return [both[name] for name in CSV_COLUMNS]
+def _flat(kind: str, found: dict[str, Any], unit: str) -> list[object]:
+    low, high = found[f"var_part_interval95_{unit}2"] or (None, None)
+    row = found | {
+        "kind": kind,
+        "id": found.get("id", found.get("feature")),
+        f"var_part_low95_{unit}2": low,
+        f"var_part_high95_{unit}2": high,
+        "unusual_parts": " ".join(found["unusual_parts"]),
+    }
+    return [row.get(name) for name in CSV_COLUMNS]

@@ -47,8 +47,13 @@ def figure(result: AnovaResult) -> Figure:
             else:
                 panel.set_xlabel("part")
     _shares(page.add_subplot(grid[len(rows), :]), result)
+    total = len({label[:2] for label in result.features.tables.labels})
+    more = f": {len(rows)} of {total} features" if len(rows) < total else ""
     handles, labels = page.axes[0].get_legend_handles_labels()
-    page.legend(handles, labels, loc="outside upper center", ncols=4)
+    page.legend(
+        handles, labels, loc="outside upper left", ncols=4, alignment="left",
+        title=f"Mean errors by part{more}", title_fontproperties={"weight": "bold", "size": 9.5},
+    )  # fmt: skip
     return page
 
 
@@ -110,7 +115,10 @@ def _turn(found: Analysed) -> int:
 
 
 def _shares(panel: Axes, result: AnovaResult) -> None:
-    """Stacked bars: the part's and the CMM's share of the variance of one measured point."""
+    """Stacked bars: the part's and the CMM's share of the variance of one measured point.
+
+    Variances are means over all features of an operation and axis.
+    """
     shown = result.totals[:BARS]
     names = [" ".join(word for word in (item.operation, item.axis) if word) for item in shown]
     for row, item in enumerate(shown):
@@ -129,17 +137,18 @@ def _shares(panel: Axes, result: AnovaResult) -> None:
             left += width
         s_part, s_repeat = (np.sqrt(v) / UM for v in (item.part, item.repeat))
         panel.annotate(
-            f"  s {significant(s_part)} um part, {significant(s_repeat)} um CMM "
+            f"  part s {significant(s_part)} um, CMM s {significant(s_repeat)} um "
             f"({percent(share)} %)",
             (100, row), va="center", fontsize=7.5, color=figures.INK, annotation_clip=False,
         )  # fmt: skip
     panel.set_yticks(range(len(shown)), names)
     panel.set_ylim(len(shown) - 0.4, -0.6)
     panel.set_xlim(0, 150)
-    panel.set_xticks(range(0, 101, 20))
-    panel.set_title("Shares of the variance of one measured point, mean of all features")
-    panel.set_xlabel("%")
-    panel.xaxis.set_label_coords(1 / 3, -0.25)
+    ticks = range(0, 101, 20)
+    panel.set_xticks(ticks, [f"{tick} %" for tick in ticks])
+    panel.spines["bottom"].set_bounds(0, 100)
+    more = f" (first {BARS} of {len(result.totals)})" if len(result.totals) > BARS else ""
+    panel.set_title(f"Shares of the variance{more}")
     panel.grid(axis="y", visible=False)
     if panel.get_legend_handles_labels()[0]:
         panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=7.5)

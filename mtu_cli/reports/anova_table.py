@@ -24,7 +24,7 @@ UNITS = {"feature": ("um", UM), "length": ("um", UM), "angle": ("arcsec", ARCSEC
 
 
 def table(result: AnovaResult) -> list[object]:
-    """What a terminal shows; everything is in the report and, of features, in the CSV."""
+    """What a terminal shows; everything is in the report and in the CSV."""
     k = result.coverage_factor
     found: list[object] = [_summary(result), *(Text(line) for line in sentences(result)), Text("")]
     if result.lengths is not None:

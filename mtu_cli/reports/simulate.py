@@ -1,9 +1,12 @@
-"""Simulated readings and points as CSV files of the contract."""
+"""Simulated readings, points and drift readings as CSV files of the contract."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from mtu_cli.model.drift_simulation import SimulatedDrift
 from mtu_cli.model.simulate import SimulatedPoints, SimulatedReadings
 from mtu_cli.reports.csv_text import csv_text
 
@@ -46,6 +49,30 @@ def points_csv(found: SimulatedPoints, heading: str) -> str:
         for i in range(len(found.part))
     ]
     return heading + csv_text(header, rows)
+
+
+def drift_csv(found: SimulatedDrift, heading: str) -> str:
+    """A drift file; temperatures to 1 mK, errors to 1 nm or a thousandth of the unit."""
+    header = ["component", "position_mm", "cycle", "time_min", "error", "unit", *found.temperatures]
+    columns = [[f"{value:.3f}" for value in values] for values in found.temperatures.values()]
+    rows = [
+        [
+            name,
+            "" if np.isnan(found.position[i]) else f"{found.position[i]:.6g}",
+            int(found.cycle[i]),
+            f"{found.time[i]:.9g}",
+            _error(found.error[i], found.unit[i]),
+            found.unit[i],
+            *(column[i] for column in columns),
+        ]
+        for i, name in enumerate(found.component)
+    ]
+    return heading + csv_text(header, rows)
+
+
+def _error(value: float, unit: str) -> str:
+    """Large units need more places than a thousandth."""
+    return f"{value:.3f}" if unit in ("um", "nm", "arcsec", "urad", "um/m") else f"{value:.7g}"
 
 
 def _plain(value: float) -> str:

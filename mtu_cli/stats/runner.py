@@ -22,6 +22,7 @@ from mtu_cli.stats.blocks import (
     not_finite_in,
 )
 from mtu_cli.stats.pooling import Pool
+from mtu_cli.stats.threads import one_blas_thread
 
 FloatArray = NDArray[np.float64]
 _Done = tuple[int, NDArray[np.int64], BlockSummary | None]
@@ -64,11 +65,8 @@ class BlockRunner:
         self.blocks = 0
 
     def __enter__(self) -> Self:
-        # No stubs are published for it.
-        from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
-
         self._stack = ExitStack()
-        self._stack.enter_context(threadpool_limits(limits=1, user_api="blas"))
+        self._stack.enter_context(one_blas_thread())
         self._executor: ThreadPoolExecutor | None = None
         if self._threads > 1 and self._plan.blocks != 1:
             self._executor = self._stack.enter_context(ThreadPoolExecutor(self._threads))

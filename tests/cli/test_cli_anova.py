@@ -59,7 +59,8 @@ def test_a_clean_study(measured: Path, tmp_path: Path) -> None:
     assert len(report["orthogonality"]) == 1
     assert {(x["parts"], x["n"]) for x in report["features"]} == {(21, 54)}
     assert {f"{x['F_critical_95']:.2f}" for x in report["features"]} == {"1.90"}
-    assert len(rows_of(table)) == 48
+    kinds = [row["kind"] for row in rows_of(table)]
+    assert kinds == ["feature"] * 48 + ["length"] * 3 + ["orthogonality"]
     assert plot.read_bytes().startswith(b"\x89PNG")
     again = mtu("anova", "--cmm", measured, "-p", PART, "-o", "-")
     assert again.stdout == out.read_text()

@@ -163,3 +163,21 @@ def test_schemas_accept_short_forms() -> None:
 def test_an_unknown_schema() -> None:
     with pytest.raises(InputError, match="did you mean 'machine'"):
         json_schema("machin")
+
+
+def test_a_study_names_one_components_report_or_several(tmp_path: Path) -> None:
+    for name in ("m.yaml", "c.json", "t.json"):
+        (tmp_path / name).write_text("x")
+    head = "schema: mtu/study/1\nmachine: m.yaml\n"
+    path = tmp_path / "mtu.yaml"
+    path.write_text(head + "components: c.json\n")
+    assert load_study(path).files["components"] == (tmp_path / "c.json",)
+    path.write_text(head + "components: [c.json, t.json]\n")
+    assert load_study(path).files["components"] == (tmp_path / "c.json", tmp_path / "t.json")
+    path.write_text(head + "components: [c.json, c.json, u.json]\n")
+    with pytest.raises(InputError) as caught:
+        load_study(path)
+    assert [str(problem) for problem in caught.value.problems] == [
+        "mtu.yaml:3: components[2]: no such file: 'u.json'; did you mean 't.json'?",
+        "mtu.yaml:3: components[1]: the file is listed twice: 'c.json'",
+    ]

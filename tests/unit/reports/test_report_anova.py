@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
+from matplotlib.text import Text
 from measured_examples import part_file, study, with_measured
 
 from mtu_cli.analyses.anova import AnovaResult, analyse_variance
@@ -80,15 +81,29 @@ def test_what_cannot_be_had_is_null() -> None:
     assert all(math.isfinite(value) for value in all_numbers(results))
 
 
-def test_csv_holds_every_feature(planted: AnovaResult) -> None:
+def test_csv_holds_every_kind_in_its_unit(planted: AnovaResult) -> None:
     header, rows = csv_rows(planted)
-    listed = list(rows)
     assert header == CSV_COLUMNS
-    assert len(listed) == 6
-    assert all(len(row) == len(header) for row in listed)
-    entry = document(planted)["features"][3]
-    assert listed[3][header.index("mean_error_um")] == entry["mean_error_um"]
-    assert listed[3][header.index("var_part_high95_um2")] == entry["var_part_interval95_um2"][1]
+    assert header[0] == "kind"
+    assert len(set(header)) == len(header)
+    listed = [dict(zip(header, row, strict=True)) for row in rows]
+    kinds = ["feature"] * 6 + ["length"] * 2 + ["orthogonality"]
+    assert [row["kind"] for row in listed] == kinds
+    results = document(planted)
+    entries = [*results["features"], *results["lengths"], *results["orthogonality"]]
+    for row, entry in zip(listed, entries, strict=True):
+        angle = row["kind"] == "orthogonality"
+        unit, other = ("arcsec", "um") if angle else ("um", "arcsec")
+        scalars = {k for k, v in entry.items() if not isinstance(v, list)}
+        assert scalars <= set(header)
+        assert all(row[name] == entry[name] for name in scalars)
+        low, high = entry[f"var_part_interval95_{unit}2"]
+        assert (row[f"var_part_low95_{unit}2"], row[f"var_part_high95_{unit}2"]) == (low, high)
+        assert row["id"] == entry.get("id", entry.get("feature"))
+        assert all(row[name] is None for name in header if f"_{other}" in name)
+        assert all(row[name] is not None for name in header if f"_{unit}" in name)
+    assert [row["id"] for row in listed[6:]] == ["a-b", "c-a", "xy"]
+    assert all(row["feature"] is None for row in listed[6:])
 
 
 def test_tables_fit_and_speak_plainly(planted: AnovaResult) -> None:
@@ -133,8 +148,42 @@ def test_picture_marks_what_stands_out(planted: AnovaResult, tmp_path: Path) -> 
     drawn = figure(planted)
     titles = [panel.get_title(loc="left") for panel in drawn.axes]
     assert titles[:4] == ["a x", "a y", "b x", "b y"]
-    assert "Shares of the variance" in titles[-1]
+    assert titles[-1] == "Shares of the variance"
     bars = [patch.get_width() for patch in drawn.axes[-1].patches if isinstance(patch, Rectangle)]
     assert sum(bars) == pytest.approx(200)
     share = planted.totals[0].repeat_share
     assert 100 * share == pytest.approx(bars[1])
+
+
+def test_nothing_is_written_over_or_outside(planted: AnovaResult) -> None:
+    page = figure(planted)
+    figure_bytes(page, "png")
+    shares = page.axes[-1]
+    legend = shares.get_legend()
+    assert legend is not None
+    written: list[Any] = [text for text in shares.texts if text.get_text()]
+    for panel in page.axes:
+        title = panel.get_title(loc="left")
+        written += [
+            item
+            for item in panel.get_children()
+            if isinstance(item, Text) and item.get_text() == title
+        ]
+    assert len(written) == len(page.axes) + 2
+    boxes = [item.get_window_extent() for item in [*written, legend, *page.legends]]
+    for i, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[i + 1 :])
+        assert page.bbox.x0 <= box.x0
+        assert box.x1 <= page.bbox.x1
+        assert box.y1 <= page.bbox.y1
+
+
+def test_features_left_out_of_the_picture_are_counted() -> None:
+    from mtu_cli.reports import anova_figure
+
+    result = analyse_variance(study(5, 2, 4), None, "reml", Settings())
+    assert figure(result).legends[0].get_title().get_text() == "Mean errors by part"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(anova_figure, "FEATURES", 2)
+        title = figure(result).legends[0].get_title().get_text()
+    assert title == "Mean errors by part: 2 of 3 features"

@@ -1,0 +1,120 @@
+"""What is left of measured points, diameters and lengths once the modelled error is taken off?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mtu_cli.analyses.correct.covariates import row_covariates
+from mtu_cli.analyses.correct.result import CorrectResult, Size, mean_size
+from mtu_cli.analyses.correct.rows import RowErrors
+from mtu_cli.analyses.correct.sizes import sizes_of
+from mtu_cli.analyses.correct.wanted import tasks_of, wanted_of
+from mtu_cli.errors import fault
+from mtu_cli.files.part import LoadedPart
+from mtu_cli.files.points import Points
+from mtu_cli.model.features import dof_warnings, outside_warnings
+from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.measured_checks import check_measured
+from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.stats.least_squares import FloatArray
+
+__all__ = ["CorrectResult", "Size", "correct", "mean_size"]
+
+
+def correct(
+    model: MachineModel,
+    part: LoadedPart | None,
+    points: Points,
+    settings: Settings,
+    covariates: Mapping[str, float] | None = None,
+) -> CorrectResult:
+    """corrected = measured - modelled error, at the measured place and the rows' covariates.
+
+    Valdes et al.: measured points minus synthesised error, a circle through the rest. The
+    uncertainty of a corrected point is that of the modelled error of one visit of one future
+    part; that of a diameter or length comes from its gradient in all its points and their full
+    covariance.
+
+    Raises InputError for a covariate or coordinate that is missing, points that cannot be what
+    they claim or that the machine has no equation for, or a circle that its points do not
+    determine.
+    """
+    checked = check_measured(points)
+    _check_axes(model, points)
+    at = dict(covariates or {})
+    found = row_covariates(model, points, at)
+    rows = RowErrors(
+        model=model,
+        points=points,
+        places=np.where(np.isnan(points.measured), points.nominal, points.measured),
+        covariates=found.values,
+        independent=settings.independent,
+    )
+    error, u, dof = rows.errors()
+    corrected = points.measured - np.nan_to_num(error)
+    sizes, told = _sizes(part, rows, corrected, at)
+    return CorrectResult(
+        points=points,
+        axes=tuple(a for i, a in enumerate(AXES) if np.isfinite(error[:, i]).any()),
+        error=error,
+        u=u,
+        dof=dof,
+        corrected=corrected,
+        sizes=tuple(sizes),
+        coverage_factor=settings.coverage_factor,
+        independent=settings.independent,
+        warnings=(
+            *checked,
+            *found.warnings,
+            *_axis_warnings(model, points),
+            *outside_warnings(rows.all_outside()),
+            *told,
+        ),
+    )
+
+
+def _sizes(
+    part: LoadedPart | None, rows: RowErrors, corrected: FloatArray, at: Mapping[str, float]
+) -> tuple[list[Size], list[Warned]]:
+    """Diameters and lengths of the part file, and what is to be said of them."""
+    if part is None:
+        text = "no part file: points are corrected, but no circle or length is known"
+        return [], [Warned(code="no-part", message=text)]
+    wanted, warned = wanted_of(part, rows.points, at)
+    tasks, partial = tasks_of(wanted, rows.points)
+    sizes = sizes_of(tasks, rows, corrected)
+    warned += partial
+    for item in wanted:
+        own = [size for size in sizes if (size.kind, size.id) == (item.kind, item.id)]
+        if item.calibration is not None and own:
+            each = [repeat.temperature for size in own for repeat in size.repeats]
+            warned += item.calibration.warnings(each)
+    names = [f"{size.id} of {size.part}" for size in sizes]
+    return sizes, [*warned, *dof_warnings(names, np.array([size.dof for size in sizes]))]
+
+
+def _check_axes(model: MachineModel, points: Points) -> None:
+    """Refuses points of which nothing can be corrected."""
+    columns = [AXES.index(axis) for axis in model.axes]
+    if np.isnan(points.measured[:, columns]).all():
+        raise fault(
+            f"no point was measured along an axis that {model.name!r} has an equation for",
+            file=points.sources[0].shown,
+            column=f"{model.axes[0]}_mm",
+            expected=f"a column {model.axes[0]}_mm, or an equation Ex or Ey",
+        )
+
+
+def _axis_warnings(model: MachineModel, points: Points) -> list[Warned]:
+    found = []
+    for i, axis in enumerate(AXES):
+        measured = np.isfinite(points.measured[:, i])
+        if axis not in model.axes and measured.any():
+            text = f"the machine has no E{axis}: {axis} stays as it was measured"
+            found.append(Warned(code="axis-without-equation", message=text))
+        elif axis in model.axes and not measured.all():
+            text = f"{int((~measured).sum())} points have no {axis}_mm to correct"
+            found.append(Warned(code="axis-not-measured", message=text))
+    return found

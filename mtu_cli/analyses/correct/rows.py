@@ -1,0 +1,126 @@
+"""Modelled errors of measured points, a few at a time, with the history that lags need."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mtu_cli.analyses.correct.covariates import rows_of
+from mtu_cli.files.points import Points
+from mtu_cli.model.basis import TIME
+from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.stats.least_squares import FloatArray
+
+PIECE = 64
+"""Points predicted at once where only their own variances are needed."""
+REACH = 12.0
+"""Time constants after which a temperature is forgotten: exp(-12) is 6e-6."""
+MOMENTS = 512
+"""Earlier moments that a lag is given at most."""
+
+SLACK = 0.005
+"""Share of a measured range by which points, which carry the errors, may leave it."""
+
+Outside = dict[tuple[str, str], tuple[str, str, float, float, float]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowErrors:
+    """The machine at the measured points: `places` (n, 3) mm, covariates by name.
+
+    `outside` gathers what lies beyond the measured ranges, once a feature and component.
+    """
+
+    model: MachineModel
+    points: Points
+    places: FloatArray
+    covariates: Mapping[str, FloatArray | float]
+    independent: bool
+    outside: Outside = field(default_factory=dict)
+
+    def predicted(self, rows: np.ndarray) -> Prediction:
+        """The prediction at `rows` (m,), followed by earlier moments where a drift lags."""
+        every = np.concatenate([rows, self._history(rows)])
+        names = [self.points.features[code] for code in self.points.feature[every]]
+        places = self.places[every]
+        # What was elsewhere tells temperatures, not errors.
+        places[len(rows) :] = places[0]
+        prediction = predict(self.model, names, places, rows_of(self.covariates, every))
+        for entry in prediction.outside:
+            _, _, position, low, high = entry
+            if max(low - position, position - high) > SLACK * (high - low):
+                self.outside.setdefault(entry[:2], entry)
+        return prediction
+
+    def variances(self, prediction: Prediction, A: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Variances (m,) of the measurands A E and their effective degrees of freedom (m,).
+
+        A (m, rows) may leave out the history, whose errors are no part of a measurand.
+        """
+        padded = np.zeros((len(A), len(prediction.mean)))
+        padded[:, : A.shape[1]] = A
+        if self.independent:
+            total: FloatArray = padded**2 @ prediction.independent_variance
+            return total, np.full(len(A), np.inf)
+        found = prediction.variance(padded)
+        return found.total, found.dof
+
+    def errors(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Error, standard uncertainty and effective degrees of freedom (n, 3); mm.
+
+        They are nan along axes that have no equation or were not measured.
+        """
+        n, a = len(self.points), len(self.model.axes)
+        columns = [AXES.index(axis) for axis in self.model.axes]
+        error, u, dof = (np.full((n, 3), np.nan) for _ in range(3))
+        for start in range(0, n, PIECE):
+            rows = np.arange(start, min(start + PIECE, n))
+            prediction = self.predicted(rows)
+            size = len(rows) * a
+            variance, nu = self.variances(prediction, np.eye(size))
+            place = np.ix_(rows, np.array(columns))
+            error[place] = prediction.mean[:size].reshape(-1, a)
+            u[place] = np.sqrt(variance).reshape(-1, a)
+            dof[place] = nu.reshape(-1, a)
+        for values in (error, u, dof):
+            values[np.isnan(self.points.measured)] = np.nan
+        return error, u, dof
+
+    def all_outside(self) -> Prediction:
+        """A prediction that lists what any of them left the measured ranges with."""
+        first = self.predicted(np.arange(1))
+        return replace(first, outside=tuple(self.outside.values()))
+
+    def _history(self, rows: np.ndarray) -> np.ndarray:
+        """Rows (m,) of earlier and intermediate moments, one a moment, thinned evenly."""
+        longest = max((d.time_constants.max() for d in self.model.drifts()), default=0.0)
+        times = self.covariates.get(TIME)
+        if longest == 0 or times is None or np.ndim(times) == 0:
+            return np.zeros(0, np.int64)
+        all_times = np.asarray(times)
+        own = all_times[rows]
+        near = (all_times >= own.min() - REACH * longest) & (all_times <= own.max())
+        found = np.flatnonzero(near & ~np.isin(all_times, own))
+        found = found[np.unique(all_times[found], return_index=True)[1]]
+        if len(found) > MOMENTS:
+            found = found[np.linspace(0, len(found) - 1, MOMENTS).round().astype(int)]
+        return found
+
+    def together(self, groups: list[np.ndarray]) -> Iterator[tuple[int, int]]:
+        """Ranges (start, end) of groups of rows that may be predicted at once.
+
+        Points of one group that share a temperature reading share its noise: such groups go
+        one by one.
+        """
+        alone = any((drift.sensor_u > 0).any() for drift in self.model.drifts())
+        start, size = 0, 0
+        for end, rows in enumerate(groups):
+            if end > start and (alone or size + len(rows) > 4 * PIECE):
+                yield start, end
+                start, size = end, 0
+            size += len(rows)
+        if groups:
+            yield start, len(groups)

@@ -1,0 +1,158 @@
+"""Diameters and lengths before and after the correction, with their uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from math import nan
+
+import numpy as np
+
+from mtu_cli.analyses.correct.result import Sides, Size, mean_size
+from mtu_cli.analyses.correct.rows import RowErrors
+from mtu_cli.analyses.correct.wanted import Task
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.stats.least_squares import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """A size before and after, and its gradient (m, 3) in the corrected points, mm."""
+
+    size: Sides
+    form: Sides
+    reference: float
+    gradient: FloatArray
+
+
+def sizes_of(tasks: Sequence[Task], rows: RowErrors, corrected: FloatArray) -> list[Size]:
+    """The sizes of every part: means over its repeats, in the order of the part file.
+
+    Raises InputError for points that do not determine a circle or sphere, with their row.
+    """
+    measures: list[Measure] = []
+    problems: list[Problem] = []
+    for task in tasks:
+        try:
+            measures.append(_measure(task, rows, corrected))
+        except GeometryError as error:
+            problems.append(_problem(task, rows, error))
+    if problems:
+        raise InputError(problems)
+    single = _with_u(tasks, measures, rows)
+    groups: dict[tuple[int, str, str], list[Size]] = {}
+    for task, size in zip(tasks, single, strict=True):
+        groups.setdefault((task.order, task.operation, task.part), []).append(size)
+    ordered = sorted(groups, key=lambda key: key[0])
+    return [mean_size(groups[key]) for key in ordered]
+
+
+def _problem(task: Task, rows: RowErrors, error: GeometryError) -> Problem:
+    points, first = rows.points, int(task.rows[0])
+    return Problem(
+        what=f"the {task.wanted.kind} {task.wanted.id!r} of part {task.part!r} cannot be had: "
+        f"{error}",
+        file=points.sources[points.file_index[first]].shown,
+        row=int(points.row[first]),
+        expected="points of its features all around it"
+        if task.wanted.kind != "length"
+        else "two ends apart from each other",
+    )
+
+
+def _measure(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
+    if task.wanted.kind == "length":
+        return _length(task, rows, corrected)
+    before, after = rows.points.measured[task.rows], corrected[task.rows]
+    flat = np.isnan(before[:, 2]).any()
+    if task.wanted.kind == "sphere":
+        if flat:
+            raise GeometryError("its points have no z_mm")
+        first, last = fit_sphere(before), fit_sphere(after)
+    else:
+        d = 2 if flat else 3
+        first, last = fit_circle(before[:, :d]), fit_circle(after[:, :d])
+    gradient = np.zeros((len(after), 3))
+    gradient[:, : last.radius_gradient.shape[1]] = 2 * last.radius_gradient
+    calibration = task.wanted.calibration
+    return Measure(
+        size=(2 * first.radius, 2 * last.radius),
+        form=(first.form, last.form),
+        reference=nan if calibration is None else calibration.at(_temperature(task)),
+        gradient=gradient,
+    )
+
+
+def _temperature(task: Task) -> float:
+    """The mean temperature of the points of a circle or sphere; nan where it is not known."""
+    calibration = task.wanted.calibration
+    return nan if calibration is None else float(calibration.temperature[task.rows].mean())
+
+
+def _length(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
+    """End minus start; along z nothing is off where only the nominal z is known."""
+    nominal = rows.points.nominal[task.rows]
+    before = _ends(rows.points.measured[task.rows], nominal)
+    after = _ends(corrected[task.rows], nominal)
+    delta = after[1] - after[0]
+    length = float(np.linalg.norm(delta))
+    if length == 0:
+        raise GeometryError("its ends stand at the same place")
+    unit = delta / length
+    known = np.isfinite(rows.points.measured[task.rows])
+    return Measure(
+        size=(float(np.linalg.norm(before[1] - before[0])), length),
+        form=(nan, nan),
+        reference=float(np.linalg.norm(np.diff(_ends(nominal, nominal), axis=0))),
+        gradient=np.where(known, [-unit, unit], 0.0),
+    )
+
+
+def _ends(ends: FloatArray, nominal: FloatArray) -> FloatArray:
+    """Coordinates (2, 3); a z that only one end has counts for neither."""
+    found = np.where(np.isnan(ends), nominal, ends)
+    if np.isnan(found[:, 2]).any():
+        found[:, 2] = 0.0
+    return found
+
+
+def _with_u(tasks: Sequence[Task], measures: Sequence[Measure], rows: RowErrors) -> list[Size]:
+    """Every task as a size: its variance is that of gradient' E over the points of its visit."""
+    visits = [list(group) for _, group in groupby(range(len(tasks)), lambda i: tasks[i].visit)]
+    points = [np.unique(np.concatenate([tasks[i].rows for i in group])) for group in visits]
+    columns = [AXES.index(axis) for axis in rows.model.axes]
+    sizes: list[Size] = []
+    for start, end in rows.together(points):
+        chosen = np.concatenate(points[start:end])
+        own = [i for group in visits[start:end] for i in group]
+        place = {int(row): k for k, row in enumerate(chosen)}
+        A = np.zeros((len(own), len(chosen), len(columns)))
+        for line, i in enumerate(own):
+            where = [place[int(row)] for row in tasks[i].rows]
+            A[line, where] = measures[i].gradient[:, columns]
+        variance, dof = rows.variances(rows.predicted(chosen), A.reshape(len(own), -1))
+        sizes += [
+            _size(tasks[i], measures[i], float(variance[line]), float(dof[line]))
+            for line, i in enumerate(own)
+        ]
+    return sizes
+
+
+def _size(task: Task, measure: Measure, variance: float, dof: float) -> Size:
+    return Size(
+        kind=task.wanted.kind,
+        id=task.wanted.id,
+        part=task.part,
+        operation=task.operation,
+        repeat=task.repeat if task.repeat >= 0 else None,
+        temperature=_temperature(task),
+        size=measure.size,
+        form=measure.form,
+        reference=measure.reference,
+        U_reference=task.wanted.U_reference,
+        u=float(np.sqrt(max(variance, 0.0))),
+        dof=dof,
+    )

@@ -1,0 +1,126 @@
+"""Which diameters and lengths the part file asks for, and the rows that each needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.analyses.correct.calibration import Calibration, calibration_of
+from mtu_cli.analyses.correct.result import Kind
+from mtu_cli.files.part import Circle, LoadedPart, Sphere
+from mtu_cli.files.points import Points
+from mtu_cli.model.measured import IntArray, only_features, operations_of, visits_of
+from mtu_cli.model.settings import Warned
+from mtu_cli.units import UM
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """A size of the part file; circles and spheres with their calibration."""
+
+    kind: Kind
+    id: str
+    features: tuple[str, ...]
+    calibration: Calibration | None
+    U_reference: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """A size in one visit: `rows` of its features, in their order, among the points.
+
+    `order` is the size's place in the part file.
+    """
+
+    wanted: Wanted
+    part: str
+    operation: str
+    repeat: int
+    order: int
+    visit: int
+    rows: IntArray
+
+
+def wanted_of(
+    part: LoadedPart, points: Points, at: Mapping[str, float]
+) -> tuple[list[Wanted], list[Warned]]:
+    """The sizes of the part file of which at least one feature was measured.
+
+    Raises InputError for a temperature that is needed and not known.
+    """
+    found: list[Wanted] = []
+    absent: list[str] = []
+    rounds: dict[Kind, Sequence[Circle | Sphere]] = {
+        "circle": part.part.circles,
+        "sphere": part.part.spheres,
+    }
+    for kind, items in rounds.items():
+        for index, item in enumerate(items):
+            if set(item.features).isdisjoint(points.features):
+                absent.append(f"{kind} {item.id!r}")
+                continue
+            found.append(
+                Wanted(
+                    kind=kind,
+                    id=item.id,
+                    features=tuple(item.features),
+                    calibration=calibration_of(part, (f"{kind}s", index), item, points, at),
+                    U_reference=float("nan") if item.U_um is None else item.U_um * UM,
+                )
+            )
+    for length in part.part.lengths:
+        ends = (length.from_, length.to)
+        if set(ends).isdisjoint(points.features):
+            absent.append(f"length {length.id!r}")
+        else:
+            found.append(Wanted(kind="length", id=length.id, features=ends, calibration=None))
+    return found, [
+        Warned(code="not-measured", message=f"no feature of {name} was measured") for name in absent
+    ]
+
+
+def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list[Warned]]:
+    """Every size in every visit that measured all its features, visit by visit.
+
+    Raises InputError for a feature that stands twice in one repeat of one part.
+    """
+    names = dict.fromkeys(name for item in wanted for name in item.features)
+    used = only_features(points, names)
+    if not len(used):
+        return [], []
+    codes = [points.features.index(name) for name in used.features]
+    origin = np.flatnonzero(np.isin(points.feature, codes))
+    visits = visits_of(used)
+    row = np.full((len(visits.part), len(used.features)), -1)
+    row[visits.of_point, used.feature] = origin
+    operations, _ = operations_of(used)
+    columns = {name: i for i, name in enumerate(used.features)}
+    tasks, partial = [], dict[str, list[str]]()
+    for visit, (part, operation) in enumerate(zip(visits.part, visits.operation, strict=True)):
+        for order, item in enumerate(wanted):
+            rows = np.array([row[visit, columns[f]] if f in columns else -1 for f in item.features])
+            if (rows < 0).all():
+                continue
+            if (rows < 0).any():
+                partial.setdefault(f"{item.kind} {item.id!r}", []).append(used.parts[part])
+                continue
+            tasks.append(
+                Task(
+                    wanted=item,
+                    part=used.parts[part],
+                    operation=operations[operation],
+                    repeat=int(points.repeat[rows[0]]),
+                    order=order,
+                    visit=visit,
+                    rows=rows,
+                )
+            )
+    return tasks, [_partial(name, parts) for name, parts in partial.items()]
+
+
+def _partial(name: str, parts: list[str]) -> Warned:
+    more = f" and {len(parts) - 1} more" if len(parts) > 1 else ""
+    text = f"{name} is left out where not all its features were measured: part {parts[0]!r}{more}"
+    return Warned(code="features-missing", message=text)

@@ -1,0 +1,217 @@
+"""`thermal-fit`: drift readings with temperatures to a thermal model per component."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.analyses.thermal_fit.choice import choose, group_shares
+from mtu_cli.analyses.thermal_fit.evidence import (
+    autocorrelation,
+    constant,
+    held_out,
+    position_test,
+)
+from mtu_cli.analyses.thermal_fit.library import Library, library
+from mtu_cli.analyses.thermal_fit.models import Fitted, Rows, Spec, fit, sum_of_squares
+from mtu_cli.analyses.thermal_fit.result import (
+    ComponentDrift,
+    Curve,
+    Residuals,
+    ThermalFit,
+)
+from mtu_cli.analyses.thermal_fit.series import Series, read_series
+from mtu_cli.analyses.thermal_fit.uncertainty import (
+    Rest,
+    estimate,
+    residuals,
+    sensor_noise_share,
+)
+from mtu_cli.analyses.thermal_fit.warnings import component_warnings, sensor_warnings
+from mtu_cli.model.settings import Warned
+from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
+from mtu_cli.stats.stepwise import effective_number
+from mtu_cli.units import UNITS, Unit
+
+if TYPE_CHECKING:
+    from mtu_cli.files.readings import Readings
+
+METHODS = ("auto", "stepwise", "ridge", "lagged")
+ROUNDING = 1e-9
+MOST_POINTS = 400
+"""Points of one curve of a picture."""
+
+
+def thermal_fit(
+    blocks: Iterable[Readings],
+    components: Mapping[str, tuple[str | None, str]] | None,
+    *,
+    reference: float,
+    method: str = "auto",
+) -> ThermalFit:
+    """Thermal models of all components that drift readings were given for.
+
+    `components` are (axis, unit) of the machine's, None without a machine: then positions are
+    taken as they stand and the unit follows from the readings. `reference` in degC; `method` one
+    of METHODS. Valdes et al., eqs. (4)-(8), (13), and beyond: whole cycles are held out.
+
+    Raises InputError without sensors, or where a temperature is not given.
+    """
+    series, sensors = read_series(blocks, reference)
+    found: dict[str, ComponentDrift] = {}
+    shares = [1.0]
+    warnings: list[Warned] = []
+    for name, own in series.items():
+        of, unit = (None, "um") if components is None else components[name]
+        lib = library(own, sensors, reference, lagged=method in ("auto", "lagged"))
+        drift, rest = _component(own, lib, of, UNITS[unit], sensors, reference, method)
+        found[name] = drift
+        shares.append(sensor_noise_share(lib, rest, drift.estimate))
+        warnings += component_warnings(own, lib, drift, method)
+        warnings += sensor_warnings(own, sensors, rest, drift)
+    return ThermalFit(
+        components={name: _with_noise(item, min(shares)) for name, item in found.items()},
+        sensors=sensors,
+        reference=reference,
+        method=method,
+        warnings=tuple(dict.fromkeys(warnings)),
+    )
+
+
+def _with_noise(drift: ComponentDrift, share: float) -> ComponentDrift:
+    """Sensors are the same for all components: the one that shows least noise bounds it."""
+    estimate = replace(drift.estimate, sensor_u=drift.estimate.sensor_u * share)
+    return replace(drift, estimate=estimate)
+
+
+def _component(
+    series: Series,
+    lib: Library,
+    of: str | None,
+    unit: Unit,
+    sensors: tuple[str, ...],
+    reference: float,
+    method: str,
+) -> tuple[ComponentDrift, Rest]:
+    rows = lib.rows(range(len(lib.cycles)))
+    best, _ = choose(lib, range(len(lib.cycles)), method)
+    spec = best.spec
+    test = position_test(lib, spec, rows)
+    if len(lib.cycles) < 2 and test is not None and test.p < 0.05:
+        spec = Spec(kind=spec.kind, degree=lib.most_degree, lags=spec.lags)
+    found = fit(lib, rows, spec)
+    rest = residuals(series, lib, spec, found, reference)
+    model = estimate(
+        series=series,
+        lib=lib,
+        spec=spec,
+        found=found,
+        rows=rows,
+        rest=rest,
+        of=of,
+        unit=unit,
+        sensors=sensors,
+        reference=reference,
+    )
+    evidence, candidates = held_out(lib, method)
+    kind = "lagged" if any(spec.lags) else spec.kind
+    before = sum_of_squares(lib, rows, spec, constant(lib, rows, spec))
+    after = sum_of_squares(lib, rows, spec, found)
+    condition, vif = _collinearity(lib, rows, spec, found)
+    lag1 = autocorrelation(lib, rows, spec, found)
+    number = effective_number(series.n, lag1)
+    return (
+        ComponentDrift(
+            name=series.name,
+            unit=unit,
+            model=kind,
+            estimate=model,
+            positions=tuple(float(p) for p in lib.positions if p is not None),
+            n=series.n,
+            cycles=lib.cycles,
+            groups=tuple(group for group in lib.groups if len(group) > 1),
+            r2_fit=1 - after / before if before > 0 else float("nan"),
+            rms_before=float(np.sqrt(before / series.n)),
+            rms_after=float(np.sqrt(after / series.n)),
+            held_out=evidence,
+            candidates=candidates,
+            position_test=test,
+            condition=condition,
+            vif=vif,
+            residuals=Residuals(
+                normality_p=normality_p(rest.residual, number), lag1=lag1, effective=number
+            ),
+            shares=_shares(lib, rows, spec, found),
+            at_positions=_gradients(lib, model),
+            intercepts=tuple((lib.positions[p], a) for p, a in found.intercepts.items()),
+            curves=_curves(lib, rest),
+        ),
+        rest,
+    )
+
+
+def _collinearity(
+    lib: Library, rows: Rows, spec: Spec, found: Fitted
+) -> tuple[float, dict[str, float | None]]:
+    """Condition number and VIF of the groups in the model, about the means of the positions."""
+    used = np.flatnonzero((found.coefficients != 0).any(axis=0))
+    own = np.asarray(lib.columns(spec.lags)[1:-1], int)[used]
+    if not len(own):
+        return 1.0, {}
+    centred = []
+    for item in rows.values():
+        one = item.factor[:, :1]
+        columns = item.factor[:, own]
+        centred.append(columns - one @ (one.T @ columns) / float(one[:, 0] @ one[:, 0]))
+    stacked = np.vstack(centred)
+    factors = variance_inflation(stacked)
+    return condition_number(stacked), {
+        sensor: float(factors[i]) if np.isfinite(factors[i]) else None
+        for i, j in enumerate(used)
+        for sensor in lib.groups[j]
+    }
+
+
+def _shares(lib: Library, rows: Rows, spec: Spec, found: Fitted) -> dict[str, float]:
+    """Root mean square of each group's part of the drift, under its first sensor's name."""
+    squares = group_shares(lib, rows, spec, found)
+    order = np.argsort(-squares, kind="stable")
+    return {lib.groups[j][0]: float(np.sqrt(squares[j])) for j in order if squares[j] > 0}
+
+
+def _gradients(
+    lib: Library, model: ThermalEstimate
+) -> tuple[tuple[float | None, dict[str, float]], ...]:
+    places = lib.places
+    values = np.polynomial.polynomial.polyval(places, model.coefficients).reshape(
+        len(model.sensors), len(places)
+    )
+    # A sensor that is not used at a position comes out as a residue of rounding.
+    values[np.abs(values) < ROUNDING * np.abs(values).max(initial=0.0)] = 0.0
+    return tuple(
+        (position, dict(zip(model.sensors, values[:, i].tolist(), strict=True)))
+        for i, position in enumerate(lib.positions)
+    )
+
+
+def _curves(lib: Library, rest: Rest) -> tuple[Curve, ...]:
+    found = []
+    for position in lib.positions:
+        for c, cycle in enumerate(lib.cycles):
+            here = rest.kept.at(position, c)
+            here = here[:: max(1, -(-len(here) // MOST_POINTS))]
+            time = rest.kept.time[here]
+            found.append(
+                Curve(
+                    position=position,
+                    cycle=cycle,
+                    time=np.arange(len(here), dtype=float) if np.isnan(time).any() else time,
+                    measured=rest.kept.error[here],
+                    modelled=rest.modelled[here],
+                )
+            )
+    return tuple(found)

@@ -1,0 +1,168 @@
+"""Which model, of what degree and with what penalty and lags: by cycles that took no part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mtu_cli.analyses.thermal_fit.library import Library
+from mtu_cli.analyses.thermal_fit.models import (
+    PENALTIES,
+    Fitted,
+    Rows,
+    Spec,
+    fit,
+    path_losses,
+    ridge_path,
+    sum_of_squares,
+)
+from mtu_cli.stats.least_squares import FloatArray
+
+KINDS = ("stepwise", "ridge", "lagged")
+WORTH = 0.02
+"""A further power of the position, or a lag of its own, must lower the held-out sum of squares by
+this share: less is within what another cycle would change."""
+SENSORS_SEARCHED = 8
+"""Groups, largest share of the drift first, that get a time constant of their own."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scored:
+    """A spec and its held-out sum of squares over the cycles that chose it (nan: one cycle)."""
+
+    kind: str
+    spec: Spec
+    score: float
+
+
+class Folds:
+    """Every one of some cycles held out in turn from the others."""
+
+    def __init__(self, lib: Library, cycles: Sequence[int]) -> None:
+        self.lib = lib
+        self.cycles = tuple(cycles)
+        self._rows = [
+            (lib.rows([other for other in cycles if other != cycle]), lib.rows([cycle]))
+            for cycle in (cycles if len(cycles) > 1 else ())
+        ]
+
+    def scores(self, spec: Spec, penalties: FloatArray) -> FloatArray:
+        """Held-out sums of squares, one a penalty; nan with a single cycle."""
+        if not self._rows:
+            return np.full(len(penalties), np.nan)
+        total = np.zeros(len(penalties))
+        for fitted_to, held in self._rows:
+            if spec.kind == "stepwise":
+                total += sum_of_squares(self.lib, held, spec, fit(self.lib, fitted_to, spec))
+            else:
+                path = ridge_path(self.lib, fitted_to, spec, penalties)
+                total += path_losses(self.lib, fitted_to, held, spec, path)
+        return total
+
+    def fits(self, spec: Spec) -> Iterator[tuple[Rows, Fitted]]:
+        """(held-out rows, the fit to the others) of every fold."""
+        for fitted_to, held in self._rows:
+            yield held, fit(self.lib, fitted_to, spec)
+
+
+def choose(lib: Library, cycles: Sequence[int], method: str) -> tuple[Scored, tuple[Scored, ...]]:
+    """The best spec of a method ("auto": of all kinds), and all that were compared.
+
+    Without a second cycle nothing can be held out: the paper's stepwise selection is taken (or
+    the kind asked for, as ordinary least squares), of the degree that the caller settles.
+    """
+    folds = Folds(lib, cycles)
+    kinds = KINDS if method == "auto" else (method,)
+    tried: list[Scored] = []
+    for kind in kinds:
+        if kind == "lagged" and len(lib.time_constants) < 2:
+            continue
+        tried += _lagged(lib, folds) if kind == "lagged" else _by_degree(lib, folds, kind)
+    if not tried:
+        tried = _by_degree(lib, folds, "ridge")
+    if len(cycles) < 2:
+        return tried[-1] if method == "ridge" else tried[0], tuple(tried)
+    best = min(tried, key=lambda item: item.score)
+    simplest = [
+        item for item in tried if item.kind == best.kind and item.score <= best.score * (1 + WORTH)
+    ]
+    return min(simplest, key=lambda item: item.spec.degree), tuple(tried)
+
+
+def ordinary(lib: Library) -> Spec:
+    """Ordinary least squares on all sensors, at every position apart."""
+    return Spec(kind="ridge", degree=lib.most_degree, lags=(0,) * len(lib.groups))
+
+
+def _by_degree(lib: Library, folds: Folds, kind: str) -> list[Scored]:
+    """The best penalty for every degree in position (a stepwise model has none)."""
+    penalties = PENALTIES if kind == "ridge" else np.zeros(1)
+    found = []
+    for degree in range(lib.most_degree + 1):
+        spec = Spec(kind=kind, degree=degree, lags=(0,) * len(lib.groups))
+        found.append(_best(kind, spec, folds.scores(spec, penalties), penalties))
+    return found
+
+
+def _best(kind: str, spec: Spec, scores: FloatArray, penalties: FloatArray) -> Scored:
+    if np.isnan(scores).all():
+        return Scored(kind=kind, spec=spec, score=float("nan"))
+    i = int(np.argmin(scores))
+    return Scored(
+        kind=kind, spec=replace(spec, penalty=float(penalties[i])), score=float(scores[i])
+    )
+
+
+def _lagged(lib: Library, folds: Folds) -> list[Scored]:
+    """One time constant for all groups first, then one of its own where that is worth it.
+
+    The degree is the one that ridge without lags prefers; coordinate search over the groups
+    with the largest shares, once.
+    """
+    if len(folds.cycles) < 2:
+        return []
+    g = len(lib.groups)
+    plain = _by_degree(lib, folds, "ridge")
+    least = min(item.score for item in plain)
+    degree = next(item.spec.degree for item in plain if item.score <= least * (1 + WORTH))
+
+    def scored(lags: tuple[int, ...]) -> Scored:
+        spec = Spec(kind="ridge", degree=degree, lags=lags)
+        return _best("lagged", spec, folds.scores(spec, PENALTIES), PENALTIES)
+
+    common = [scored((c,) * g) for c in range(len(lib.time_constants))]
+    best = min(common, key=lambda item: item.score)
+    for j in _by_share(lib, folds, best.spec):
+        for c in range(len(lib.time_constants)):
+            lags = best.spec.lags
+            if c == lags[j]:
+                continue
+            other = scored((*lags[:j], c, *lags[j + 1 :]))
+            if other.score < best.score * (1 - WORTH):
+                best = other
+    return [best]
+
+
+def _by_share(lib: Library, folds: Folds, spec: Spec) -> list[int]:
+    """Groups by their share of the modelled drift, largest first."""
+    rows = lib.rows(folds.cycles)
+    found = fit(lib, rows, spec)
+    shares = group_shares(lib, rows, spec, found)
+    order = np.argsort(-shares, kind="stable")
+    return [int(j) for j in order[:SENSORS_SEARCHED]]
+
+
+def group_shares(lib: Library, rows: Rows, spec: Spec, found: Fitted) -> FloatArray:
+    """Mean square (g,) of each group's part of the modelled drift about its mean."""
+    own = lib.columns(spec.lags)[1:-1]
+    total = np.zeros(len(own))
+    for position, item in rows.items():
+        one = item.factor[:, :1]
+        columns = item.factor[:, own]
+        centred = columns - one @ (one.T @ columns) / float(one[:, 0] @ one[:, 0])
+        gradient = lib.powers(spec.degree)[position] @ found.coefficients
+        total += np.sum(centred**2, axis=0) * gradient**2
+    mean: FloatArray = total / sum(item.n for item in rows.values())
+    return mean

@@ -1,0 +1,160 @@
+"""Thermal models of one component, fitted to the compressed rows of some cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.analyses.thermal_fit.library import Library
+from mtu_cli.stats.compressed import Compressed
+from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.ridge import RidgePath, ridge
+from mtu_cli.stats.stepwise import stepwise
+
+Rows = Mapping[int, Compressed]
+"""Compressed rows by position index."""
+
+PENALTIES = np.concatenate([[0.0], 10.0 ** np.arange(-8.0, 0.6, 0.5)])
+"""Ridge penalties that are tried; 0 is ordinary least squares."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spec:
+    """A model to be fitted: `kind` stepwise or ridge (lagged where `lags` are not all 0)."""
+
+    kind: str
+    degree: int
+    lags: tuple[int, ...]
+    penalty: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """Coefficients (m, g) in powers of the scaled position, and their unit covariance (m*g, m*g),
+    that of errors of variance 1 which are independent. `intercepts` by position index;
+    `used` number of fitted quantities.
+    """
+
+    coefficients: FloatArray
+    unit_covariance: FloatArray
+    intercepts: dict[int, float]
+    used: float
+
+
+def fit(lib: Library, rows: Rows, spec: Spec) -> Fitted:
+    """The fit of a spec to some rows."""
+    if spec.kind == "stepwise":
+        return _fit_stepwise(lib, rows, spec)
+    path = ridge_path(lib, rows, spec, np.array([spec.penalty]))
+    return Fitted(
+        coefficients=path.coefficients[0].reshape(spec.degree + 1, -1),
+        unit_covariance=path.unit_covariance(0),
+        intercepts=dict(zip(rows, path.intercepts[0].tolist(), strict=True)),
+        used=float(path.effective[0]) + len(rows),
+    )
+
+
+def ridge_path(lib: Library, rows: Rows, spec: Spec, penalties: FloatArray) -> RidgePath:
+    """Ridge fits with an intercept a position, for every penalty."""
+    chosen = lib.columns(spec.lags)
+    P = lib.powers(spec.degree)
+    free, X, y, places = [], [], [], list(rows)
+    for i, position in enumerate(places):
+        factor = rows[position].factor[:, chosen]
+        ones = np.zeros((len(factor), len(places)))
+        ones[:, i] = factor[:, 0]
+        free.append(ones)
+        X.append((P[position][None, :, None] * factor[:, None, 1:-1]).reshape(len(factor), -1))
+        y.append(factor[:, -1])
+    n = sum(item.n for item in rows.values())
+    return ridge(np.vstack(free), np.vstack(X), np.concatenate(y), n, penalties)
+
+
+def path_losses(
+    lib: Library, fitted_to: Rows, held: Rows, spec: Spec, path: RidgePath
+) -> FloatArray:
+    """Residual sums of squares (l,) over held-out rows, for every penalty of a path."""
+    chosen = lib.columns(spec.lags)
+    places = list(fitted_to)
+    B = path.coefficients.reshape(len(path.coefficients), spec.degree + 1, -1)
+    total = np.zeros(len(B))
+    for position, item in held.items():
+        factor = item.factor[:, chosen]
+        a = path.intercepts.mean(axis=1)
+        if position in fitted_to:
+            a = path.intercepts[:, places.index(position)]
+        gradient = np.einsum("m,lmg->gl", lib.powers(spec.degree)[position], B)
+        left = factor[:, -1:] - factor[:, :1] * a - factor[:, 1:-1] @ gradient
+        total += np.einsum("rl,rl->l", left, left)
+    return total
+
+
+def _fit_stepwise(lib: Library, rows: Rows, spec: Spec) -> Fitted:
+    """The paper's way: sensors selected at each position, then a polynomial through positions.
+
+    Valdes et al., eqs. (5)-(8) and (13). The intercepts follow from the final coefficients, so
+    that a polynomial of fewer powers than positions is not charged with the means.
+    """
+    chosen = lib.columns(spec.lags)
+    g, m = len(lib.groups), spec.degree + 1
+    places = list(rows)
+    gradients = np.zeros((len(places), g))
+    variances = []
+    used = float(len(places))
+    for i, position in enumerate(places):
+        own = Compressed(
+            factor=rows[position].factor[:, chosen],
+            n=rows[position].n,
+            lag=rows[position].lag[np.ix_(chosen, chosen)],
+            pairs=rows[position].pairs,
+        )
+        selected = [0, *stepwise(own)]
+        found = least_squares(own.factor[:, selected], own.factor[:, -1])
+        inside = [j - 1 for j in selected[1:]]
+        gradients[i, inside] = found.coefficients[1:]
+        covariance = np.zeros((g, g))
+        covariance[np.ix_(inside, inside)] = found.unscaled_covariance[1:, 1:]
+        variances.append(covariance)
+        used += len(inside) * m / len(places)
+    V = lib.powers(spec.degree)[places]
+    W = np.linalg.pinv(V)
+    coefficients = W @ gradients
+    unit = np.zeros((m, g, m, g))
+    for i, covariance in enumerate(variances):
+        unit += np.einsum("a,b,jk->ajbk", W[:, i], W[:, i], covariance)
+    intercepts = {}
+    for i, position in enumerate(places):
+        factor = rows[position].factor[:, chosen]
+        left = factor[:, -1] - factor[:, 1:-1] @ (V[i] @ coefficients)
+        one = factor[:, 0]
+        intercepts[position] = float(one @ left) / float(one @ one)
+    return Fitted(
+        coefficients=coefficients,
+        unit_covariance=unit.reshape(m * g, m * g),
+        intercepts=intercepts,
+        used=used,
+    )
+
+
+def weights(lib: Library, spec: Spec, found: Fitted, position: int) -> FloatArray:
+    """w (k,) such that Z w are the residuals at a position, Z the library's columns.
+
+    A position that the fit has not seen takes the mean intercept of those that it has.
+    """
+    chosen = lib.columns(spec.lags)
+    w = np.zeros(chosen[-1] + 1)
+    own = found.intercepts.get(position)
+    w[0] = -(float(np.mean(list(found.intercepts.values()))) if own is None else own)
+    w[chosen[1:-1]] = -(lib.powers(spec.degree)[position] @ found.coefficients)
+    w[-1] = 1.0
+    return w
+
+
+def sum_of_squares(lib: Library, rows: Rows, spec: Spec, found: Fitted) -> float:
+    """Residual sum of squares over rows of any cycles."""
+    total = 0.0
+    for position, item in rows.items():
+        total += float(np.sum((item.factor @ weights(lib, spec, found, position)) ** 2))
+    return total

@@ -1,0 +1,221 @@
+"""A fitted thermal model with its uncertainty, for every command that predicts.
+
+What the model leaves over is split by its memory. Noise of one reading of the instrument is no
+error of the machine: it does not carry over to the next reading. What does carry over, the mean
+e_i e_(i+1), is drift that the model does not follow: the machine's state, shared by the points
+of a part. The coefficients' covariance is scaled so that it accounts for what held-out cycles
+show beyond that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import comb
+
+from mtu_cli.analyses.thermal_fit.evidence import mean_products, unseen_products
+from mtu_cli.analyses.thermal_fit.library import Library, lagged_columns
+from mtu_cli.analyses.thermal_fit.models import Fitted, Rows, Spec
+from mtu_cli.analyses.thermal_fit.series import Kept, Series
+from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.stepwise import effective_number
+from mtu_cli.units import Unit
+
+NORMAL_QUARTILE = 0.6744897501960817
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rest:
+    """Residuals row by row, of the rows that were kept: `modelled` drift with its intercept."""
+
+    kept: Kept
+    modelled: FloatArray
+    residual: FloatArray
+
+
+def residuals(series: Series, lib: Library, spec: Spec, found: Fitted, reference: float) -> Rest:
+    """The model at every row that was kept."""
+    kept = series.kept()
+    modelled = np.zeros(len(kept.error))
+    lags, which = np.unique(spec.lags, return_inverse=True)
+    g = len(lib.groups)
+    for p, position in enumerate(lib.positions):
+        here = np.flatnonzero(
+            np.isnan(kept.position) if position is None else kept.position == position
+        )
+        groups = kept.temperature[here] @ lib.average
+        columns = groups
+        if lags.any():
+            every = lagged_columns(groups, kept.time[here], lib.time_constants[lags])
+            columns = every.reshape(len(here), len(lags), g)[:, which, np.arange(g)]
+        rise = columns - reference * lib.average.sum(axis=0)
+        gradient = lib.powers(spec.degree)[p] @ found.coefficients
+        modelled[here] = found.intercepts[p] + rise @ gradient
+    return Rest(kept=kept, modelled=modelled, residual=kept.error - modelled)
+
+
+def estimate(
+    *,
+    series: Series,
+    lib: Library,
+    spec: Spec,
+    found: Fitted,
+    rows: Rows,
+    rest: Rest,
+    of: str | None,
+    unit: Unit,
+    sensors: tuple[str, ...],
+    reference: float,
+) -> ThermalEstimate:
+    """The model in powers of mm and sensors, with the covariances of coefficients and rest."""
+    used = np.flatnonzero((found.coefficients != 0).any(axis=0))
+    members = np.flatnonzero((lib.average[:, used] != 0).any(axis=1))
+    spread = lib.average[np.ix_(members, used)]
+    T = _unscaled(lib, spec.degree)
+    to_sensors = np.kron(T, spread)
+    kept = np.concatenate([used + m * len(lib.groups) for m in range(spec.degree + 1)])
+    scale, coefficient_dof = _coefficient_scale(lib, spec, found, rows)
+    unit_covariance = found.unit_covariance[np.ix_(kept, kept)]
+    slow, leftover_dof = _slow(lib, rest, found)
+    W = np.linalg.pinv(lib.powers(spec.degree))
+    constants = lib.time_constants[np.asarray(spec.lags, int)]
+    places = [position for position in lib.positions if position is not None]
+    return ThermalEstimate(
+        component=series.name,
+        of=of,
+        unit=unit,
+        sensors=tuple(sensors[s] for s in members),
+        reference=reference,
+        coefficients=T @ found.coefficients[:, used] @ spread.T,
+        covariance=scale * to_sensors @ unit_covariance @ to_sensors.T,
+        coefficient_dof=coefficient_dof,
+        leftover=T @ _not_negative(W @ slow @ W.T) @ T.T,
+        leftover_dof=leftover_dof,
+        time_constants=(spread != 0) @ constants[used],
+        sensor_u=_sensor_noise(lib, rest.kept)[members],
+        temperature_range=series.range()[members],
+        position_range=(min(places), max(places)) if places else None,
+    )
+
+
+def _unscaled(lib: Library, degree: int) -> FloatArray:
+    """T (m, m) from powers of (p - c)/h to powers of p."""
+    c, h = lib.frame
+    T = np.zeros((degree + 1, degree + 1))
+    for m in range(degree + 1):
+        for j in range(m + 1):
+            T[j, m] = comb(m, j) * (-c) ** (m - j) / h**m
+    return T
+
+
+def _coefficient_scale(lib: Library, spec: Spec, found: Fitted, rows: Rows) -> tuple[float, float]:
+    """What the unit covariance is multiplied by, and its degrees of freedom.
+
+    Residuals that follow each other tell less than their number: s^2 (1 + r)/(1 - r). Where
+    held-out cycles show more than fit and this explain, the difference over their mean x'C x
+    is taken, known from as many cycles as there are less one.
+    """
+    n = sum(item.n for item in rows.values())
+    square, product = mean_products(lib, rows, spec, found)
+    square *= n / max(n - found.used, 1.0)
+    number = effective_number(n, product / square if square > 0 else 0.0)
+    within = square * n / number, max(number - found.used, 1.0)
+    unseen = unseen_products(lib, spec)
+    if unseen is None or unseen[2] <= 0:
+        return within
+    beyond = (max(unseen[1], 0.0) - max(product, 0.0)) / unseen[2]
+    return within if beyond <= within[0] else (beyond, max(len(lib.cycles) - 1.0, 1.0))
+
+
+def _slow(lib: Library, rest: Rest, found: Fitted) -> tuple[FloatArray, float]:
+    """Covariance (positions, positions) of what carries over between readings, and its dof.
+
+    Positions that were read at the same times are correlated as they show; others are not.
+    """
+    count = len(lib.positions)
+    runs = [
+        [rest.residual[rest.kept.at(position, c)] for position in lib.positions]
+        for c in range(len(lib.cycles))
+    ]
+    first, second = np.zeros((count, count)), 0.0
+    pairs, triples = np.zeros((count, count)), 0
+    for cycle in runs:
+        for i in range(count):
+            for j in range(count):
+                if i != j and len(cycle[i]) != len(cycle[j]):
+                    continue
+                first[i, j] += float(cycle[i][:-1] @ cycle[j][1:])
+                pairs[i, j] += max(len(cycle[i]) - 1, 0)
+            second += float(cycle[i][:-2] @ cycle[i][2:])
+            triples += max(len(cycle[i]) - 2, 0)
+    n = len(rest.residual)
+    slow = first / np.maximum(pairs, 1) * n / max(n - found.used, 1.0)
+    slow = (slow + slow.T) / 2
+    mean = float(np.trace(slow)) / count
+    if mean <= 0 or not triples:
+        return np.zeros((count, count)), np.inf
+    memory = second / triples / mean
+    # Variances lose information to memory with its square (Bayley & Hammersley 1946).
+    return slow, max(effective_number(n, memory**2) - found.used, 1.0)
+
+
+def _not_negative(matrix: FloatArray) -> FloatArray:
+    """The nearest matrix without negative eigenvalues."""
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+    found: FloatArray = (vectors * np.clip(values, 0.0, None)) @ vectors.T
+    return found
+
+
+def _sensor_noise(lib: Library, kept: Kept) -> FloatArray:
+    """Upper estimate (s,) of the standard deviation of a single temperature reading, degC.
+
+    From second differences, which a slow temperature hardly has and white noise has with
+    variance 6 u^2; by their median, because a heater that switches makes some large ones.
+    Draughts count as noise here: see `sensor_noise_share`.
+    """
+    found = []
+    for position in lib.positions:
+        for c in range(len(lib.cycles)):
+            own = kept.temperature[kept.at(position, c)]
+            if len(own) > 2:
+                found.append(np.abs(np.diff(own, n=2, axis=0)))
+    if not found:
+        return np.zeros(kept.temperature.shape[1])
+    middle: FloatArray = np.median(np.concatenate(found), axis=0)
+    found_u: FloatArray = middle / (NORMAL_QUARTILE * np.sqrt(6.0))
+    return found_u
+
+
+def sensor_noise_share(lib: Library, rest: Rest, model: ThermalEstimate) -> float:
+    """What part of `model.sensor_u` the residuals leave room for, 1 at most.
+
+    The noise of the sensors makes residuals without memory, of variance sum_s g_s^2 u_s^2; so
+    does the instrument. The mean e_i^2 less e_i e_(i+1) over all positions bounds both together.
+    """
+    white = expected = 0.0
+    for p, position in enumerate(lib.positions):
+        gradients = np.polynomial.polynomial.polyval(lib.places[p], model.coefficients)
+        for c in range(len(lib.cycles)):
+            here = rest.kept.at(position, c)
+            e = rest.residual[here]
+            if len(e) < 2:
+                continue
+            own = np.diff(rest.kept.time[here])
+            white += float(e @ e) - float(e[:-1] @ e[1:]) * len(e) / (len(e) - 1)
+            noise = gradients * model.sensor_u * _through(model, own)
+            expected += len(e) * float(noise @ noise)
+    if expected <= 0:
+        return 1.0
+    return float(np.sqrt(np.clip(white / expected, 0.0, 1.0)))
+
+
+def _through(model: ThermalEstimate, steps: FloatArray) -> FloatArray:
+    """Share (s,) of a reading's noise that comes through the lag of each sensor."""
+    slow = model.time_constants > 0
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if not slow.any() or not step > 0:
+        return np.ones(len(slow))
+    share = np.sqrt(step / (2 * np.where(slow, model.time_constants, np.inf)))
+    return np.where(slow, np.minimum(share, 1.0), 1.0)

@@ -1,0 +1,48 @@
+"""`mtu correct`."""
+
+from __future__ import annotations
+
+from mtu_cli.analyses.correct import correct
+from mtu_cli.cli.execute import Outcome, execute
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.modelling import modelled
+from mtu_cli.cli.options import Options
+from mtu_cli.files.part import LoadedPart
+from mtu_cli.model.settings import Settings
+
+
+def run(options: Options) -> None:
+    """Takes the modelled error off measured points."""
+    execute(options, analyse)
+
+
+def analyse(inputs: Inputs, settings: Settings) -> Outcome:
+    from mtu_cli.reports import correct as report
+
+    found = modelled(inputs)
+    part = inputs.part if inputs.files("part") else None
+    result = correct(found.model, part, inputs.points, settings, inputs.at)
+    used = _ring_temperatures(part)
+    return Outcome(
+        results=lambda: report.document(result),
+        tables=lambda: report.table(result),
+        rows=lambda: report.csv_rows(result),
+        figure=lambda: report.figure(result),
+        warnings=[
+            *(
+                item
+                for item in found.warnings
+                if item.code != "covariate-not-needed" or item.message.split()[-1] not in used
+            ),
+            *result.warnings,
+            *report.warnings(result),
+        ],
+    )
+
+
+def _ring_temperatures(part: LoadedPart | None) -> set[str]:
+    """Covariates that no equation needs, but a calibrated diameter may."""
+    if part is None:
+        return set()
+    rounds = (*part.part.circles, *part.part.spheres)
+    return {item.temperature for item in rounds if item.temperature is not None}

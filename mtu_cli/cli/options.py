@@ -1,0 +1,53 @@
+"""The options of a call, and commands made of groups of them.
+
+Typer reads a command's options from its signature: the groups are joined into one.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import typer
+
+from mtu_cli.cli.parameters import Parameter
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """The options of one call, by name; an option that the command lacks is None."""
+
+    command: str
+    values: dict[str, Any] = field(default_factory=dict)
+
+    def __getattr__(self, name: str) -> Any:
+        return self.values.get(name)
+
+
+def register(
+    app: typer.Typer,
+    name: str,
+    groups: Iterable[list[Parameter]],
+    run: Callable[[Options], None],
+    text: str,
+) -> None:
+    """Adds a command whose options are the groups' and whose body is `run`."""
+
+    def command(**values: Any) -> None:
+        run(Options(name, values))
+
+    parameters = [item for group in groups for item in group]
+    command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]  # read by typer
+        [
+            inspect.Parameter(
+                key, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default
+            )
+            for key, annotation, default in parameters
+        ]
+    )
+    command.__annotations__ = {key: annotation for key, annotation, _ in parameters}
+    command.__doc__ = text
+    command.__name__ = name.replace("-", "_")
+    app.command(name, help=text)(command)

@@ -1,0 +1,231 @@
+"""The drift test and the sensors of `mtu simulate`, from its options."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.options import Options
+from mtu_cli.errors import did_you_mean, fault
+from mtu_cli.files.covariates import is_covariate
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.model.calibrated_places import growth
+from mtu_cli.model.climate import Climate, as_read, settled
+from mtu_cli.model.drift_simulation import DriftPlan, sensors_for
+from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.simulate import SimulatedPoints
+from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
+
+MAX_MOMENTS = 1_000_000
+"""Moments of a whole test, soaking included: a slip of the keyboard beyond."""
+
+
+def drifting(inputs: Inputs, model: MachineModel) -> tuple[ThermalEstimate, ...]:
+    """The machine's thermal models.
+
+    Raises InputError where it has none.
+    """
+    drifts = model.drifts()
+    if not drifts:
+        raise fault(
+            f"no component of {inputs.machine.source.shown} has a thermal model",
+            file=inputs.machine.source.shown,
+            expected="a `thermal` key in a component of the equations",
+        )
+    return drifts
+
+
+def drift_plan(inputs: Inputs, drifts: tuple[ThermalEstimate, ...]) -> DriftPlan:
+    """The drift test that the options ask for.
+
+    Raises InputError for options that are out of range or of unknown components.
+    """
+    options = inputs.options
+    _check_numbers(options)
+    machine = inputs.machine
+    names = [drift.component for drift in drifts]
+    low, high = _pair("--room", options.room, "20:26")
+    own = _by_component("--drift-positions", options.drift_positions, names)
+    positions = {
+        drift.component: own.get(drift.component, _positions(machine, drift)) for drift in drifts
+    }
+    asked = _by_component("--settled-drift", options.settled_drift, names)
+    for name, values in asked.items():
+        if len(values) != len(positions[name]):
+            raise fault(
+                f"--settled-drift gives {len(values)} values of {name}",
+                expected=f"{len(positions[name])}, one a position",
+            )
+    factors = {name: UNITS[machine.machine.components[name].unit].to_internal for name in names}
+    plan = DriftPlan(
+        climate=_climate(options, machine.machine.reference_temperature_degC, low, high),
+        cycles=options.cycles,
+        minutes=options.cycle_minutes,
+        interval=options.interval_min,
+        soak=options.soak_minutes,
+        positions=positions,
+        noise={
+            LENGTH: options.reading_noise_um * UM,
+            ANGLE: options.reading_noise_arcsec * ARCSEC,
+        },
+        settled={name: values * factors[name] for name, values in asked.items()},
+        limits={LENGTH: options.most_drift_um * UM, ANGLE: options.most_drift_arcsec * ARCSEC},
+        twins=_twins(options, {sensor for drift in drifts for sensor in drift.sensors}),
+    )
+    if plan.cycles * (plan.minutes + plan.soak) / plan.interval > MAX_MOMENTS:
+        raise fault("the drift test is too long", expected=f"at most {MAX_MOMENTS} moments")
+    return plan
+
+
+def _climate(options: Options, reference: float, low: float, high: float) -> Climate:
+    return Climate(
+        reference=reference,
+        low=low,
+        high=high,
+        room_lag=options.room_lag_min,
+        room_wobble=options.room_wobble_degc,
+        sensor_lag=_pair("--sensor-lag-min", options.sensor_lag_min, "5:25", lowest=0.0),
+        sensor_spread=options.sensor_spread,
+        sensor_wobble=options.sensor_wobble_degc,
+        sensor_noise=options.sensor_noise_degc,
+    )
+
+
+_NUMBERS = {
+    "cycle_minutes": 0.0, "soak_minutes": 0.0, "interval_min": 0.0, "room_lag_min": 0.0,
+    "room_wobble_degc": 0.0, "sensor_wobble_degc": 0.0, "sensor_noise_degc": 0.0,
+    "sensor_spread": 0.0, "reading_noise_um": 0.0, "reading_noise_arcsec": 0.0,
+    "cmm_wobble_degc": 0.0, "most_drift_um": 0.0, "most_drift_arcsec": 0.0,
+}  # fmt: skip
+
+
+def _check_numbers(options: Options) -> None:
+    for name, least in _NUMBERS.items():
+        value = options.values[name]
+        positive = name == "interval_min"
+        if not np.isfinite(value) or value < least or (positive and value == 0):
+            raise fault(
+                f"{option_name(name)} is out of range",
+                value=str(value),
+                expected="a finite number above 0" if positive else "a finite number, 0 or more",
+            )
+
+
+def option_name(name: str) -> str:
+    """The option of a parameter: --sensor-noise-degC of sensor_noise_degc."""
+    return f"--{name.replace('_', '-')}".replace("degc", "degC")
+
+
+def _pair(option: str, text: str, example: str, lowest: float = -np.inf) -> tuple[float, float]:
+    try:
+        low, high = (float(item) for item in text.split(":"))
+    except ValueError:
+        low, high = np.nan, np.nan
+    if not (np.isfinite([low, high]).all() and lowest <= low <= high):
+        raise fault(f"{option} is not LOW:HIGH", value=text, expected=f"such as {example}")
+    return low, high
+
+
+def _by_component(option: str, texts: list[str] | None, names: list[str]) -> dict[str, FloatArray]:
+    """'NAME: NUMBERS' of several components, in their own units."""
+    found: dict[str, FloatArray] = {}
+    for text in texts or ():
+        name, colon, numbers = (item.strip() for item in text.partition(":"))
+        try:
+            values = np.array([float(item) for item in numbers.replace(",", " ").split()])
+        except ValueError:
+            values = np.empty(0)
+        if not colon or not len(values) or not np.isfinite(values).all():
+            raise fault(f"{option} is not NAME: NUMBERS", value=text, expected="'pos_y: 0 75 200'")
+        if name not in names:
+            raise fault(
+                f"{option} is of a component without a thermal model",
+                value=name,
+                expected=did_you_mean(name, names),
+            )
+        if name in found:
+            raise fault(f"{option} names {name!r} twice", value=text)
+        found[name] = values
+    return found
+
+
+def _positions(machine: LoadedMachine, drift: ThermalEstimate) -> FloatArray:
+    """Where a component is read: the positions of its gradients, else the middle of its axis."""
+    entry = machine.machine.components[drift.component]
+    if entry.thermal is not None and entry.thermal.positions_mm is not None:
+        return np.array(entry.thermal.positions_mm)
+    if drift.of is None:
+        return np.array([np.nan])
+    if drift.position_range is not None:
+        return np.linspace(*drift.position_range, drift.degree + 1)
+    travel = [axis.travel_mm for name, axis in machine.machine.axes.items() if name == drift.of]
+    return np.array([np.mean(travel) if travel else 0.0])
+
+
+def _twins(options: Options, sensors: set[str]) -> tuple[tuple[str, str], ...]:
+    found: dict[str, str] = {}
+    for text in options.twin or ():
+        name, _, sensor = (item.strip() for item in text.partition(":"))
+        if sensor not in sensors:
+            raise fault(
+                "--twin is not NAME: SENSOR",
+                value=text,
+                expected=f"a sensor of the machine, {did_you_mean(sensor, sorted(sensors))}",
+            )
+        if name in sensors or name in found or not is_covariate(name) or name[:2] != "T_":
+            raise fault(
+                "--twin has no name of its own", value=text, expected="such as 'T_18_degC: ...'"
+            )
+        found[name] = sensor
+    return tuple(found.items())
+
+
+def sensors_heading(plan: DriftPlan, drifts: tuple[ThermalEstimate, ...], seed: int) -> str:
+    """Comment lines that say how the sensors follow the room."""
+    sensors = sensors_for(drifts, plan, seed)
+    each = [
+        f"{name} {share:.3f} {lag:.1f}"
+        for name, share, lag in zip(sensors.names, sensors.shares, sensors.lags, strict=True)
+    ]
+    lines = [", ".join(each[i : i + 4]) for i in range(0, len(each), 4)]
+    return (
+        "# Readings are the drift alone, zeroed at the reference temperature; odd cycles warm up,\n"
+        "# even ones cool down. Sensors, share of the room's rise and lag in min; the shares are\n"
+        "# moved from the drawn ones as little as the drifts of the settled room ask for:\n"
+        + "".join(f"#   {line}\n" for line in lines)
+    )
+
+
+def temperatures(
+    plan: DriftPlan, drifts: tuple[ThermalEstimate, ...], rooms: list[float], wobble: float,
+    parts: int, features: int, seed: int,
+) -> dict[str, FloatArray]:  # fmt: skip
+    """True temperatures (parts, features) of sensors and twins; parts take the rooms in turn."""
+    sensors = sensors_for(drifts, plan, seed)
+    each = np.array([rooms[part % len(rooms)] for part in range(parts)])
+    true = settled(plan.climate, sensors, each, wobble, seed)
+    columns = dict(zip(sensors.names, true.T, strict=True))
+    columns |= {name: columns[of] for name, of in sensors.twins}
+    return {name: np.repeat(column[:, None], features, axis=1) for name, column in columns.items()}
+
+
+def with_readings(
+    found: SimulatedPoints, plan: DriftPlan, drifts: tuple[ThermalEstimate, ...], seed: int
+) -> SimulatedPoints:
+    """The temperatures of points as the sensors read them, with a noise of each point's own."""
+    sensors = sensors_for(drifts, plan, seed)
+    read = as_read(plan.climate, sensors, found.covariates, seed, part=1)
+    return replace(found, covariates=found.covariates | read)
+
+
+def grown(
+    found: SimulatedPoints, inputs: Inputs, ids: Sequence[str], points: FloatArray
+) -> SimulatedPoints:
+    """Points of calibrated circles on the diameter that they have at their temperature."""
+    moved = growth(found, ids, points, inputs.part.part.circles)
+    return replace(found, measured=found.measured + moved)

@@ -1,0 +1,68 @@
+"""Where `mtu simulate` reads the components."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.errors import fault
+from mtu_cli.model.effect_parameters import EFFECT_MARK
+from mtu_cli.model.features import feature_points
+from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.stats.least_squares import FloatArray
+
+DEFAULT_POSITIONS = 8
+MAX_POSITIONS = 10_000
+
+
+def read_positions(inputs: Inputs, model: MachineModel) -> dict[str, FloatArray]:
+    """Positions (n,) in mm by axis: of --positions, else over the part's extent."""
+    read = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
+    needed = {estimate.of for estimate in read if estimate.of is not None}
+    text = inputs.options.positions
+    given = {} if text is None else _given(text)
+    if "" in given:
+        return dict.fromkeys(needed, given[""])
+    unknown = [axis for axis in given if axis not in AXES]
+    if unknown:
+        raise fault("--positions is of an unknown axis", value=unknown[0], expected="x, y or z")
+    rest = needed - set(given)
+    return given | (_extents(inputs, model, rest) if rest else {})
+
+
+def _extents(inputs: Inputs, model: MachineModel, axes: set[str]) -> dict[str, FloatArray]:
+    _, points, _ = feature_points(inputs.part, model)
+    found: dict[str, FloatArray] = {}
+    for axis in axes:
+        column = points[:, AXES.index(axis)]
+        low, high = np.nanmin(column), np.nanmax(column)
+        if not np.isfinite(low) or low == high:
+            raise fault(
+                f"the part does not extend along {axis}", expected="--positions LOW:HIGH:COUNT"
+            )
+        found[axis] = np.linspace(low, high, DEFAULT_POSITIONS)
+    return found
+
+
+def _given(text: str) -> dict[str, FloatArray]:
+    """LOW:HIGH:COUNT for all axes (under ""), or AXIS=LOW:HIGH:COUNT, ... for some."""
+    if "=" not in text:
+        return {"": _range(text, text)}
+    parts = (item.partition("=") for item in text.split(","))
+    return {axis.strip(): _range(values, text) for axis, _, values in parts}
+
+
+def _range(part: str, text: str) -> FloatArray:
+    parts = part.split(":")
+    try:
+        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except (ValueError, IndexError):
+        low, high, count = 0.0, 0.0, 0
+    good = len(parts) == 3 and np.isfinite([low, high]).all() and low < high
+    if not good or not 2 <= count <= MAX_POSITIONS:
+        raise fault(
+            "--positions is not LOW:HIGH:COUNT",
+            value=text,
+            expected=f"such as 0:140:8 or x=0:140:8,y=0:90:5, two to {MAX_POSITIONS} positions",
+        )
+    return np.linspace(low, high, count)

@@ -1,0 +1,82 @@
+"""What the reports that are read back have in common: their numbers, and how faults are told."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, BeforeValidator, Field, ValidationError
+
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.source import Source
+from mtu_cli.units import UNITS
+
+NonNegative = Annotated[float, Field(ge=0)]
+
+
+def _or_nan(value: object) -> object:
+    return math.nan if value is None else value
+
+
+Figure = Annotated[float, Field(strict=True, allow_inf_nan=True), BeforeValidator(_or_nan)]
+"""A number; nan where the report says null, because the readings do not determine it."""
+
+Matrix = list[list[Figure]]
+
+M = TypeVar("M", bound=BaseModel)
+
+
+def schema_of(document: Any) -> str | None:
+    """The `schema` of a JSON document, None where it has none."""
+    found = document.get("schema") if isinstance(document, dict) else None
+    return None if found is None else str(found)
+
+
+def not_a_report(source: Source, document: Any, expected: str) -> InputError:
+    """The fault of a document of another `schema`."""
+    return InputError(
+        Problem(
+            what="is not a components report",
+            file=source.shown,
+            path="schema",
+            value=str(schema_of(document)),
+            expected=expected,
+        )
+    )
+
+
+def validated(source: Source, document: Any, model: type[M], command: str) -> M:
+    """The document as a `model`; raises InputError with every fault and its path."""
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        raise InputError([_problem(source, item, command) for item in error.errors()]) from None
+
+
+def _problem(source: Source, item: Any, command: str) -> Problem:
+    return Problem(
+        what="is missing" if item["type"] == "missing" else str(item["msg"]).lower(),
+        file=source.shown,
+        path=".".join(str(part) for part in item["loc"]),
+        value=None if item["type"] == "missing" else repr(item["input"]),
+        expected=f"the report as `mtu {command}` writes it",
+    )
+
+
+def unit_problem(source: Source, name: str, unit: str) -> list[Problem]:
+    """The Problem of a component's unknown unit, if it is one."""
+    if unit in UNITS:
+        return []
+    path = f"results.components.{name}.unit"
+    what, expected = "unknown unit", ", ".join(UNITS)
+    return [Problem(what=what, file=source.shown, path=path, value=unit, expected=expected)]
+
+
+def square(matrix: Matrix, size: int) -> bool:
+    """Whether a matrix is (size, size)."""
+    return len(matrix) == size and all(len(row) == size for row in matrix)
+
+
+def negative(matrix: Matrix) -> bool:
+    """Whether a variance on the diagonal is negative."""
+    return any(row[i] < 0 for i, row in enumerate(matrix))

@@ -1,0 +1,116 @@
+"""The machine as a design matrix at points: E = J theta + remainder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.language import evaluate, names
+from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.stats.least_squares import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """The machine at n points: rows are (point, axis), points first.
+
+    `J` (n*a, K) in theta, `columns` of each term in it, `levers` (n*a, c) of each term,
+    `remainder` (n*a,) in mm.
+    """
+
+    J: FloatArray
+    levers: FloatArray
+    remainder: FloatArray
+    columns: tuple[slice, ...]
+
+
+def places(model: MachineModel, points: FloatArray) -> dict[str, FloatArray]:
+    """Coordinates (n,) by axis, those that a constant fixes at its value."""
+    fixed = model.position_constants()
+    return {
+        axis: np.full(len(points), fixed[axis]) if axis in fixed else points[:, i]
+        for i, axis in enumerate(AXES)
+    }
+
+
+def design(
+    model: MachineModel, points: FloatArray, covariates: Mapping[str, FloatArray | float]
+) -> Design:
+    """J, lever arms and remainder at `points` (n, 3) in mm (nan where a coordinate is unknown).
+
+    Row (i, axis) holds dE_axis/dtheta at point i: lever arm times powers of the component's
+    position. Gilsinn & Ling 2004, eq. (1), or any other set of linear equations.
+
+    Raises InputError where a needed coordinate is unknown or a value is not finite.
+    """
+    values: dict[str, FloatArray | float] = {
+        name: pair[0] for name, pair in model.constants.items()
+    }
+    place = places(model, points)
+    values |= place
+    values |= {name: covariates[name] for name in model.covariates()}
+    n, a = len(points), len(model.axes)
+    widths = [len(term.estimate.coefficients) for term in model.terms]
+    starts = np.concatenate([[0], np.cumsum(widths)]).astype(int)
+    J = np.zeros((n, a, starts[-1]))
+    levers = np.zeros((n, a, len(model.terms)))
+    for t, term in enumerate(model.terms):
+        rows = term.basis.rows(place, covariates, n)
+        for i, axis in enumerate(model.axes):
+            if axis in term.levers:
+                levers[:, i, t] = evaluate(term.levers[axis], values)
+                # An infinite lever arm is reported by _check_finite, in words.
+                with np.errstate(invalid="ignore"):
+                    J[:, i, starts[t] : starts[t + 1]] = levers[:, i, t, None] * rows
+    remainder = np.zeros((n, a))
+    for i, axis in enumerate(model.axes):
+        for node in model.remainders[axis]:
+            remainder[:, i] += evaluate(node, values)
+    _check_finite(model, J, remainder, points)
+    return Design(
+        J=J.reshape(n * a, -1),
+        levers=levers.reshape(n * a, -1),
+        remainder=remainder.reshape(n * a),
+        columns=tuple(slice(starts[t], starts[t + 1]) for t in range(len(widths))),
+    )
+
+
+def _check_finite(
+    model: MachineModel, J: FloatArray, remainder: FloatArray, points: FloatArray
+) -> None:
+    bad = ~(np.isfinite(J).all(axis=2) & np.isfinite(remainder))
+    if not bad.any():
+        return
+    i, a = np.argwhere(bad)[0]
+    axis = model.axes[a]
+    used: set[str] = set()
+    for term in model.terms:
+        if axis in term.levers:
+            used |= {*names(term.levers[axis]), term.estimate.of or ""}
+    for node in model.remainders[axis]:
+        used |= set(names(node))
+    unknown = [
+        name
+        for k, name in enumerate(AXES)
+        if np.isnan(points[i, k]) and name in used and name not in model.constants
+    ]
+    place = ", ".join(f"{name}={points[i, k]:g}" for k, name in enumerate(AXES) if name in used)
+    raise InputError(
+        Problem(
+            what=f"the equation E{axis} of {model.name!r} has no finite value at {place}",
+            expected=(
+                f"a value for {unknown[0]} (z_mm in the part, or a constant of the machine)"
+                if unknown
+                else "an equation that is defined at every feature (no division by 0, no root or "
+                "logarithm of a negative number)"
+            ),
+        )
+    )
+
+
+def theta(model: MachineModel) -> FloatArray:
+    """The coefficients of all terms, one after the other, (K,)."""
+    return np.concatenate([term.estimate.coefficients for term in model.terms])

@@ -1,0 +1,191 @@
+"""Drift tests of a virtual machine: what an instrument reads at one place while the room changes.
+
+    reading = drift(p, T) + leftover(p) + noise,      drift as in `model.thermal`,
+
+with the true temperatures T, lagged where the thermal model has time constants; the columns hold
+what the sensors read. The instrument is zeroed at the reference temperature: readings are the
+drift alone, without the geometric error of the place. One draw of the leftover a cycle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.errors import fault
+from mtu_cli.model.climate import Climate, Sensors, as_read, drawn_sensors, followed
+from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.streams import stream
+
+_STREAM = 6
+_REACHED = 1e-6
+"""Of the rise: drifts that the sensors' shares miss by more cannot be had."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriftPlan:
+    """A drift test: `cycles` warm-ups and cool-downs in turn, times in min.
+
+    Read every `interval` for `minutes`, then `soak` without readings; each component at its
+    `positions` (mm, by name; nan where it has no axis). `noise` is a reading's standard
+    deviation by dimension of the unit, mm and rad. `settled` (mm or rad, by component) are the
+    drifts at the positions once the room has settled at `high`; of other components they are
+    kept within `limits`, by dimension.
+    """
+
+    climate: Climate
+    cycles: int
+    minutes: float
+    interval: float
+    soak: float
+    positions: Mapping[str, FloatArray]
+    noise: Mapping[int, float]
+    settled: Mapping[str, FloatArray]
+    limits: Mapping[int, float]
+    twins: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def moments(self) -> int:
+        """Readings of one place in one cycle."""
+        return int(np.floor(self.minutes / self.interval * (1 + 1e-12))) + 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedDrift:
+    """Columns of a drift file, rows by (cycle, component, position, time).
+
+    `error` in each component's own unit, `time` in min, `temperatures` in degC as read;
+    `sensors` say how they follow the room.
+    """
+
+    component: tuple[str, ...]
+    unit: tuple[str, ...]
+    position: FloatArray
+    cycle: np.ndarray
+    time: FloatArray
+    error: FloatArray
+    temperatures: dict[str, FloatArray]
+    sensors: Sensors
+
+
+def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> Sensors:
+    """The sensors of all drifts; shares moved as little as it takes to keep the drifts sensible.
+
+    With the seeded shares a0, gradients G (places, s) and rise R = high - reference the settled
+    drifts are R G a. Where one is asked for or exceeds its limit it becomes a target d of
+    a = a0 + G^+ (d/R - G a0), the solution nearest to a0 (G^+ the pseudoinverse).
+
+    Raises InputError where the sensors cannot give the drifts that are asked for.
+    """
+    names = tuple(sorted({sensor for drift in drifts for sensor in drift.sensors}))
+    found = drawn_sensors(names, plan.climate, plan.twins, seed)
+    rise = plan.climate.high - plan.climate.reference
+    if rise == 0:
+        return found
+    scale = np.concatenate([[item.unit.to_internal] * len(_places(item, plan)) for item in drifts])
+    G = np.concatenate([_gradients(item, names, _places(item, plan)) for item in drifts])
+    G = G / scale[:, None]
+    targets = _targets(drifts, plan, rise * G @ found.shares * scale) / scale
+    shares = found.shares + np.linalg.pinv(G) @ (targets / rise - G @ found.shares)
+    missed = np.abs(rise * G @ shares - targets).max()
+    if missed > _REACHED * max(np.abs(targets).max(), 1.0):
+        raise fault(
+            "the sensors' shares of the room's rise cannot give these settled drifts",
+            expected="drifts that differ only where the gradients of the sensors do",
+        )
+    return Sensors(names=names, lags=found.lags, shares=shares, twins=plan.twins)
+
+
+def _targets(drifts: Sequence[ThermalEstimate], plan: DriftPlan, own: FloatArray) -> FloatArray:
+    """Settled drifts (places,), mm or rad: as asked for, or the own ones within the limits."""
+    targets, at = own.copy(), 0
+    for item in drifts:
+        rows = slice(at, at + len(_places(item, plan)))
+        limit = plan.limits[item.unit.dimension]
+        targets[rows] = plan.settled.get(item.component, np.clip(own[rows], -limit, limit))
+        at = rows.stop
+    return targets
+
+
+def _places(drift: ThermalEstimate, plan: DriftPlan) -> FloatArray:
+    return plan.positions[drift.component]
+
+
+def _gradients(drift: ThermalEstimate, names: tuple[str, ...], positions: FloatArray) -> FloatArray:
+    """The drift at `positions` (p,) per degC of each sensor, (p, s)."""
+    G = np.zeros((len(positions), len(names)))
+    own = [names.index(sensor) for sensor in drift.sensors]
+    place = np.zeros(len(positions)) if drift.degree == 0 else positions
+    G[:, own] = np.polynomial.polynomial.polyval(place, drift.coefficients).T
+    return G
+
+
+def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> SimulatedDrift:
+    """Readings of every component that drifts, cycle by cycle: warm-ups first, in turn."""
+    sensors = sensors_for(drifts, plan, seed)
+    period = plan.moments + round(plan.soak / plan.interval)
+    cool = np.repeat(np.arange(plan.cycles) % 2, period)
+    targets = np.where(cool, plan.climate.low, plan.climate.high)
+    true = followed(plan.climate, sensors, targets, plan.interval, seed)
+    times = np.arange(len(true), dtype=np.float64) * plan.interval
+    read = as_read(plan.climate, sensors, dict(zip(sensors.names, true.T, strict=True)), seed)
+    kept = (np.arange(len(true)) % period < plan.moments).nonzero()[0]
+    rows: list[tuple[str, str, float, FloatArray]] = []
+    for number, item in enumerate(drifts):
+        known = _known(item, sensors.names, true, times)
+        for p, position in enumerate(_places(item, plan)):
+            errors = item.drift(np.full(len(true), np.nan_to_num(position)), known)
+            errors += _leftover(item, position, plan, seed, number)[np.arange(len(true)) // period]
+            rng = stream(seed, _STREAM, 1, number, p)
+            errors += plan.noise[item.unit.dimension] * rng.standard_normal(len(true))
+            rows.append((item.component, item.unit.name, position, errors / item.unit.to_internal))
+    return _by_cycle(rows, kept.reshape(plan.cycles, -1), times, read, sensors)
+
+
+def _known(
+    drift: ThermalEstimate, names: tuple[str, ...], true: FloatArray, times: FloatArray
+) -> dict[str, FloatArray]:
+    """The temperatures that a drift follows: a sensor's, or its lag."""
+    columns = true[:, [names.index(sensor) for sensor in drift.sensors]]
+    return {
+        sensor: first_order_lag(columns[:, [s]], times, drift.time_constants[[s]])[0, :, 0]
+        for s, sensor in enumerate(drift.sensors)
+    }
+
+
+def _leftover(
+    drift: ThermalEstimate, position: float, plan: DriftPlan, seed: int, number: int
+) -> FloatArray:
+    """What the model leaves at a position, one draw a cycle (cycles,)."""
+    values, vectors = np.linalg.eigh(drift.leftover)
+    power = np.nan_to_num(position) ** np.arange(len(values))
+    deviations = power @ vectors * np.sqrt(np.clip(values, 0.0, None))
+    draws = stream(seed, _STREAM, 0, number).standard_normal((plan.cycles, len(values)))
+    drawn: FloatArray = draws @ deviations
+    return drawn
+
+
+def _by_cycle(
+    rows: Sequence[tuple[str, str, float, FloatArray]],
+    kept: np.ndarray,
+    times: FloatArray,
+    read: Mapping[str, FloatArray],
+    sensors: Sensors,
+) -> SimulatedDrift:
+    cycles, n = kept.shape
+    each = [(c, row) for c in range(cycles) for row in rows]
+    at = np.concatenate([kept[c] for c, _ in each])
+    return SimulatedDrift(
+        component=tuple(row[0] for _, row in each for _ in range(n)),
+        unit=tuple(row[1] for _, row in each for _ in range(n)),
+        position=np.repeat([row[2] for _, row in each], n),
+        cycle=np.repeat([c + 1 for c, _ in each], n),
+        time=times[at],
+        error=np.concatenate([row[3][kept[c]] for c, row in each]),
+        temperatures={name: values[at] for name, values in read.items()},
+        sensors=sensors,
+    )

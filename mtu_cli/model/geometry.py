@@ -1,0 +1,248 @@
+"""Planes, circles and spheres through measured points, with the gradients of what they give.
+
+Distances are orthogonal (geometric fits). Circle and sphere minimise sum d_i^2,
+d_i = |p_i - c| - r, by Gauss-Newton from the algebraic fit of Kasa 1976 (Gander, Golub &
+Strebel 1994, BIT 34, 558-578). Coordinates are centred and scaled first.
+
+Gradients are those of the minimum itself (implicit function theorem on grad sum d_i^2 = 0): with
+u_i the unit vectors from the centre, P_i = I - u_i u_i' and the Hessian H of sum d_i^2 / 2,
+
+    d(c, r)/dp_i = H^-1 [u_i u_i' + d_i/|p_i - c| P_i; u_i'].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.stats.least_squares import FloatArray, LeastSquares, least_squares
+
+ITERATIONS = 200
+HALVINGS = 30
+STEP = 1e-12
+"""A step of this share of the points' extent ends the iteration."""
+OFFSET = 1e-12
+"""Share of the squared residuals that a step must explain for their sum to show it."""
+ROUNDING = 16 * float(np.finfo(np.float64).eps)
+SAME = 1e-9
+"""Share of the extent below which points, or eigenvalues of a plane, are not told apart."""
+DIMENSIONS = {"circle": 2, "sphere": 3}
+
+
+class GeometryError(Exception):
+    """The points do not determine the figure; the message says why, in words."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaneFit:
+    """The plane of least squared distances of n points (n, 3), mm.
+
+    `normal` (3,), `basis` (2, 3) two directions in the plane, `centroid` (3,), `heights` (n,)
+    above it. `tilt` (2, n, 3): gradient of the normal along each direction of the basis.
+    """
+
+    centroid: FloatArray
+    normal: FloatArray
+    basis: FloatArray
+    heights: FloatArray
+    tilt: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoundFit:
+    """A least-squares circle or sphere of n points (n, d), mm.
+
+    `centre` (d,), `radius`, `residuals` (n,) = |p - c| - r (in the plane, for a circle in
+    space). `unscaled_covariance` (X'X)^-1 of centre and radius, X the Gauss-Newton design
+    (independent points of one scatter; in the plane's own directions for a circle in space).
+    `radius_gradient` (n, d), `centre_gradient` (d, n, d) with respect to every coordinate.
+    """
+
+    centre: FloatArray
+    radius: float
+    residuals: FloatArray
+    unscaled_covariance: FloatArray
+    radius_gradient: FloatArray
+    centre_gradient: FloatArray
+
+    @property
+    def form(self) -> float:
+        """Range of the residuals: the form error about the least-squares figure."""
+        return float(np.ptp(self.residuals))
+
+
+def fit_sphere(points: FloatArray) -> RoundFit:
+    """The least-squares sphere of `points` (n, 3), n >= 4.
+
+    Raises GeometryError where the points do not determine it.
+    """
+    return _round(points, "sphere")
+
+
+def fit_circle(points: FloatArray) -> RoundFit:
+    """The least-squares circle of `points` (n, 2), or (n, 3): in their least-squares plane.
+
+    Raises GeometryError where the points do not determine it.
+    """
+    if points.shape[1] == 2:
+        return _round(points, "circle")
+    plane = fit_plane(points)
+    q = points - plane.centroid
+    flat = _round(q @ plane.basis.T, "circle")
+    return _in_space(plane, flat)
+
+
+def _in_space(plane: PlaneFit, flat: RoundFit) -> RoundFit:
+    """The circle `flat` of a plane in space; points that move tilt the plane, too.
+
+    In-plane coordinates q_i.e_k change by dp_i.e_k - h_i dn.e_k, the directions by -(dn.e_k) n.
+    """
+    e, n, tilt = plane.basis, plane.normal, plane.tilt
+    of_radius = flat.radius_gradient @ e
+    of_radius = of_radius - np.einsum("k,kic->ic", plane.heights @ flat.radius_gradient, tilt)
+    moved = np.einsum("kil,lc->kic", flat.centre_gradient, e) - e[:, None, :] / len(plane.heights)
+    lifted = np.einsum("kil,i->kl", flat.centre_gradient, plane.heights)
+    moved -= np.einsum("kl,lic->kic", lifted, tilt)
+    of_centre = np.einsum("kd,kic->dic", e, moved)
+    of_centre += np.eye(3)[:, None, :] / len(plane.heights)
+    of_centre -= np.einsum("d,k,kic->dic", n, flat.centre, tilt)
+    return RoundFit(
+        centre=plane.centroid + flat.centre @ e,
+        radius=flat.radius,
+        residuals=flat.residuals,
+        unscaled_covariance=flat.unscaled_covariance,
+        radius_gradient=of_radius,
+        centre_gradient=of_centre,
+    )
+
+
+def fit_plane(points: FloatArray) -> PlaneFit:
+    """The least-squares plane of `points` (n, 3): through the centroid, across the smallest
+    principal moment S n = l n of S = sum q_i q_i'; dn.e_k = e_k' dS n / (l - l_k).
+
+    Raises GeometryError for points on a line, or in a cloud without a flattest direction.
+    """
+    centroid, q, scale = _centred(points)
+    _, singular, Vt = np.linalg.svd(q, full_matrices=True)
+    moments = np.zeros(3)
+    moments[: len(singular)] = singular**2
+    extent = np.sqrt(moments / moments[0])
+    if extent[1] < SAME:
+        raise GeometryError("the points lie on a line")
+    if extent[1] - extent[2] < SAME:
+        raise GeometryError("the points lie in no plane")
+    normal, basis = Vt[2], Vt[:2]
+    heights, along = q @ normal, q @ basis.T
+    tilt = heights[None, :, None] * basis[:, None, :] + along.T[:, :, None] * normal
+    tilt /= (moments[2] - moments[:2])[:, None, None]
+    return PlaneFit(
+        centroid=centroid, normal=normal, basis=basis, heights=heights * scale, tilt=tilt / scale
+    )
+
+
+def _centred(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Centroid (d,), coordinates (n, d) about it in units of the scale, and the scale, mm."""
+    centroid = points.mean(axis=0)
+    q = points - centroid
+    scale = float(np.sqrt((q**2).sum(axis=1).mean()))
+    if scale <= SAME * float(np.abs(points).max(initial=0.0)):
+        raise GeometryError("all points stand at the same place")
+    return centroid, q / scale, scale
+
+
+def _round(points: FloatArray, kind: str) -> RoundFit:
+    d = DIMENSIONS[kind]
+    centroid, q, scale = _centred(points)
+    distinct = len(np.unique(np.round(q / SAME), axis=0))
+    if distinct <= d:
+        raise GeometryError(f"{distinct} distinct points; a {kind} needs {d + 1}")
+    found = _gauss_newton(q, _algebraic(q, kind), kind)
+    away, distance, residuals = _residuals(q, found)
+    unit = away / distance[:, None]
+    linear = _linearised(unit, residuals, kind)
+    gradient = _gradient(unit, distance, residuals, kind)
+    return RoundFit(
+        centre=centroid + scale * found[:d],
+        radius=scale * float(found[d]),
+        residuals=scale * residuals,
+        unscaled_covariance=linear.unscaled_covariance,
+        radius_gradient=gradient[d],
+        centre_gradient=gradient[:d],
+    )
+
+
+def _algebraic(q: FloatArray, kind: str) -> FloatArray:
+    """(c, r) (d + 1,) of |p|^2 = 2 c.p + (r^2 - |c|^2), Kasa 1976."""
+    square = (q**2).sum(axis=1)
+    fit = least_squares(np.column_stack([2 * q, np.ones(len(q))]), square)
+    if fit.rank < q.shape[1] + 1:
+        raise GeometryError(_flat(kind))
+    centre = fit.coefficients[:-1]
+    return np.append(centre, np.sqrt(max(fit.coefficients[-1] + centre @ centre, 0.0)))
+
+
+def _flat(kind: str) -> str:
+    return f"the points lie on a {'line' if kind == 'circle' else 'plane or a circle'}"
+
+
+def _residuals(q: FloatArray, found: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Vectors (n, d) from the centre, distances (n,) and residuals (n,)."""
+    away = q - found[:-1]
+    distance = np.linalg.norm(away, axis=1)
+    if distance.min() == 0:
+        raise GeometryError("a point stands at the centre")
+    return away, distance, distance - found[-1]
+
+
+def _linearised(unit: FloatArray, residuals: FloatArray, kind: str) -> LeastSquares:
+    """The Gauss-Newton step: d_i = u_i.dc + dr."""
+    fit = least_squares(np.column_stack([unit, np.ones(len(unit))]), residuals)
+    if fit.rank < unit.shape[1] + 1:
+        # Seen from a centre as far away as this, the points hardly bend.
+        raise GeometryError(_flat(kind))
+    return fit
+
+
+def _gauss_newton(q: FloatArray, start: FloatArray, kind: str) -> FloatArray:
+    """(c, r) (d + 1,) at the minimum; steps that do not lead down are halved."""
+    found, settled = start, False
+    away, distance, residuals = _residuals(q, found)
+    for _ in range(ITERATIONS):
+        fit = _linearised(away / distance[:, None], residuals, kind)
+        step, rss = fit.coefficients, float(residuals @ residuals)
+        # The far end of a short arc is known with the square of its distance less.
+        if np.abs(step).max() <= STEP * max(1.0, float(np.abs(found).max()) ** 2):
+            return found + step
+        # Where rounding hides the way down, whole steps still lead to where it ends.
+        rounding = len(q) ** 0.5 * ROUNDING * float(distance.max())
+        settled = rss - fit.rss <= OFFSET * rss + rounding * (rss**0.5 + rounding)
+        for _ in range(HALVINGS):
+            away, distance, residuals = _residuals(q, found + step)
+            if settled or float(residuals @ residuals) < rss:
+                break
+            step = step / 2
+        else:
+            break
+        found = found + step
+    if settled:
+        return found
+    raise GeometryError(f"the {kind} could not be fitted: the points hardly bend")
+
+
+def _gradient(
+    unit: FloatArray, distance: FloatArray, residuals: FloatArray, kind: str
+) -> FloatArray:
+    """d(c, r)/dp (d + 1, n, d) of the minimum, in any unit of length."""
+    n, d = unit.shape
+    outer = unit[:, :, None] * unit[:, None, :]
+    along = outer + (residuals / distance)[:, None, None] * (np.eye(d) - outer)
+    H = np.zeros((d + 1, d + 1))
+    H[:d, :d] = along.sum(axis=0)
+    H[:d, d] = H[d, :d] = unit.sum(axis=0)
+    H[d, d] = n
+    if np.linalg.eigvalsh(H)[0] <= 0:
+        raise GeometryError(f"the {kind} could not be fitted: the points hardly bend")
+    right = np.concatenate([along.transpose(1, 0, 2), unit[None]])
+    solved: FloatArray = np.linalg.solve(H, right.reshape(d + 1, -1)).reshape(d + 1, n, d)
+    return solved

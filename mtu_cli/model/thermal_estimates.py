@@ -1,0 +1,142 @@
+"""The drifts of a machine's components, from its own file or from a thermal-fit report."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mtu_cli.errors import InputError, Problem, did_you_mean
+from mtu_cli.files.machine import Component, LoadedMachine
+from mtu_cli.files.thermal_contract import Thermal
+from mtu_cli.files.thermal_file import ReportedDrift, ThermalReport
+from mtu_cli.model.thermal import ThermalEstimate, through_positions
+from mtu_cli.units import UNITS
+
+SAME_TEMPERATURE = 1e-9
+"""degC; less is the rounding of a number that went through text."""
+
+
+def thermal_from_machine_file(machine: LoadedMachine) -> dict[str, ThermalEstimate]:
+    """The drifts that the machine file states, by component."""
+    reference = machine.machine.reference_temperature_degC
+    return {
+        name: _stated(name, entry, entry.thermal, reference)
+        for name, entry in machine.machine.components.items()
+        if entry.thermal is not None
+    }
+
+
+def _stated(name: str, entry: Component, thermal: Thermal, reference: float) -> ThermalEstimate:
+    """Exactly known coefficients; what they leave is a shift of the component as a whole."""
+    unit = UNITS[entry.unit]
+    sensors = tuple(thermal.gradients)
+    gradients = np.array([thermal.gradients[sensor] for sensor in sensors]).T
+    positions = thermal.positions_mm
+    powers = thermal.degree + 1
+    coefficients = gradients
+    if positions is not None:
+        coefficients = through_positions(np.array(positions, float), gradients, thermal.degree)
+    leftover = np.zeros((powers, powers))
+    leftover[0, 0] = (thermal.s_leftover * unit.to_internal) ** 2
+    size = powers * len(sensors)
+    return ThermalEstimate(
+        component=name,
+        of=entry.of,
+        unit=unit,
+        sensors=sensors,
+        reference=reference,
+        coefficients=coefficients * unit.to_internal,
+        covariance=np.zeros((size, size)),
+        coefficient_dof=np.inf,
+        leftover=leftover,
+        leftover_dof=np.inf,
+        time_constants=np.array([thermal.time_constants_min.get(s, 0.0) for s in sensors], float),
+        sensor_u=np.array([thermal.sensor_u_degC.get(s, 0.0) for s in sensors], float),
+        position_range=None if positions is None else (min(positions), max(positions)),
+    )
+
+
+def thermal_from_report(
+    machine: LoadedMachine, report: ThermalReport
+) -> dict[str, ThermalEstimate]:
+    """The drifts of a thermal-fit report, which win over those of the machine file.
+
+    Raises InputError where the report and the machine disagree on a component, its axis, its
+    kind of unit, or the reference temperature.
+    """
+    found = thermal_from_machine_file(machine)
+    problems: list[Problem] = []
+    for name, item in report.components.items():
+        entry = machine.machine.components.get(name)
+        if entry is None:
+            problems.append(
+                Problem(
+                    what=f"{machine.source.shown} has no component {name!r}",
+                    file=report.source.shown,
+                    path=f"results.components.{name}",
+                    expected=did_you_mean(name, machine.machine.components),
+                )
+            )
+            continue
+        problems += _differences(machine, report, name, entry, item)
+        found[name] = _reported(name, item)
+    if problems:
+        raise InputError(problems)
+    return found
+
+
+def _differences(
+    machine: LoadedMachine,
+    report: ThermalReport,
+    name: str,
+    entry: Component,
+    item: ReportedDrift,
+) -> list[Problem]:
+    shown = machine.source.shown
+    found = []
+    # A drift that is the same everywhere needs no axis.
+    same_axis = entry.of == item.of or (item.of is None and item.degree == 0)
+    if not same_axis or UNITS[entry.unit].dimension != UNITS[item.unit].dimension:
+        what = f"{name!r} is of {item.of} in {item.unit} in the thermal-fit report"
+        found.append(("", what, f"of {entry.of} in {entry.unit}, as in {shown}"))
+    reference = machine.machine.reference_temperature_degC
+    if not math.isclose(
+        item.reference_temperature_degC, reference, rel_tol=0, abs_tol=SAME_TEMPERATURE
+    ):
+        what = f"the drift counts from {item.reference_temperature_degC:g} degC"
+        expected = f"{reference:g}, the reference temperature of {shown}: fit again"
+        found.append((".reference_temperature_degC", what, expected))
+    return [
+        Problem(
+            what=what,
+            file=report.source.shown,
+            path=f"results.components.{name}{key}",
+            expected=expected,
+        )
+        for key, what, expected in found
+    ]
+
+
+def _reported(name: str, item: ReportedDrift) -> ThermalEstimate:
+    unit = UNITS[item.unit]
+    f = unit.to_internal
+    powers, sensors = item.degree + 1, len(item.sensors)
+    size = powers * sensors
+    ranges = item.temperature_range_degC
+    return ThermalEstimate(
+        component=name,
+        of=item.of,
+        unit=unit,
+        sensors=tuple(item.sensors),
+        reference=item.reference_temperature_degC,
+        coefficients=np.array(item.coefficients, float).reshape(powers, sensors) * f,
+        covariance=np.array(item.covariance, float).reshape(size, size) * f**2,
+        coefficient_dof=np.inf if item.coefficient_dof is None else item.coefficient_dof,
+        leftover=np.array(item.leftover_covariance, float) * f**2,
+        leftover_dof=np.inf if item.leftover_dof is None else item.leftover_dof,
+        time_constants=np.array(item.time_constants_min, float),
+        sensor_u=np.array(item.sensor_u_degC, float),
+        temperature_range=None if ranges is None else np.array(ranges, float).reshape(sensors, 2),
+        position_range=item.position_range_mm,
+    )

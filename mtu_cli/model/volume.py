@@ -1,0 +1,88 @@
+"""Places all over a machine's volume, for maps of its error and uncertainty."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.language import names
+from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.stats.least_squares import FloatArray
+
+if TYPE_CHECKING:
+    from mtu_cli.files.machine import LoadedMachine
+
+MOST_PLACES = 3000
+"""The covariance of all places is calculated: its side is this times the axes."""
+
+
+def grid_of(
+    machine: LoadedMachine, model: MachineModel, text: str
+) -> tuple[tuple[str, ...], FloatArray]:
+    """Ids and coordinates (n, 3) in mm of a grid over the travels that the machine file states.
+
+    `text` is a count an axis, such as 5 or 7,5,3; an axis that a constant fixes, or that no
+    equation and component needs, has one place (nan where nothing fixes it).
+
+    Raises InputError for a count that is none, or an axis without travel.
+    """
+    counts = _counts(text)
+    fixed = model.position_constants()
+    needed = _needed(model)
+    travels = machine.machine.axes
+    levels: list[FloatArray] = []
+    problems = []
+    for axis, count in zip(AXES, counts, strict=True):
+        if axis in fixed:
+            levels.append(np.array([fixed[axis]]))
+        elif axis not in needed:
+            levels.append(np.array([np.nan]))
+        elif axis not in travels:
+            problems.append(
+                Problem(
+                    what=f"--grid: the travel of {axis} is not known",
+                    file=machine.source.shown,
+                    line=machine.line_of("axes"),
+                    path="axes",
+                    expected=f"axes: {{{axis}: {{travel_mm: [LOW, HIGH]}}}}",
+                )
+            )
+        else:
+            low, high = sorted(travels[axis].travel_mm)
+            middle = [(low + high) / 2]
+            levels.append(np.array(middle) if count == 1 else np.linspace(low, high, count))
+    if problems:
+        raise InputError(problems)
+    points = np.array(list(product(*levels)))
+    if len(points) > MOST_PLACES:
+        raise fault(f"--grid: {len(points)} places", value=text, expected=f"at most {MOST_PLACES}")
+    names = tuple(",".join(f"{value:g}" for value in row if np.isfinite(value)) for row in points)
+    return names, points
+
+
+def _counts(text: str) -> tuple[int, int, int]:
+    try:
+        counts = [int(part) for part in text.split(",")]
+    except ValueError:
+        counts = []
+    if len(counts) == 1:
+        counts *= 3
+    if len(counts) != 3 or min(counts) < 1:
+        raise fault("--grid is not a count an axis", value=text, expected="such as 5 or 7,5,3")
+    return counts[0], counts[1], counts[2]
+
+
+def _needed(model: MachineModel) -> set[str]:
+    """Axes that a component or a lever arm depends on."""
+    found: set[str] = set()
+    for term in model.terms:
+        found |= {term.estimate.of} if term.estimate.of else set()
+        for lever in term.levers.values():
+            found |= set(names(lever))
+    for nodes in model.remainders.values():
+        for node in nodes:
+            found |= set(names(node))
+    return found & set(AXES)

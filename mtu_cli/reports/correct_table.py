@@ -1,0 +1,179 @@
+"""The tables of correct: diameters and lengths before and after, then the points."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mtu_cli.analyses.correct.result import CorrectResult, Size
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.reports.numbers import MISSING, interval, plus_minus, significant
+from mtu_cli.reports.tables import Column, Sheet
+from mtu_cli.units import UM
+
+SHOWN = 40
+"""Points listed one by one; of more each axis is summed up."""
+SIZES = 60
+"""Diameters or lengths listed."""
+ROUNDING_MM = 1e-7
+SIGN = "corrected = measured + correction; correction = minus the modelled error"
+
+
+def table(result: CorrectResult) -> list[Sheet]:
+    """Circles, spheres and lengths where there are any, then the points."""
+    sheets = []
+    for title, items in (
+        ("Circles", result.of_kind("circle")),
+        ("Spheres", result.of_kind("sphere")),
+        ("Lengths", result.of_kind("length")),
+    ):
+        if items:
+            sheets.append(_sizes(title, items))
+    sheets.append(_listed(result) if len(result.points) <= SHOWN else _summed(result))
+    return sheets
+
+
+def _sizes(title: str, items: tuple[Size, ...]) -> Sheet:
+    rounds = items[0].kind != "length"
+    warm = any(math.isfinite(item.temperature) for item in items)
+    columns = [
+        Column(title="id\n", text=True, folds=True),
+        Column(title="part\n", text=True, folds=True),
+    ]
+    columns += [Column(title="T\ndegC")] if warm else []
+    columns += [
+        Column(title="calibrated\nmm" if rounds else "nominal\nmm"),
+        Column(title="before\num"),
+        Column(title="after\num"),
+        Column(title="95 %\num"),
+        Column(title="reduction\n%"),
+    ]
+    columns += [Column(title="form\num")] if rounds else []
+    rows = [_row(item, rounds=rounds, warm=warm) for item in items[:SIZES]]
+    against = "calibrated diameter" if rounds else "nominal length"
+    notes = [
+        f"before, after: measured minus {against}, after ± its u; "
+        "reduction: 100 (1 - |after|/|before|)"
+    ]
+    if rounds:
+        notes.append("u and 95 % with the calibration's; form: range of radial residuals")
+    if any(len(item.repeats) > 1 for item in items):
+        notes.append("means over the repeats of a part, which share what the machine did to it")
+    if len(items) > SIZES:
+        notes.append(f"{len(items) - SIZES} more in the report (-o)")
+    return Sheet(title=f"{title} before and after", columns=columns, rows=rows, notes=notes)
+
+
+def _row(item: Size, *, rounds: bool, warm: bool) -> list[str]:
+    u = item.u_error / UM
+    before, after = (value / UM for value in item.error)
+    low, high = (end / UM for end in item.error_interval95)
+    if math.isnan(item.reference):
+        # Without a reference the sizes themselves are all that can be told.
+        return [
+            item.id,
+            _part(item),
+            *([_degC(item.temperature)] if warm else []),
+            MISSING,
+            f"{item.size[0]:.4f} mm",
+            f"{plus_minus(item.size[1], item.u)} mm",
+            MISSING,
+            MISSING,
+            _form(item),
+        ]
+    row = [item.id, _part(item), *([_degC(item.temperature)] if warm else [])]
+    row += [
+        f"{item.reference:.4f}",
+        plus_minus(before, u).partition(" ")[0],
+        plus_minus(after, u),
+        interval(low, high, u),
+        _percent(item.reduction_percent),
+    ]
+    return [*row, _form(item)] if rounds else row
+
+
+def _part(item: Size) -> str:
+    return " ".join(word for word in (item.operation, item.part) if word)
+
+
+def _degC(value: float) -> str:
+    return f"{value:.1f}" if math.isfinite(value) else MISSING
+
+
+def _percent(value: float) -> str:
+    return f"{value:.1f}" if math.isfinite(value) else MISSING
+
+
+def _form(item: Size) -> str:
+    """Form errors, um; what is below a tenth of a nanometre is rounding."""
+    sides = (0.0 if side < ROUNDING_MM else side / UM for side in item.form)
+    return " to ".join(significant(side) for side in sides)
+
+
+def _listed(result: CorrectResult) -> Sheet:
+    points = result.points
+    axes = [AXES.index(axis) for axis in result.axes]
+    repeated = bool((points.repeat >= 0).any())
+    columns = [
+        Column(title="part\n", text=True, folds=True),
+        Column(title="feature\n", text=True, folds=True),
+    ]
+    columns += [Column(title="repeat\n")] if repeated else []
+    for axis in result.axes:
+        columns += [Column(title=f"{axis} correction\num"), Column(title=f"{axis} corrected\nmm")]
+    rows = []
+    for i in range(len(points)):
+        row = [points.parts[points.part[i]], points.features[points.feature[i]]]
+        row += [str(points.repeat[i]) if points.repeat[i] >= 0 else MISSING] if repeated else []
+        for k in axes:
+            row.append(plus_minus(-result.error[i, k] / UM, result.u[i, k] / UM))
+            row.append(_mm(result.corrected[i, k], result.u[i, k]))
+        rows.append(row)
+    return Sheet(
+        title="Points", columns=columns, rows=rows, notes=[f"{SIGN}; ± u; {_kind(result)}"]
+    )
+
+
+def _mm(value: float, u: float) -> str:
+    """A coordinate to a tenth of a um, or coarser where its uncertainty is."""
+    if not math.isfinite(value):
+        return MISSING
+    return f"{value:.4f}" if not math.isfinite(u) or u < 0.01 else f"{value:.3f}"
+
+
+def _summed(result: CorrectResult) -> Sheet:
+    columns = [
+        Column(title="axis\n", text=True),
+        Column(title="points\n"),
+        *(Column(title=f"{name}\num") for name in ("least", "mean", "largest", "u mean", "u max")),
+    ]
+    rows = []
+    for axis in result.axes:
+        correction = -result.error[:, AXES.index(axis)] / UM
+        u = result.u[:, AXES.index(axis)] / UM
+        known = np.isfinite(correction)
+        correction, u = correction[known], u[known]
+        typical = float(u.mean())
+        rows.append(
+            [
+                axis,
+                str(len(u)),
+                *(_rounded(value, typical) for value in (correction.min(), correction.mean())),
+                _rounded(float(correction.max()), typical),
+                significant(typical),
+                significant(float(u.max())),
+            ]
+        )
+    notes = [f"{SIGN}; all points with --csv or -o; {_kind(result)}"]
+    return Sheet(title="Corrections of the points", columns=columns, rows=rows, notes=notes)
+
+
+def _rounded(value: float, u: float) -> str:
+    return plus_minus(float(value), u).partition(" ")[0]
+
+
+def _kind(result: CorrectResult) -> str:
+    if result.independent:
+        return "components and points taken as independent (Gilsinn & Ling 2004)"
+    return "covariance of shared passes and coefficients included"

@@ -1,0 +1,81 @@
+"""Units and names that every view of a thermal fit shares."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift
+from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.reports.numbers import significant
+from mtu_cli.units import ARCSEC, LENGTH, UM, Unit
+
+DETAILED = 6
+"""Components whose sensors are listed and drawn."""
+
+SEVERAL_CYCLES = 3
+"""With fewer a model chosen on held-out cycles leaves none to judge it on."""
+
+
+def shown_in(unit: Unit) -> tuple[str, float]:
+    """("um", mm in one um) for a length, ("arcsec", rad in one arcsec) for an angle."""
+    return ("um", UM) if unit.dimension == LENGTH else ("arcsec", ARCSEC)
+
+
+def by_share(item: ComponentDrift) -> list[str]:
+    """The sensors of the model, the one with the largest part of the drift first."""
+    return sorted(item.estimate.sensors, key=lambda name: -item.shares.get(name, 0.0))
+
+
+def twins(item: ComponentDrift, sensor: str) -> tuple[str, ...]:
+    """The sensors for which `sensor` stands beside itself."""
+    for group in item.groups:
+        if group[:1] == (sensor,):
+            return group[1:]
+    return ()
+
+
+def gradient_u(estimate: ThermalEstimate, sensor: int, position: float) -> float:
+    """Standard uncertainty of a sensor's gradient at `position` (mm): mm or rad per degC.
+
+    u^2 = x' C x with x the powers of the position and C the sensor's block of the covariance.
+    """
+    x = position ** np.arange(estimate.degree + 1.0)
+    count = len(estimate.sensors)
+    C = estimate.covariance[sensor::count, sensor::count]
+    return float(np.sqrt(np.clip(x @ C @ x, 0.0, None)))
+
+
+def change(before: float, after: float, size: float) -> str:
+    """ "12.3 → 0.352": two root mean squares in units of `size`."""
+    return f"{significant(before / size, 3)} → {significant(after / size, 3)}"
+
+
+def nothing_held_out(item: ComponentDrift) -> str:
+    """In plain words why there is no held-out figure, and what would give one."""
+    cycles = len(item.cycles)
+    if cycles <= 1:
+        return (
+            "all readings are of one cycle, so none is left to test the model on, and how well it "
+            "fits says little about another day; a second warm-up or cool-down would"
+        )
+    if cycles < SEVERAL_CYCLES:
+        return (
+            "both cycles were needed to fit and choose the model, so none is left to judge it; "
+            "a third warm-up or cool-down would"
+        )
+    return f"its {cycles} cycles give none to test the model on; complete cycles would"
+
+
+def spread(count: int, most: int) -> list[int]:
+    """At most `most` of `count` places, ends included, evenly apart."""
+    if count <= most:
+        return list(range(count))
+    return [round(i * (count - 1) / (most - 1)) for i in range(most)]
+
+
+def cut(name: str, length: int) -> str:
+    """A name without its middle where it is long: numbered sensors differ at the end."""
+    if len(name) <= length:
+        return name
+    end = (length - 3) // 2
+    return f"{name[: length - 3 - end]}...{name[-end:]}"

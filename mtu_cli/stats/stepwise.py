@@ -1,0 +1,113 @@
+"""Forward-backward selection of columns on compressed rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import fdtrc
+
+from mtu_cli.stats.compressed import Compressed
+from mtu_cli.stats.least_squares import FloatArray, least_squares
+
+ENTER = 0.05
+REMOVE = 0.10
+_NOTHING_LEFT = 1e-12
+"""Share of a column, or of the sum of squares, below which only rounding is left."""
+_ROUNDING = 1e-24
+"""The same for residuals, whose cancellation is known."""
+
+
+def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> tuple[int, ...]:
+    """The chosen of the columns 1 ... k-2; column 0 is the constant, the last one the target.
+
+    Forward-backward selection by the partial F of each column (Draper & Smith, Applied
+    Regression Analysis, 1998, ch. 15): the best one enters at p < `enter`, any whose p rises
+    above `remove` leaves again. Residuals of one warm-up follow each other, so that n counts
+    with the effective number of independent ones, n (1 - r)/(1 + r), r the autocorrelation of
+    the residuals on all columns (Bayley & Hammersley 1946, J. R. Stat. Soc. Suppl. 8,
+    184-197): those on few columns hold the drift itself and would let nothing enter.
+    """
+    chosen: list[int] = []
+    everything = range(1, rows.factor.shape[1] - 1)
+    number = effective_number(
+        rows.n, residual_autocorrelation(rows, fitted_weights(rows, everything))
+    )
+    seen: set[frozenset[int]] = set()
+    # A set of columns that was there before would come back for ever.
+    while frozenset(chosen) not in seen:
+        seen.add(frozenset(chosen))
+        entering = _best_entry(rows, chosen, number, enter)
+        if entering is None:
+            break
+        chosen.append(entering)
+        while (leaving := _worst(rows, chosen, number, remove)) is not None:
+            chosen.remove(leaving)
+    return tuple(sorted(chosen))
+
+
+def effective_number(n: int, autocorrelation: float) -> float:
+    """n (1 - r)/(1 + r), between 1 and n: a negative autocorrelation gives no credit."""
+    r = min(max(autocorrelation, 0.0), 1.0)
+    return max(n * (1 - r) / (1 + r), 1.0)
+
+
+def residual_autocorrelation(rows: Compressed, weights: FloatArray) -> float:
+    """Lag-1 autocorrelation of the residuals Z w, w (k,); 0 where they are rounding alone."""
+    mean_square = float(np.sum((rows.factor @ weights) ** 2)) / rows.n
+    cancelled = float(np.sum((rows.factor * weights) ** 2)) / rows.n
+    if mean_square <= _ROUNDING * cancelled or rows.pairs < 1:
+        return 0.0
+    return float(weights @ rows.lag @ weights) / rows.pairs / mean_square
+
+
+def fitted_weights(rows: Compressed, chosen: Sequence[int]) -> FloatArray:
+    """w (k,) such that Z w are the residuals of the target on constant and chosen columns."""
+    used = [0, *chosen]
+    fit = least_squares(rows.factor[:, used], rows.factor[:, -1])
+    weights = np.zeros(rows.factor.shape[1])
+    weights[-1] = 1.0
+    weights[used] = -fit.coefficients
+    return weights
+
+
+def _best_entry(rows: Compressed, chosen: Sequence[int], number: float, limit: float) -> int | None:
+    k = rows.factor.shape[1]
+    others = [j for j in range(1, k - 1) if j not in chosen]
+    if not others:
+        return None
+    Q = np.linalg.qr(rows.factor[:, [0, *chosen]])[0]
+    own = rows.factor[:, others]
+    left = own - Q @ (Q.T @ own)
+    residual = rows.factor[:, -1] - Q @ (Q.T @ rows.factor[:, -1])
+    squares = np.sum(left**2, axis=0)
+    usable = squares > _NOTHING_LEFT * np.sum(own**2, axis=0)
+    gain = np.where(usable, (left.T @ residual) ** 2 / np.where(usable, squares, 1.0), 0.0)
+    best = int(np.argmax(gain))
+    dof = number - len(chosen) - 2
+    p = _partial_p(rows, dof, float(gain[best]), float(residual @ residual))
+    return others[best] if p < limit else None
+
+
+def _worst(rows: Compressed, chosen: Sequence[int], number: float, limit: float) -> int | None:
+    if len(chosen) < 2:
+        return None
+    fit = least_squares(rows.factor[:, [0, *chosen]], rows.factor[:, -1])
+    loss = fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:]
+    least = int(np.argmin(loss))
+    dof = number - len(chosen) - 1
+    p = _partial_p(rows, dof, float(loss[least]), fit.rss + float(loss[least]))
+    return chosen[least] if p > limit else None
+
+
+def _partial_p(rows: Compressed, dof: float, gain: float, before: float) -> float:
+    """p of F = gain / (what is left / its effective degrees of freedom)."""
+    if dof <= 0:
+        return 1.0
+    rss = before - gain
+    total = float(np.sum(rows.factor[:, -1] ** 2))
+    if before <= _NOTHING_LEFT * total:
+        return 1.0
+    if rss <= _NOTHING_LEFT * before:
+        return 0.0
+    return float(fdtrc(1, dof, gain / rss * dof))

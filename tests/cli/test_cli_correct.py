@@ -1,0 +1,191 @@
+"""`mtu correct`: a ring and points that a virtual machine measured, report, table, picture, CSV."""
+
+from __future__ import annotations
+
+import json
+from math import hypot, isfinite
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_runner import Listing, done, listing, mtu
+from csv_examples import rows_of
+from report_numbers import numbers
+
+MACHINE = """\
+schema: mtu/machine/1
+name: warm machine
+components:
+  px: {of: x, unit: um, coefficients: [2, -0.06], covariance: [[0.04, 0], [0, 1.0e-6]],
+       pass_covariance: [[0.2, 0], [0, 4.0e-6]], s_repeat: 0.4, dof: 8}
+  py: {of: y, unit: um, coefficients: [1, -0.05], covariance: [[0.04, 0], [0, 1.0e-6]],
+       pass_covariance: [[0.3, 0], [0, 4.0e-6]], s_repeat: 0.5, dof: 8}
+  grow: {unit: um/m, coefficients: [-11], u_future: 0.5}
+equations:
+  Ex: px + grow*x*(T_scale_degC - 20)
+  Ey: py + grow*y*(T_scale_degC - 20)
+"""
+PART = """\
+schema: mtu/part/1
+name: ring on a plate
+z_mm: 0
+features:
+  A: {x_mm: 290, y_mm: 180}
+  B: {x_mm: 245, y_mm: 257.942286}
+  C: {x_mm: 155, y_mm: 257.942286}
+  D: {x_mm: 110, y_mm: 180}
+  E: {x_mm: 155, y_mm: 102.057714}
+  F: {x_mm: 245, y_mm: 102.057714}
+"""
+RING = """\
+circles:
+  - {id: ring, features: [A, B, C, D, E, F], calibrated_mm: {20: 180.0124, 26: 180.0137},
+     U_um: 1.0, temperature: T_ring_degC}
+"""
+LENGTH = "lengths: [{from: A, to: D}]\n"
+OUTPUTS = ("-o", "out.json", "--csv", "out.csv", "--plot", "out.png")
+FILES = ("-m", "machine.yaml", "-p", "part.yaml", "--cmm", "cmm.csv")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A machine, a part and what the machine measured of three parts, twice each."""
+    work = tmp_path_factory.mktemp("correct")
+    (work / "machine.yaml").write_text(MACHINE)
+    (work / "part.yaml").write_text(PART + RING + LENGTH)
+    made = ("--parts", "3", "--repeats", "2", "--cmm-u-um", "0.2", "--seed", "3")
+    warm = ("--covariate", "T_scale_degC: 20 + sequence", "--covariate", "T_ring_degC: 23")
+    done(mtu("simulate", *FILES[:4], *made, *warm, "--write-cmm", "cmm.csv", cwd=work))
+    return work
+
+
+@pytest.fixture(scope="module")
+def outputs(folder: Path) -> Listing:
+    """All outputs of one call, the table under ""."""
+    result = done(mtu("correct", *FILES, *OUTPUTS, cwd=folder))
+    assert result.stderr == ""
+    return listing(folder) | {"": result.stdout.encode()}
+
+
+@pytest.fixture(scope="module")
+def document(outputs: Listing) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(outputs["out.json"] or b"")
+    return found
+
+
+def test_the_report_holds_what_the_contract_names(document: dict[str, Any]) -> None:
+    assert document["schema"] == "mtu/correct/1"
+    assert [item["role"] for item in document["inputs"]] == ["machine", "part", "cmm"]
+    results = document["results"]
+    assert [len(results[key]) for key in ("points", "circles", "spheres", "lengths")] == [
+        36, 3, 0, 3,
+    ]  # fmt: skip
+    for point in results["points"]:
+        assert set(point) >= {"part", "feature", "measured", "correction_um", "corrected"}
+    for ring in results["circles"]:
+        assert set(ring) >= {"id", "diameter_mm", "error_um", "u_um", "reduction_percent"}
+        assert set(ring["diameter_mm"]) == set(ring["error_um"]) == {"before", "after"}
+        assert ring["n_repeats"] == len(ring["repeats"]) == 2
+    # Only z, which is not measured here, and unnamed operations are null.
+    nulls = {name for name, value in numbers(results) if value is None}
+    assert all(name.endswith((".z", ".z_mm", ".operation")) for name in nulls)
+
+
+def test_the_figures_follow_from_each_other(document: dict[str, Any]) -> None:
+    for point in document["results"]["points"]:
+        for axis in "xy":
+            moved = point["corrected"][f"{axis}_mm"] - point["measured"][f"{axis}_mm"]
+            assert 1000 * moved == pytest.approx(point["correction_um"][axis], abs=1e-7)
+            assert point["u_correction_um"][axis] > 0
+    for ring in document["results"]["circles"]:
+        error = ring["error_um"]
+        assert ring["calibrated_mm"] == pytest.approx(180.01305)
+        for side in ("before", "after"):
+            own = 1000 * (ring["diameter_mm"][side] - ring["calibrated_mm"])
+            assert error[side] == pytest.approx(own, abs=1e-7)
+            mean = sum(item["diameter_mm"][side] for item in ring["repeats"]) / 2
+            assert ring["diameter_mm"][side] == pytest.approx(mean, rel=1e-15)
+        left = abs(error["after"]) / abs(error["before"])
+        assert ring["reduction_percent"] == pytest.approx(100 * (1 - left))
+        assert ring["u_error_um"] == pytest.approx(hypot(ring["u_um"], 0.5))
+        assert ring["E_n"] == pytest.approx(error["after"] / hypot(ring["U_um"], 1.0))
+        low, high = ring["interval95_um"]
+        assert (low + high) / 2 == pytest.approx(error["after"])
+        # The machine's own scatter is 0.5 um a point: nothing of its error of 13 um is left.
+        assert abs(error["after"]) < 3 < abs(error["before"])
+
+
+def test_the_csv_holds_every_point(outputs: Listing, document: dict[str, Any]) -> None:
+    rows = rows_of((outputs["out.csv"] or b"").decode())
+    points = document["results"]["points"]
+    assert len(rows) == len(points) == 36
+    for row, point in zip(rows, points, strict=True):
+        assert (row["part"], row["feature"]) == (point["part"], point["feature"])
+        assert int(row["repeat"]) == point["repeat"]
+        for axis in "xy":
+            assert float(row[f"measured_{axis}_mm"]) == point["measured"][f"{axis}_mm"]
+            assert float(row[f"correction_{axis}_um"]) == point["correction_um"][axis]
+            assert float(row[f"u_correction_{axis}_um"]) == point["u_correction_um"][axis]
+            assert float(row[f"corrected_{axis}_mm"]) == point["corrected"][f"{axis}_mm"]
+        assert row["correction_z_um"] == row["corrected_z_mm"] == ""
+
+
+def test_table_and_picture(outputs: Listing, document: dict[str, Any]) -> None:
+    table = (outputs[""] or b"").decode()
+    assert table.startswith("Circles before and after\n")
+    assert max(map(len, table.splitlines())) <= 100
+    for ring in document["results"]["circles"]:
+        start = f"ring  {ring['part']} "
+        (line,) = [line for line in table.splitlines() if line.startswith(start)]
+        assert "180.0131" in line
+        assert f"{ring['reduction_percent']:.1f}" in line
+    assert (outputs["out.png"] or b"").startswith(b"\x89PNG\r\n\x1a\n")
+    assert len(outputs["out.png"] or b"") > 5000
+
+
+def test_the_same_bytes_again(folder: Path, outputs: Listing) -> None:
+    alone = done(mtu("correct", *FILES, "-o", "-", cwd=folder))
+    assert alone.stdout.encode() == outputs["out.json"]
+
+
+@pytest.mark.parametrize("part", [PART, PART + LENGTH], ids=["points", "lengths"])
+def test_without_circles(folder: Path, tmp_path: Path, part: str) -> None:
+    (tmp_path / "part.yaml").write_text(part)
+    files = ("-m", folder / "machine.yaml", "-p", "part.yaml", "--cmm", folder / "cmm.csv")
+    result = done(mtu("correct", *files, *OUTPUTS, cwd=tmp_path))
+    assert result.stderr == ""
+    assert ("Lengths before and after" in result.stdout) == ("lengths" in part)
+    assert "Circles" not in result.stdout
+    found = json.loads((tmp_path / "out.json").read_text())["results"]
+    assert found["circles"] == []
+    assert len(found["points"]) == 36
+    assert (tmp_path / "out.png").stat().st_size > 5000
+
+
+def test_without_a_part(folder: Path, tmp_path: Path) -> None:
+    """The points' own nominal places do; the temperature of the scales is given for all."""
+    rows = "P1,a,290.01,180.02,290,180\nP1,b,110.01,180.01,110,180\n"
+    (tmp_path / "cmm.csv").write_text(f"part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm\n{rows}")
+    files = ("-m", folder / "machine.yaml", "--cmm", "cmm.csv", "--at", "T_scale_degC=20")
+    result = done(mtu("correct", *files, "-o", "out.json", cwd=tmp_path))
+    assert "[no-part]" in result.stderr
+    found = json.loads((tmp_path / "out.json").read_text())
+    first = found["results"]["points"][0]
+    assert first["correction_um"]["x"] == pytest.approx(-(2 - 0.06 * 290.01))
+    assert first["correction_um"]["y"] == pytest.approx(-(1 - 0.05 * 180.02))
+    assert all(isfinite(value) for _, value in numbers(first["measured"]) if value is not None)
+
+
+def test_the_temperature_of_the_ring_may_be_given(folder: Path, tmp_path: Path) -> None:
+    """--at that only the calibration needs is no covariate too many; the rows' own come first."""
+    (tmp_path / "part.yaml").write_text(PART + RING.replace("T_ring_degC", "T_room_degC"))
+    files = ("-m", folder / "machine.yaml", "-p", "part.yaml", "--cmm", folder / "cmm.csv")
+    at = ("--at", "T_room_degC=29", "--at", "T_scale_degC=40", "--at", "load=2")
+    result = done(mtu("correct", *files, *at, "-o", "-", cwd=tmp_path))
+    found = json.loads(result.stdout)
+    codes = [item["code"] for item in found["warnings"]]
+    assert codes == [
+        "covariate-not-needed", "covariate-of-the-points", "outside-calibrated-temperature",
+    ]  # fmt: skip
+    assert "load" in found["warnings"][0]["message"]
+    assert found["results"]["circles"][0]["calibrated_mm"] == pytest.approx(180.01435)

@@ -1,0 +1,183 @@
+"""`mtu simulate`: drift tests, and parts measured at several temperatures."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from cli_runner import done, listing, mtu
+from support import CONFIGS, DATA
+
+RING = CONFIGS / "valdes-ring"
+CMM = CONFIGS / "valdes-cmm"
+MACHINE = """\
+schema: mtu/machine/1
+name: m
+axes: {y: {travel_mm: [0, 300]}}
+components:
+  a:
+    of: y
+    unit: um
+    coefficients: [1, 0.01]
+    thermal: {gradients: {T_a_degC: 2.0, T_b_degC: -1.0}}
+  t:
+    unit: arcsec
+    coefficients: [3]
+    thermal: {gradients: {T_b_degC: 0.5}}
+constants: {arm: 100}
+equations: {Ex: a, Ey: arm*t}
+"""
+PART = """\
+schema: mtu/part/1
+name: p
+features:
+  a: {x_mm: 90, y_mm: 0, z_mm: 0}
+  b: {x_mm: -90, y_mm: 0, z_mm: 0}
+  c: {x_mm: 54, y_mm: 72, z_mm: 0}
+circles:
+  - {id: ring, features: [a, b, c], calibrated_mm: {20: 180, 26: 180.006}, temperature: T_r_degC}
+"""
+EXACT = ("--sensor-noise-degC", 0, "--reading-noise-um", 0, "--reading-noise-arcsec", 0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "machine.yaml").write_text(MACHINE)
+    (tmp_path / "part.yaml").write_text(PART)
+    return tmp_path
+
+
+def simulate(folder: Path, *words: object) -> None:
+    done(mtu("simulate", "-m", "machine.yaml", "-p", "part.yaml", *words, cwd=folder))
+
+
+def table(path: Path) -> pd.DataFrame:
+    return pd.read_csv(path, comment="#")
+
+
+def test_shipped_ring_data_are_made_again_byte_for_byte(tmp_path: Path) -> None:
+    """The options are the file's own: the Makefile's target `data` in its header."""
+    makefile = (CONFIGS.parent / "Makefile").read_text()
+    command = next(part for part in makefile.split("$(MTU) ") if "$(VR)/truth.yaml" in part)
+    words = command.split("\n\n")[0].replace("\\\n", " ").replace("$(VR)", str(RING))
+    call = [word.replace("data/valdes-ring/", "") for word in shlex.split(words)]
+    done(mtu(*call, cwd=tmp_path))
+    for name, content in listing(tmp_path).items():
+        assert content == (DATA / "valdes-ring" / name).read_bytes(), name
+    assert set(listing(tmp_path)) == {"laser.csv", "drift.csv", "ring.csv"}
+
+
+def test_shipped_drift_is_sensible() -> None:
+    drift = table(DATA / "valdes-ring" / "drift.csv")
+    assert drift["error"].abs().max() < 100
+    sensors = [str(name) for name in drift if str(name).startswith("T_")]
+    assert len(sensors) == 18
+    assert sorted(drift["cycle"].unique()) == [1, 2, 3, 4]
+    r = np.corrcoef(drift[sensors].to_numpy().T)
+    pairs = np.argwhere(np.triu(r, 1) >= 0.999)
+    assert [(sensors[i], sensors[j]) for i, j in pairs] == [("T_02_degC", "T_18_degC")]
+
+
+def test_drift_follows_the_temperatures_of_its_row(folder: Path) -> None:
+    simulate(folder, "--write-drift", "d.csv", *EXACT, "--cycles", 2, "--interval-min", 10,
+             "--drift-positions", "a: 0 300")  # fmt: skip
+    found = table(folder / "d.csv")
+    a, b = found["T_a_degC"] - 20, found["T_b_degC"] - 20
+    of_a = found["component"] == "a"
+    wanted = np.where(of_a, 2 * a - b, 0.5 * b)
+    # Temperatures are written to 1 mK.
+    assert found["error"].to_numpy() == pytest.approx(wanted, abs=0.5e-3 * 3 + 0.5e-3)
+    assert sorted(found.loc[of_a, "position_mm"].unique()) == [0, 300]
+    assert found.loc[~of_a, "position_mm"].isna().all()
+    assert set(found.loc[~of_a, "unit"]) == {"arcsec"}
+    assert len(found) == 2 * 3 * 20
+
+
+def test_without_positions_the_drift_is_read_in_the_middle_of_the_travel(folder: Path) -> None:
+    simulate(folder, "--write-drift", "d.csv", "--cycles", 1)
+    found = table(folder / "d.csv")
+    assert set(found.loc[found["component"] == "a", "position_mm"]) == {150}
+
+
+def test_parts_take_the_rooms_in_turn_and_have_the_drift_of_their_temperatures(
+    folder: Path,
+) -> None:
+    simulate(folder, "--write-cmm", "p.csv", "--cmm-room", 20, "--cmm-room", 26, "--parts", 4,
+             "--repeats", 1, "--cmm-u-um", 0, "--sensor-noise-degC", 0,
+             "--covariate", "T_r_degC: 20")  # fmt: skip
+    found = table(folder / "p.csv")
+    a, b = found["T_a_degC"] - 20, found["T_b_degC"] - 20
+    nominal = found["feature"].map({"a": 90.0, "b": -90.0, "c": 54.0})
+    y = found["feature"].map({"a": 0.0, "b": 0.0, "c": 72.0})
+    Ex = 1e-3 * (1 + 0.01 * y + 2 * a - b)
+    # Coordinates are written to 1 nm.
+    assert (found["x_mm"] - nominal).to_numpy() == pytest.approx(Ex.to_numpy(), abs=1e-6)
+    warm = a.groupby(found["part"]).mean()
+    assert warm[[1, 3]].abs().max() < 0.6
+    assert warm[[2, 4]].min() > 4
+
+
+def test_a_calibrated_ring_grows(folder: Path) -> None:
+    common = ("--cmm-room", 20, "--parts", 1, "--repeats", 1, "--cmm-u-um", 0, "--seed", 3)
+    for name, T in (("cold", 20), ("warm", 26), ("between", 22)):
+        simulate(folder, "--write-cmm", f"{name}.csv", *common, "--covariate", f"T_r_degC: {T}")
+    cold, warm, between = (table(folder / f"{n}.csv") for n in ("cold", "warm", "between"))
+    grown = warm[["x_mm", "y_mm"]] - cold[["x_mm", "y_mm"]]
+    assert grown.to_numpy() == pytest.approx(
+        np.array([[3, 0], [-3, 0], [1.8, 2.4]]) * 1e-3, abs=2e-6
+    )
+    part = between["x_mm"] - cold["x_mm"]
+    assert part.to_numpy() == pytest.approx(np.array([1, -1, 0.6]) * 1e-3, abs=2e-6)
+
+
+def test_temperatures_that_nobody_gives(folder: Path) -> None:
+    call = ("simulate", "-m", "machine.yaml", "-p", "part.yaml", "--write-cmm", "p.csv")
+    result = mtu(*call, cwd=folder)
+    assert result.returncode == 2
+    assert "'T_a_degC'" in result.stderr
+    assert "--cmm-room DEGC" in result.stderr
+    assert not (folder / "p.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--room", "26:20"), "--room is not LOW:HIGH"),
+        (("--room", "warm"), "--room is not LOW:HIGH"),
+        (("--sensor-lag-min", "-1:5"), "--sensor-lag-min is not LOW:HIGH"),
+        (("--interval-min", "0"), "--interval-min is out of range"),
+        (("--cycle-minutes", "inf"), "--cycle-minutes is out of range"),
+        (("--interval-min", "1e-6"), "the drift test is too long"),
+        (("--settled-drift", "aa: 3"), "did you mean"),
+        (("--settled-drift", "a: 3 4"), "--settled-drift gives 2 values of a"),
+        (("--settled-drift", "a: x"), "--settled-drift is not NAME: NUMBERS"),
+        (("--settled-drift", "a: 1", "--settled-drift", "a: 2"), "names 'a' twice"),
+        (("--twin", "T_c_degC: T_q_degC"), "--twin is not NAME: SENSOR"),
+        (("--twin", "T_b_degC: T_a_degC"), "--twin has no name of its own"),
+    ],
+)
+def test_options_that_cannot_be(folder: Path, words: tuple[str, ...], message: str) -> None:
+    call = ("simulate", "-m", "machine.yaml", "-p", "part.yaml", "--write-drift", "d.csv")
+    result = mtu(*call, *words, cwd=folder)
+    assert result.returncode == 2, result.stderr
+    assert message in result.stderr
+    assert "Traceback" not in result.stderr
+    assert not (folder / "d.csv").exists()
+
+
+def test_a_machine_without_thermal_models(folder: Path) -> None:
+    truth = CONFIGS / "gilsinn-ling-simulated" / "truth.yaml"
+    result = mtu("simulate", "-m", truth, "--write-drift", "d.csv", cwd=folder)
+    assert result.returncode == 2
+    assert "has a thermal model" in result.stderr
+
+
+def test_the_shipped_machine_predicts_with_its_temperatures(tmp_path: Path) -> None:
+    at = [word for k in range(1, 18) for word in ("--at", f"T_{k:02d}_degC=20")]
+    done(mtu("predict-points", CMM, *at, "-q", "-o", tmp_path / "r.json"))
+    result = mtu("predict-points", CMM, "-q", "-o", tmp_path / "n.json")
+    assert result.returncode == 2
+    assert "the drift of ry_x" in result.stderr

@@ -1,0 +1,67 @@
+"""How often the 95 % interval of a corrected diameter holds the true one.
+
+Machines as in `machine_trials`, read by a ball bar and fitted by the package; each then measures
+a ring whose true size is known, with a state and repeatabilities of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from correct_examples import ring_places, ring_points
+from machine_trials import AXY, CENTRE, COMPONENTS, Drift, Z, pass_states, read_machine
+from numpy.typing import NDArray
+
+from mtu_cli.analyses.correct import correct
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.part import LoadedPart
+from mtu_cli.model.fit import estimates_from_fit, fit_machine
+from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.settings import Settings
+
+Floats = NDArray[np.float64]
+CENTRE_OF_RING = (80.0, 80.0)
+DIAMETER = 120.0
+
+
+def errors_at(rng: np.random.Generator, drift: Drift, place: Floats) -> Floats:
+    """True errors (n, 3) of one part's points at `place` (n, 3), mm: eq. (1) written out."""
+    states = pass_states(rng, drift, 1)
+    v: dict[str, Floats] = {}
+    for name, (axis, b0, b1, repeat, _, _) in COMPONENTS.items():
+        p = place[:, "xy".index(axis)]
+        level, slope = states[name][0]
+        v[name] = b0 + b1 * p + level + slope * (p - CENTRE)
+        v[name] = v[name] + repeat * rng.standard_normal(len(p))
+    axy = AXY[0] + AXY[1] * rng.standard_normal()
+    x, y = place[:, 0], place[:, 1]
+    Ex = v["dx_x"] + v["dx_y"] + Z * v["ey_x"] + y * (v["ez_x"] + v["ez_y"] - axy)
+    Ey = v["dy_x"] + v["dy_y"] - x * v["ez_x"] - Z * v["ex_y"]
+    return np.column_stack([Ex, Ey, np.zeros(len(x))])
+
+
+def diameter_coverage(
+    known: LoadedMachine, part: LoadedPart, drift: Drift, machines: int, seed: int
+) -> tuple[float, float]:
+    """Shares of machines whose intervals hold the diameter, and the length of two points."""
+    true = ring_places(CENTRE_OF_RING, DIAMETER)
+    length = float(np.linalg.norm(true[0] - true[5]))
+    held = []
+    for rng in np.random.default_rng(seed).spawn(machines):
+        fit = fit_machine(known, read_machine(rng, drift))
+        model = build_model(known, estimates_from_fit(known, fit))
+        measured = true + errors_at(rng, drift, true)
+        points = ring_points(measured, ["ring"])
+        nominal = true.copy()
+        nominal[:, 2] = np.nan
+        result = correct(model, part, replace(points, nominal=nominal), Settings())
+        (ring,), (found,) = result.of_kind("circle"), result.of_kind("length")
+        held.append(
+            (
+                ring.interval95[0] <= DIAMETER <= ring.interval95[1],
+                found.interval95[0] <= length <= found.interval95[1],
+            )
+        )
+    shares = np.mean(held, axis=0)
+    return float(shares[0]), float(shares[1])

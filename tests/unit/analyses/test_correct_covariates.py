@@ -1,0 +1,130 @@
+"""Where correct takes covariates from, and what it says of those that it cannot have."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from correct_examples import (
+    DIAMETER,
+    codes,
+    error_at,
+    machine,
+    ring_part,
+    ring_points,
+    rings,
+)
+from model_examples import part_of, stated
+from numpy.typing import NDArray
+
+from mtu_cli.analyses.correct import correct
+from mtu_cli.errors import InputError
+from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.settings import Settings
+
+SETTINGS = Settings()
+
+
+def refused(model: MachineModel, part: object, points: object, **at: float) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        correct(model, part, points, SETTINGS, at)  # type: ignore[arg-type]  # as given
+    return [str(problem) for problem in caught.value.problems]
+
+
+def test_covariates_come_from_the_rows_else_from_the_call(tmp_path: Path) -> None:
+    _, measured, temperature = rings(1)
+    model, part = machine(tmp_path), ring_part(tmp_path)
+    bare = ring_points(measured, ["a"])
+    (message,) = refused(model, part, bare)
+    assert "cmm.csv, column 'T_scale_degC': the equations of 'm' need the covariate" in message
+    assert "--at T_scale_degC=VALUE" in message
+    given = correct(model, part, bare, SETTINGS, {"T_scale_degC": 20.0})
+    assert given.error[:, :2] == pytest.approx(error_at(measured, np.full(11, 20.0))[:, :2])
+    own = ring_points(measured, ["a"], None, {"T_scale_degC": temperature})
+    both = correct(model, part, own, SETTINGS, {"T_scale_degC": 35.0})
+    assert both.error[:, :2] == pytest.approx(error_at(measured, temperature)[:, :2])
+    assert codes(both) == ["covariate-of-the-points"]
+
+
+def test_cells_without_a_number_are_told_with_their_rows(tmp_path: Path) -> None:
+    _, measured, temperature = rings(1)
+    model, part = machine(tmp_path), ring_part(tmp_path)
+    holes = temperature.copy()
+    holes[[3, 7]] = np.nan
+    found = refused(model, part, ring_points(measured, ["a"], None, {"T_scale_degC": holes}))
+    assert [text.split(":")[0] for text in found] == [
+        "cmm.csv, row 5, column 'T_scale_degC'",
+        "cmm.csv, row 9, column 'T_scale_degC'",
+    ]
+    texts = np.array([*(f"{value:.2f}" for value in temperature[:10]), "warm"], object)
+    (message,) = refused(model, part, ring_points(measured, ["a"], None, {"T_scale_degC": texts}))
+    assert "row 12, column 'T_scale_degC': not a number: 'warm'" in message
+
+
+def test_a_temperature_of_the_ring_that_nobody_gives(tmp_path: Path) -> None:
+    _, measured, temperature = rings(1)
+    part = ring_part(
+        tmp_path, calibrated_mm="{20: 180.0124, 26: 180.0137}", temperature="T_rings_degC"
+    )
+    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {
+        "T_scale_degC": temperature,
+        "T_ring_degC": temperature,
+    }
+    (message,) = refused(machine(tmp_path), part, ring_points(measured, ["a"], None, own))
+    assert "part.yaml:" in message
+    assert "circles[0].temperature: " in message
+    assert "did you mean 'T_ring_degC'?" in message
+
+
+def test_rings_that_cannot_be_had(tmp_path: Path) -> None:
+    true, _, temperature = rings(2)
+    model, part = machine(tmp_path), ring_part(tmp_path)
+    true[11:, 1] = 180.0
+    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
+    (message,) = refused(model, part, ring_points(true, ["a", "b"], None, own))
+    assert message.startswith("cmm.csv, row 13: the circle 'ring' of part 'b' cannot be had: ")
+    assert "the points lie on a line" in message
+
+
+def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
+    _, measured, temperature = rings(1)
+    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
+    points = ring_points(measured, ["a"], None, own)
+    model = machine(tmp_path)
+    bare = correct(model, ring_part(tmp_path, calibrated_mm=""), points, SETTINGS)
+    assert codes(bare) == ["not-calibrated"]
+    assert np.isnan(bare.sizes[0].error).all()
+    assert bare.sizes[0].size[1] == pytest.approx(DIAMETER, abs=1e-11)
+    kept = np.arange(11) != 4
+    fewer = replace(
+        points,
+        **{
+            name: getattr(points, name)[kept]
+            for name in (
+                "part", "feature", "operation", "measured", "nominal", "repeat", "time_min",
+                "sequence", "direction", "file_index", "row",
+            )
+        },
+        covariates={"T_scale_degC": temperature[kept]},
+    )  # fmt: skip
+    found = correct(model, ring_part(tmp_path), fewer, SETTINGS)
+    assert codes(found) == ["features-missing"]
+    assert found.sizes == ()
+    other = part_of(tmp_path, "features: {q: {x_mm: 0, y_mm: 0}, w: {x_mm: 9, y_mm: 0}}\n"
+                    "lengths: [{from: q, to: w}]\n")  # fmt: skip
+    assert codes(correct(model, other, points, SETTINGS)) == ["not-measured"]
+
+
+def test_points_of_which_nothing_can_be_corrected(tmp_path: Path) -> None:
+    _, measured, _ = rings(1)
+    model = stated(
+        tmp_path,
+        """\
+        components: {s: {of: x, unit: um, coefficients: [0, 0.1], u_future: 0.6}}
+        equations: {Ez: s}
+        """,
+    )
+    (message,) = refused(model, None, ring_points(measured, ["a"]))
+    assert "cmm.csv, column 'z_mm': no point was measured along an axis" in message

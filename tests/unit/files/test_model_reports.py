@@ -1,0 +1,139 @@
+"""Reports that are read back: told apart by their schema, at most one of each kind."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.components_file import ComponentsReport
+from mtu_cli.files.model_reports import ModelReports, read_report, read_reports
+from mtu_cli.files.thermal_file import ThermalReport
+
+FITTED = {
+    "of": None, "unit": "um", "degree": 0, "n_passes": 3, "coefficients": [1.0],
+    "covariance": [[0.1]], "covariance_independent": [[0.1]], "s": 1, "s_repeat": 1,
+    "pass_covariance": [[0]], "pass_covariance_moment": [[0]], "pass_center_mm": 0,
+    "pass_dof": 2, "repeat_dof": None, "position_range_mm": None,
+}  # fmt: skip
+DRIFT = {
+    "of": "y", "unit": "um", "model": "stepwise", "degree": 1, "positions_mm": [0, 75, 200],
+    "sensors": ["T_01_degC", "T_02_degC"], "reference_temperature_degC": 20,
+    "time_constants_min": [0, 40], "coefficients": [[1, 2], [3, 4]],
+    "covariance": [[1, 0, 0, 0], [0, 2, 0, 0], [0, 0, 3, 0], [0, 0, 0, 4]],
+    "coefficient_dof": None, "leftover_covariance": [[0.1, 0], [0, 1e-6]], "leftover_dof": 12.5,
+    "sensor_u_degC": [0.01, 0.02], "temperature_range_degC": [[19, 26], [20, 25]],
+    "position_range_mm": [0, 200], "r2_fit": 0.99,
+}  # fmt: skip
+
+
+def written(tmp_path: Path, name: str, kind: str, component: dict[str, Any]) -> Path:
+    path = tmp_path / name
+    document = {"schema": f"mtu/{kind}/1", "results": {"components": {"a": component}}}
+    path.write_text(json.dumps(document))
+    return path
+
+
+def told(path: Path) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        read_report(path)
+    return [str(problem) for problem in caught.value.problems]
+
+
+def test_reports_are_told_apart(tmp_path: Path) -> None:
+    fitted = written(tmp_path, "c.json", "fit-components", FITTED)
+    drift = written(tmp_path, "t.json", "thermal-fit", DRIFT)
+    assert isinstance(read_report(fitted), ComponentsReport)
+    found = read_report(drift)
+    assert isinstance(found, ThermalReport)
+    item = found.components["a"]
+    assert (item.of, item.unit, item.degree) == ("y", "um", 1)
+    assert item.sensors == ["T_01_degC", "T_02_degC"]
+    assert item.coefficients == [[1, 2], [3, 4]]
+    assert (item.coefficient_dof, item.leftover_dof) == (None, 12.5)
+    assert item.temperature_range_degC == [(19, 26), (20, 25)]
+    assert item.position_range_mm == (0, 200)
+    for order in ([fitted, drift], [drift, fitted]):
+        both = read_reports(order)
+        assert both.components is not None
+        assert both.thermal is not None
+        assert [(s.role, s.shown) for s in both.sources] == [
+            ("components", "c.json"),
+            ("thermal", "t.json"),
+        ]
+    assert read_reports([drift]).components is None
+    assert read_reports([fitted]).thermal is None
+    assert read_reports([]) == ModelReports()
+
+
+def test_two_of_a_kind_and_neither_kind(tmp_path: Path) -> None:
+    fitted = [written(tmp_path, f"c{i}.json", "fit-components", FITTED) for i in (1, 2)]
+    drifts = [written(tmp_path, f"t{i}.json", "thermal-fit", DRIFT) for i in (1, 2)]
+    other = written(tmp_path, "l.json", "lengths", {})
+    (tmp_path / "x.json").write_text("[1]")
+    paths = [*fitted, *drifts, other, tmp_path / "x.json", tmp_path / "qqqqqq"]
+    with pytest.raises(InputError) as caught:
+        read_reports(paths)
+    kinds = (
+        "expected 'mtu/fit-components/1' or 'mtu/thermal-fit/1', as `mtu fit-components -o "
+        "FILE.json` or `mtu thermal-fit -o FILE.json` writes it"
+    )
+    assert [str(problem) for problem in caught.value.problems] == [
+        "c2.json: a second fit-components report, beside c1.json; expected at most one of each "
+        "kind",
+        "t2.json: a second thermal-fit report, beside t1.json; expected at most one of each kind",
+        f"l.json: schema: is not a components report: 'mtu/lengths/1'; {kinds}",
+        f"x.json: schema: is not a components report: 'None'; {kinds}",
+        "qqqqqq: no such file",
+    ]
+
+
+def test_a_drift_without_sensors(tmp_path: Path) -> None:
+    empty = DRIFT | {
+        "sensors": [], "coefficients": [[], []], "covariance": [], "time_constants_min": [],
+        "sensor_u_degC": [], "temperature_range_degC": None,
+    }  # fmt: skip
+    found = read_report(written(tmp_path, "t.json", "thermal-fit", empty))
+    assert isinstance(found, ThermalReport)
+    assert found.components["a"].coefficients == [[], []]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"of": "w"}, "a.of: input should be 'x', 'y' or 'z': \"'w'\"; expected the report as"),
+        ({"of": None}, "a.degree: a drift without `of` does not depend on position: '1'; expected"),
+        ({"unit": "inch"}, "a.unit: unknown unit: 'inch'; expected um, mm"),
+        ({"degree": -1}, "a.degree: input should be greater than or equal to 0"),
+        ({"coefficients": [[1, 2]]}, "a.coefficients: 1 rows of coefficients of a drift of degree"),
+        ({"coefficients": [[1, 2], [3]]}, "a.coefficients.1: 1 coefficients for 2 sensors"),
+        ({"coefficients": [[1, 2], [3, None]]}, "a.coefficients.1.1: input should be a valid num"),
+        ({"covariance": [[1]]}, "a.covariance: covariance is not 4 x 4"),
+        ({"leftover_covariance": [[1]]}, "a.leftover_covariance: leftover_covariance is not 2 x 2"),
+        ({"leftover_covariance": [[-1, 0], [0, 1]]}, "a.leftover_covariance: a variance is negati"),
+        ({"leftover_covariance": [[None, 0], [0, 1]]}, "null: the drift readings do not determine"),
+        ({"leftover_dof": -1}, "a.leftover_dof: input should be greater than or equal to 0"),
+        ({"time_constants_min": [0]}, "a.time_constants_min: 1 entries for 2 sensors"),
+        ({"time_constants_min": [0, -1]}, "a.time_constants_min.1: input should be greater than"),
+        ({"sensor_u_degC": [0, 0, 0]}, "a.sensor_u_degC: 3 entries for 2 sensors"),
+        ({"temperature_range_degC": [[1, 2]]}, "a.temperature_range_degC: 1 entries for 2 sensors"),
+        ({"sensors": ["T_01_degC"] * 2}, "a.sensors.1: the sensor stands twice: 'T_01_degC'"),
+        ({"sensors": ["T_01_degC", "b"]}, "a.sensors.1: not the name of a temperature: 'b'"),
+        ({"reference_temperature_degC": None}, "a.reference_temperature_degC: input should be a"),
+    ],
+)
+def test_faulty_thermal_reports(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+    (found,) = told(written(tmp_path, "t.json", "thermal-fit", DRIFT | change))
+    assert found.startswith("t.json: results.components.a.")
+    assert words in found
+
+
+def test_what_a_thermal_report_lacks(tmp_path: Path) -> None:
+    found = told(written(tmp_path, "t.json", "thermal-fit", {"of": "y", "unit": "um"}))
+    assert len(found) == 12
+    assert all(
+        "is missing; expected the report as `mtu thermal-fit` writes it" in text for text in found
+    )

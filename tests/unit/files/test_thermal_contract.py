@@ -1,0 +1,167 @@
+"""Known drifts in machine files: what is accepted, and every fault with its line and path."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.machine import load_machine
+from mtu_cli.files.schemas import json_schema
+from mtu_cli.files.thermal_contract import Thermal
+
+HEAD = "schema: mtu/machine/1\nname: m\nequations: {Ex: a}\ncomponents:\n"
+
+
+def load(tmp_path: Path, component: str) -> Thermal:
+    path = tmp_path / "m.yaml"
+    path.write_text(f"{HEAD}  a: {component}\n")
+    found = load_machine(path).machine.components["a"].thermal
+    assert found is not None
+    return found
+
+
+def test_a_drift_through_positions(tmp_path: Path) -> None:
+    found = load(
+        tmp_path,
+        "{of: x, unit: um, thermal: {positions_mm: [300, 0, 75], gradients: "
+        "{T_01_degC: [-3.5, 0, 4], T_b_degC: [1, 2, 3]}, time_constants_min: {T_b_degC: 40}, "
+        "s_leftover: 0.3, sensor_u_degC: 0.015}}",
+    )
+    assert found.positions_mm == [300, 0, 75]
+    assert found.degree == 2
+    assert found.gradients["T_01_degC"] == [-3.5, 0, 4]
+    assert found.time_constants_min == {"T_b_degC": 40}
+    assert found.s_leftover == 0.3
+    assert found.sensor_u_degC == {"T_01_degC": 0.015, "T_b_degC": 0.015}
+
+
+def test_a_drift_that_is_the_same_everywhere(tmp_path: Path) -> None:
+    for of in ("of: x, ", ""):
+        found = load(tmp_path, f"{{{of}unit: um, thermal: {{gradients: {{T_a_degC: 2}}}}}}")
+        assert (found.positions_mm, found.degree) == (None, 0)
+        assert found.gradients == {"T_a_degC": [2]}
+        assert (found.time_constants_min, found.s_leftover, found.sensor_u_degC) == ({}, 0, {})
+
+
+def test_a_lower_degree_and_noise_by_sensor(tmp_path: Path) -> None:
+    found = load(
+        tmp_path,
+        "{of: x, unit: um, thermal: {positions_mm: [0, 1, 2], degree: 1, gradients: "
+        "{T_a_degC: [1, 2, 3], T_b_degC: [1, 2, 3]}, sensor_u_degC: {T_b_degC: 0.1}}}",
+    )
+    assert found.degree == 1
+    assert found.sensor_u_degC == {"T_b_degC": 0.1}
+
+
+PLACED = "of: x, unit: um, thermal: {positions_mm: [0, 75], gradients: {T_a_degC: [1, 2]}"
+PLAIN = "unit: um, thermal: {gradients: {T_a_degC: 1}"
+FAULTS = [
+    ("unit: um, thermal: 4", "thermal: wrong value: '4'; expected keys with values"),
+    ("unit: um, thermal: {degree: 0}", "thermal: the key 'gradients' is missing"),
+    ("unit: um, thermal: {gradients: {}}", "thermal.gradients: wrong value: '{}'"),
+    (PLAIN + ", degre: 0}", "thermal.degre: unknown key: 'degre'; did you mean 'degree'?"),
+    (PLAIN + ", degree: 1}", "thermal.degree: a degree without positions: '1'; expected at most 0"),
+    (PLAIN + ", degree: -1}", "thermal.degree: wrong value: '-1'"),
+    (PLACED + ", degree: 2}", "degree too high for the positions: '2'; expected at most 1"),
+    (
+        "of: x, unit: um, thermal: {positions_mm: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10], "
+        "gradients: {T_a_degC: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]}}",
+        "thermal.degree: wrong value: '10'; expected a number of at most 9",
+    ),
+    (
+        "unit: um, thermal: {positions_mm: [0], gradients: {T_a_degC: 1}}",
+        "thermal.positions_mm: positions of a component without `of`; expected `of: x`",
+    ),
+    (
+        "of: x, unit: um, thermal: {positions_mm: [0.0, 5, -0.0], gradients: {T_a_degC: "
+        "[1, 2, 3]}}",
+        "thermal.positions_mm[2]: the position stands twice: '0'",
+    ),
+    (
+        "of: x, unit: um, thermal: {positions_mm: [], gradients: {T_a_degC: 1}}",
+        "thermal.positions_mm: wrong value: '[]'",
+    ),
+    (
+        "of: x, unit: um, thermal: {positions_mm: [0, 75], gradients: {T_a_degC: 1}}",
+        "thermal.gradients.T_a_degC: 1 gradient at 2 positions; expected 2, one a position",
+    ),
+    (
+        "unit: um, thermal: {gradients: {T_a_degC: [1, 2]}}",
+        "thermal.gradients.T_a_degC: 2 gradients at no positions; expected one",
+    ),
+    (
+        "unit: um, thermal: {gradients: {T_a_degC: hot}}",
+        "thermal.gradients.T_a_degC: wrong value: 'hot'; expected a number, or a list of one a",
+    ),
+    (
+        "unit: um, thermal: {gradients: {T_a_degC: [.nan]}}",
+        "thermal.gradients.T_a_degC[0]: wrong value: 'NaN'; expected a finite number",
+    ),
+    (
+        "unit: um, thermal: {gradients: {spindle: 1}}",
+        "thermal.gradients.spindle: not the name of a temperature: 'spindle'; expected "
+        "T_<sensor>_degC, the column of its readings, such as T_spindle_degC",
+    ),
+    (
+        "unit: um, thermal: {gradients: {T_a-b_degC: 1}}",
+        "not the name of a temperature: 'T_a-b_degC'; expected T_<sensor>_degC, the column of "
+        "its readings",
+    ),
+    (
+        PLAIN + ", time_constants_min: {T_a_degc: 3}}",
+        "thermal.time_constants_min.T_a_degc: a sensor without gradients: 'T_a_degc'; did you "
+        "mean 'T_a_degC'?",
+    ),
+    (
+        PLAIN + ", time_constants_min: {T_a_degC: -3}}",
+        "thermal.time_constants_min.T_a_degC: wrong value: '-3'; expected a number of at least 0",
+    ),
+    (PLAIN + ", s_leftover: -1}", "thermal.s_leftover: wrong value: '-1'; expected a number of at"),
+    (
+        PLAIN + ", sensor_u_degC: -1}",
+        "thermal.sensor_u_degC: wrong value: '-1'; expected a number of at least 0, or one for",
+    ),
+    (PLAIN + ", sensor_u_degC: .inf}", "thermal.sensor_u_degC.T_a_degC: wrong value: 'Infinity'"),
+    (
+        PLAIN + ", sensor_u_degC: {T_b_degC: 1}}",
+        "thermal.sensor_u_degC.T_b_degC: a sensor without gradients: 'T_b_degC'; did you mean",
+    ),
+]
+
+
+@pytest.mark.parametrize(("component", "words"), FAULTS, ids=[words for _, words in FAULTS])
+def test_a_faulty_drift(tmp_path: Path, component: str, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, f"{{{component}}}")
+    (problem,) = caught.value.problems
+    assert str(problem).startswith("m.yaml:5: components.a.thermal")
+    assert words in str(problem)
+
+
+def test_every_fault_of_every_drift_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(
+        f"{HEAD}  a:\n    of: x\n    unit: um\n    thermal:\n      positions_mm: [0, 0]\n"
+        "      degree: 2\n      gradients:\n        T_a_degC: 1\n        b: [1, 2]\n"
+        "      sensor_u_degC: {c: 1}\n"
+        "  d: {unit: um, thermal: {gradients: {T_a_degC: [1, 2]}}}\n"
+    )
+    with pytest.raises(InputError) as caught:
+        load_machine(path)
+    assert [str(problem).split(": ")[0] for problem in caught.value.problems] == [
+        f"m.yaml:{line}" for line in (9, 10, 12, 13, 14, 15)
+    ]
+
+
+def test_the_schema_knows_the_drift() -> None:
+    schema = json_schema("machine")
+    drift = schema["$defs"]["Thermal"]
+    assert drift["required"] == ["gradients"]
+    assert set(drift["properties"]) == {
+        "positions_mm", "degree", "gradients", "time_constants_min", "s_leftover", "sensor_u_degC",
+    }  # fmt: skip
+    assert {"type": "number"} in drift["properties"]["sensor_u_degC"]["anyOf"]
+    assert "Thermal" in json.dumps(schema["$defs"]["Component"])

@@ -1,0 +1,110 @@
+"""What correct shows: rounding, nulls, and pictures of every kind of result."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from correct_examples import error_at, machine, ring_part, ring_places, ring_points, seen
+
+from mtu_cli.analyses.correct import CorrectResult, correct
+from mtu_cli.model.settings import Settings
+from mtu_cli.reports.correct import csv_rows, document, figure, table, warnings
+from mtu_cli.reports.csv_text import csv_text
+from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.tables import plain_text
+
+
+def result(folder: Path, parts: int = 2, more: str = "", **ring: str) -> CorrectResult:
+    """Rings of 180.0134 mm, a um larger than their calibration."""
+    true = np.tile(ring_places(diameter=180.0134), (parts, 1))
+    temperature = np.full(11 * parts, 21.0) + np.repeat(0.01 * np.arange(parts), 11)
+    points = ring_points(
+        seen(true, error_at, temperature),
+        [f"part {i}" for i in range(parts)],
+        None,
+        {"T_scale_degC": temperature},
+    )
+    return correct(machine(folder), ring_part(folder, more, **ring), points, Settings())
+
+
+def test_errors_are_rounded_to_their_uncertainty(tmp_path: Path) -> None:
+    found = result(tmp_path)
+    text = plain_text(table(found))
+    assert max(map(len, text.splitlines())) <= 100
+    first = found.sizes[0]
+    (line,) = [item for item in text.splitlines() if item.startswith("ring  part 0 ")]
+    # u = 0.4 um: two digits of it are hundredths of a um.
+    assert 0.1 < 1000 * first.u_error < 0.99
+    assert f"{1000 * first.error[1]:.2f} ± {1000 * first.u_error:.2f}" in line
+    assert f"{1000 * first.error[0]:.2f} " in line
+    assert line.endswith(" to 0")
+
+
+def test_sizes_without_a_reference_are_shown_as_they_are(tmp_path: Path) -> None:
+    found = result(tmp_path, calibrated_mm="")
+    text = plain_text(table(found))
+    assert max(map(len, text.splitlines())) <= 100
+    assert "180.01340 ± 0.00" in text or "180.0134 ± 0.00" in text
+    ring = document(found)["circles"][0]
+    nothing = ("calibrated_mm", "reduction_percent", "E_n", "U_calibrated_um", "s_repeats_um")
+    assert all(ring[name] is None for name in nothing)
+    assert ring["error_um"] == {"before": None, "after": None}
+    assert ring["interval95_um"] == [None, None]
+    assert ring["diameter_mm"]["after"] == pytest.approx(180.0134)
+    # Nothing to draw of rings without a reference: the points are drawn instead.
+    assert len(figure(found).axes) == 2
+
+
+def test_many_points_are_summed_up(tmp_path: Path) -> None:
+    found = result(tmp_path, parts=5)
+    text = plain_text(table(found))
+    assert "Corrections of the points" in text
+    rows = [line.split() for line in text.splitlines() if line.startswith(("x  ", "y  "))]
+    assert [row[:2] for row in rows] == [["x", "55"], ["y", "55"]]
+    correction = -1000 * found.error[:, 0]
+    assert float(rows[0][2]) == pytest.approx(correction.min(), abs=0.05)
+    assert float(rows[0][4]) == pytest.approx(correction.max(), abs=0.05)
+    header, lines = csv_rows(found)
+    assert len(csv_text(header, lines).splitlines()) == 56
+    assert "-0.0," not in csv_text(*csv_rows(found))
+
+
+@pytest.mark.parametrize("kind", ["circles", "lengths", "points", "axis"])
+def test_pictures(tmp_path: Path, kind: str) -> None:
+    found = result(tmp_path, parts=50, more="lengths: [{from: r0, to: r5}]\n", U_um="1.0")
+    if kind == "lengths":
+        found = replace(found, sizes=found.of_kind("length"))
+    if kind in ("points", "axis"):
+        found = replace(found, sizes=())
+    if kind == "axis":
+        found = replace(found, axes=("x",))
+    page = figure(found)
+    panel = page.axes[0]
+    names = [label.get_text() for label in panel.get_yticklabels()]
+    if kind in ("circles", "lengths"):
+        assert len(names) == 40
+        assert "first 40 of 50" in panel.get_title(loc="left")
+        assert names[0].startswith("ring, part part 0" if kind == "circles" else "r0-r5, part")
+        shades = [item.get_label() for item in panel.collections]
+        assert any("calibration" in str(label) for label in shades) == (kind == "circles")
+    elif kind == "axis":
+        assert names == [f"r{i} x" for i in range(11)]
+    else:
+        assert [axes.get_title(loc="left").partition(":")[0] for axes in page.axes] == [
+            "before", "after",
+        ]  # fmt: skip
+    assert len(figure_bytes(page, ".png")) > 5000
+
+
+def test_an_error_of_exactly_nothing_cannot_be_reduced(tmp_path: Path) -> None:
+    found = result(tmp_path)
+    first = found.sizes[0]
+    exact = replace(first, reference=first.size[0], u=0.0)
+    shown = replace(found, sizes=(exact,))
+    assert [item.code for item in warnings(shown)] == ["no-error-before", "no-uncertainty"]
+    assert document(shown)["circles"][0]["reduction_percent"] is None
+    assert document(shown)["circles"][0]["E_n"] is None
+    assert max(map(len, plain_text(table(shown)).splitlines())) <= 100

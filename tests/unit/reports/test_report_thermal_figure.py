@@ -1,0 +1,121 @@
+"""Pictures of thermal-fit: what they show, that nothing hides anything, the same bytes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from thermal_examples import (
+    CYCLES,
+    GRADIENTS,
+    constant,
+    cubic,
+    example,
+    many_positions,
+    without_sensors,
+)
+
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift
+from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.thermal_fit import figure
+
+
+def shrinking() -> ComponentDrift:
+    """A constant that falls as it warms: its bars hang, the first is of no length."""
+    found = constant()
+    return replace(
+        found, estimate=replace(found.estimate, coefficients=-found.estimate.coefficients)
+    )
+
+
+def panels(*components: ComponentDrift) -> list[Axes]:
+    return figure(example(*components)).axes
+
+
+def test_curves_lie_side_by_side_and_show_the_readings() -> None:
+    found = cubic()
+    panel = panels(found)[0]
+    lines = [line for line in panel.lines if len(np.asarray(line.get_xdata())) == 60]
+    assert len(lines) == 2 * len(found.curves)
+    ends = 0.0
+    for c in range(len(CYCLES)):
+        block = lines[8 * c : 8 * c + 8]
+        times = [np.asarray(line.get_xdata()) for line in block]
+        assert min(t.min() for t in times) >= ends
+        assert all(np.ptp(t) == pytest.approx(190.0) for t in times)
+        ends = max(t.max() for t in times)
+    curve = found.curves[5]
+    measured, modelled = lines[10:12]
+    np.testing.assert_allclose(np.asarray(measured.get_ydata()), curve.measured * 1e3)
+    np.testing.assert_allclose(np.asarray(modelled.get_ydata()), curve.modelled * 1e3)
+    assert measured.get_color() == modelled.get_color() != lines[8].get_color()
+    shown = [label.get_text() for label in panel.get_xticklabels(minor=True)]
+    assert shown == list(CYCLES)
+
+
+def test_bars_are_the_shares_and_lines_the_drift_of_the_warm_machine() -> None:
+    found = cubic()
+    _, bars, along = panels(found)
+    widths = [patch.get_width() for patch in bars.patches if isinstance(patch, Rectangle)]
+    assert widths == pytest.approx([44.0, 38.2, 13.0, 9.1, 0.81])
+    first = bars.get_yticklabels()[0].get_text()
+    assert first == "T_02_degC\nand 2 alike"
+    warm = next(line for line in along.lines if str(line.get_label()).startswith("warmest"))
+    assert found.estimate.temperature_range is not None
+    rise = found.estimate.temperature_range[:, 1] - 20.0
+    assert np.asarray(warm.get_ydata())[[0, -1]] == pytest.approx(
+        [rise @ GRADIENTS[:, 0], rise @ GRADIENTS[:, 3]]
+    )
+
+
+def test_without_a_range_all_sensors_are_shown_alike() -> None:
+    along = panels(constant(held_out=False))[2]
+    heights = [patch.get_height() for patch in along.patches if isinstance(patch, Rectangle)]
+    assert heights == pytest.approx([0.0, 3 * (2.81 - 1.1), 6 * (2.81 - 1.1)])
+    assert along.get_xticklabels()[2].get_text() == "all sensors\nat 26 °C"
+
+
+@pytest.mark.parametrize("build", [cubic, many_positions, shrinking])
+def test_nothing_is_written_over_anything(build: Any) -> None:
+    again = replace(build(), name="again")
+    page = figure(example(build(), again, constant("roll_y"), constant(held_out=False)))
+    figure_bytes(page, "png")
+    boxes: dict[tuple[int, int, str], Any] = {}
+    for number, panel in enumerate(page.axes):
+        texts: list[Any] = [*panel.texts, panel.xaxis.label, panel.yaxis.label]
+        texts += [panel._left_title]  # type: ignore[attr-defined]  # where the house writes titles
+        for axis in (panel.xaxis, panel.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+            texts += [tick.label1 for tick in ticks if low <= tick.get_loc() <= high]
+        boxes |= {
+            (number, i, text.get_text()): text.get_window_extent()
+            for i, text in enumerate(texts)
+            if text.get_text()
+        }
+        legend = panel.get_legend()
+        if legend is not None:
+            boxes[number, -1, "legend"] = legend.get_window_extent()
+    assert len(boxes) > 60
+    for (first, box), (second, other) in combinations(boxes.items(), 2):
+        assert not box.overlaps(other), (first, second)
+    assert all(box.x0 >= 0 and box.x1 <= page.bbox.x1 for box in boxes.values())
+
+
+def test_components_left_out_are_named() -> None:
+    items = [replace(constant(), name=f"c{i}") for i in range(8)]
+    page = figure(example(*items))
+    assert len(page.axes) == 18
+    assert page.get_suptitle() == "6 of 8 components; not drawn: c6, c7"
+    assert figure(example(*items[:6])).get_suptitle() == ""
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
+def test_pictures_are_the_same_bytes_every_time(suffix: str) -> None:
+    fit = example(cubic(), without_sensors())
+    assert figure_bytes(figure(fit), suffix) == figure_bytes(figure(fit), suffix)

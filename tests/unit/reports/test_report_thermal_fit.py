@@ -1,0 +1,228 @@
+"""What thermal-fit reports: names and units of the contract, nulls, tables."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from thermal_examples import (
+    CYCLES,
+    GRADIENTS,
+    POSITIONS,
+    SENSORS,
+    constant,
+    cubic,
+    example,
+    many_positions,
+    without_sensors,
+)
+
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift
+from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.reports.tables import plain_text
+from mtu_cli.reports.thermal_fit import CSV_COLUMNS, document, rows, tables
+from mtu_cli.reports.thermal_shown import cut, gradient_u, nothing_held_out, spread
+from mtu_cli.units import UNITS
+
+CONTRACT = {
+    "model", "positions_mm", "sensors", "groups", "coefficients", "r2_fit", "rms_before_um",
+    "rms_after_um", "held_out", "collinearity", "residuals", "of", "unit", "degree",
+    "reference_temperature_degC", "time_constants_min", "covariance", "coefficient_dof",
+    "leftover_covariance", "leftover_dof", "sensor_u_degC", "temperature_range_degC",
+    "position_range_mm", "candidates", "position_test", "shares", "at_positions", "intercepts",
+}  # fmt: skip
+
+
+def written(*components: ComponentDrift) -> dict[str, Any]:
+    """The components of the report as a reader of the file finds them."""
+    text = json.dumps(document(example(*components)), allow_nan=False)
+    found: dict[str, Any] = json.loads(text)["components"]
+    return found
+
+
+def names(value: object) -> set[str]:
+    """Every key of a document."""
+    if isinstance(value, dict):
+        return set(value).union(*(names(item) for item in value.values()))
+    return set().union(*(names(item) for item in value)) if isinstance(value, list) else set()
+
+
+def read_back(entry: dict[str, Any]) -> ThermalEstimate:
+    """The thermal model of a report, by the words of its description."""
+    unit = UNITS[entry["unit"]]
+    f = unit.to_internal
+    return ThermalEstimate(
+        component="", of=entry["of"], unit=unit, sensors=tuple(entry["sensors"]),
+        reference=entry["reference_temperature_degC"],
+        coefficients=np.array(entry["coefficients"]) * f,
+        covariance=np.array(entry["covariance"]) * f**2,
+        coefficient_dof=np.inf if entry["coefficient_dof"] is None else entry["coefficient_dof"],
+        leftover=np.array(entry["leftover_covariance"]) * f**2,
+        leftover_dof=np.inf if entry["leftover_dof"] is None else entry["leftover_dof"],
+        time_constants=np.array(entry["time_constants_min"]),
+        sensor_u=np.array(entry["sensor_u_degC"]),
+    )  # fmt: skip
+
+
+def test_names_and_units() -> None:
+    found = written()
+    entry = found["pos_y"]
+    assert set(entry) >= CONTRACT
+    assert set(found["yaw_y"]) >= {name.replace("_um", "_arcsec") for name in CONTRACT}
+    assert not any("arcsec" in name for name in names(entry))
+    assert not any("_um" in name for name in names(found["yaw_y"]))
+    assert entry["rms_before_um"] == pytest.approx(31.2)
+    held = entry["held_out"]
+    assert (held["by"], held["rms_before_um"]) == ("cycle", pytest.approx(30.9))
+    assert (held["rms_after_um"], held["ordinary_um"]) == pytest.approx((0.31, 0.54))
+    assert [item["cycle"] for item in held["cycles"]] == list(CYCLES)
+    assert held["cycles"][2]["rms_after_um"] == pytest.approx(0.32)
+    assert entry["candidates"][11] == {
+        "model": "lagged", "degree": 3, "rms_held_out_um": pytest.approx(0.305)
+    }  # fmt: skip
+    assert entry["candidates"][7]["rms_held_out_um"] is None
+    assert entry["position_test"] == {"F": 812.4, "p": 1e-40}
+    assert entry["shares"][0] == {"sensor": "T_02_degC", "rms_um": pytest.approx(44.0)}
+    assert entry["intercepts"][3] == {"position_mm": 300.0, "intercept_um": pytest.approx(0.3)}
+    assert found["yaw_y"]["at_positions"][0]["gradients_arcsec_per_degC"]["T_01_degC"] == (
+        pytest.approx(2.81)
+    )
+
+
+def test_units_other_than_um_keep_their_coefficients_and_report_rms_in_um() -> None:
+    found = cubic()
+    mm = replace(found.estimate, unit=UNITS["mm"])
+    entry = written(replace(found, unit=UNITS["mm"], estimate=mm))["pos_y"]
+    assert entry["unit"] == "mm"
+    assert entry["rms_before_um"] == pytest.approx(31.2)
+    assert entry["coefficients"][0] == pytest.approx(GRADIENTS[:, 0] * 1e-3)
+    assert entry["leftover_covariance"][0][0] == pytest.approx((0.3e-3) ** 2)
+
+
+@pytest.mark.parametrize("build", [cubic, constant])
+def test_report_holds_the_whole_model(build: Any) -> None:
+    known = build().estimate
+    again = read_back(written(build())[known.component])
+    place = np.array([0.0, 40.0, 310.0])
+    T = {name: 20.0 + np.array([1.0, -2.0, 6.0]) * (s + 1) for s, name in enumerate(known.sensors)}
+    np.testing.assert_allclose(again.drift(place, T), known.drift(place, T), rtol=1e-12)
+    for name in ("covariance", "leftover", "time_constants", "sensor_u"):
+        np.testing.assert_allclose(getattr(again, name), getattr(known, name), rtol=1e-12)
+    assert (again.coefficient_dof, again.leftover_dof) == (
+        known.coefficient_dof,
+        known.leftover_dof,
+    )
+    assert (again.of, again.reference) == (known.of, known.reference)
+
+
+def test_coefficients_are_um_per_degree_and_power_of_mm() -> None:
+    """The planted gradients come back at the observed positions, by Horner's rule."""
+    coefficients = written()["pos_y"]["coefficients"]
+    for s, i in product(range(len(SENSORS)), range(len(POSITIONS))):
+        value = 0.0
+        for row in reversed(coefficients):
+            value = value * POSITIONS[i] + row[s]
+        assert value == pytest.approx(GRADIENTS[s, i], abs=1e-9)
+
+
+def test_what_cannot_be_had_is_null() -> None:
+    entry = written()["roll_x"]
+    assert entry["held_out"] is None
+    assert entry["position_test"] is None
+    assert entry["positions_mm"] == []
+    assert entry["temperature_range_degC"] is None
+    assert entry["coefficient_dof"] is None
+    assert entry["residuals"]["normality_p"] is None
+    odd = replace(cubic(), condition=np.inf, r2_fit=np.nan)
+    entry = written(odd)["pos_y"]
+    assert (entry["collinearity"]["condition_number"], entry["r2_fit"]) == (None, None)
+    assert entry["collinearity"]["vif"]["T_room_degC"] is None
+    assert written(without_sensors())["still"]["coefficients"] == [[]]
+
+
+def test_csv_has_a_row_a_component_position_and_sensor() -> None:
+    header, found = rows(example(cubic(), constant(), without_sensors()))
+    listed = [dict(zip(header, row, strict=True)) for row in found]
+    assert header == CSV_COLUMNS
+    assert len(listed) == 4 * 5 + 2 + 1
+    twin = listed[16]
+    assert (twin["component"], twin["position_mm"], twin["sensor"]) == ("pos_y", 300.0, "T_02_degC")
+    assert twin["gradient_per_degC"] == pytest.approx(5.03)
+    assert twin["stands_for"] == "T_03_degC T_04_degC"
+    assert (twin["unit"], twin["time_constant_min"], twin["vif"]) == ("um", 12.0, 812.3)
+    assert (listed[20]["position_mm"], listed[20]["u_gradient_per_degC"]) == (
+        None,
+        pytest.approx(0.02),
+    )
+    assert (listed[22]["component"], listed[22]["sensor"]) == ("still", None)
+
+
+def test_uncertainty_of_a_gradient_is_propagated_with_covariances() -> None:
+    rng = np.random.default_rng(8)
+    root = rng.normal(size=(20, 20))
+    estimate = replace(cubic().estimate, covariance=root @ root.T)
+    s, p = 3, 1.7
+    variance = 0.0
+    for m, other in product(range(4), range(4)):
+        variance += p ** (m + other) * float(estimate.covariance[5 * m + s, 5 * other + s])
+    assert gradient_u(estimate, s, p) == pytest.approx(variance**0.5, rel=1e-12)
+    # The same by drawing coefficients: 4 standard errors of a standard deviation.
+    n = 20_000
+    drawn = root @ rng.normal(size=(20, n))
+    spread_of = np.polynomial.polynomial.polyval(p, drawn[s::5]).std()
+    assert spread_of == pytest.approx(variance**0.5, rel=4 / np.sqrt(2 * n))
+
+
+def test_tables_say_what_was_gained_and_tried() -> None:
+    text = plain_text(tables(example()))
+    assert max(map(len, text.splitlines())) <= 100
+    flat = " ".join(text.split())
+    assert "31.2 → 0.251 30.9 → 0.310 99.0 0.540" in flat
+    assert "pos_y um ridge 14.0 9.20 2.30 - " in flat
+    assert "pos_y um lagged 13.8 9.01 2.10 0.305*" in flat
+    assert "T_02_degC stands for T_03_degC, T_04_degC too" in flat
+    assert "roll_x: no held-out figure: all readings are of one cycle" in flat
+    assert "that the drift is the same at all positions: F = 812, p <0.001" in flat
+    order = [flat.index(f"{name} ", flat.index("at 300 mm")) for name in SENSORS]
+    assert np.argsort(order).tolist() == [1, 2, 3, 0, 4]
+    assert flat.index("Thermal models") < flat.index("Models tried") < flat.index("pos_y: grad")
+
+
+def test_a_model_that_makes_it_worse_falls_by_less_than_nothing() -> None:
+    found = cubic()
+    assert found.held_out is not None
+    worse = replace(found, held_out=replace(found.held_out, after=2 * found.held_out.before))
+    assert "30.9 → 61.8     -100" in plain_text(tables(example(worse)))
+    nothing = replace(found, held_out=replace(found.held_out, before=0.0, after=0.0))
+    assert "nan" not in plain_text(tables(example(nothing)))
+
+
+@pytest.mark.parametrize(
+    ("cycles", "says"), [(1, "one cycle"), (2, "both cycles"), (5, "its 5 cycles")]
+)
+def test_plain_words_where_nothing_was_held_out(cycles: int, says: str) -> None:
+    found = replace(constant(), cycles=tuple("abcde"[:cycles]), held_out=None)
+    assert says in nothing_held_out(found)
+    assert " would" in nothing_held_out(found)
+
+
+def test_tables_of_large_and_of_empty_fits_stay_in_their_columns() -> None:
+    others = [replace(constant(), name=f"c{i}") for i in range(6)]
+    text = plain_text(tables(example(many_positions(), without_sensors(), *others)))
+    assert max(map(len, text.splitlines())) <= 100
+    assert "6 of 9 positions; all of them: --csv FILE" in text
+    assert "still: no sensor explains the drift" in text
+    assert "not listed sensor by sensor: c4, c5" in text
+    bare = replace(constant(held_out=False), candidates=())
+    assert "Models tried" not in plain_text(tables(example(bare)))
+
+
+def test_names_are_cut_in_their_middle() -> None:
+    assert cut("T_spindle_degC", 14) == "T_spindle_degC"
+    assert cut("T_front_bearing_07", 14) == "T_fron...ng_07"
+    assert spread(9, 4) == [0, 3, 5, 8]
+    assert spread(3, 4) == [0, 1, 2]

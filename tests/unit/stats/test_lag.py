@@ -1,0 +1,121 @@
+"""First-order lags against closed forms, an integrator of differential equations and a filter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import lsim
+
+from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.stats.least_squares import FloatArray
+
+
+def uneven(n: int = 40, seed: int = 3) -> tuple[FloatArray, FloatArray]:
+    """A rough signal of two columns at uneven times, in min."""
+    rng = np.random.default_rng(seed)
+    return 20 + rng.normal(size=(n, 2)).cumsum(axis=0), np.cumsum(rng.uniform(0.2, 9.0, n))
+
+
+def test_against_an_integrator() -> None:
+    """tau du/dt = T - u, interval by interval, so that no step of the integrator has a kink."""
+    signal, time = uneven()
+    tau = 12.0
+    T = signal[:, 0]
+    found = first_order_lag(signal, time, np.array([tau]))[0, :, 0]
+    u = T[0]
+    for i in range(1, len(time)):
+
+        def slope(t: float, state: FloatArray) -> FloatArray:
+            return np.asarray((np.interp(t, time, T) - state) / tau, float)
+
+        span = (float(time[i - 1]), float(time[i]))
+        u = solve_ivp(slope, span, np.array([u]), rtol=1e-10, atol=1e-12).y[0, -1]
+        assert found[i] == pytest.approx(u, rel=1e-8)
+
+
+def test_against_fine_steps_of_euler() -> None:
+    """The error of Euler's steps h is about h/(2 tau) of the change: less than 1e-3 degC here."""
+    signal, time = uneven()
+    tau, h = 30.0, 1e-3
+    fine = np.arange(time[0], time[-1], h)
+    T = np.interp(fine, time, signal[:, 0])
+    u = signal[0, 0]
+    seen = []
+    for value in T[:-1]:
+        seen.append(u)
+        u += h / tau * (value - u)
+    found = first_order_lag(signal[:, :1], time, np.array([tau]))[0, :, 0]
+    assert np.interp(time[:-1], fine[:-1], seen) == pytest.approx(found[:-1], abs=1e-3)
+
+
+@pytest.mark.parametrize("tau", [0.5, 10.0, 300.0])
+def test_against_a_first_order_hold_filter(tau: float) -> None:
+    time = np.arange(0.0, 190.0, 2.5)
+    T = np.sin(time / 17) * 3
+    _, expected, _ = lsim(([1.0], [tau, 1.0]), T - T[0], time, interp=True)
+    found = first_order_lag(T[:, None], time, np.array([tau]))[0, :, 0] - T[0]
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-10)
+
+
+def test_step_response() -> None:
+    """A step between two samples that are next to each other: 63.212 % after one tau."""
+    time = np.concatenate([[-1e-9], np.arange(0.0, 200.0, 5.0)])
+    T = np.where(time < 0, 20.0, 26.0)[:, None]
+    found = first_order_lag(T, time, np.array([40.0]))[0, :, 0]
+    assert found[1:] == pytest.approx(26 - 6 * np.exp(-time[1:] / 40), abs=1e-8)
+    assert found[time == 40.0] == pytest.approx([20 + 6 * 0.632120558829], abs=1e-8)
+
+
+def test_a_ramp_is_followed_tau_late() -> None:
+    time = np.arange(0.0, 500.0, 1.0)
+    found = first_order_lag((0.03 * time)[:, None], time, np.array([20.0]))[0, :, 0]
+    assert found == pytest.approx(0.03 * (time - 20 + 20 * np.exp(-time / 20)), rel=1e-9, abs=1e-12)
+
+
+def test_constants_in_any_order_and_columns_apart() -> None:
+    signal, time = uneven()
+    together = first_order_lag(signal, time, np.array([5.0, 0.0, 80.0]))
+    assert together.shape == (3, 40, 2)
+    assert (together[1] == signal).all()
+    for k, tau in ((0, 5.0), (2, 80.0)):
+        for j in range(2):
+            alone = first_order_lag(signal[:, j : j + 1], time, np.array([tau]))[0, :, 0]
+            assert together[k, :, j] == pytest.approx(alone, rel=1e-14)
+
+
+def test_halving_the_steps_of_a_piecewise_linear_signal_changes_nothing() -> None:
+    signal, time = uneven()
+    fine = np.sort(np.concatenate([time, (time[1:] + time[:-1]) / 2]))
+    finer = np.column_stack([np.interp(fine, time, column) for column in signal.T])
+    tau = np.array([7.0])
+    coarse = first_order_lag(signal, time, tau)
+    assert first_order_lag(finer, fine, tau)[:, ::2] == pytest.approx(coarse, rel=1e-12)
+
+
+@pytest.mark.parametrize("second", [0.0, 40.0], ids=["earlier", "the same moment"])
+def test_a_time_that_does_not_advance_starts_a_new_run(second: float) -> None:
+    signal, _ = uneven(30)
+    first = np.linspace(0.0, 40.0, 15)
+    time = np.concatenate([first, second + np.linspace(0.0, 40.0, 15)])
+    tau = np.array([9.0])
+    found = first_order_lag(signal, time, tau)
+    for run in (slice(0, 15), slice(15, 30)):
+        alone = first_order_lag(signal[run], time[run], tau)
+        assert found[:, run] == pytest.approx(alone, rel=1e-14)
+    assert found[0, 15] == pytest.approx(signal[15], rel=1e-15)
+
+
+def test_settled_signals_and_infinite_steps() -> None:
+    constant = np.full((5, 1), 21.5)
+    assert first_order_lag(constant, np.arange(5.0), np.array([3.0]))[0] == pytest.approx(constant)
+    far = first_order_lag(np.array([[20.0], [26.0]]), np.array([0.0, np.inf]), np.array([3.0]))
+    assert far[0, :, 0] == pytest.approx([20.0, 26.0])
+    assert first_order_lag(constant[:1], np.zeros(1), np.array([3.0])).shape == (1, 1, 1)
+
+
+def test_the_given_signal_is_left_alone() -> None:
+    signal, time = uneven()
+    before = signal.copy()
+    first_order_lag(signal, time, np.array([0.0, 5.0]))
+    assert (signal == before).all()

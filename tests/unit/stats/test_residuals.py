@@ -1,0 +1,137 @@
+"""Normality, condition numbers and variance inflation against scipy, statsmodels and by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.stats import kurtosistest, normaltest, skewtest
+
+from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.residuals import (
+    _of_kurtosis,
+    _of_skewness,
+    condition_number,
+    normality_p,
+    variance_inflation,
+)
+
+SAMPLES: dict[str, Callable[[np.random.Generator, int], FloatArray]] = {
+    "normal": lambda rng, n: rng.normal(size=n),
+    "skewed": lambda rng, n: rng.exponential(size=n),
+    "flat": lambda rng, n: rng.uniform(size=n),
+    "heavy": lambda rng, n: rng.standard_t(3, size=n),
+    "two values": lambda rng, n: np.where(np.arange(n) % 3, 0.0, 1.0),
+}
+
+
+@pytest.mark.parametrize("n", [20, 25, 100, 3000])
+@pytest.mark.parametrize("kind", SAMPLES)
+def test_normality_is_scipys(kind: str, n: int) -> None:
+    values = SAMPLES[kind](np.random.default_rng(n), n)
+    found = normality_p(values)
+    assert found == pytest.approx(float(normaltest(values).pvalue), rel=1e-9)
+    centred = values - values.mean()
+    m2 = np.mean(centred**2)
+    skewness, kurtosis = np.mean(centred**3) / m2**1.5, np.mean(centred**4) / m2**2
+    assert _of_skewness(skewness, n) == pytest.approx(
+        float(skewtest(values).statistic), rel=1e-9, abs=1e-12
+    )
+    assert _of_kurtosis(kurtosis, n) == pytest.approx(float(kurtosistest(values).statistic))
+
+
+def test_normality_rejects_as_often_as_it_says() -> None:
+    """5 % of normal samples; the approximation itself is good to about 0.6 % at n = 50."""
+    rng = np.random.default_rng(8)
+    found = [normality_p(rng.normal(size=50)) for _ in range(4000)]
+    rate = np.mean([p is not None and p < 0.05 for p in found])
+    assert abs(rate - 0.05) < 4 * np.sqrt(0.05 * 0.95 / 4000) + 0.006
+
+
+def test_an_effective_number_stands_for_the_number() -> None:
+    values = np.random.default_rng(9).exponential(size=400)
+    few, some = normality_p(values, 40.0), normality_p(values, 150.5)
+    whole = normality_p(values)
+    assert few is not None
+    assert some is not None
+    assert whole is not None
+    assert few > some > whole
+    # The same moments in a tenth of the rows: n is all that the test takes from their number.
+    tenth = normality_p(np.tile(values[:40], 10), 40.0)
+    assert tenth == pytest.approx(normality_p(values[:40]), rel=1e-9)
+    assert normality_p(values, 1000.0) == whole
+
+
+def test_no_normality_of_few_or_equal_values() -> None:
+    rng = np.random.default_rng(10)
+    assert normality_p(rng.normal(size=19)) is None
+    assert normality_p(rng.normal(size=20)) is not None
+    assert normality_p(rng.normal(size=100), 19.9) is None
+    assert normality_p(np.full(50, 2.0)) is None
+
+
+def columns(n: int = 60) -> FloatArray:
+    rng = np.random.default_rng(11)
+    X = rng.normal(size=(n, 4)) @ rng.normal(size=(4, 4)) * [1.0, 1e3, 1e-3, 1.0] + [20, 0, 1, -5]
+    centred: FloatArray = X - X.mean(axis=0)
+    return centred
+
+
+def test_variance_inflation_is_statsmodels_and_one_over_one_less_r_squared() -> None:
+    # statsmodels ships no types.
+    from statsmodels.stats.outliers_influence import (  # type: ignore[import-untyped]
+        variance_inflation_factor,
+    )
+
+    X = columns()
+    found = variance_inflation(X)
+    with_one = np.column_stack([np.ones(len(X)), X])
+    for j in range(4):
+        assert found[j] == pytest.approx(variance_inflation_factor(with_one, j + 1), rel=1e-8)
+        own = X[:, j]
+        r2 = 1 - least_squares(np.delete(X, j, axis=1), own).rss / (own @ own)
+        assert found[j] == pytest.approx(1 / (1 - r2), rel=1e-8)
+
+
+def test_variance_inflation_of_two_columns() -> None:
+    x = np.array([1.0, -1.0, 1.0, -1.0])
+    z = np.array([1.0, 1.0, -1.0, -1.0])
+    r = 0.6
+    pair = np.column_stack([x, r * x + np.sqrt(1 - r**2) * z])
+    assert variance_inflation(pair) == pytest.approx([1 / 0.64, 1 / 0.64], rel=1e-12)
+    assert condition_number(pair) == pytest.approx(np.sqrt(1.6 / 0.4), rel=1e-12)
+    assert variance_inflation(np.column_stack([x, z])) == pytest.approx([1.0, 1.0])
+    assert condition_number(np.column_stack([x, 50 * z])) == pytest.approx(1.0)
+
+
+def test_dependent_columns() -> None:
+    X = columns()
+    X[:, 3] = X[:, 0] / X[:, 0].std() - X[:, 1] / X[:, 1].std()
+    found = variance_inflation(X)
+    assert np.isinf(found[[0, 1, 3]]).all()
+    assert found[2] == pytest.approx(variance_inflation(X[:, :3])[2], rel=1e-6)
+    assert condition_number(X) == np.inf
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_more_columns_than_rows_depend_on_each_other(n: int) -> None:
+    X = columns()[:n]
+    assert condition_number(X) == np.inf
+    assert np.isinf(variance_inflation(X)).all()
+
+
+def test_a_column_of_nothing() -> None:
+    X = columns()
+    X[:, 1] = 0.0
+    assert condition_number(X) == np.inf
+    assert variance_inflation(X)[[0, 2, 3]] == pytest.approx(
+        variance_inflation(X[:, [0, 2, 3]]), rel=1e-9
+    )
+
+
+def test_rotated_rows_tell_the_same() -> None:
+    X = columns()
+    R = np.linalg.qr(X)[1]
+    assert condition_number(R) == pytest.approx(condition_number(X), rel=1e-9)
+    assert variance_inflation(R) == pytest.approx(variance_inflation(X), rel=1e-9)

@@ -1,0 +1,200 @@
+"""Forward-backward selection against full refits, and its error rates against simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import f as f_distribution
+
+from mtu_cli.stats.compressed import Compressed, compress
+from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.stepwise import (
+    effective_number,
+    fitted_weights,
+    residual_autocorrelation,
+    stepwise,
+)
+
+
+def independent(Z: FloatArray) -> Compressed:
+    """Rows without any autocorrelation, so that their number is their effective one."""
+    rows = compress(Z)
+    return replace(rows, lag=np.zeros_like(rows.lag))
+
+
+def rss(Z: FloatArray, chosen: Sequence[int]) -> float:
+    return least_squares(Z[:, [0, *chosen]], Z[:, -1]).rss
+
+
+def partial_p(Z: FloatArray, less: Sequence[int], more: Sequence[int], number: float) -> float:
+    left = rss(Z, more)
+    dof = number - len(more) - 1
+    return float(f_distribution.sf((rss(Z, less) - left) / left * dof, 1, dof))
+
+
+def by_full_refits(Z: FloatArray, number: float, enter: float, remove: float) -> list[int]:
+    """The textbook's procedure, every step by regressions from scratch."""
+    chosen: list[int] = []
+    for _ in range(100):
+        others = [j for j in range(1, Z.shape[1] - 1) if j not in chosen]
+        entry = {j: partial_p(Z, chosen, [*chosen, j], number) for j in others}
+        best = min(entry, key=lambda j: rss(Z, [*chosen, j]), default=0)
+        if not best or entry[best] >= enter:
+            return sorted(chosen)
+        chosen.append(best)
+        while True:
+            exits = {j: partial_p(Z, [i for i in chosen if i != j], chosen, number) for j in chosen}
+            worst = max(exits, key=lambda j: exits[j], default=0)
+            if not worst or exits[worst] <= remove:
+                break
+            chosen.remove(worst)
+    raise AssertionError("no end")
+
+
+def collinear_data(seed: int, n: int = 40, k: int = 7) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(n, k)) @ rng.normal(size=(k, k)) + 20
+    y = X @ (rng.normal(size=k) * (rng.uniform(size=k) < 0.5)) + rng.normal(size=n) * 2
+    return np.column_stack([np.ones(n), X, y])
+
+
+@pytest.mark.parametrize("limits", [(0.05, 0.10), (0.15, 0.15)])
+def test_against_full_refits(limits: tuple[float, float]) -> None:
+    sizes = set()
+    for seed in range(60):
+        Z = collinear_data(seed)
+        expected = by_full_refits(Z, len(Z), *limits)
+        assert list(stepwise(independent(Z), *limits)) == expected
+        sizes.add(len(expected))
+    assert len(sizes) > 3
+
+
+def test_against_full_refits_with_an_effective_number() -> None:
+    differ = 0
+    for seed in range(20):
+        Z = collinear_data(seed, n=200)
+        Z[:, -1] += 6 * ar1(np.random.default_rng(seed), 200, 0.9)
+        rows = compress(Z)
+        residuals = least_squares(Z[:, :-1], Z[:, -1]).residuals
+        r = (residuals[:-1] @ residuals[1:] / 199) / (residuals @ residuals / 200)
+        number = float(200 * (1 - r) / (1 + r))
+        chosen = list(stepwise(rows))
+        assert chosen == by_full_refits(Z, number, 0.05, 0.10)
+        differ += chosen != by_full_refits(Z, 200, 0.05, 0.10)
+    assert differ > 0
+
+
+def test_limits_that_would_go_round_for_ever() -> None:
+    """Entering is easier than staying: what enters leaves at once."""
+    for seed in range(10):
+        Z = collinear_data(seed)
+        chosen = stepwise(independent(Z), enter=0.9, remove=0.01)
+        assert set(chosen) <= set(range(1, 8))
+
+
+def test_an_exact_fit_is_found_and_ends() -> None:
+    rng = np.random.default_rng(1)
+    X = rng.normal(size=(30, 5)) + 20
+    Z = np.column_stack([np.ones(30), X, 2 * X[:, 1] - X[:, 3] + 4])
+    assert stepwise(independent(Z)) == (2, 4)
+
+
+def test_nothing_to_choose() -> None:
+    rng = np.random.default_rng(2)
+    one, x = np.ones(20), rng.normal(size=20)
+    assert stepwise(compress(np.column_stack([one, x]))) == ()
+    assert stepwise(compress(np.column_stack([one, x, np.full(20, 3.0)]))) == ()
+    assert stepwise(compress(np.column_stack([one, np.full(20, 7.0), x]))) == ()
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_a_line_through_two_readings_is_no_evidence(n: int) -> None:
+    x = np.array([1.0, 2.0])
+    assert stepwise(compress(np.column_stack([np.ones(2), x, x**2])[:n])) == ()
+
+
+def test_noise_free_readings_of_a_slow_column() -> None:
+    """What is left is rounding, which may follow itself: it must not hide the column."""
+    x = np.linspace(20.0, 26.0, 500)
+    for slope in np.geomspace(1e-5, 1e3, 30):
+        assert stepwise(compress(np.column_stack([np.ones(500), x, slope * x + 0.3]))) == (1,)
+
+
+def test_collinear_columns_enter_once() -> None:
+    rng = np.random.default_rng(3)
+    X = rng.normal(size=(40, 2))
+    y = X @ [1.0, 2.0] + 0.1 * rng.normal(size=40)
+    Z = np.column_stack([np.ones(40), X, X[:, 0] - X[:, 1], 3 * X[:, 0], y])
+    chosen = stepwise(independent(Z))
+    assert len(chosen) == 2
+    assert rss(Z, chosen) == pytest.approx(rss(Z, [1, 2]), rel=1e-9)
+
+
+def test_units_and_offsets_do_not_matter() -> None:
+    for seed in range(10):
+        Z = collinear_data(seed)
+        other = Z * [1.0, 1e-3, 1.0, 1e4, 1.0, 7.0, 1.0, 1e-6, 1e3] + [0, 5, 0, 0, 9, 0, 0, 0, 50]
+        assert stepwise(compress(other)) == stepwise(compress(Z))
+
+
+def test_residual_autocorrelation_by_a_plain_loop() -> None:
+    Z = collinear_data(4)
+    w = fitted_weights(compress(Z), [2, 5])
+    fit = least_squares(Z[:, [0, 2, 5]], Z[:, -1])
+    assert Z @ w == pytest.approx(fit.residuals, abs=1e-9)
+    e = fit.residuals
+    plain = np.mean([e[i] * e[i + 1] for i in range(39)]) / np.mean(e**2)
+    assert residual_autocorrelation(compress(Z), w) == pytest.approx(plain, rel=1e-8)
+
+
+def ar1(rng: np.random.Generator, n: int, r: float) -> FloatArray:
+    """Stationary noise of variance 1 with autocorrelation r^k."""
+    e = rng.normal(size=n) * np.sqrt(1 - r**2)
+    e[0] = rng.normal()
+    return np.asarray(lfilter([1.0], [1.0, -r], e), float)
+
+
+def test_effective_number_formula() -> None:
+    """Bayley & Hammersley 1946: 1/n* = 1/n + 2/n^2 sum (n - j) r^j, for n that is large."""
+    n, j = 20_000, np.arange(1, 20_000)
+    for r in (0.0, 0.3, 0.8, 0.95):
+        exact = 1 / (1 / n + 2 / n**2 * np.sum((n - j) * r**j))
+        assert effective_number(n, r) == pytest.approx(exact, rel=3 / (n * (1 - r)) + 1e-12)
+
+
+def test_effective_number_limits() -> None:
+    assert effective_number(50, -0.4) == 50
+    assert effective_number(50, 0.5) == pytest.approx(50 / 3)
+    assert effective_number(50, 1.0) == 1
+    assert effective_number(50, 1.7) == 1
+    assert effective_number(2, 0.9) == 1
+
+
+def test_effective_number_is_that_of_simulated_means() -> None:
+    rng = np.random.default_rng(5)
+    means = np.array([ar1(rng, 400, 0.8).mean() for _ in range(3000)])
+    found, error = means.var(), means.var() * np.sqrt(2 / 3000)
+    # 400 readings are not infinitely many: 1/(n (1 - r)) of it is the formula's own error.
+    assert abs(found - 1 / effective_number(400, 0.8)) < 4 * error + found / (400 * 0.2)
+
+
+def test_error_rate_on_noise_that_follows_itself() -> None:
+    """A slow column and noise that it has nothing to do with: 5 % may enter, not half of them.
+
+    The autocorrelation is estimated, so that the rate is near its nominal value only; the
+    number of readings alone would let far more in.
+    """
+    rng = np.random.default_rng(6)
+    n, draws, entered, naive = 300, 400, 0, 0
+    for _ in range(draws):
+        x = ar1(rng, n, 0.99)
+        Z = np.column_stack([np.ones(n), x, ar1(rng, n, 0.8)])
+        entered += len(stepwise(compress(Z)))
+        naive += len(stepwise(independent(Z)))
+    error = np.sqrt(0.05 * 0.95 / draws)
+    assert 0.05 - 4 * error < entered / draws < 0.08 + 4 * error
+    assert naive / draws > 0.3
