@@ -18,26 +18,11 @@ import numpy as np
 import pytest
 
 from mtu_cli.analyses.anova.parts import PartsTable, unusual_parts
+from tests.watched_process import MTU, READ, watched
 
-MTU = Path(sys.executable).parent / "mtu"
 RUNS = 3
 ROWS = 5_000_000
 SHAPES = {"few parts": (21, 2500), "as in a series": (500, 500), "many parts": (2500, 200)}
-READ = """
-import json, sys
-import pandas
-frame = pandas.read_csv(sys.argv[1], low_memory=sys.argv[2] == "default")
-if len(sys.argv) > 3:
-    deep = int(frame.memory_usage(deep=True).sum())
-    print(json.dumps({"rows": len(frame), "deep": deep}))
-"""
-WATCHED = """
-import json, resource, subprocess, sys, time
-start = time.perf_counter()
-subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-print(json.dumps({"seconds": time.perf_counter() - start, "bytes": usage.ru_maxrss * 1024}))
-"""
 
 
 def write(path: Path, parts: int, features: int) -> None:
@@ -57,16 +42,6 @@ def write(path: Path, parts: int, features: int) -> None:
                         zip(seen.tolist(), place.tolist(), strict=True)
                     )
                 )
-
-
-def watched(*command: object) -> dict[str, float]:
-    """Seconds and largest memory of a process, from start to end."""
-    found = subprocess.run(
-        [sys.executable, "-c", WATCHED, *map(str, command)],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    numbers: dict[str, float] = json.loads(found.stdout)
-    return numbers
 
 
 @pytest.mark.parametrize("shape", SHAPES)

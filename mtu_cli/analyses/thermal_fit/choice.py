@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -26,6 +27,8 @@ WORTH = 0.02
 this share: less is within what another cycle would change."""
 SENSORS_SEARCHED = 8
 """Groups, largest share of the drift first, that get a time constant of their own."""
+MOST_SWEEPS = 4
+"""Rounds of the search for them: most end after two."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +86,7 @@ def choose(lib: Library, cycles: Sequence[int], method: str) -> tuple[Scored, tu
     if not tried:
         tried = _by_degree(lib, folds, "ridge")
     if len(cycles) < 2:
-        return tried[-1] if method == "ridge" else tried[0], tuple(tried)
+        return tried[0], tuple(tried)
     best = min(tried, key=lambda item: item.score)
     simplest = [
         item for item in tried if item.kind == best.kind and item.score <= best.score * (1 + WORTH)
@@ -116,10 +119,9 @@ def _best(kind: str, spec: Spec, scores: FloatArray, penalties: FloatArray) -> S
 
 
 def _lagged(lib: Library, folds: Folds) -> list[Scored]:
-    """One time constant for all groups first, then one of its own where that is worth it.
+    """Time constants by coordinate search, from none at all and from one for all groups.
 
-    The degree is the one that ridge without lags prefers; coordinate search over the groups
-    with the largest shares, once.
+    The degree is the one that ridge without lags prefers.
     """
     if len(folds.cycles) < 2:
         return []
@@ -128,21 +130,36 @@ def _lagged(lib: Library, folds: Folds) -> list[Scored]:
     least = min(item.score for item in plain)
     degree = next(item.spec.degree for item in plain if item.score <= least * (1 + WORTH))
 
+    @cache
     def scored(lags: tuple[int, ...]) -> Scored:
         spec = Spec(kind="ridge", degree=degree, lags=lags)
         return _best("lagged", spec, folds.scores(spec, PENALTIES), PENALTIES)
 
     common = [scored((c,) * g) for c in range(len(lib.time_constants))]
-    best = min(common, key=lambda item: item.score)
-    for j in _by_share(lib, folds, best.spec):
-        for c in range(len(lib.time_constants)):
-            lags = best.spec.lags
-            if c == lags[j]:
-                continue
-            other = scored((*lags[:j], c, *lags[j + 1 :]))
-            if other.score < best.score * (1 - WORTH):
-                best = other
-    return [best]
+    # Sensors that warm together hide whose the lag is: single changes alone may get stuck.
+    starts = dict.fromkeys((0, int(np.argmin([item.score for item in common]))))
+    found = [_searched(lib, folds, common[c], scored) for c in starts]
+    return [min(found, key=lambda item: item.score)]
+
+
+def _searched(
+    lib: Library, folds: Folds, start: Scored, scored: Callable[[tuple[int, ...]], Scored]
+) -> Scored:
+    """One group's time constant changed at a time, where that is worth it, until none is."""
+    best = start
+    for _ in range(MOST_SWEEPS):
+        before = best
+        for j in _by_share(lib, folds, best.spec):
+            for c in range(len(lib.time_constants)):
+                lags = best.spec.lags
+                if c == lags[j]:
+                    continue
+                other = scored((*lags[:j], c, *lags[j + 1 :]))
+                if other.score < best.score * (1 - WORTH):
+                    best = other
+        if best is before:
+            break
+    return best
 
 
 def _by_share(lib: Library, folds: Folds, spec: Spec) -> list[int]:

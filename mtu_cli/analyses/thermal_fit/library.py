@@ -111,6 +111,8 @@ def _groups(series: Series, moving: Sequence[int]) -> list[list[tuple[int, float
     centred = np.vstack([_without_constant(together(items)) for items in by_position.values()])
     own = centred[:, [1 + s for s in moving]]
     length = np.linalg.norm(own, axis=0)
+    # A sensor may differ between positions alone.
+    length[length == 0] = 1.0
     R = (own / length).T @ (own / length)
     groups: list[list[tuple[int, float]]] = []
     leaders: list[int] = []

@@ -47,7 +47,7 @@ class Residuals:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionTest:
-    """Whether the drift depends on position: F, p, and the degree that held-out data prefer."""
+    """Whether the drift depends on position: F and its p."""
 
     F: float
     p: float
@@ -74,8 +74,7 @@ class ComponentDrift:
     `groups` are sensors that cannot be told apart (|r| >= 0.999), the first of each standing
     for all; `condition` and `vif` (by sensor, None: infinite) of the standardised sensors of
     the model; `shares` (by sensor) the root mean square of its part of the modelled drift;
-    `at_positions` (position, {sensor: mm or rad per degC}) the model at observed positions;
-    `geometric` says what `rms_before` is taken against: "constant" or "known".
+    `at_positions` (position, {sensor: mm or rad per degC}) the model at observed positions.
     """
 
     name: str

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +18,13 @@ if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
 
 SENSOR = re.compile(r"T_.+_degC")
-MOST_KEPT = 500_000
-"""Rows that are kept one by one, for lags, residuals and pictures; beyond them every n-th block."""
+MOST_RUNS = 64
+"""Runs of one component, position and cycle in a block; where there are more, rows are sorted."""
+FEWEST_KEPT = 20_000
+"""Rows of every component that are kept one by one, however late it comes ..."""
+MOST_KEPT = 200_000
+"""Rows that are kept one by one, for lags, residuals and pictures; beyond them the first block of
+each component alone."""
 
 Key = tuple[float | None, str]
 """(position in mm or None, cycle)."""
@@ -67,6 +73,11 @@ class Series:
         found = {position for position, _ in self.pieces}
         return tuple(sorted(found, key=lambda value: -np.inf if value is None else value))
 
+    @property
+    def kept_rows(self) -> int:
+        """How many rows were kept."""
+        return sum(len(block.error) for block in self.blocks)
+
     def kept(self) -> Kept:
         """The rows that were kept, as one table."""
         return Kept(
@@ -96,16 +107,23 @@ def read_series(
     for block in blocks:
         if sensors is None:
             sensors = _sensors(block)
-        temperature = _temperatures(block, sensors)
-        keep = kept < MOST_KEPT
-        kept += len(block) if keep else 0
-        for code in np.unique(block.code):
-            name = block.components[code]
-            rows = np.flatnonzero(block.code == code)
+        Z = _columns(block, sensors, reference)
+        for rows in _groups(block):
+            name = block.components[int(block.code[rows][0])]
             own = series.setdefault(name, Series(name=name))
-            _add(own, block, rows, temperature[rows], reference, keep=keep)
+            _add(own, block, rows, Z[rows])
+            # Every component keeps some, however late it comes.
+            if own.kept_rows < (MOST_KEPT if kept < MOST_KEPT else FEWEST_KEPT):
+                _keep(own, block, rows, Z[rows, 1:-1] + reference)
+                kept += len(Z[rows])
+            else:
+                own.complete = False
     if sensors is None:
         raise fault("no drift readings are given", expected="--drift FILE")
+    for own in series.values():
+        own.spans = {
+            cycle: (low + reference, high + reference) for cycle, (low, high) in own.spans.items()
+        }
     return series, sensors
 
 
@@ -121,23 +139,39 @@ def _sensors(block: Readings) -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
-def _temperatures(block: Readings, sensors: tuple[str, ...]) -> FloatArray:
-    """Temperatures (n, s) of all rows.
+def _columns(block: Readings, sensors: tuple[str, ...], reference: float) -> FloatArray:
+    """1, T - reference of every sensor, reading: (n, s + 2), column by column in memory.
 
     Raises InputError naming the first empty cell of every sensor.
     """
+    Z = np.empty((len(block), len(sensors) + 2), order="F")
+    Z[:, 0] = 1.0
+    sound = True
+    for s, name in enumerate(sensors):
+        column = block.covariates.get(name)
+        if column is None or column.dtype == object:
+            sound = False
+            continue
+        np.subtract(column.astype(np.float64, copy=False), reference, out=Z[:, s + 1])
+        sound = sound and bool(np.isfinite(Z[:, s + 1].sum()))
+    if not sound:
+        raise InputError(_temperature_problems(block, sensors))
+    Z[:, -1] = block.error
+    return Z
+
+
+def _temperature_problems(block: Readings, sensors: tuple[str, ...]) -> list[Problem]:
     problems = []
-    columns = []
     for name in sensors:
         column = block.covariates.get(name)
         if column is None or column.dtype == object:
             what = "not a column of temperatures"
-            shown = block.sources[-1].shown
+            shown = block.sources[-1].shown if block.sources else None
             problems.append(
                 Problem(what=what, file=shown, column=name, expected="numbers in every file")
             )
             continue
-        empty = np.flatnonzero(np.isnan(column))
+        empty = np.flatnonzero(np.isnan(column.astype(np.float64)))
         if len(empty):
             first = int(empty[0])
             more = f" (and {len(empty) - 1} more)" if len(empty) > 1 else ""
@@ -150,65 +184,62 @@ def _temperatures(block: Readings, sensors: tuple[str, ...]) -> FloatArray:
                     expected="a number in degC: leave out the column, or the rows",
                 )
             )
-        columns.append(column)
-    if problems:
-        raise InputError(problems)
-    return np.column_stack(columns).astype(np.float64)
+    return problems
 
 
-def _add(
-    series: Series,
-    block: Readings,
-    rows: np.ndarray,
-    temperature: FloatArray,
-    reference: float,
-    *,
-    keep: bool,
-) -> None:
-    position = block.position_mm[rows]
-    cycle = _cycle_indices(series, block, rows)
-    error = block.error[rows]
-    Z = np.column_stack([np.ones(len(rows)), temperature - reference, error])
-    for c in np.unique(cycle):
-        label = series.cycles[c]
-        inside = cycle == c
-        _widen(series, label, temperature[inside])
-        for place in np.unique(position[inside]):
-            here = inside & (np.isnan(position) if np.isnan(place) else position == place)
-            key = (None if np.isnan(place) else float(place), label)
-            piece = compress(Z[here])
-            known = series.pieces.get(key)
-            series.pieces[key] = piece if known is None else together([known, piece])
-    series.n += len(rows)
-    if keep:
-        series.blocks.append(
-            Kept(
-                temperature=temperature,
-                error=error,
-                time=np.asarray(block.time_min[rows], np.float64),
-                position=np.asarray(position, np.float64),
-                cycle=cycle,
-            )
-        )
-    else:
-        series.complete = False
+def _groups(block: Readings) -> list[slice | np.ndarray]:
+    """Rows of one component, position and cycle: runs of them, or all where runs are short."""
+    position = np.nan_to_num(np.asarray(block.position_mm, np.float64), nan=np.inf)
+    changed = block.code[1:] != block.code[:-1]
+    changed |= position[1:] != position[:-1]
+    changed |= block.cycle[1:] != block.cycle[:-1]
+    ends = np.flatnonzero(changed) + 1
+    if len(ends) < MOST_RUNS:
+        edges = [0, *ends.tolist(), len(block)]
+        return [slice(a, b) for a, b in pairwise(edges)]
+    keys = np.column_stack([block.code, position, block.cycle])
+    _, inverse = np.unique(keys, axis=0, return_inverse=True)
+    order = np.argsort(inverse.reshape(-1), kind="stable")
+    counts = np.bincount(inverse.reshape(-1))
+    return list(np.split(order, np.cumsum(counts)[:-1]))
 
 
-def _cycle_indices(series: Series, block: Readings, rows: np.ndarray) -> np.ndarray:
-    """The cycle (n,) of each row in the series' own list; readings without one are one cycle."""
-    codes, first, inverse = np.unique(block.cycle[rows], return_index=True, return_inverse=True)
-    found = np.empty(len(codes), np.int64)
-    for i in np.argsort(first):
-        label = block.cycles[codes[i]] if codes[i] >= 0 else ""
-        if label not in series.cycles:
-            series.cycles.append(label)
-        found[i] = series.cycles.index(label)
-    return found[inverse.reshape(-1)]
-
-
-def _widen(series: Series, cycle: str, temperature: FloatArray) -> None:
-    low, high = temperature.min(axis=0), temperature.max(axis=0)
+def _add(series: Series, block: Readings, rows: slice | np.ndarray, Z: FloatArray) -> None:
+    first = block.position_mm[rows][0]
+    cycle = _cycle(series, block, rows)
+    key = (None if np.isnan(first) else float(first), cycle)
+    known = series.pieces.get(key)
+    piece = compress(Z, known)
+    series.pieces[key] = piece if known is None else together([known, piece])
+    series.n += len(Z)
+    own = range(1, Z.shape[1] - 1)
+    low = np.array([Z[:, s].min() for s in own])
+    high = np.array([Z[:, s].max() for s in own])
     if cycle in series.spans:
         before = series.spans[cycle]
         low, high = np.minimum(low, before[0]), np.maximum(high, before[1])
     series.spans[cycle] = (low, high)
+
+
+def _keep(
+    series: Series, block: Readings, rows: slice | np.ndarray, temperature: FloatArray
+) -> None:
+    cycle = series.cycles.index(_cycle(series, block, rows))
+    series.blocks.append(
+        Kept(
+            temperature=temperature,
+            error=np.array(block.error[rows], np.float64),
+            time=np.array(block.time_min[rows], np.float64),
+            position=np.array(block.position_mm[rows], np.float64),
+            cycle=np.full(len(temperature), cycle),
+        )
+    )
+
+
+def _cycle(series: Series, block: Readings, rows: slice | np.ndarray) -> str:
+    """The cycle of a group; readings without one are one cycle."""
+    code = int(block.cycle[rows][0])
+    label = block.cycles[code] if code >= 0 else ""
+    if label not in series.cycles:
+        series.cycles.append(label)
+    return label

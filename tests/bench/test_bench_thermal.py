@@ -1,0 +1,79 @@
+"""`mtu thermal-fit` on ten million rows of 16 sensors, against pandas reading the same file.
+
+Ratios decide: time to that of a process that imports pandas and reads the file, memory to that of
+importing what the command imports. Runs alternate and the best of each counts.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.watched_process import MTU, READ, watched
+
+ROWS = 10_000_000
+RUNS = 2
+SENSORS = [f"T_{s:02d}_degC" for s in range(1, 17)]
+MOST_BYTES = 600 << 20
+"""Of which 80 MB tell rows that stand twice, and 100 MB are imports."""
+
+
+def write(path: Path, rows: int) -> None:
+    """Four positions, ten cycles; sensors that follow the room with lags of their own."""
+    rng = np.random.default_rng(1)
+    gradients = rng.normal(0, 3, (4, 16))
+    lags = rng.uniform(20, 90, 16)
+    each = rows // 40
+    with path.open("w") as file:
+        file.write("component,position_mm,cycle,time_min,error,unit," + ",".join(SENSORS) + "\n")
+        for p, position in enumerate((0, 100, 200, 300)):
+            for cycle in range(10):
+                minutes = np.arange(each) * (200 / each)
+                rise = (
+                    6 * (1 + 0.1 * rng.standard_normal(16)) * (1 - np.exp(-minutes[:, None] / lags))
+                )
+                rise += np.sin(minutes[:, None] / rng.uniform(5, 30, 16))
+                read = 20 + rise + 0.015 * rng.standard_normal((each, 16))
+                error = rise @ gradients[p] + 0.25 * rng.standard_normal(each)
+                start = 1000.0 * (10 * p + cycle)
+                for first in range(0, each, 10_000):
+                    own = slice(first, first + 10_000)
+                    lines = np.column_stack([minutes[own] + start, error[own], read[own]]).tolist()
+                    file.writelines(
+                        f"pos,{position},{cycle},{t:.5f},{e:.3f},um,"
+                        + ",".join(f"{value:.3f}" for value in values)
+                        + "\n"
+                        for t, e, *values in lines
+                    )
+
+
+@pytest.mark.parametrize("model", ["ridge", "stepwise"])
+def test_ten_million_rows(model: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    path, out = folder / "drift.csv", folder / "out.json"
+    if not path.exists():
+        write(path, ROWS)
+    reader = folder / "read.py"
+    reader.write_text(READ)
+    commands: dict[str, list[object]] = {
+        "mtu": [MTU, "thermal-fit", "--drift", path, "--model", model, "-o", out, "-q"],
+        "one thread": [sys.executable, reader, path, "whole"],
+        "default": [sys.executable, reader, path, "default"],
+    }
+    found = [{name: watched(*command) for name, command in commands.items()} for _ in range(RUNS)]
+    best = {name: min(run[name]["seconds"] for run in found) for name in commands}
+    memory = max(run["mtu"]["bytes"] for run in found)
+    held = json.loads(out.read_text())["results"]["components"]["pos"]["held_out"]
+    print(
+        f"\nmtu thermal-fit --model {model}, {ROWS} rows: {best['mtu']:.1f} s, "
+        f"{best['mtu'] / best['one thread']:.2f} x pandas with one thread, "
+        f"{best['mtu'] / best['default']:.2f} x pandas with its defaults; "
+        f"{memory / 2**20:.0f} MiB; held-out rms {held['rms_before_um']:.3g} -> "
+        f"{held['rms_after_um']:.3g} um"
+    )
+    assert best["mtu"] <= 2 * best["default"]
+    assert memory <= MOST_BYTES

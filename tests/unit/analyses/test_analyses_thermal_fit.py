@@ -1,0 +1,298 @@
+"""thermal-fit on planted drifts: gradients, groups, sensors that fail, cycles, order of rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_drift import DAY, REFERENCE, UM, Plan, Run, readings, reordered, sensor_names
+
+from mtu_cli.analyses.thermal_fit import series, thermal_fit
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
+from mtu_cli.errors import InputError
+from mtu_cli.files.readings import Readings
+from mtu_cli.stats.least_squares import FloatArray
+
+METHODS = ("auto", "stepwise", "ridge", "lagged")
+LINE = np.array([[1.0, -2.0, 0.0, 0.5], [1.5, -1.0, 0.0, 0.5], [2.0, 0.0, 0.0, 0.5]])
+PLACES = (0.0, 100.0, 200.0)
+
+
+def fitted(found: Readings, method: str = "ridge", unit: str = "um") -> ThermalFit:
+    return thermal_fit([found], {"p": ("x", unit)}, reference=REFERENCE, method=method)
+
+
+def one(found: Readings, method: str = "ridge") -> ComponentDrift:
+    return fitted(found, method).components["p"]
+
+
+def gradients(drift: ComponentDrift) -> FloatArray:
+    """(positions, s) um per degC, in the order of all sensors."""
+    names = sorted({name for _, values in drift.at_positions for name in values})
+    return np.array([[values[name] / UM for name in names] for _, values in drift.at_positions])
+
+
+def codes(found: ThermalFit) -> list[str]:
+    return [warned.code for warned in found.warnings]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_noise_free_gradients_come_back(method: str) -> None:
+    """Exactly for stepwise; a penalty of 1e-8, which scores as well, costs as much."""
+    plan = Plan(gradients=LINE, positions=PLACES, noise=0.0, n=30)
+    drift = one(plan.read(np.random.default_rng(1)), method)
+    assert drift.estimate.degree == 1
+    by_sensor = [dict.fromkeys(sensor_names(4), 0.0) | values for _, values in drift.at_positions]
+    found = np.array([[row[name] / UM for name in sensor_names(4)] for row in by_sensor])
+    assert found == pytest.approx(LINE, abs=1e-5)
+    assert drift.r2_fit == pytest.approx(1.0, abs=1e-9)
+    assert [a / UM for _, a in drift.intercepts] == pytest.approx([0.0, 3.0, 6.0], abs=1e-4)
+    if method == "stepwise":
+        assert drift.estimate.sensors == ("T_01_degC", "T_02_degC", "T_04_degC")
+
+
+def test_coefficients_are_powers_of_the_position_in_mm() -> None:
+    """g(p) = a + b p of each sensor, also where the positions are far from 0 and uneven."""
+    places = (900.0, 1000.0, 1250.0, 1300.0)
+    g = np.array([[2.0 + 0.01 * p, -1.0] for p in places])
+    plan = Plan(gradients=g, positions=places, noise=0.0, n=30)
+    estimate = one(plan.read(np.random.default_rng(2))).estimate
+    assert estimate.coefficients / UM == pytest.approx(
+        np.array([[2.0, -1.0], [0.01, 0.0]]), abs=1e-5
+    )
+    at = {"T_01_degC": np.full(2, 23.0), "T_02_degC": np.full(2, 21.0)}
+    drift = estimate.drift(np.array([950.0, 1100.0]), at)
+    assert drift / UM == pytest.approx([3 * 11.5 - 1, 3 * 13.0 - 1], abs=1e-4)
+    assert estimate.position_range == (900.0, 1300.0)
+
+
+def test_noisy_gradients_within_their_uncertainty() -> None:
+    plan = Plan(gradients=LINE, positions=PLACES)
+    for seed in range(5):
+        estimate = one(plan.read(np.random.default_rng(seed))).estimate
+        planted = np.array([LINE[0], (LINE[2] - LINE[0]) / 200]).ravel()
+        u = np.sqrt(np.diag(estimate.covariance)) / UM
+        assert (np.abs(estimate.coefficients.ravel() / UM - planted) < 5 * u).all()
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_the_degree_in_position_is_found(degree: int) -> None:
+    shape = np.array([1.0, 0.2, -0.4, 0.3])
+    p = np.array([0.0, 75.0, 200.0, 300.0])
+    g = np.outer((p / 300.0) ** degree if degree else np.ones(4), shape) * 2
+    for method in ("stepwise", "ridge"):
+        plan = Plan(gradients=g, positions=tuple(p.tolist()), n=40)
+        drift = one(plan.read(np.random.default_rng(3)), method)
+        assert drift.estimate.degree == degree
+        test = drift.position_test
+        assert test is not None
+        assert test.p > 1e-3 if degree == 0 else test.p < 1e-6
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("method", ["stepwise", "ridge"])
+def test_twins_are_one_group(method: str, sign: int) -> None:
+    """T_03 goes with T_01, or against it: the group's gradient is shared equally."""
+    plan = Plan(gradients=np.array([[4.0, 1.0, 0.0]]))
+    rng = np.random.default_rng(4)
+    runs = plan.runs(rng)
+    for run in runs:
+        noise = 1e-3 * rng.normal(size=plan.n)
+        run.temperature[:, 2] = REFERENCE + sign * (run.temperature[:, 0] - REFERENCE) + noise
+    drift = one(readings(runs), method)
+    assert drift.groups == (("T_01_degC", "T_03_degC"),)
+    values = drift.at_positions[0][1]
+    assert values["T_01_degC"] == pytest.approx(sign * values["T_03_degC"], rel=1e-9)
+    u = np.sqrt(drift.estimate.covariance[0, 0])
+    assert abs(values["T_01_degC"] - 2.0 * UM) < 5 * u
+    assert set(drift.vif) == set(drift.estimate.sensors)
+    C = drift.estimate.covariance
+    at = [drift.estimate.sensors.index(name) for name in ("T_01_degC", "T_03_degC")]
+    assert C[at[0], at[1]] == pytest.approx(sign * C[at[0], at[0]], rel=1e-9)
+
+
+def test_sensors_alike_in_one_cycle_only_stay_apart() -> None:
+    plan = Plan(gradients=np.array([[4.0, 1.0, 0.0]]))
+    runs = plan.runs(np.random.default_rng(5))
+    runs[0].temperature[:, 2] = runs[0].temperature[:, 0]
+    assert one(readings(runs)).groups == ()
+
+
+def test_a_still_sensor_is_left_out() -> None:
+    plan = Plan(gradients=np.array([[2.0, 1.0, 0.0]]))
+    runs = plan.runs(np.random.default_rng(6))
+    for run in runs:
+        run.temperature[:, 1] = 21.3
+    found = fitted(readings(runs), "auto")
+    assert "T_02_degC" not in found.components["p"].estimate.sensors
+    (warned,) = [item for item in found.warnings if item.code == "sensor-still"]
+    assert "T_02_degC reads 21.3 degC throughout" in warned.message
+
+
+def test_no_sensor_moves() -> None:
+    plan = Plan(gradients=np.array([[2.0, 1.0]]))
+    runs = plan.runs(np.random.default_rng(7))
+    for run in runs:
+        run.temperature[:] = 21.3
+    found = fitted(readings(runs), "auto")
+    drift = found.components["p"]
+    assert drift.estimate.sensors == ()
+    assert drift.estimate.coefficients.shape == (1, 0)
+    assert drift.rms_after == pytest.approx(drift.rms_before, rel=1e-12)
+    assert {"no-sensor", "sensor-still"} <= set(codes(found))
+
+
+def test_a_stuck_sensor_is_named_with_its_cycle() -> None:
+    plan = Plan(gradients=np.array([[2.0, 1.0, 0.5]]))
+    runs = plan.runs(np.random.default_rng(8))
+    runs[2].temperature[20:, 1] = runs[2].temperature[20, 1]
+    found = fitted(readings(runs))
+    (warned,) = [item for item in found.warnings if item.code == "sensor-stuck"]
+    assert "T_02_degC stands still in cycle 'c2'" in warned.message
+    assert "makes the model of p wrong by up to" in warned.message
+    assert "sensor-stuck" not in codes(fitted(plan.read(np.random.default_rng(8))))
+
+
+def test_a_sensor_that_differs_between_positions_alone() -> None:
+    """It moves, but never at a position: no gradient, and no number that is none."""
+    plan = Plan(gradients=LINE[:, :2], positions=PLACES)
+    runs = plan.runs(np.random.default_rng(9))
+    for k, run in enumerate(runs):
+        run.temperature[:, 1] = 20.0 + k % 3
+    found = one(readings(runs))
+    assert np.isfinite(found.estimate.coefficients).all()
+    assert found.estimate.sensors == ("T_01_degC",)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_two_cycles_hold_nothing_out(method: str) -> None:
+    plan = Plan(gradients=LINE, positions=PLACES, cycles=2, n=40)
+    found = fitted(plan.read(np.random.default_rng(10)), method)
+    drift = found.components["p"]
+    assert drift.held_out is None
+    assert drift.candidates == ()
+    assert drift.estimate.degree == 1
+    (warned,) = [item for item in found.warnings if item.code == "not-held-out"]
+    assert "two cycles only" in warned.message
+
+
+@pytest.mark.parametrize("labelled", [True, False])
+@pytest.mark.parametrize("method", METHODS)
+def test_one_cycle_takes_its_degree_from_the_test(method: str, labelled: bool) -> None:
+    cycle = "c0" if labelled else None
+    for g, degree in ((LINE, 2), (np.repeat(LINE[:1], 3, axis=0), 0)):
+        plan = Plan(gradients=g, positions=PLACES, cycles=1)
+        runs = [replace(run, cycle=cycle) for run in plan.runs(np.random.default_rng(12))]
+        found = fitted(readings(runs), method)
+        drift = found.components["p"]
+        assert drift.held_out is None
+        assert drift.cycles == ("c0" if labelled else "",)
+        assert "not-held-out" in codes(found)
+        assert drift.estimate.degree == degree
+        expected = "ridge" if method in ("ridge", "lagged") else "stepwise"
+        assert drift.model == expected
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_positions_read_in_any_order(method: str) -> None:
+    """Position by position, or at every time all positions in an order of their own."""
+    plan = Plan(gradients=LINE, positions=PLACES, n=40)
+    found = plan.read(np.random.default_rng(13))
+    order = np.lexsort((np.random.default_rng(14).uniform(size=len(found)), found.time_min))
+    first, second = one(found, method), one(reordered(found, order), method)
+    assert second.estimate.coefficients == pytest.approx(first.estimate.coefficients, rel=1e-6)
+    assert second.estimate.covariance == pytest.approx(first.estimate.covariance, rel=1e-6)
+    assert second.estimate.leftover == pytest.approx(first.estimate.leftover, rel=1e-6, abs=1e-14)
+    assert first.held_out is not None
+    assert second.held_out is not None
+    assert second.held_out.after == pytest.approx(first.held_out.after, rel=1e-6)
+    assert second.residuals.lag1 == pytest.approx(first.residuals.lag1, rel=1e-6)
+
+
+def test_blocks_of_readings_are_one_table() -> None:
+    """Only the products of neighbours over a border are lost."""
+    plan = Plan(gradients=LINE, positions=PLACES, n=40)
+    found = plan.read(np.random.default_rng(15))
+    parts = [reordered(found, rows) for rows in np.array_split(np.arange(len(found)), 7)]
+    together = thermal_fit(parts, {"p": ("x", "um")}, reference=REFERENCE, method="ridge")
+    whole, split = one(found), together.components["p"]
+    assert split.estimate.coefficients == pytest.approx(whole.estimate.coefficients, rel=1e-8)
+    assert split.rms_after == pytest.approx(whole.rms_after, rel=1e-9)
+    assert split.residuals.lag1 == pytest.approx(whole.residuals.lag1, abs=7 / len(found))
+
+
+def test_more_rows_than_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A component that comes late is fitted as well, its noise of sensors known."""
+    plan = Plan(gradients=LINE[:1], positions=(None,), sensor_noise=0.02)
+    runs = plan.runs(np.random.default_rng(16))
+    late = [replace(run, name="q") for run in runs]
+    monkeypatch.setattr(series, "MOST_KEPT", 100)
+    machine = {"p": (None, "um"), "q": (None, "um")}
+    blocks = [readings(runs), replace(readings(late), components=("q",))]
+    found = thermal_fit(blocks, machine, reference=REFERENCE, method="ridge")
+    first, second = found.components["p"].estimate, found.components["q"].estimate
+    assert second.coefficients == pytest.approx(first.coefficients, rel=1e-12)
+    assert second.sensor_u == pytest.approx(first.sensor_u, rel=1e-12)
+    assert (second.sensor_u > 0).all()
+
+
+def test_angles_are_angles() -> None:
+    plan = Plan(gradients=LINE[:1])
+    found = plan.read(np.random.default_rng(17))
+    length = thermal_fit([found], {"p": (None, "um")}, reference=REFERENCE, method="ridge")
+    angle = thermal_fit([found], {"p": (None, "arcsec")}, reference=REFERENCE, method="ridge")
+    a, b = length.components["p"], angle.components["p"]
+    assert (a.unit.name, b.unit.name) == ("um", "arcsec")
+    assert b.estimate.unit.name == "arcsec"
+    assert b.estimate.coefficients == pytest.approx(a.estimate.coefficients, rel=1e-12)
+    small = thermal_fit([replace(found, error=found.error * 1e-3)], {"p": (None, "arcsec")},
+                        reference=REFERENCE, method="ridge").components["p"]  # fmt: skip
+    assert small.estimate.coefficients * 1e3 == pytest.approx(a.estimate.coefficients, rel=1e-8)
+    assert small.estimate.covariance * 1e6 == pytest.approx(a.estimate.covariance, rel=1e-8)
+    assert small.r2_fit == pytest.approx(a.r2_fit, rel=1e-12)
+
+
+def test_the_reference_temperature_only_moves_the_intercepts() -> None:
+    plan = Plan(gradients=LINE, positions=PLACES, n=40)
+    found = plan.read(np.random.default_rng(18))
+    warm = thermal_fit([found], {"p": ("x", "um")}, reference=23.0, method="ridge")
+    a, b = one(found), warm.components["p"]
+    assert b.estimate.coefficients == pytest.approx(a.estimate.coefficients, rel=1e-8)
+    assert b.estimate.covariance == pytest.approx(a.estimate.covariance, rel=1e-6)
+    shift = gradients(a).sum(axis=1) * 3
+    moved = [(j - i) / UM for (_, i), (_, j) in zip(a.intercepts, b.intercepts, strict=True)]
+    assert moved == pytest.approx(shift, abs=1e-6)
+
+
+def test_temperatures_that_are_missing() -> None:
+    plan = Plan(gradients=LINE[:1], n=20)
+    found = plan.read(np.random.default_rng(19))
+    found.covariates["T_02_degC"][5] = np.nan
+    with pytest.raises(InputError) as raised:
+        fitted(found)
+    (problem,) = raised.value.problems
+    assert (problem.row, problem.column) == (7, "T_02_degC")
+    with pytest.raises(InputError, match="no column holds temperatures"):
+        fitted(replace(found, covariates={"room": np.zeros(len(found))}))
+
+
+def test_curves_are_the_readings_and_the_model() -> None:
+    plan = Plan(gradients=LINE, positions=PLACES, n=40)
+    drift = one(plan.read(np.random.default_rng(20)))
+    assert len(drift.curves) == 12
+    squares = np.concatenate([curve.measured - curve.modelled for curve in drift.curves]) ** 2
+    assert np.sqrt(squares.mean()) == pytest.approx(drift.rms_after, rel=1e-9)
+    assert {curve.cycle for curve in drift.curves} == {"c0", "c1", "c2", "c3"}
+    assert drift.curves[0].time[0] % DAY == 0
+
+
+def test_too_few_readings_for_their_sensors() -> None:
+    """Five readings, four sensors: a fit of least norm, and no claim that it is good."""
+    time = np.arange(5.0)
+    temperature = 20 + np.random.default_rng(21).normal(size=(5, 6))
+    run = Run(time=time, temperature=temperature, error=time * UM)
+    drift = one(readings([run]))
+    assert np.isfinite(drift.estimate.coefficients).all()
+    assert drift.condition == np.inf
+    assert drift.residuals.normality_p is None

@@ -1,0 +1,209 @@
+"""Evidence of thermal models: nested held-out errors, tests of position, lags that are found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plain_thermal import Table, held_out_errors
+from synthetic_drift import DAY, REFERENCE, UM, Plan, Run, readings, rises
+
+from mtu_cli.analyses.thermal_fit import thermal_fit
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift
+from mtu_cli.files.readings import Readings
+from mtu_cli.stats.lag import first_order_lag
+
+PLACES = (0.0, 120.0, 200.0)
+
+
+def one(found: Readings, method: str) -> ComponentDrift:
+    result = thermal_fit([found], {"p": ("x", "um")}, reference=REFERENCE, method=method)
+    return result.components["p"]
+
+
+def table(found: Readings) -> Table:
+    places = np.unique(found.position_mm)
+    middle, half = (places.max() + places.min()) / 2, np.ptp(places) / 2
+    return Table(
+        u=rises(found, 3),
+        y=found.error / UM,
+        place=np.searchsorted(places, found.position_mm),
+        cycle=found.cycle,
+        scaled=(places - middle) / half,
+    )
+
+
+PLANS = {
+    "clear": Plan(
+        gradients=np.array([[2.0, -1.0, 0.0], [1.0, -1.0, 0.3], [0.0, -1.0, 0.0]]),
+        positions=PLACES, cycles=4, n=20, noise=0.5,
+    ),
+    "weak": Plan(
+        gradients=np.array([[0.05, 0.0, 0.02], [0.06, 0.02, 0.0], [0.05, 0.0, 0.0]]),
+        positions=PLACES, cycles=3, n=25, noise=0.6, slow=(0.4,),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["ridge", "stepwise"])
+@pytest.mark.parametrize("name", PLANS)
+def test_held_out_errors_are_those_of_plain_nested_fits(name: str, kind: str) -> None:
+    found = PLANS[name].read(np.random.default_rng(31))
+    drift = one(found, kind)
+    total, by_cycle, by_degree = held_out_errors(table(found), kind)
+    assert drift.held_out is not None
+    assert drift.held_out.after / UM == pytest.approx(total, rel=1e-6)
+    assert [after / UM for _, _, after in drift.held_out.cycles] == pytest.approx(
+        by_cycle, rel=1e-6
+    )
+    tried = {item.degree: item.held_out for item in drift.candidates}
+    assert {item.model for item in drift.candidates} == {kind}
+    assert set(tried) == {0, 1, 2}
+    for degree, value in tried.items():
+        assert value is not None
+        assert value / UM == pytest.approx(by_degree[degree], rel=1e-6)
+
+
+def test_errors_without_temperature_and_of_ordinary_least_squares() -> None:
+    found = PLANS["weak"].read(np.random.default_rng(32))
+    rows = table(found)
+    before = least = 0.0
+    for held in range(3):
+        others, left = rows.of([c for c in range(3) if c != held]), rows.of([held])
+        for k in range(3):
+            a, b = others.place == k, left.place == k
+            before += np.sum((left.y[b] - others.y[a].mean()) ** 2)
+            X = np.column_stack([np.ones(a.sum()), others.u[a]])
+            fit = np.linalg.lstsq(X, others.y[a], rcond=None)[0]
+            least += np.sum((left.y[b] - fit[0] - left.u[b] @ fit[1:]) ** 2)
+    held_out = one(found, "ridge").held_out
+    assert held_out is not None
+    assert held_out.before / UM == pytest.approx(np.sqrt(before / len(found)), rel=1e-9)
+    assert held_out.ordinary / UM == pytest.approx(np.sqrt(least / len(found)), rel=1e-9)
+    assert held_out.r2 == pytest.approx(1 - (held_out.after / held_out.before) ** 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", ["auto", "stepwise", "ridge", "lagged"])
+def test_a_held_out_cycle_takes_no_part_in_its_own_model(method: str) -> None:
+    """An error added to one cycle alone is what that cycle then shows, to the last digit.
+
+    A constant on the readings of one cycle moves what is held out by exactly that constant;
+    had the cycle's readings had any say in fit or choice, they would show less of it.
+    """
+    plan = PLANS["clear"]
+    found = plan.read(np.random.default_rng(33))
+    inside = found.cycle == 1
+    shifts = (0.0, 1000.0, -1000.0)
+    seen = []
+    for shift in shifts:
+        moved = replace(found, error=found.error + np.where(inside, shift * UM, 0.0))
+        held_out = one(moved, method).held_out
+        assert held_out is not None
+        seen.append(next(after / UM for cycle, _, after in held_out.cycles if cycle == "c1") ** 2)
+    # Mean squares at 0, +a and -a: the second difference is 2 a^2 if the residuals move by a.
+    assert seen[1] + seen[2] - 2 * seen[0] == pytest.approx(2 * 1000.0**2, rel=1e-9)
+
+
+def test_noise_alone_is_no_better_held_out() -> None:
+    plan = Plan(gradients=np.zeros((1, 4)), n=40, noise=1.0)
+    found = [one(plan.read(np.random.default_rng(seed)), "ridge").held_out for seed in range(30)]
+    r2 = np.array([item.r2 for item in found if item is not None])
+    assert len(r2) == 30
+    assert r2.mean() < 3 * r2.std() / np.sqrt(30)
+
+
+def false_alarms(draws: int, **changes: object) -> float:
+    """Share of data sets without any dependence on position whose test says p < 0.05."""
+    plan = replace(
+        Plan(gradients=np.tile([2.0, -1.0, 0.5], (3, 1)), positions=PLACES, cycles=1, n=150),
+        **changes,  # type: ignore[arg-type]  # the fields of a plan by name
+    )
+    alarms = 0
+    for seed in range(draws):
+        test = one(plan.read(np.random.default_rng(seed)), "ridge").position_test
+        assert test is not None
+        alarms += test.p < 0.05
+    return alarms / draws
+
+
+def test_false_alarms_of_the_test_of_position() -> None:
+    draws = 400
+    rate = false_alarms(draws)
+    assert abs(rate - 0.05) < 4 * np.sqrt(0.05 * 0.95 / draws)
+
+
+def test_false_alarms_where_readings_follow_each_other() -> None:
+    """The autocorrelation is estimated from the residuals, a little too low: near 5 %, not 50 %."""
+    draws = 300
+    rate = false_alarms(draws, noise_memory=0.8, n=300)
+    assert rate < 0.10 + 4 * np.sqrt(0.1 * 0.9 / draws)
+
+
+def lagged_plan(constants: Sequence[float], seed: int) -> Readings:
+    """Drift of lagged temperatures, 96 readings two minutes apart in each of four cycles."""
+    rng = np.random.default_rng(seed)
+    count = len(constants)
+    gradients = np.array([2.0, -1.5, 1.0])[:count]
+    plan = Plan(gradients=gradients[None], n=96, cycles=4)
+    runs = []
+    for c, T in enumerate(plan.temperatures(rng)):
+        time = plan.time(c)
+        lagged = first_order_lag(T, time, np.array(constants))
+        own = lagged[np.arange(count), :, np.arange(count)].T
+        error = (own - REFERENCE) @ gradients + 0.1 * rng.normal(size=96)
+        runs.append(Run(position=0.0, cycle=f"c{c}", time=time, temperature=T, error=error * UM))
+    return readings(runs)
+
+
+@pytest.mark.parametrize("method", ["lagged", "auto"])
+@pytest.mark.parametrize(
+    "constants", [(4.0,), (128.0,), (16.0, 16.0, 16.0), (32.0, 0.0, 0.0), (0.0, 64.0, 8.0)]
+)
+def test_time_constants_on_the_grid_are_found(method: str, constants: tuple[float, ...]) -> None:
+    """The grid is 4, 8, ... 128 min: powers of two from twice the step."""
+    drift = one(lagged_plan(constants, 34), method)
+    assert drift.model == "lagged"
+    assert drift.estimate.time_constants == pytest.approx(constants, rel=1e-12)
+    u = np.sqrt(np.diag(drift.estimate.covariance))
+    planted = np.array([2.0, -1.5, 1.0])[: len(constants)] * UM
+    assert (np.abs(drift.estimate.coefficients[0] - planted) < 5 * u).all()
+    # 0.1 um is the noise of the readings.
+    assert drift.rms_after / UM == pytest.approx(0.1, rel=5 / np.sqrt(2 * 384))
+    residual = np.concatenate([curve.measured - curve.modelled for curve in drift.curves])
+    assert np.sqrt(np.mean(residual**2)) == pytest.approx(drift.rms_after, rel=1e-9)
+
+
+def test_a_lag_that_is_found_pays_on_held_out_cycles() -> None:
+    found = lagged_plan((32.0,), 34)
+    with_lags, without = one(found, "lagged").held_out, one(found, "ridge").held_out
+    assert with_lags is not None
+    assert without is not None
+    assert with_lags.after / UM == pytest.approx(0.1, rel=0.2)
+    assert without.after > 3 * with_lags.after
+
+
+def test_no_lag_is_found_where_there_is_none() -> None:
+    drift = one(lagged_plan((0.0, 0.0, 0.0), 35), "lagged")
+    assert (drift.estimate.time_constants == 0).all()
+    assert drift.model == "ridge"
+
+
+def test_cycles_that_each_count_from_0() -> None:
+    """Each starts settled; the same where the next one begins a day later."""
+    found = lagged_plan((32.0,), 36)
+    restarted = replace(found, time_min=found.time_min - DAY * found.cycle)
+    a, b = one(found, "lagged").estimate, one(restarted, "lagged").estimate
+    assert b.time_constants == pytest.approx(a.time_constants, rel=1e-12)
+    # The first sample of a cycle is not where the last one ended, and the step between them is
+    # followed for a time constant: the two differ, if by little.
+    assert b.coefficients == pytest.approx(a.coefficients, rel=1e-2)
+
+
+def test_lags_need_times() -> None:
+    found = lagged_plan((32.0,), 37)
+    untimed = replace(found, time_min=np.full(len(found), np.nan))
+    result = thermal_fit([untimed], {"p": ("x", "um")}, reference=REFERENCE, method="auto")
+    assert "no-lags" in [warned.code for warned in result.warnings]
+    assert (result.components["p"].estimate.time_constants == 0).all()

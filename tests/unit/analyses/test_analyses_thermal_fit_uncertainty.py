@@ -1,0 +1,170 @@
+"""Covariances of thermal models against many simulated drift tests with the same temperatures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_drift import REFERENCE, UM, Plan, rises
+
+from mtu_cli.analyses.thermal_fit import thermal_fit
+from mtu_cli.analyses.thermal_fit.library import Library, library
+from mtu_cli.analyses.thermal_fit.models import Spec, fit
+from mtu_cli.analyses.thermal_fit.series import read_series
+from mtu_cli.analyses.thermal_fit.uncertainty import _not_negative, _unscaled
+from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.stats.least_squares import FloatArray, least_squares
+
+STRONG = np.array([[3.0, 2.0, 4.0], [5.0, 1.5, 2.0]])
+PLACES = (50.0, 250.0)
+
+
+def drawn(plan: Plan, draws: int, method: str) -> list[ThermalEstimate]:
+    """Fits of data sets that differ in their noise alone."""
+    T = plan.temperatures(np.random.default_rng(41))
+    return [
+        thermal_fit(
+            [plan.read(np.random.default_rng(1000 + k), T)],
+            {"p": ("x", "um")}, reference=REFERENCE, method=method,
+        ).components["p"].estimate
+        for k in range(draws)
+    ]  # fmt: skip
+
+
+def moments(found: list[ThermalEstimate]) -> tuple[FloatArray, FloatArray]:
+    """Covariance of the coefficients as seen, and the mean of the reported ones; um^2."""
+    b = np.array([item.coefficients.ravel() for item in found]) / UM
+    C = np.array([item.covariance for item in found]) / UM**2
+    return np.cov(b.T), C.mean(axis=0)
+
+
+@pytest.mark.parametrize("method", ["stepwise", "ridge"])
+def test_coefficients_scatter_as_their_covariance_says(method: str) -> None:
+    """Independent noise, one cycle (no penalty), all sensors far beyond doubt."""
+    draws = 250
+    plan = Plan(gradients=STRONG, positions=PLACES, cycles=1, n=60, noise=0.3)
+    found = drawn(plan, draws, method)
+    assert {item.degree for item in found} == {1}
+    seen, reported = moments(found)
+    # Each element of a sample covariance has the variance (C_ij^2 + C_ii C_jj)/draws.
+    error = np.sqrt((reported**2 + np.outer(np.diag(reported), np.diag(reported))) / draws)
+    # The residuals' own autocorrelation, -used/n on average, is taken as 0 where negative only:
+    # their scale is too large by E max(r, 0), which is 0.4/sqrt(n).
+    assert (np.abs(seen - reported) < 4.5 * error + 0.8 / np.sqrt(120) * np.abs(reported)).all()
+    planted = np.array([STRONG[0] - 0.25 * (STRONG[1] - STRONG[0]), (STRONG[1] - STRONG[0]) / 200])
+    b = np.array([item.coefficients.ravel() for item in found]) / UM
+    assert (np.abs(b.mean(axis=0) - planted.ravel()) < 4.5 * np.sqrt(np.diag(seen) / draws)).all()
+
+
+@pytest.mark.parametrize("method", ["stepwise", "ridge"])
+def test_more_cycles_never_claim_more_than_there_is(method: str) -> None:
+    """The larger of two estimates is reported: too large on average, but not by a factor of 4."""
+    draws = 80
+    plan = Plan(gradients=STRONG[:1], positions=(None,), cycles=4, n=40, noise=0.3)
+    seen, reported = moments(drawn(plan, draws, method))
+    ratio = np.diag(reported) / np.diag(seen)
+    assert (ratio > 1 - 4 * np.sqrt(2 / draws)).all()
+    assert (ratio < 4).all()
+
+
+def test_intervals_of_a_drift_cover_it() -> None:
+    """The drift in the middle of the axis, of readings that follow each other."""
+    plan = Plan(gradients=STRONG, positions=PLACES, cycles=1, n=100, noise=0.3, noise_memory=0.5)
+    inside = []
+    x = np.kron([1.0, 150.0], [3.0, 2.0, 2.5])
+    truth = STRONG.mean(axis=0) @ [3.0, 2.0, 2.5]
+    for item in drawn(plan, 200, "ridge"):
+        u = np.sqrt(x @ item.covariance @ x) / UM
+        inside.append(abs(x @ item.coefficients.ravel() / UM - truth) < 1.96 * u)
+    assert np.mean(inside) > 0.95 - 4 * np.sqrt(0.05 * 0.95 / 200)
+
+
+def test_a_slow_misfit_is_the_leftover() -> None:
+    """A level and a slope that each follow themselves: leftover is their covariance at one step.
+
+    Of the effective number of residuals the fit takes the share used/number with it.
+    """
+    draws, memory = 60, 0.8
+    slow = (0.5, 0.004)
+    plan = Plan(gradients=STRONG, positions=PLACES, cycles=1, n=1500, slow=slow, memory=memory)
+    found = [item.leftover / UM**2 for item in drawn(plan, draws, "ridge")]
+    planted = np.diag(np.square(slow)) * memory
+    taken = 2 * 5 / (1500 * (1 - memory) / (1 + memory))
+    mean, error = np.mean(found, axis=0), np.std(found, axis=0) / np.sqrt(draws)
+    assert (np.abs(mean - planted) < 4 * error + taken * planted).all()
+
+
+def test_noise_of_readings_is_no_leftover() -> None:
+    """White noise of variance 0.09 um^2: what is left of it is its own scatter, cut at 0."""
+    plan = Plan(gradients=STRONG[:1], positions=(None,), cycles=1, n=400, noise=0.3)
+    found = np.array([item.leftover[0, 0] / UM**2 for item in drawn(plan, 60, "ridge")])
+    assert (found >= 0).all()
+    assert np.median(found) < 0.09 / np.sqrt(400)
+    assert found.max() < 4 * 0.09 / np.sqrt(400)
+
+
+def test_sensor_noise_within_its_standard_error() -> None:
+    """From second differences: the median of n of them is good to 1.17/sqrt(n_effective)."""
+    for noise in (0.01, 0.05):
+        plan = Plan(gradients=STRONG[:1], cycles=4, n=400, step=0.5, sensor_noise=noise)
+        # Temperatures without draughts: their own second differences are nothing.
+        t = np.linspace(0.0, 5.0, 400)[:, None]
+        T = [REFERENCE + 6 * (1 - np.exp(-t / [1.0, 2.0, 4.0])) for _ in range(4)]
+        u = np.array(
+            [
+                thermal_fit([plan.read(np.random.default_rng(k), T)], {"p": (None, "um")},
+                            reference=REFERENCE, method="ridge").components["p"].estimate.sensor_u
+                for k in range(20)
+            ]
+        )  # fmt: skip
+        error = u.std(axis=0) / np.sqrt(20)
+        assert (np.abs(u.mean(axis=0) - noise) < 4 * error + 0.005 * noise).all()
+        # Alone within a few of 1.17/sqrt(n): neighbours share readings, which costs half.
+        assert np.abs(u - noise).max() < 5 * 1.17 * noise / np.sqrt(1600 / 2)
+
+
+def test_a_heater_that_switches_is_no_noise() -> None:
+    plan = Plan(gradients=STRONG[:1], cycles=2, n=200, sensor_noise=0.02)
+    t = np.linspace(0.0, 5.0, 200)[:, None]
+    T = [REFERENCE + (np.floor(t * 4) % 2) * 3 + t * [1.0, 0.9, 0.8] for _ in range(2)]
+    runs = plan.read(np.random.default_rng(43), T)
+    found = thermal_fit([runs], {"p": (None, "um")}, reference=REFERENCE, method="ridge")
+    assert found.components["p"].estimate.sensor_u == pytest.approx(np.full(3, 0.02), rel=0.4)
+
+
+def built(plan: Plan) -> Library:
+    series, sensors = read_series([plan.read(np.random.default_rng(44))], REFERENCE)
+    return library(series["p"], sensors, REFERENCE, lagged=False)
+
+
+def test_unit_covariance_of_ordinary_least_squares() -> None:
+    """(X'X)^-1 of raw rows, place by place for stepwise and all at once for ridge."""
+    plan = Plan(gradients=STRONG, positions=PLACES, n=30)
+    found = plan.read(np.random.default_rng(44))
+    lib = built(plan)
+    rows = lib.rows(range(4))
+    u = rises(found, 3)
+    scaled = np.where(found.position_mm == 50.0, -1.0, 1.0)
+    free = np.column_stack([scaled < 0, scaled > 0]).astype(float)
+    X = np.hstack([free, u, scaled[:, None] * u])
+    expected = least_squares(X, found.error).unscaled_covariance[2:, 2:]
+    for kind in ("ridge", "stepwise"):
+        fitted = fit(lib, rows, Spec(kind=kind, degree=1, lags=(0, 0, 0)))
+        assert fitted.unit_covariance == pytest.approx(expected, rel=1e-8, abs=1e-12)
+        assert fitted.used == pytest.approx(8.0)
+
+
+def test_powers_of_scaled_positions_become_powers_of_mm() -> None:
+    lib = replace(built(Plan(gradients=STRONG, positions=PLACES, n=10)), positions=(50.0, 350.0))
+    T = _unscaled(lib, 4)
+    c = np.array([1.0, -2.0, 0.5, 3.0, -1.0])
+    p = np.linspace(0.0, 400.0, 9)
+    scaled = np.polynomial.polynomial.polyval((p - 200.0) / 150.0, c)
+    assert np.polynomial.polynomial.polyval(p, T @ c) == pytest.approx(scaled, rel=1e-9, abs=1e-9)
+
+
+def test_the_nearest_matrix_without_negative_eigenvalues() -> None:
+    V = np.linalg.qr(np.random.default_rng(45).normal(size=(3, 3)))[0]
+    found = _not_negative(V @ np.diag([2.0, 0.5, -1.0]) @ V.T)
+    assert found == pytest.approx(V @ np.diag([2.0, 0.5, 0.0]) @ V.T, abs=1e-12)
