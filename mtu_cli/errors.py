@@ -6,7 +6,6 @@ import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-EXIT_DONE = 0
 EXIT_INPUT = 2
 EXIT_GATE = 3
 

@@ -104,7 +104,7 @@ def ring_points(
         nominal=nominal,
         repeat=np.repeat(repeats or [-1] * rings, 11),
         time_min=np.full(n, np.nan) if time is None else time,
-        sequence=np.repeat(np.arange(rings), 11) + 1,
+        sequence=np.repeat([names.index(name) for name in parts], 11) + 1,
         direction=np.full((n, 3), np.nan),
         covariates=covariates or {},
         file_index=np.zeros(n, np.int64),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -23,6 +25,7 @@ FLOORS = {
     "reports": 6,
     "cli": 7,
 }
+BODIES = ("body", "orelse", "handlers", "finalbody")
 MODULES = sorted(ROOT.rglob("*.py"))
 
 
@@ -51,6 +54,27 @@ def imports(path: Path) -> list[tuple[str, int]]:
     return found
 
 
+def dotted(path: Path) -> str:
+    """The name that a module is imported by."""
+    parts = path.relative_to(ROOT.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imported_at_once(body: list[ast.stmt]) -> Iterator[str]:
+    """What is imported while a module loads: in no function, and not for type checkers only."""
+    for node in body:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield str(node.module)
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            yield from imported_at_once(node.orelse)
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            inner = (getattr(node, part, []) for part in BODIES)
+            yield from (name for part in inner for name in imported_at_once(part))
+
+
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_imports_go_down_only(path: Path) -> None:
     own = path.relative_to(ROOT).with_suffix("").parts[0]
@@ -62,6 +86,18 @@ def test_imports_go_down_only(path: Path) -> None:
         if module.startswith("mtu_cli.") and FLOORS[room(module)] > FLOORS[own]
     ]
     assert not upward
+
+
+def test_imports_make_no_circle() -> None:
+    modules = {dotted(path): ast.parse(path.read_text("utf-8")) for path in MODULES}
+    graph = {
+        name: {other for other in imported_at_once(tree.body) if other in modules} - {name}
+        for name, tree in modules.items()
+    }
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(" imports ".join(reversed(error.args[1])))
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
@@ -81,6 +117,19 @@ def test_pandas_and_slow_libraries_stay_in_their_rooms(path: Path) -> None:
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_one_idea_a_file(path: Path) -> None:
     assert len(path.read_text("utf-8").splitlines()) <= 300
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_one_idea_a_function(path: Path) -> None:
+    """At most 40 lines from `def` to the end, the docstring among them."""
+    long = [
+        f"{node.name} has {node.end_lineno - node.lineno + 1} lines"
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and node.end_lineno is not None
+        and node.end_lineno - node.lineno >= 40
+    ]
+    assert not long
 
 
 def test_analyses_do_not_import_each_other() -> None:

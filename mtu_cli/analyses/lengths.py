@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtu_cli.errors import fault
+from mtu_cli.files.part import Length as LengthEntry
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.conformance import Conformance, conformance_of, joint_conformance
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
@@ -16,12 +17,15 @@ from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
-from mtu_cli.model.trials import PointTrials
+from mtu_cli.model.trials import Measure, PointTrials
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
+
+Bounds = tuple[tuple[float, float], tuple[str, str] | None]
+"""u with a correlation of -1 and of +1, and the pair that is correlated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +82,50 @@ def predict_lengths(
 
     Raises InputError for a missing covariate or coordinate, or a part without lengths.
     """
+    geometry, prediction, warnings = _predicted(model, part, covariates)
+    alone = settings.independent
+    variances = _variances(model, geometry, prediction, covariates, independent=alone)
+    trials = _trials(geometry, prediction, variances.dof, independent=alone)
+    run = settings.run(trials)
+    lengths = tuple(
+        _length(entry, i, geometry, variances, settings, run)
+        for i, entry in enumerate(part.part.lengths)
+    )
+    conformances = [length.conformance for length in lengths]
+    return LengthsResult(
+        prediction=prediction,
+        lengths=lengths,
+        joint_conformance=joint_conformance(trials, conformances, settings),
+        run=run,
+        warnings=(
+            *warnings,
+            *_planar_warnings(model, geometry.delta, geometry.names),
+            *outside_warnings(prediction),
+            *temperature_warnings(model, prediction.points, covariates or {}),
+            *dof_warnings(geometry.names, variances.dof),
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Geometry:
+    """The m lengths as functions of the predicted errors, in mm.
+
+    `delta` (m, 3) end minus start, `errors` (m,) at the mean of the prediction, `gradient`
+    (m, rows); `measure` of the combinations `combine` of errors, as `PointTrials` has them.
+    """
+
+    names: tuple[str, ...]
+    delta: FloatArray
+    errors: FloatArray
+    gradient: FloatArray
+    measure: Measure
+    combine: FloatArray
+
+
+def _predicted(
+    model: MachineModel, part: LoadedPart, covariates: Mapping[str, float] | None
+) -> tuple[_Geometry, Prediction, list[Warned]]:
     entries = part.part.lengths
     if not entries:
         raise fault(
@@ -88,93 +136,105 @@ def predict_lengths(
     used = [name for entry in entries for name in (entry.from_, entry.to)]
     ids, points, warnings = feature_points(part, model, used)
     prediction = predict(model, ids, points, covariates)
-    pairs = np.array([[ids.index(entry.from_), ids.index(entry.to)] for entry in entries])
-    delta = differences(points, pairs, [entry.id for entry in entries], part.source.shown)
-    nominal = np.linalg.norm(delta, axis=1)
-    gradient = length_gradient(prediction, pairs, delta)
-    measure, combine = length_measure(prediction, pairs, delta)
-    errors = measure((combine @ prediction.mean)[:, None], Workspace())[:, 0]
     names = tuple(entry.id for entry in entries)
-    trial_model = PointTrials(
+    pairs = np.array([[ids.index(entry.from_), ids.index(entry.to)] for entry in entries])
+    delta = differences(points, pairs, names, part.source.shown)
+    measure, combine = length_measure(prediction, pairs, delta)
+    geometry = _Geometry(
+        names=names,
+        delta=delta,
+        errors=measure((combine @ prediction.mean)[:, None], Workspace())[:, 0],
+        gradient=length_gradient(prediction, pairs, delta),
+        measure=measure,
+        combine=combine,
+    )
+    return geometry, prediction, list(warnings)
+
+
+def _trials(
+    geometry: _Geometry, prediction: Prediction, dof: FloatArray, *, independent: bool
+) -> PointTrials:
+    names = geometry.names
+    return PointTrials(
         prediction,
         names,
-        measure,
-        combine,
+        geometry.measure,
+        geometry.combine,
         np.tile(np.arange(len(names)), len(prediction.axes)),
-        errors,
-        gradient,
-        np.full(len(names), np.inf) if settings.independent else prediction.variance(gradient).dof,
-        independent=settings.independent,
-    )
-    run = settings.run(trial_model)
-    lengths = _lengths(
-        model, part, settings, prediction, gradient, nominal, errors, run, covariates
-    )
-    dof = np.array([length.dof for length in lengths])
-    return LengthsResult(
-        prediction=prediction,
-        lengths=lengths,
-        joint_conformance=joint_conformance(
-            trial_model, [length.conformance for length in lengths], settings
-        ),
-        run=run,
-        warnings=(
-            *warnings,
-            *_planar_warnings(model, delta, names),
-            *outside_warnings(prediction),
-            *temperature_warnings(model, points, covariates or {}),
-            *dof_warnings(names, dof),
-        ),
+        geometry.errors,
+        geometry.gradient,
+        dof,
+        independent=independent,
     )
 
 
-def _lengths(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Variances:
+    """Variances (m,) of the lengths, mm^2, and what they could be; see `Length`.
+
+    `total` with `dof` follows the settings' correlation; `bounds` are (u's, their pair).
+    """
+
+    total: FloatArray
+    dof: FloatArray
+    independent: FloatArray
+    uncorrelated: FloatArray
+    bounds: tuple[Bounds, ...]
+
+
+def _variances(
     model: MachineModel,
-    part: LoadedPart,
-    settings: Settings,
+    geometry: _Geometry,
     prediction: Prediction,
-    gradient: FloatArray,
-    nominal: FloatArray,
-    errors: FloatArray,
-    run: MonteCarloResult,
     covariates: Mapping[str, float] | None,
-) -> tuple[Length, ...]:
+    *,
+    independent: bool,
+) -> _Variances:
+    gradient = geometry.gradient
     shared = prediction.variance(gradient)
-    independent = gradient**2 @ prediction.independent_variance
-    total = independent if settings.independent else shared.total
-    dofs = np.full(len(total), np.inf) if settings.independent else shared.dof
+    alone = gradient**2 @ prediction.independent_variance
     apart = predict(replace(model, joint=()), prediction.ids, prediction.points, covariates)
-    uncorrelated = apart.variance(gradient).total
-    lengths = []
-    for i, entry in enumerate(part.part.lengths):
-        u, dof = float(np.sqrt(total[i])), float(dofs[i])
-        k95 = coverage_factor(PROBABILITY, dof)
-        bounds, pair = _bounds(prediction, shared.by_block[:, i])
-        lengths.append(
-            Length(
-                id=entry.id,
-                start=entry.from_,
-                end=entry.to,
-                nominal=float(nominal[i]),
-                error=float(errors[i]),
-                variance=float(total[i]),
-                dof=dof,
-                k=settings.coverage_factor,
-                interval95=(float(errors[i] - k95 * u), float(errors[i] + k95 * u)),
-                independent_variance=float(independent[i]),
-                variance_uncorrelated=float(uncorrelated[i]),
-                u_bounds=bounds,
-                pair=pair,
-                conformance=conformance_of(entry.tolerance_um, float(errors[i]), u, dof),
-                validation=settings.validate(float(errors[i]), u, dof, run, i),
-            )
-        )
-    return tuple(lengths)
+    return _Variances(
+        total=alone if independent else shared.total,
+        dof=np.full(len(alone), np.inf) if independent else shared.dof,
+        independent=alone,
+        uncorrelated=apart.variance(gradient).total,
+        bounds=tuple(_bounds(prediction, own) for own in shared.by_block.T),
+    )
 
 
-def _bounds(
-    prediction: Prediction, by_block: FloatArray
-) -> tuple[tuple[float, float], tuple[str, str] | None]:
+def _length(
+    entry: LengthEntry,
+    i: int,
+    geometry: _Geometry,
+    variances: _Variances,
+    settings: Settings,
+    run: MonteCarloResult,
+) -> Length:
+    error, variance = float(geometry.errors[i]), float(variances.total[i])
+    u, dof = float(np.sqrt(variance)), float(variances.dof[i])
+    k95 = coverage_factor(PROBABILITY, dof)
+    bounds, pair = variances.bounds[i]
+    return Length(
+        id=entry.id,
+        start=entry.from_,
+        end=entry.to,
+        nominal=float(np.linalg.norm(geometry.delta, axis=1)[i]),
+        error=error,
+        variance=variance,
+        dof=dof,
+        k=settings.coverage_factor,
+        interval95=(error - k95 * u, error + k95 * u),
+        independent_variance=float(variances.independent[i]),
+        variance_uncorrelated=float(variances.uncorrelated[i]),
+        u_bounds=bounds,
+        pair=pair,
+        conformance=conformance_of(entry.tolerance_um, error, u, dof),
+        validation=settings.validate(error, u, dof, run, i),
+    )
+
+
+def _bounds(prediction: Prediction, by_block: FloatArray) -> Bounds:
     """u if the two largest blocks were correlated with -1 or +1."""
     total = float(by_block.sum())
     largest = np.argsort(-by_block, kind="stable")[:2]

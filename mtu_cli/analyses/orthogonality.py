@@ -9,6 +9,7 @@ import numpy as np
 
 from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
+from mtu_cli.model.angle_geometry import Line, angle_error, check_square
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
@@ -21,8 +22,6 @@ from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
 
-LARGEST_SLOPE = 0.02
-"""Nominal slope of a row or column that still counts as along its axis."""
 DRAWN = 2**18
 """Trials kept for the histogram."""
 
@@ -80,7 +79,7 @@ def predict_orthogonality(
             expected="orthogonality: [{id: xy, row: [...], column: [...]}]",
         )
     for entry in part.part.orthogonality:
-        _check_square(entry.id, entry.row, entry.column, part)
+        check_square(entry.id, entry.row, entry.column, part)
     angles: list[Orthogonality] = []
     warnings: list[Warned] = []
     for entry in part.part.orthogonality:
@@ -90,22 +89,6 @@ def predict_orthogonality(
         warnings += [*noted, *outside_warnings(prediction)]
         warnings += dof_warnings([entry.id], np.array([angles[-1].first_order[2]]))
     return OrthogonalityResult(angles=tuple(angles), warnings=tuple(dict.fromkeys(warnings)))
-
-
-def _check_square(name: str, row: Sequence[str], column: Sequence[str], part: LoadedPart) -> None:
-    """Eqs. (24)-(26) take slopes for angles: rows lie along x, columns along y."""
-    places = part.part.places()
-    for kind, ids, along, across in (("row", row, 0, 1), ("column", column, 1, 0)):
-        line = np.array([[places[i][along], places[i][across]] for i in ids])
-        u, v = (line - line.mean(axis=0)).T
-        slope = float(u @ v / (u @ u))
-        if abs(slope) > LARGEST_SLOPE:
-            raise fault(
-                f"the {kind} of orthogonality {name!r} is "
-                f"{np.degrees(np.arctan(slope)):.3g} degrees off {'xy'[along]}",
-                file=part.source.shown,
-                expected=f"features in a line along {'xy'[along]}, seen in the plane of x and y",
-            )
 
 
 def _angle(
@@ -176,14 +159,12 @@ def angle_measure(
     A slope is sum (u - mean u)(v - mean v) / sum (u - mean u)^2. The coordinates across a line
     could stay as they are; less their mean there are fewer directions to draw.
     """
-    rows = len(prediction.mean)
     n = len(row), len(column)
     along = [_select(prediction, row, "x"), _select(prediction, column, "y")]
     across = [_select(prediction, row, "y"), _select(prediction, column, "x")]
-    combine = np.zeros((2 * sum(n), rows))
+    combine = np.zeros((2 * sum(n), len(prediction.mean)))
     nominal = np.zeros((2 * sum(n), 1))
     start = 0
-    lines = []
     for which, (u, i), (v, j) in zip((row, column), along, across, strict=True):
         m = len(which)
         combine[start : start + m] = u - u.mean(axis=0)
@@ -191,27 +172,19 @@ def angle_measure(
         place = prediction.points[which]
         nominal[start : start + m, 0] = place[:, i] - place[:, i].mean()
         nominal[start + m : start + 2 * m, 0] = place[:, j] - place[:, j].mean()
-        lines.append((slice(start, start + m), slice(start + m, start + 2 * m)))
         start += 2 * m
 
-    def lines_apart(combined: FloatArray, work: Workspace) -> FloatArray:
-        placed = np.add(combined, nominal, out=work.array("placed", combined.shape))
-        angle = work.array("angle", (1, combined.shape[1]))
-        angle[:] = 0.0
-        for u, v in lines:
-            top = np.einsum("pm,pm->m", placed[u], placed[v])
-            top /= np.einsum("pm,pm->m", placed[u], placed[u])
-            angle -= top
-        return angle
-
     def measure(combined: FloatArray, work: Workspace) -> FloatArray:
-        angle = lines_apart(combined, work)
-        angle -= by_design
-        return angle
+        placed = np.add(combined, nominal, out=work.array("placed", combined.shape))
+        return angle_error(_lines(placed, n), _lines(nominal, n))[None, :]
 
-    # Rows and columns that are not quite square by design have no error for it.
-    by_design = float(lines_apart(np.zeros((len(combine), 1)), Workspace())[0, 0])
     return measure, combine
+
+
+def _lines(coordinates: FloatArray, n: tuple[int, int]) -> tuple[Line, Line]:
+    """Row and column out of coordinates (2 * features, m): along, then across, of each."""
+    row, column = coordinates[: 2 * n[0]], coordinates[2 * n[0] :]
+    return (row[: n[0]], row[n[0] :]), (column[: n[1]], column[n[1] :])
 
 
 def _select(prediction: Prediction, which: IntArray, axis: str) -> tuple[FloatArray, int]:

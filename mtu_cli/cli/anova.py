@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, cast
 
 from mtu_cli.analyses.anova import METHODS, AnovaResult, Method, analyse_variance
+from mtu_cli.cli.datum import chosen_datum
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
@@ -32,7 +33,8 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         raise fault("unknown method", value=method, expected=did_you_mean(method, METHODS))
     points = inputs.points
     part = inputs.part if inputs.files("part") else None
-    result = analyse_variance(points, part, cast(Method, method), settings)
+    datum = chosen_datum(inputs)
+    result = analyse_variance(points, part, cast(Method, method), settings, datum)
     return Outcome(
         results=lambda: report.document(result),
         tables=lambda: _tables(result),

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from mtu_cli.analyses.compare import CompareResult, compare
+from collections.abc import Sequence
+
+from mtu_cli.analyses.compare import Compared, CompareResult, compare
+from mtu_cli.cli.datum import chosen_datum
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import did_you_mean, fault
-from mtu_cli.model.datum import DATUMS
+from mtu_cli.errors import fault
 from mtu_cli.model.settings import Settings
 
-GATES = ("biased", "under-predicted")
+BIASED, UNDER = "biased", "under-predicted"
+GATES = (BIASED, UNDER)
 
 
 def run(options: Options) -> None:
@@ -21,35 +24,55 @@ def run(options: Options) -> None:
 
 def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.reports import compare as report
+    from mtu_cli.reports.document import listed
 
-    gate = inputs.options.fail_if
-    if gate is not None and gate not in GATES:
-        raise fault("unknown gate", value=gate, expected=" or ".join(GATES))
-    study = inputs.study.study.settings if inputs.study else None
-    datum = inputs.options.datum or (study.datum if study else None) or "none"
-    if datum not in DATUMS:
-        raise fault("unknown datum", value=datum, expected=did_you_mean(datum, DATUMS))
+    gates = _gates(inputs.options.fail_if)
     found = modelled(inputs)
+    datum = chosen_datum(inputs)
     result = compare(found.model, inputs.part, inputs.points, settings, datum, inputs.at)
+    met = list(dict.fromkeys(name for gate in gates for name in _met(result, gate)))
     return Outcome(
         results=lambda: report.document(result),
         tables=lambda: report.table(result),
         rows=lambda: report.csv_rows(result),
         figure=lambda: report.figure(result),
-        warnings=[*found.warnings, *result.warnings, *report.warnings(result)],
-        gate=None if gate is None else _met(result, gate),
+        warnings=[*found.warnings, *result.warnings],
+        gate=listed(met) if met else None,
     )
 
 
-def _met(result: CompareResult, gate: str) -> str | None:
-    found = [
-        " ".join(word for word in label if word)
-        for compared in (result.features, result.lengths)
-        if compared is not None
-        for label, verdict in zip(compared.labels, compared.verdicts, strict=True)
-        if verdict == gate
+def _gates(given: str | None) -> list[str]:
+    """The gates of `--fail-if`, one or several with commas between them."""
+    gates = [] if given is None else [name.strip() for name in given.split(",")]
+    for gate in gates:
+        if gate not in GATES:
+            expected = f"{' or '.join(GATES)}, or both: --fail-if {','.join(GATES)}"
+            raise fault("unknown gate", value=gate, expected=expected)
+    return gates
+
+
+def _met(result: CompareResult, gate: str) -> list[str]:
+    """The items that meet a gate: parts too few to tell bias from scatter meet both."""
+    kinds = [kind for kind in (result.features, result.lengths) if kind is not None]
+    answers = [
+        (label, faulty, unclear)
+        for kind in kinds
+        for label, faulty, unclear in zip(
+            kind.labels, _answers(kind, gate), kind.inconsistent, strict=True
+        )
     ]
-    if not found:
-        return None
-    more = f" and {len(found) - 6} more" if len(found) > 6 else ""
-    return f"{', '.join(found[:6])}{more}"
+    if all(faulty is None and unclear is None for _, faulty, unclear in answers):
+        raise fault(
+            f"--fail-if {gate}: no item could be tested for it",
+            expected="two or more parts, in which features or lengths of the part were measured, "
+            "and a machine that was read in enough passes (see the warnings without --fail-if)",
+        )
+    return [
+        " ".join(word for word in label if word)
+        for label, faulty, unclear in answers
+        if faulty or unclear
+    ]
+
+
+def _answers(kind: Compared, gate: str) -> Sequence[bool | None]:
+    return kind.biased if gate == BIASED else kind.under_predicted

@@ -10,7 +10,9 @@ from typing import Annotated
 import typer
 
 from mtu_cli import __version__
+from mtu_cli.cli import graph_parameters as g
 from mtu_cli.cli import parameters as p
+from mtu_cli.cli.budget_parameters import BUDGET
 from mtu_cli.cli.options import Options, register
 from mtu_cli.cli.simulate_parameters import SIMULATE
 from mtu_cli.cli.streams import hush, prepare_streams
@@ -106,7 +108,7 @@ register(
 register(
     app,
     "anova",
-    [p.STUDY, p.PART, p.CMM, p.METHOD, p.COVERAGE, p.SEED, p.OUTPUT, p.fail_if("unusual")],
+    [p.STUDY, p.PART, p.CMM, p.METHOD, p.DATUM, p.COVERAGE, p.SEED, p.OUTPUT, p.fail_if("unusual")],
     _lazily("anova"),
     "Measured parts: part-to-part and CMM scatter of features, lengths and right angles.",
 )
@@ -126,10 +128,50 @@ register(
 )
 register(
     app,
+    "budget",
+    [BUDGET, p.MONTE_CARLO, p.OUTPUT],
+    _lazily("budget"),
+    "An uncertainty budget: first and second order, and Monte Carlo beside them.",
+)
+register(
+    app,
     "simulate",
     [p.STUDY, p.PART, p.COMPONENTS, p.SEED, SIMULATE, p.QUIET],
     _lazily("simulate"),
     "A virtual machine: synthetic readings and points, with any effect, seeded.",
+)
+graph = typer.Typer(
+    help="The measurement graph: its soundness, picture, uncertainty, and what that follows.",
+    no_args_is_help=True,
+)
+app.add_typer(graph, name="graph")
+register(
+    graph,
+    "check",
+    [g.FILE, g.WITHOUT_PLOT],
+    _lazily("graph"),
+    "Whether a graph is sound, with all its faults at once; and its firing order.",
+)
+register(
+    graph,
+    "draw",
+    [g.FILE, g.TO, g.OF_SHARES],
+    _lazily("graph_draw"),
+    "The graph as a picture, or as text for other programs.",
+)
+register(
+    graph,
+    "simulate",
+    [g.FILE, g.OF_MANY, p.COVERAGE, p.MONTE_CARLO, p.OUTPUT],
+    _lazily("graph"),
+    "Uncertainty of the graph's places by Monte Carlo, and where it comes from.",
+)
+register(
+    graph,
+    "sweep",
+    [g.FILE, g.VARY, g.OF_ONE, p.COVERAGE, p.MONTE_CARLO, p.OUTPUT],
+    _lazily("graph"),
+    "Uncertainty of one place over a grid of probing uncertainties, with a formula.",
 )
 register(
     app,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fnmatch
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -52,13 +54,22 @@ def modelled(inputs: Inputs) -> Modelled:
     thermal, more = _thermal(inputs)
     warnings += more
     model = build_model(machine, replace(estimates, thermal=thermal))
+    _expand(inputs.at, model.covariates())
     unused = [name for name in inputs.at if name not in model.covariates()]
     warnings += [
         Warned(code="covariate-not-needed", message=f"no equation needs --at {name}")
         for name in unused
     ]
-    warnings += [Warned(code=code, message=text) for code, text in estimates.warnings]
     return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
+
+
+def _expand(at: dict[str, float], needed: Sequence[str]) -> None:
+    """Names with * and ? stand for all covariates they match that are not given by themselves."""
+    for pattern in [name for name in at if "*" in name or "?" in name]:
+        matched = fnmatch.filter(needed, pattern)
+        if matched:
+            value = at.pop(pattern)
+            at |= {name: value for name in matched if name not in at}
 
 
 def _thermal(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Warned]]:
@@ -68,7 +79,11 @@ def _thermal(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Warned]]:
     machine = inputs.machine
     stated = thermal_from_machine_file(machine)
     if inputs.thermal is not None:
-        return stated | thermal_from_report(machine, inputs.thermal), []
+        found = stated | thermal_from_report(machine, inputs.thermal)
+        if not inputs.files("drift"):
+            return found, []
+        message = f"{inputs.thermal.source.shown} gives the drifts: drift readings are not read"
+        return found, [Warned(code="readings-not-used", message=message)]
     if not inputs.files("drift"):
         return stated, []
     from mtu_cli.cli.thermal_fit import fitted
@@ -89,5 +104,4 @@ def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) 
 
     results = document(machine.machine.name, fit, estimates)
     written = report_bytes({"schema": SCHEMA, "results": results})
-    found = estimates_from_report(machine, components_from(machine.source, json.loads(written)))
-    return replace(found, warnings=estimates.warnings)
+    return estimates_from_report(machine, components_from(machine.source, json.loads(written)))

@@ -13,63 +13,63 @@ from mtu_cli.files.study import (
     MAX_TRIALS,
     MIN_TRIALS,
 )
-from mtu_cli.model.settings import DEFAULT_SEED, Settings
+from mtu_cli.model.settings import Settings
 from mtu_cli.stats.monte_carlo import Progress
+
+OPTIONS = {
+    "coverage_factor": "k",
+    "digits": "digits",
+    "seed": "seed",
+    "correlation": "correlation",
+    "trials": "trials",
+    "threads": "threads",
+}
+"""Option of each setting, which a study calls as `Settings` does."""
 
 
 def read_settings(inputs: Inputs, progress: Progress | None) -> Settings:
     """Raises InputError for every setting that is out of range, at once."""
-    options = inputs.options
-    study = inputs.study.study.settings if inputs.study else None
-
-    def chosen(option: str, key: str, default: Any) -> Any:
-        given = options.values.get(option)
-        if given is None and study is not None:
-            given = getattr(study, key)
-        return default if given is None else given
-
-    k = chosen("k", "coverage_factor", 2.0)
-    digits = chosen("digits", "digits", 2)
-    seed = chosen("seed", "seed", DEFAULT_SEED)
-    correlation = chosen("correlation", "correlation", "shared")
-    trials = chosen("trials", "trials", None)
-    threads = chosen("threads", "threads", None)
-    checks = [
-        (0 < k < MAX_COVERAGE, "--k", k, f"a coverage factor above 0 and below {MAX_COVERAGE:g}"),
-        (1 <= digits <= MAX_DIGITS, "--digits", digits, f"1 to {MAX_DIGITS}"),
-        (seed >= 0, "--seed", seed, "0 or more"),
-        (
-            correlation in ("shared", "independent"),
-            "--correlation",
-            correlation,
-            "shared or independent",
-        ),
-        (
-            trials is None or MIN_TRIALS <= trials <= MAX_TRIALS,
-            "--trials",
-            trials,
-            f"{MIN_TRIALS} (a 95 % interval needs them) to {MAX_TRIALS}",
-        ),
-        (
-            threads is None or 1 <= threads <= MAX_THREADS,
-            "--threads",
-            threads,
-            f"1 to {MAX_THREADS}",
-        ),
-    ]
+    given = {name: _given(inputs, name, option) for name, option in OPTIONS.items()}
+    stated = {name: value for name, value in given.items() if value is not None}
+    settings = Settings(progress=progress, **stated)
     problems = [
-        Problem(what=f"{option} is out of range", value=str(value), expected=expected)
-        for good, option, value, expected in checks
+        Problem(
+            what=f"--{OPTIONS[name]} is out of range",
+            value=str(getattr(settings, name)),
+            expected=expected,
+        )
+        for name, (good, expected) in _ranges(settings).items()
         if not good
     ]
     if problems:
         raise InputError(problems)
-    return Settings(
-        coverage_factor=float(k),
-        seed=seed,
-        correlation=correlation,
-        trials=trials,
-        digits=digits,
-        threads=threads,
-        progress=progress,
-    )
+    return settings
+
+
+def _given(inputs: Inputs, name: str, option: str) -> Any:
+    value = inputs.options.values.get(option)
+    if value is None and inputs.study is not None:
+        value = getattr(inputs.study.study.settings, name)
+    return value
+
+
+def _ranges(settings: Settings) -> dict[str, tuple[bool, str]]:
+    """Whether each setting is within its range, and the range in words."""
+    k, trials, threads = settings.coverage_factor, settings.trials, settings.threads
+    return {
+        "coverage_factor": (
+            0 < k < MAX_COVERAGE,
+            f"a coverage factor above 0 and below {MAX_COVERAGE:g}",
+        ),
+        "digits": (1 <= settings.digits <= MAX_DIGITS, f"1 to {MAX_DIGITS}"),
+        "seed": (settings.seed >= 0, "0 or more"),
+        "correlation": (
+            settings.correlation in ("shared", "independent"),
+            "shared or independent",
+        ),
+        "trials": (
+            trials is None or MIN_TRIALS <= trials <= MAX_TRIALS,
+            f"{MIN_TRIALS} (a 95 % interval needs them) to {MAX_TRIALS}",
+        ),
+        "threads": (threads is None or 1 <= threads <= MAX_THREADS, f"1 to {MAX_THREADS}"),
+    }

@@ -14,6 +14,7 @@ from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.simulate_drift import (
+    check_cmm_room,
     drift_plan,
     drifting,
     grown,
@@ -30,8 +31,9 @@ from mtu_cli.model.drift_simulation import simulate_drift
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.reading_simulation import ReadingsPlan, simulate_readings
 from mtu_cli.model.settings import DEFAULT_SEED
-from mtu_cli.model.simulate import PartsPlan, ReadingsPlan, simulate_points, simulate_readings
+from mtu_cli.model.simulate import PartsPlan, simulate_points
 from mtu_cli.reports.simulate import drift_csv, points_csv, readings_csv
 
 MAX_ROWS = 10_000_000
@@ -59,6 +61,7 @@ def run(options: Options) -> None:
             "nothing to write", expected="--write-lbb FILE, --write-cmm FILE or --write-drift FILE"
         )
     check_targets(outputs)
+    check_cmm_room(options)
     inputs = Inputs(options)
     seed = _seed(inputs)
     _check_numbers(options, seed)

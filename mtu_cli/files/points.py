@@ -221,5 +221,12 @@ def _report_unknown(table: Table, nominal: NDArray[np.float64], problems: Proble
     rows = np.flatnonzero(unknown)[first]
     for code, index in zip(codes, rows, strict=True):
         expected = "the feature in a part file (--part), or nominal_x_mm and nominal_y_mm"
+        expected += _meant(table)
         what = "no nominal place is known for the feature"
         problems.add(table.problem(int(index), "feature", what, column.labels[code], expected))
+
+
+def _meant(table: Table) -> str:
+    """The columns that look like nominal places under another name."""
+    found = [name for name in table.covariates if name.casefold().startswith("nom")]
+    return f"; rename {', '.join(map(repr, found))}" if found else ""

@@ -11,6 +11,7 @@ KINDS: dict[str, tuple[str, str]] = {
     "machine": ("mtu_cli.files.machine_contract", "Machine"),
     "part": ("mtu_cli.files.part", "Part"),
     "study": ("mtu_cli.files.study", "Study"),
+    "budget": ("mtu_cli.files.budget_contract", "Budget"),
     "graph": ("mtu_cli.files.graph_contract", "Graph"),
 }
 """Module and model of each kind; the modules are imported when asked for."""

@@ -31,8 +31,10 @@ def _by_sensor(value: object) -> object:
     return value
 
 
+STEEPEST = 1e6
+"""Per degC in any unit: beyond it a gradient is a slip, and its square overflows."""
 Gradients = Annotated[
-    list[float],
+    list[Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)]],
     Field(min_length=1),
     BeforeValidator(_listed, json_schema_input_type=float | list[float]),
 ]

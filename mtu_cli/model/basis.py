@@ -55,9 +55,9 @@ class ThermalBasis:
 
         One temperature for all rows, or rows without times, count as settled.
         """
-        found = np.column_stack(
-            [np.broadcast_to(covariates[sensor], (n,)) for sensor in self.estimate.sensors]
-        ).astype(np.float64)
+        found = np.empty((n, len(self.estimate.sensors)))
+        for s, sensor in enumerate(self.estimate.sensors):
+            found[:, s] = covariates[sensor]
         times = covariates.get(TIME)
         if times is None or np.ndim(times) == 0 or not self.estimate.time_constants.any():
             return found

@@ -53,23 +53,36 @@ def constant_effects(
             design(replace(model, constants=model.constants | {name: (end, u)}), points, covariates)
             for end in (value + u, value - u)
         )
-        at_up, at_down = (side.J @ theta(model) + side.remainder for side in (up, down))
-        curve = (at_up + at_down - 2 * mean) / 2
-        # Rounding of a difference of errors is no curvature.
-        curve = np.where(np.abs(curve) > NEGLIGIBLE * np.abs(at_up - mean), curve, 0.0)
+        own, curve = _of_errors(name, model, mean, up, down)
         shift += curve
-        blocks.append(_simple(name, (at_up - at_down) / 2))
-        if curve.any():
-            blocks.append(_simple(f"{name}^2", np.sqrt(2.0) * curve))
-        change = (up.J - down.J) / 2
-        if np.abs(change).max() > NEGLIGIBLE * np.abs(centre.J).max():
-            levers = (up.levers - down.levers) / 2
-            blocks += component_blocks(model, change, levers, centre.columns)
+        blocks += [*own, *_of_levers(model, centre, up, down)]
     variance = np.zeros(rows)
     for block in blocks:
         C = block.C + block.D
         variance += np.einsum("ri,ij,rj->r", block.G, C, block.G) + (block.noise**2).sum(axis=1)
     return ConstantEffects(blocks=tuple(blocks), variance=variance, shift=shift)
+
+
+def _of_errors(
+    name: str, model: MachineModel, mean: FloatArray, up: Design, down: Design
+) -> tuple[list[Block], FloatArray]:
+    """Blocks of dE/dc and d2E/dc2, and the latter's shift of the mean (rows,)."""
+    at_up, at_down = (side.J @ theta(model) + side.remainder for side in (up, down))
+    curve = (at_up + at_down - 2 * mean) / 2
+    # Rounding of a difference of errors is no curvature.
+    curve = np.where(np.abs(curve) > NEGLIGIBLE * np.abs(at_up - mean), curve, 0.0)
+    blocks = [_simple(name, (at_up - at_down) / 2)]
+    if curve.any():
+        blocks.append(_simple(f"{name}^2", np.sqrt(2.0) * curve))
+    return blocks, curve
+
+
+def _of_levers(model: MachineModel, centre: Design, up: Design, down: Design) -> list[Block]:
+    """Blocks of the components' own uncertainty through the change of their lever arms."""
+    change = (up.J - down.J) / 2
+    if np.abs(change).max() <= NEGLIGIBLE * np.abs(centre.J).max():
+        return []
+    return list(component_blocks(model, change, (up.levers - down.levers) / 2, centre.columns))
 
 
 def _simple(name: str, column: FloatArray) -> Block:

@@ -40,7 +40,6 @@ class ComponentEstimate:
     independent_covariance: FloatArray | None = None
     independent_s: float | None = None
     position_range: tuple[float, float] | None = None
-    notes: tuple[str, ...] = ()
 
     @property
     def degree(self) -> int:
@@ -71,7 +70,6 @@ class Estimates:
     components: dict[str, ComponentEstimate]
     joint: tuple[JointPasses, ...] = ()
     thermal: dict[str, ThermalEstimate] = field(default_factory=dict)
-    warnings: tuple[tuple[str, str], ...] = field(default=())
 
 
 def from_centre(center: float, k: int, q: int) -> FloatArray:
@@ -139,21 +137,13 @@ def known_component(
 ) -> ComponentEstimate:
     """A component whose figures a machine file states, in the component's own unit.
 
-    `u_future`, the standard uncertainty of a future observation, is all that many published
-    tables give: it counts as repeatability, independent from point to point, or, without an
-    axis, as shared by all points of a part.
+    Without a `covariance` the coefficients are taken as known; of `u_future` see `_scatter`.
     """
     f = unit.to_internal
     k = len(coefficients)
-    q = min(2, k)
-    D = np.zeros((q, q)) if pass_covariance is None else np.asarray(pass_covariance, float)
-    repeat = 0.0 if s_repeat is None else s_repeat
-    if u_future is not None:
-        if of is None:
-            D = np.array([[u_future**2]])
-        else:
-            repeat = u_future
-    T = from_centre(pass_center or 0.0, k, q)
+    C = np.zeros((k, k)) if covariance is None else np.asarray(covariance, float)
+    D, repeat = _scatter(of, min(2, k), pass_covariance, s_repeat, u_future)
+    T = from_centre(pass_center or 0.0, k, min(2, k))
     overall = inf if dof is None else float(dof)
     shared = pass_covariance is not None or (of is None and u_future is not None)
     return ComponentEstimate(
@@ -161,10 +151,29 @@ def known_component(
         of=of,
         unit=unit,
         coefficients=np.asarray(coefficients, float) * f,
-        covariance=(np.zeros((k, k)) if covariance is None else np.asarray(covariance, float))
-        * f**2,
+        covariance=C * f**2,
         pass_covariance=T @ D @ T.T * f**2,
         s_repeat=repeat * f,
         pass_dof=(overall if pass_dof is None else float(pass_dof)) if shared else 0.0,
         repeat_dof=overall if repeat_dof is None else float(repeat_dof),
     )
+
+
+def _scatter(
+    of: str | None,
+    q: int,
+    pass_covariance: FloatArray | None,
+    s_repeat: float | None,
+    u_future: float | None,
+) -> tuple[FloatArray, float]:
+    """D (q, q) and s_repeat of a component that a machine file states.
+
+    `u_future`, the standard uncertainty of a future observation, is all that many published
+    tables give: it counts as repeatability, independent from point to point, or, without an
+    axis, as shared by all points of a part.
+    """
+    D = np.zeros((q, q)) if pass_covariance is None else np.asarray(pass_covariance, float)
+    repeat = 0.0 if s_repeat is None else s_repeat
+    if u_future is None:
+        return D, repeat
+    return (np.array([[u_future**2]]), repeat) if of is None else (D, u_future)

@@ -116,41 +116,47 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     found = from_machine_file(machine)
     problems: list[Problem] = []
     for name, item in report.components.items():
-        entry = machine.machine.components.get(name)
-        if entry is None:
-            problems.append(
-                Problem(
-                    what=f"{machine.source.shown} has no component {name!r}",
-                    file=report.source.shown,
-                    path=f"results.components.{name}",
-                    expected="a report of this machine's components",
-                )
+        problems += [
+            Problem(
+                what=what,
+                file=report.source.shown,
+                path=f"results.components.{name}",
+                expected=expected,
             )
-            continue
-        same_unit = UNITS[entry.unit].dimension == UNITS[item.unit].dimension
-        degree = len(item.coefficients) - 1
-        if degree != entry.degree:
-            problems.append(
-                Problem(
-                    what=f"{name!r} is of degree {degree} in the components report",
-                    file=report.source.shown,
-                    path=f"results.components.{name}",
-                    expected=f"degree {entry.degree}, as in {machine.source.shown}: fit again",
-                )
-            )
-        if entry.of != item.of or not same_unit:
-            problems.append(
-                Problem(
-                    what=f"{name!r} is of {item.of} in {item.unit} in the components report",
-                    file=report.source.shown,
-                    path=f"results.components.{name}",
-                    expected=f"of {entry.of} in {entry.unit}, as in {machine.source.shown}",
-                )
-            )
-        found[name] = _reported(name, item)
+            for what, expected in _disagreements(machine, name, item)
+        ]
     if problems:
         raise InputError(problems)
+    found |= {name: _reported(name, item) for name, item in report.components.items()}
     return Estimates(components=found, joint=tuple(_joint(group, found) for group in report.joint))
+
+
+def _disagreements(
+    machine: LoadedMachine, name: str, item: ReportedComponent
+) -> list[tuple[str, str]]:
+    """What the report says otherwise than the machine file, and what that would have it say."""
+    file = machine.source.shown
+    entry = machine.machine.components.get(name)
+    if entry is None:
+        return [(f"{file} has no component {name!r}", "a report of this machine's components")]
+    found = []
+    degree = len(item.coefficients) - 1
+    if degree != entry.degree:
+        found.append(
+            (
+                f"{name!r} is of degree {degree} in the components report",
+                f"degree {entry.degree}, as in {file}: fit again",
+            )
+        )
+    same_unit = UNITS[entry.unit].dimension == UNITS[item.unit].dimension
+    if entry.of != item.of or not same_unit:
+        found.append(
+            (
+                f"{name!r} is of {item.of} in {item.unit} in the components report",
+                f"of {entry.of} in {entry.unit}, as in {file}",
+            )
+        )
+    return found
 
 
 def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mtu_cli.model.estimates import ComponentEstimate, between_passes
-from mtu_cli.stats.coverage import welch_satterthwaite
+from mtu_cli.stats.coverage import dof_of_shares, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -33,7 +33,6 @@ def combine(
     D = _pooled([item.pass_covariance for item in estimates], passes)
     W = _weights(estimates, D, np.array(counts, dtype=np.float64))
     plain = np.array(counts) - len(first.coefficients)
-    ranges = [item.position_range for item in estimates if item.position_range is not None]
     combined = ComponentEstimate(
         name=first.name,
         of=first.of,
@@ -49,9 +48,15 @@ def combine(
             W**2,
         ),
         independent_s=float(np.sqrt(_pooled([np.array(s) for s in s2], plain.astype(float)))),
-        position_range=(min(r[0] for r in ranges), max(r[1] for r in ranges)) if ranges else None,
+        position_range=_whole_range(estimates),
     )
     return combined, agreement(estimates[0], estimates[1])
+
+
+def _whole_range(estimates: Sequence[ComponentEstimate]) -> tuple[float, float] | None:
+    """Positions that any of the instruments has read, mm."""
+    ranges = [item.position_range for item in estimates if item.position_range is not None]
+    return (min(r[0] for r in ranges), max(r[1] for r in ranges)) if ranges else None
 
 
 def _weights(estimates: Sequence[ComponentEstimate], D: FloatArray, n: FloatArray) -> FloatArray:
@@ -110,8 +115,8 @@ def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
     inverse /= np.outer(scale, scale)
     k = int(np.linalg.matrix_rank(inverse * np.outer(scale, scale)))
     sources = [source for item in (a, b) for source in _sources(item)]
-    shares = [float(np.trace(part @ inverse)) / k for part, _ in sources]
-    nu = 1.0 / sum(share**2 / dof for share, (_, dof) in zip(shares, sources, strict=True))
+    shares = np.array([float(np.trace(part @ inverse)) / k for part, _ in sources])
+    nu = dof_of_shares(shares, np.array([dof for _, dof in sources]))
     if nu <= k - 1:
         return 1.0
     F = float(d @ inverse @ d) * (nu - k + 1) / (nu * k)

@@ -48,12 +48,11 @@ def length_measure(
 ) -> tuple[Measure, FloatArray]:
     """Length minus nominal, eqs. (20)-(21), and the differences of errors that it needs.
 
-    L - L0 = (2 delta.e + e.e) / (L + L0), e the difference of the two ends' errors: no digits
-    are lost to the difference of two lengths.
+    The sum runs over the prediction's axes: an axis without equation has no error.
     """
     a = len(prediction.axes)
     columns = [AXES.index(axis) for axis in prediction.axes]
-    L0 = np.linalg.norm(delta, axis=1)[:, None]
+    L0 = np.linalg.norm(delta, axis=1)
     m = len(pairs)
     combine = np.zeros((a * m, len(prediction.mean)))
     for j in range(a):
@@ -62,11 +61,21 @@ def length_measure(
         combine[rows, pairs[:, 0] * a + j] -= 1.0
 
     def measure(differences: FloatArray, work: Workspace) -> FloatArray:
-        grown = np.zeros((m, differences.shape[1]))
-        for j, column in enumerate(columns):
-            e = differences[j * m : (j + 1) * m]
-            grown += (2 * delta[:, column, None] + e) * e
-        errors: FloatArray = grown / (np.sqrt(L0**2 + grown) + L0)
-        return errors
+        return length_error(L0, delta[:, columns], differences.reshape(a, m, -1))
 
     return measure, combine
+
+
+def length_error(L0: FloatArray, delta: FloatArray, e: FloatArray) -> FloatArray:
+    """L - L0 (lengths, n), mm, Gilsinn & Ling 2004, eqs. (20)-(21).
+
+    L - L0 = (2 delta.e + e.e)/(L + L0): no digits are lost to the difference of two lengths.
+    `L0` (lengths,) nominal, `delta` (lengths, axes) the ends' nominal difference along the axes
+    that have errors, `e` (axes, lengths, n) the difference of the two ends' errors there.
+    """
+    grown = np.zeros(e.shape[1:])
+    for along, error in zip(delta.T, e, strict=True):
+        grown += (2 * along[:, None] + error) * error
+    length = L0[:, None]
+    errors: FloatArray = grown / (np.sqrt(length**2 + grown) + length)
+    return errors

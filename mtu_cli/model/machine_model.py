@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +16,10 @@ from mtu_cli.model.effect_parameters import EFFECT_MARK, effect_estimates
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.model.thermal_terms import leftover_estimate, temperature_estimate
-from mtu_cli.stats.least_squares import FloatArray
 
 AXES = ("x", "y", "z")
+HOTTEST = 1000.0
+"""degC that no sensor of a machine reads, nor minus it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,53 +77,70 @@ class MachineModel:
         return {name: self.constants[name][0] for name in AXES if name in self.constants}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Design:
-    """The machine at n points: rows are (point, axis), points first.
-
-    `J` (n*a, K) in theta, `columns` of each term in it, `levers` (n*a, c) of each term,
-    `remainder` (n*a,) in mm.
-    """
-
-    J: FloatArray
-    levers: FloatArray
-    remainder: FloatArray
-    columns: tuple[slice, ...]
-
-
 def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     """Joins a machine file and the estimates of its components.
 
     Raises InputError for a component of the equations that has neither readings nor
     coefficients, or too few readings for an uncertainty, with the line of the machine file.
     """
-    forms: list[dict[str, LinearForm]] = [machine.forms]
+    parts, joint = [_Part(form=machine.forms, rename={})], list(estimates.joint)
     found = dict(estimates.components)
-    joint = list(estimates.joint)
-    renames: list[dict[str, str]] = [{}]
     for effect, form in zip(machine.machine.effects, machine.effect_forms, strict=True):
         rename = {name: f"{effect.name}{EFFECT_MARK}{name}" for name in effect.parameters}
         parameters, together = effect_estimates(effect, rename)
         found |= parameters
         joint += together
-        forms.append(form)
-        renames.append(rename)
-    axes = tuple(axis for axis in AXES if any(f"E{axis}" in form for form in forms))
-    levers: dict[str, dict[str, Node]] = {name: {} for name in found}
-    remainders: dict[str, list[Node]] = {axis: [] for axis in axes}
-    missing: dict[str, None] = {}
-    for form, rename in zip(forms, renames, strict=True):
-        for equation, linear in form.items():
-            axis = equation[1:]
+        parts.append(_Part(form=form, rename=rename))
+    axes = tuple(axis for axis in AXES if any(f"E{axis}" in part.form for part in parts))
+    levers = _levers(parts)
+    terms = [polynomial_term(found[name], levers[name]) for name in found if name in levers]
+    _check_terms(machine, terms, [name for name in levers if name not in found])
+    return MachineModel(
+        name=machine.machine.name,
+        axes=axes,
+        terms=(*terms, *_thermal_terms(estimates, levers)),
+        remainders=_remainders(parts, axes),
+        constants={
+            name: (constant.value, constant.u)
+            for name, constant in machine.machine.constants.items()
+        },
+        joint=tuple(joint),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Part:
+    """Linear forms of the machine's equations or of an effect, whose parameters are renamed."""
+
+    form: Mapping[str, LinearForm]
+    rename: Mapping[str, str]
+
+
+def _levers(parts: Sequence[_Part]) -> dict[str, dict[str, Node]]:
+    """Lever arm by component and axis; an effect may hold a component of the equations."""
+    levers: dict[str, dict[str, Node]] = {}
+    for part in parts:
+        for equation, linear in part.form.items():
             for name, lever in linear.coefficients.items():
-                full = rename.get(name, name)
-                if full in levers:
-                    levers[full][axis] = _added(levers[full].get(axis), lever)
-                else:
-                    missing[full] = None
-            if linear.remainder is not None:
-                remainders[axis].append(linear.remainder)
-    terms = [polynomial_term(found[name], lever) for name, lever in levers.items() if lever]
+                own = levers.setdefault(part.rename.get(name, name), {})
+                own[equation[1:]] = _added(own.get(equation[1:]), lever)
+    return levers
+
+
+def _remainders(parts: Sequence[_Part], axes: Sequence[str]) -> dict[str, tuple[Node, ...]]:
+    """What equations and effects hold beside components, by axis."""
+    forms = {axis: [part.form.get(f"E{axis}") for part in parts] for axis in axes}
+    return {
+        axis: tuple(
+            linear.remainder
+            for linear in own
+            if linear is not None and linear.remainder is not None
+        )
+        for axis, own in forms.items()
+    }
+
+
+def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequence[str]) -> None:
     problems = [_no_estimate(machine, name) for name in missing]
     problems += [
         _no_uncertainty(machine, term.estimate.name) for term in terms if not _is_known(term)
@@ -131,17 +149,6 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
         problems = [Problem(what="no equation holds a component", file=machine.source.shown)]
     if problems:
         raise InputError(problems)
-    return MachineModel(
-        name=machine.machine.name,
-        axes=axes,
-        terms=(*terms, *_thermal_terms(estimates, levers)),
-        remainders={axis: tuple(nodes) for axis, nodes in remainders.items()},
-        constants={
-            name: (constant.value, constant.u)
-            for name, constant in machine.machine.constants.items()
-        },
-        joint=tuple(joint),
-    )
 
 
 def _thermal_terms(estimates: Estimates, levers: Mapping[str, dict[str, Node]]) -> list[Term]:
@@ -162,7 +169,6 @@ def _thermal_terms(estimates: Estimates, levers: Mapping[str, dict[str, Node]]) 
 
 
 def _added(lever: Node | None, more: Node) -> Node:
-    """An effect may hold a component of the equations: its lever arms add up."""
     return more if lever is None else Binary("+", lever, more, more.column)
 
 
@@ -194,6 +200,7 @@ def _no_uncertainty(machine: LoadedMachine, name: str) -> Problem:
 
 def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
     """Raises InputError naming every covariate that the equations need and nobody gave."""
+    _check_temperatures(model, given)
     missing = [name for name in model.covariates() if name not in given]
     if missing:
         drifts = sensors_of(model)
@@ -209,6 +216,18 @@ def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
                 for name in missing
             ]
         )
+
+
+def _check_temperatures(model: MachineModel, given: Mapping[str, object]) -> None:
+    for sensor in sensors_of(model):
+        if sensor in given and not np.abs(np.asarray(given[sensor], float)).max() <= HOTTEST:
+            raise InputError(
+                Problem(
+                    what=f"no temperature of a machine: {sensor}",
+                    value=f"{np.asarray(given[sensor], float).flat[0]:g}",
+                    expected=f"degC, at most {HOTTEST:g} in size",
+                )
+            )
 
 
 def sensors_of(model: MachineModel) -> dict[str, tuple[str, ...]]:

@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import all_distinct
+from mtu_cli.model.angle_geometry import Line, angle_error, check_square
+from mtu_cli.model.length_geometry import differences, length_error
 from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.settings import Warned
+from mtu_cli.model.visits import MOST_TOLD as MOST_TOLD
+from mtu_cli.model.visits import IntArray as IntArray
+from mtu_cli.model.visits import Visits as Visits
+from mtu_cli.model.visits import axes_of as axes_of
+from mtu_cli.model.visits import occurrence as occurrence
+from mtu_cli.model.visits import only_features as only_features
+from mtu_cli.model.visits import operations_of as operations_of
+from mtu_cli.model.visits import refuse_doubled
+from mtu_cli.model.visits import visits_of as visits_of
 from mtu_cli.stats.anova import Cells, cells_of
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
     from mtu_cli.files.part import LoadedPart
 
-IntArray = NDArray[np.int64]
-MOST_TOLD = 10_000
+MOST_NAMED = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,26 +55,6 @@ class MeasuredTables:
         return MeasuredTables(
             labels=tuple(self.labels[i] for i in kept), parts=self.parts, cells=cells
         )
-
-
-def axes_of(points: Points) -> tuple[int, ...]:
-    """The axes (0, 1, 2) along which every point was measured and has a nominal."""
-    return tuple(
-        axis
-        for axis in range(3)
-        if np.isfinite(points.measured[:, axis]).all()
-        and np.isfinite(points.nominal[:, axis]).all()
-    )
-
-
-def operations_of(points: Points) -> tuple[tuple[str, ...], IntArray]:
-    """Names and codes (n,) of operations; "" where a file does not tell them."""
-    if not points.operations:
-        return ("",), np.broadcast_to(np.int64(0), len(points))
-    untold = points.operation < 0
-    if not untold.any():
-        return points.operations, points.operation
-    return (*points.operations, ""), np.where(untold, len(points.operations), points.operation)
 
 
 def feature_tables(points: Points) -> MeasuredTables:
@@ -114,7 +102,7 @@ def _check_repeats(points: Points, cell: IntArray, cells: int) -> None:
     place = cell * (int(code.max()) + 1) + code
     given = points.repeat >= 0
     if len(np.unique(place[given])) < int(given.sum()):
-        _refuse_doubled(points, place, given)
+        refuse_doubled(points, place, given)
 
 
 def _stacked(found: list[Cells]) -> Cells:
@@ -126,159 +114,84 @@ def _stacked(found: list[Cells]) -> Cells:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Visits:
-    """The points of each measurement of each part together.
-
-    `errors` and `nominal` (visits, features, 3) mm, nan where a feature was not measured;
-    `part` and `operation` (visits,) are codes, `of_point` (n,) the visit of each point. A
-    visit is one repeat of one part in one operation: repeats by their number or, without one,
-    in the order of the file, after those with a number.
-    """
-
-    part: IntArray
-    operation: IntArray
-    errors: FloatArray
-    nominal: FloatArray
-    of_point: IntArray
-
-
-def visits_of(points: Points) -> Visits:
-    """Gathers points into visits.
-
-    Raises InputError for a feature that stands twice in one repeat of one part.
-    """
-    _, operation = operations_of(points)
-    features, parts = len(points.features), len(points.parts)
-    run = operation.astype(np.int64) * parts + points.part
-    repeat = _numbered(points.repeat, run * features + points.feature)
-    numbers, code = np.unique(repeat, return_inverse=True)
-    distinct, visit = np.unique(run * len(numbers) + code.reshape(-1), return_inverse=True)
-    visit = visit.reshape(-1)
-    place = visit * features + points.feature
-    if np.bincount(place).max() > 1:
-        _refuse_doubled(points, place, np.ones(len(points), bool))
-    errors = np.full((len(distinct) * features, 3), np.nan)
-    errors[place] = points.measured - points.nominal
-    nominal = np.full((features, 3), np.nan)
-    nominal[points.feature] = points.nominal
-    run_of = distinct // len(numbers)
-    return Visits(
-        part=run_of % parts,
-        operation=run_of // parts,
-        of_point=visit.astype(np.int64),
-        errors=errors.reshape(len(distinct), features, 3),
-        nominal=nominal,
-    )
-
-
-def _numbered(repeat: IntArray, place: IntArray) -> IntArray:
-    """Repeats with a number each; where none is given, counted on from the largest given."""
-    untold, found = repeat < 0, repeat.copy()
-    if untold.any():
-        found[untold] = max(int(repeat.max()), -1) + 1 + occurrence(place[untold])
-    return found
-
-
-def only_features(points: Points, names: Iterable[str]) -> Points:
-    """The points of some features; parts and operations keep their codes."""
-    index = {name: code for code, name in enumerate(points.features)}
-    kept = [index[name] for name in dict.fromkeys(names) if name in index]
-    code = np.full(len(points.features), -1)
-    code[kept] = np.arange(len(kept))
-    feature = code[points.feature]
-    rows = np.flatnonzero(feature >= 0)
-    return replace(
-        points,
-        features=tuple(points.features[i] for i in kept),
-        feature=feature[rows],
-        covariates={name: column[rows] for name, column in points.covariates.items()},
-        **{name: getattr(points, name)[rows] for name in _BY_POINT},
-    )
-
-
-_BY_POINT = (
-    "part", "operation", "measured", "nominal", "repeat", "time_min", "sequence", "direction",
-    "file_index", "row",
-)  # fmt: skip
-
-
-def occurrence(codes: IntArray) -> IntArray:
-    """How often the code of each entry has stood before it: 0, 1, 2, ..."""
-    order = np.argsort(codes, kind="stable")
-    ordered = codes[order]
-    starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
-    lengths = np.diff(np.r_[starts, len(codes)])
-    count = np.empty(len(codes), np.int64)
-    count[order] = np.arange(len(codes)) - np.repeat(starts, lengths)
-    return count
-
-
-def _refuse_doubled(points: Points, place: IntArray, given: NDArray[np.bool_]) -> None:
-    rows = np.flatnonzero(given)
-    rows = rows[occurrence(place[rows]) > 0]
-    raise InputError(
-        [
-            Problem(
-                what="the feature stands twice in one repeat of one part",
-                file=points.sources[points.file_index[i]].shown,
-                row=int(points.row[i]),
-                column="feature",
-                value=points.features[points.feature[i]],
-                expected="one row a feature and `repeat`",
-            )
-            for i in rows[:MOST_TOLD]
-        ]
-    )
-
-
 def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
-    """One table an operation and length of the part file: measured minus nominal, mm."""
-    entries = part.part.lengths
-    pairs = [
-        (points.features.index(e.from_), points.features.index(e.to))
-        for e in entries
-        if e.from_ in points.features and e.to in points.features
-    ]
-    ids = [e.id for e in entries if e.from_ in points.features and e.to in points.features]
-    if not pairs:
+    """One table an operation and length of the part file: measured minus nominal, mm.
+
+    Along an axis that not every end of a length was measured along the length is taken as free
+    of error (`length_warnings` says so).
+
+    Raises InputError for a length of which one end alone has a nominal z.
+    """
+    known = set(points.features)
+    entries = [e for e in part.part.lengths if e.from_ in known and e.to in known]
+    if not entries:
         return None
-    values = []
-    for start, end in pairs:
-        delta = np.nan_to_num(visits.nominal[end] - visits.nominal[start])
-        e = visits.errors[:, end] - visits.errors[:, start]
-        e = np.where(np.isnan(e) & (np.arange(3) == 2), 0.0, e)
-        L0 = float(np.linalg.norm(delta))
-        grown = (e * (2 * delta + e)).sum(axis=1)
-        values.append(grown / (np.sqrt(L0**2 + grown) + L0))
-    return _visit_tables(points, visits, ids, np.array(values))
+    index = {name: i for i, name in enumerate(points.features)}
+    pairs = np.array([[index[e.from_], index[e.to]] for e in entries])
+    ids = [e.id for e in entries]
+    delta = differences(visits.nominal, pairs, ids, part.source.shown)
+    axes = list(length_axes(points, part))
+    errors = visits.errors[:, :, axes]
+    e = np.moveaxis(errors[:, pairs[:, 1]] - errors[:, pairs[:, 0]], (0, 1, 2), (2, 1, 0))
+    values = length_error(np.linalg.norm(delta, axis=1), delta[:, axes], e)
+    return _visit_tables(points, visits, ids, values)
+
+
+def length_axes(points: Points, part: LoadedPart) -> tuple[int, ...]:
+    """The axes (0, 1, 2) along which every point at an end of a length was measured."""
+    ends = {name for e in part.part.lengths for name in (e.from_, e.to)}
+    return axes_of(only_features(points, sorted(ends)))
+
+
+def length_warnings(points: Points, part: LoadedPart) -> list[Warned]:
+    """Lengths with a nominal difference along z that was not measured at all their ends."""
+    measured = set(points.features)
+    places = part.part.places()
+    if 2 in length_axes(points, part):
+        return []
+    lost = []
+    for entry in part.part.lengths:
+        z = [places[name][2] for name in (entry.from_, entry.to)]
+        if {entry.from_, entry.to} <= measured and None not in z and z[0] != z[1]:
+            lost.append(entry.id)
+    if not lost:
+        return []
+    more = f" and {len(lost) - MOST_NAMED} more" if len(lost) > MOST_NAMED else ""
+    text = (
+        f"length {', '.join(lost[:MOST_NAMED])}{more} runs along z, which was not measured at "
+        "every end: it is taken as free of error along z"
+    )
+    return [Warned(code="length-without-z", message=text)]
 
 
 def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
-    """One table an operation and row-to-column angle, rad: eqs. (24)-(26)."""
+    """One table an operation and row-to-column angle, rad: eqs. (24)-(26), less the nominal.
+
+    Raises InputError for a row or column that is off its axis by design.
+    """
+    index = {name: i for i, name in enumerate(points.features)}
     ids, values = [], []
     for entry in part.part.orthogonality:
-        if not all(name in points.features for name in (*entry.row, *entry.column)):
+        if not all(name in index for name in (*entry.row, *entry.column)):
             continue
-        row = [points.features.index(name) for name in entry.row]
-        column = [points.features.index(name) for name in entry.column]
-        angle = -_slope(visits, column, 1, 0) - _slope(visits, row, 0, 1)
+        check_square(entry.id, entry.row, entry.column, part)
+        lines = (
+            _line(visits, [index[name] for name in entry.row], 0, 1),
+            _line(visits, [index[name] for name in entry.column], 1, 0),
+        )
+        (row, row_nominal), (column, column_nominal) = lines
         ids.append(entry.id)
-        values.append(angle)
+        values.append(angle_error((row, column), (row_nominal, column_nominal)))
     return _visit_tables(points, visits, ids, np.array(values)) if ids else None
 
 
-def _slope(visits: Visits, which: list[int], along: int, across: int) -> FloatArray:
-    """Slope (visits,) of the line through the features; nan where one is missing."""
+def _line(visits: Visits, which: list[int], along: int, across: int) -> tuple[Line, Line]:
+    """A line as measured, (features, visits), and nominal; nan where a feature is missing."""
     place = visits.nominal[which]
-    u = place[:, along] - place[:, along].mean() + visits.errors[:, which, along]
-    v = place[:, across] - place[:, across].mean() + visits.errors[:, which, across]
-    u = u - u.mean(axis=1, keepdims=True)
-    squares = (u * u).sum(axis=1)
-    # Features one above the other have no slope.
-    slope = np.full(len(u), np.nan)
-    np.divide((u * v).sum(axis=1), squares, out=slope, where=squares > 0)
-    return slope
+    nominal = [place[:, [axis]] - place[:, axis].mean() for axis in (along, across)]
+    placed = [visits.errors[:, which, axis].T for axis in (along, across)]
+    u, v = (n + e - e.mean(axis=0) for n, e in zip(nominal, placed, strict=True))
+    return (u, v), (nominal[0], nominal[1])
 
 
 def _visit_tables(

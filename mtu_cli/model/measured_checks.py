@@ -10,8 +10,9 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import fingerprints
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.measured import axes_of, operations_of
+from mtu_cli.model.measured_rows import check_rows
 from mtu_cli.model.settings import Warned
+from mtu_cli.model.visits import axes_of, operations_of
 from mtu_cli.stats.least_squares import FloatArray
 
 SUSPICIOUS_MM = 0.5
@@ -27,13 +28,16 @@ _BLOCK = 1 << 15
 
 
 def check_measured(points: Points) -> list[Warned]:
-    """Warnings on errors of millimetres, with the mistake that would explain them.
+    """Warnings on errors of millimetres, with the mistake that would explain them, and on rows
+    that stand twice.
 
-    Raises InputError for a part whose values are those of another part, to the last digit,
-    where that cannot be chance.
+    Raises InputError for rows that contradict each other (`check_rows`) and for a part whose
+    values are those of another part, to the last digit, where that cannot be chance.
     """
+    rows = check_rows(points)
     axes = axes_of(points)
     return [
+        *rows,
         *_copies(points, axes),
         *_left_out(points, axes),
         *_moved(points, axes),

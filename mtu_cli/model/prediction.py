@@ -26,10 +26,11 @@ from mtu_cli.model.variance import (
     Block,
     Variance,
     block_variance,
+    drawable_passes,
     joined,
     noise_covariance,
-    positive_part,
 )
+from mtu_cli.stats.coverage import effective_dof
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -60,7 +61,7 @@ class Prediction:
     @cached_property
     def drawable(self) -> FloatArray:
         """The same without the negative part of any D: a covariance, somewhat too large."""
-        return self._assembled([positive_part(block.D, block.C) for block in self.blocks])
+        return self._assembled([drawable_passes(block.D, block.C) for block in self.blocks])
 
     def _assembled(self, passes: Sequence[FloatArray]) -> FloatArray:
         rows = len(self.mean)
@@ -94,11 +95,9 @@ class Prediction:
         by_block = np.array([part.sum(axis=0) for part, _ in parts])
         total = by_block.sum(axis=0)
         behind = joined([found for _, found in parts])
-        squares, nu = behind.of_mean + behind.of_part, behind.dof[:, None]
-        spread = (squares**2 / nu).sum(axis=0)
-        least = np.where(squares == 0, np.inf, nu).min(axis=0)
-        found = np.divide(total**2, spread, out=np.full_like(total, np.inf), where=spread > 0)
-        dof: FloatArray = np.maximum(found, least)
+        squares = behind.of_mean + behind.of_part
+        least = np.where(squares == 0, np.inf, behind.dof[:, None]).min(axis=0)
+        dof: FloatArray = np.maximum(effective_dof(total, squares, behind.dof), least)
         split = np.array([part for part, _ in parts]).sum(axis=0)
         return Variance(
             total=total,

@@ -1,4 +1,4 @@
-"""A virtual machine: readings of its components and points of the parts it makes.
+"""A virtual machine: points of the parts that it makes.
 
 Every random quantity has its own stream, so that asking for more parts does not change the
 readings, nor more repeats the parts.
@@ -15,23 +15,11 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.language import Node, evaluate
 from mtu_cli.language import names as names_of
 from mtu_cli.model.design import design, theta
-from mtu_cli.model.effect_parameters import EFFECT_MARK
-from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import polynomial
-from mtu_cli.stats.streams import stream
+from mtu_cli.stats.streams import normal_draw, stream
 
 IntArray = np.ndarray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReadingsPlan:
-    """How the components are read: `passes` in each of `directions`, at `positions` (mm)."""
-
-    passes: int
-    directions: tuple[int, ...]
-    positions: Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,18 +50,6 @@ class PartsPlan:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedReadings:
-    """Columns of a readings file; `error` in each component's own unit."""
-
-    component: tuple[str, ...]
-    unit: tuple[str, ...]
-    position: FloatArray
-    pass_number: IntArray
-    direction: IntArray
-    error: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedPoints:
     """Columns of a points file; one row per (part, feature, repeat).
 
@@ -87,57 +63,6 @@ class SimulatedPoints:
     repeat: IntArray
     measured: FloatArray
     covariates: dict[str, FloatArray]
-
-
-def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> SimulatedReadings:
-    """Readings of every component: its polynomial, a draw of D a pass, s_repeat a reading.
-
-    A component without an axis is read once a pass, forward only. The parameters of declared
-    effects are no components: nothing reads them.
-    """
-    rows: list[tuple[str, str, float, int, int, float]] = []
-    for c, term in enumerate(model.terms):
-        estimate = term.estimate
-        if EFFECT_MARK in estimate.name:
-            continue
-        rng = stream(seed, 0, c)
-        positions = np.zeros(1) if estimate.of is None else plan.positions[estimate.of]
-        directions = (0,) if estimate.of is None else plan.directions
-        for number in range(1, plan.passes + 1):
-            for sign in directions:
-                errors = _one_pass(estimate, positions[::sign] if sign else positions, rng)
-                rows += [
-                    (estimate.name, estimate.unit.name, float(p), number, sign, float(e))
-                    for p, e in zip(positions[::sign] if sign else positions, errors, strict=True)
-                ]
-    component, unit, position, number_, direction, error = zip(*rows, strict=True)
-    return SimulatedReadings(
-        component=component,
-        unit=unit,
-        position=np.array(position),
-        pass_number=np.array(number_),
-        direction=np.array(direction),
-        error=np.array(error),
-    )
-
-
-def _one_pass(
-    estimate: ComponentEstimate, positions: FloatArray, rng: np.random.Generator
-) -> FloatArray:
-    b = estimate.coefficients + _normal(rng, estimate.pass_covariance)
-    powers = polynomial(positions, estimate.degree)
-    noise = estimate.s_repeat * rng.standard_normal(len(positions))
-    errors: FloatArray = (powers @ b + noise) / estimate.unit.to_internal
-    return errors
-
-
-def _normal(rng: np.random.Generator, covariance: FloatArray) -> FloatArray:
-    """One draw from N(0, covariance), which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    draw: FloatArray = vectors @ (
-        np.sqrt(np.clip(values, 0.0, None)) * rng.standard_normal(len(values))
-    )
-    return draw
 
 
 def simulate_points(
@@ -156,36 +81,48 @@ def simulate_points(
     a covariate of the machine that nothing gives.
     """
     _check_covariates(model, points, plan)
-    n, a = len(ids), len(model.axes)
-    columns = [AXES.index(axis) for axis in model.axes]
-    measured, covariates, repeats = [], [], []
-    for part in range(plan.parts):
-        first, more = plan.first_repeats
-        repeats.append(more if part < first else plan.repeats)
-        rng = stream(seed, 1, part)
-        values = _covariates(points, plan, part)
-        errors = _part_errors(model, points, values, rng)
-        errors += plan.part_offset * rng.standard_normal(a)
-        errors += _effects(model, points, plan.effects, values)
-        errors += _scatter(model, points, plan.scatter, values, stream(seed, 3, part))
-        cmm = stream(seed, 2, part).standard_normal((repeats[-1], n, a)) * plan.cmm_u
-        measured.append(points[:, columns] + errors + cmm)
-        covariates.append(values)
-    keys = list(covariates[0])
+    n = len(ids)
+    covariates = [_covariates(points, plan, part) for part in range(plan.parts)]
+    measured = [
+        _one_part(model, points, plan, values, part, seed) for part, values in enumerate(covariates)
+    ]
+    repeats = [len(own) for own in measured]
     return SimulatedPoints(
         axes=model.axes,
         operation=plan.operation,
         part=tuple(str(p + 1) for p, r in enumerate(repeats) for _ in range(r * n)),
         feature=tuple(ids) * sum(repeats),
         repeat=np.concatenate([np.repeat(np.arange(1, r + 1), n) for r in repeats]),
-        measured=np.concatenate([m.reshape(-1, a) for m in measured]),
+        measured=np.concatenate([own.reshape(-1, len(model.axes)) for own in measured]),
         covariates={
             key: np.concatenate(
                 [np.tile(values[key], r) for values, r in zip(covariates, repeats, strict=True)]
             )
-            for key in keys
+            for key in covariates[0]
         },
     )
+
+
+def _one_part(
+    model: MachineModel,
+    points: FloatArray,
+    plan: PartsPlan,
+    values: Mapping[str, FloatArray],
+    part: int,
+    seed: int,
+) -> FloatArray:
+    """Measured coordinates (repeats, n, axes) of one part's features, mm."""
+    first, more = plan.first_repeats
+    repeats = more if part < first else plan.repeats
+    rng = stream(seed, 1, part)
+    errors = _part_errors(model, points, values, rng)
+    errors += plan.part_offset * rng.standard_normal(errors.shape[1])
+    errors += _effects(model, points, plan.effects, values)
+    errors += _scatter(model, points, plan.scatter, values, stream(seed, 3, part))
+    cmm = stream(seed, 2, part).standard_normal((repeats, *errors.shape)) * plan.cmm_u
+    nominal = points[:, [AXES.index(axis) for axis in model.axes]]
+    measured: FloatArray = nominal + errors + cmm
+    return measured
 
 
 def _check_covariates(model: MachineModel, points: FloatArray, plan: PartsPlan) -> None:
@@ -269,7 +206,7 @@ def _part_errors(
     noise = np.zeros((n, a))
     levers = rows.levers.reshape(n, a, -1)
     for t, (term, columns) in enumerate(zip(model.terms, rows.columns, strict=True)):
-        state[columns] += _normal(rng, term.estimate.pass_covariance)
+        state[columns] += normal_draw(rng, term.estimate.pass_covariance)
         visits = rng.standard_normal(n) * term.estimate.s_repeat
         noise += levers[:, :, t] * visits[:, None]
     errors: FloatArray = (rows.J @ state + rows.remainder).reshape(n, a) + noise

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.positive_part import positive_part
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,16 +145,13 @@ def noise_covariance(noise: FloatArray, axes: int) -> FloatArray:
     return total
 
 
-def positive_part(D: FloatArray, C: FloatArray) -> FloatArray:
+def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
     """D (k, k) without its negative part, measured in the standard uncertainties of C.
 
     Level and slope differ in unit: without a measure the result would depend on them.
     """
-    scale = np.sqrt(np.diag(C))
-    scale[scale == 0] = 1.0
-    values, vectors = np.linalg.eigh(D / np.outer(scale, scale))
-    if values[0] >= 0:
+    variances = np.where(np.diag(C) == 0, 1.0, np.diag(C))
+    scale = np.sqrt(variances)
+    if np.linalg.eigvalsh(D / np.outer(scale, scale))[0] >= 0:
         return D
-    root = scale[:, None] * vectors * np.sqrt(np.clip(values, 0.0, None))
-    positive: FloatArray = root @ root.T
-    return positive
+    return positive_part(D, np.diag(variances))

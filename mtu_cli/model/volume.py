@@ -41,26 +41,29 @@ def grid_of(
         elif axis not in needed:
             levels.append(np.array([np.nan]))
         elif axis not in travels:
-            problems.append(
-                Problem(
-                    what=f"--grid: the travel of {axis} is not known",
-                    file=machine.source.shown,
-                    line=machine.line_of("axes"),
-                    path="axes",
-                    expected=f"axes: {{{axis}: {{travel_mm: [LOW, HIGH]}}}}",
-                )
-            )
+            problems.append(_no_travel(machine, axis))
         else:
             low, high = sorted(travels[axis].travel_mm)
             middle = [(low + high) / 2]
             levels.append(np.array(middle) if count == 1 else np.linspace(low, high, count))
     if problems:
         raise InputError(problems)
+    count = int(np.prod([len(level) for level in levels]))
+    if count > MOST_PLACES:
+        raise fault(f"--grid: {count} places", value=text, expected=f"at most {MOST_PLACES}")
     points = np.array(list(product(*levels)))
-    if len(points) > MOST_PLACES:
-        raise fault(f"--grid: {len(points)} places", value=text, expected=f"at most {MOST_PLACES}")
     names = tuple(",".join(f"{value:g}" for value in row if np.isfinite(value)) for row in points)
     return names, points
+
+
+def _no_travel(machine: LoadedMachine, axis: str) -> Problem:
+    return Problem(
+        what=f"--grid: the travel of {axis} is not known",
+        file=machine.source.shown,
+        line=machine.line_of("axes"),
+        path="axes",
+        expected=f"axes: {{{axis}: {{travel_mm: [LOW, HIGH]}}}}",
+    )
 
 
 def _counts(text: str) -> tuple[int, int, int]:
@@ -70,7 +73,9 @@ def _counts(text: str) -> tuple[int, int, int]:
         counts = []
     if len(counts) == 1:
         counts *= 3
-    if len(counts) != 3 or min(counts) < 1:
+    if len(counts) == 2:
+        counts.append(1)
+    if len(counts) != 3 or not 1 <= min(counts) <= max(counts) <= MOST_PLACES:
         raise fault("--grid is not a count an axis", value=text, expected="such as 5 or 7,5,3")
     return counts[0], counts[1], counts[2]
 

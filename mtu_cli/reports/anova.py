@@ -2,6 +2,10 @@
 
 `axis` is null for lengths and angles, `operation` where the data do not tell one. A figure is
 null where the data cannot give it (no repeats, one part, no variance), and a warning says so.
+`mean_error` is that of all readings, so that a part counts by its repeats, and `u_mean` its
+uncertainty. `interval95_future` is mean -+ t u_future at `dof_future`. `var_both` is the variance
+of parts and CMM together, where nothing was measured twice. `p_familywise` of F and
+`p_mean_familywise` of a mean of zero hold their error rate over all tables of the kind (Holm).
 With --method paper `var_part` is MS_between and u_mean, u_future have the repeat scatter alone
 (Gilsinn & Ling 2004, eqs. (31)-(34)). `var_part_estimate` may be negative with --method anova.
 """
@@ -34,6 +38,7 @@ def document(result: AnovaResult) -> dict[str, Any]:
     k = result.coverage_factor
     return {
         "method": result.method,
+        "datum": result.datum,
         "features": list(entries(result.features, k)),
         "lengths": list(entries(result.lengths, k)) if result.lengths else [],
         "orthogonality": list(entries(result.angles, k)) if result.angles else [],
@@ -41,14 +46,25 @@ def document(result: AnovaResult) -> dict[str, Any]:
         "unusual_parts": None
         if result.unusual is None
         else [_unusual(item) for item in result.unusual],
+        "unusual_features": [
+            {
+                **_place(item.where),
+                "p_familywise": item.p,
+                "deviation_um": um(item.deviation),
+                "typical_um": um(item.typical),
+            }
+            for item in result.unusual_features
+        ],
         "family_wise_rate": FAMILY_RATE,
         "axis_scatter": [
             {
-                "operation": operation or None,
-                "variance_ratio_y_to_x": finite(test.ratio),
-                "p": finite(test.p),
+                "operation": item.operation or None,
+                "variance_ratio_y_to_x": finite(item.test.ratio),
+                "of": "parts" if item.apart else "part means, CMM included",
+                "p": finite(item.test.p),
+                "p_familywise": finite(item.test.p_familywise),
             }
-            for operation, test in result.axis_scatter
+            for item in result.axis_scatter
         ],
     }
 
@@ -73,16 +89,23 @@ def entries(found: Analysed, k: float) -> Iterator[dict[str, Any]]:
             "F": finite(table.F[i]),
             "F_critical_95": finite(table.F_critical_95[i]),
             "p": finite(table.p[i]),
+            "p_familywise": finite(found.p_parts[i]),
             "n0": finite(table.n0[i]),
             f"var_part_{unit}2": square(components.part[i]),
             f"var_part_estimate_{unit}2": square(components.part_estimate[i]),
             f"var_repeat_{unit}2": square(components.repeat[i]),
             f"var_part_interval95_{unit}2": _interval(square, found.interval[i]),
+            f"var_both_{unit}2": square(found.both[i]),
+            f"var_both_interval95_{unit}2": _interval(square, found.both_interval[i]),
             "method": found.method,
             f"s_pooled_{unit}": value(math.sqrt(table.ms_within[i])),
             f"u_mean_{unit}": value(found.u_mean[i]),
             f"u_future_{unit}": value(found.u_future[i]),
             f"U_future_{unit}": value(k * found.u_future[i]),
+            f"interval95_future_{unit}": _interval(value, found.interval_future[i]),
+            "dof_mean": finite(found.dof_mean[i]),
+            "dof_future": finite(found.dof_future[i]),
+            "p_mean_familywise": finite(found.p_mean[i]),
             "unusual_parts": list(found.unusual[i]),
         }
 
@@ -100,12 +123,15 @@ def _total(item: Total) -> dict[str, Any]:
         "mean_error_um": um(item.mean),
         "s_mean_errors_um": um(item.spread),
         "largest_mean_error_um": um(item.largest),
+        "largest_at": item.worst,
         "mean_var_part_um2": um2(item.part),
         "mean_var_repeat_um2": um2(item.repeat),
-        "mean_ms_between_um2": um2(item.both),
+        "mean_var_both_um2": um2(item.both),
         "repeat_share": finite(item.repeat_share),
         "F_above_critical": item.significant,
         "F_tested": item.tested,
+        "parts_differ": item.differ,
+        "mean_not_zero": item.off,
     }
 
 
@@ -133,6 +159,8 @@ CSV_COLUMNS = [
     "ms_within_um2", "df_between", "df_within", "F", "F_critical_95", "p", "n0", "var_part_um2",
     "var_part_estimate_um2", "var_repeat_um2", "var_part_low95_um2", "var_part_high95_um2",
     "method", "s_pooled_um", "u_mean_um", "u_future_um", "U_future_um", "unusual_parts", "id",
+    "p_familywise", "var_both_um2", "var_both_low95_um2", "var_both_high95_um2",
+    "future_low95_um", "future_high95_um", "dof_mean", "dof_future", "p_mean_familywise",
 ]  # fmt: skip
 CSV_COLUMNS += [name.replace("_um", "_arcsec") for name in CSV_COLUMNS if "_um" in name]
 
@@ -159,12 +187,16 @@ def csv_rows(result: AnovaResult) -> tuple[list[str], Iterable[list[object]]]:
 
 
 def _flat(kind: str, found: dict[str, Any], unit: str) -> list[object]:
-    low, high = found[f"var_part_interval95_{unit}2"] or (None, None)
     row = found | {
         "kind": kind,
         "id": found.get("id", found.get("feature")),
-        f"var_part_low95_{unit}2": low,
-        f"var_part_high95_{unit}2": high,
         "unusual_parts": " ".join(found["unusual_parts"]),
     }
+    for name, interval in (
+        (f"var_part_{{}}95_{unit}2", f"var_part_interval95_{unit}2"),
+        (f"var_both_{{}}95_{unit}2", f"var_both_interval95_{unit}2"),
+        (f"future_{{}}95_{unit}", f"interval95_future_{unit}"),
+    ):
+        low, high = found[interval] or (None, None)
+        row |= {name.format("low"): low, name.format("high"): high}
     return [row.get(name) for name in CSV_COLUMNS]

@@ -1,4 +1,4 @@
-"""Pictures of anova: mean errors by part with limits, and what the variance is made of."""
+"""Pictures of anova: mean errors by part with limits, what the variance is made of, or a map."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.analyses.anova import Analysed, AnovaResult
+from mtu_cli.analyses.anova import AnovaResult
+from mtu_cli.analyses.anova.features import FeatureMap
 from mtu_cli.reports import figures
+from mtu_cli.reports.arrows import Plane, common_view, draw_plane, scale_arrow
 from mtu_cli.reports.numbers import percent, significant
 from mtu_cli.units import UM
 
@@ -19,99 +21,118 @@ FEATURES = 3
 """Features whose parts are drawn, an operation."""
 PANEL_ROWS = 6
 NAMED_PARTS = 40
+MANY_PARTS = 300
+"""More parts than this are drawn without the CMM's scatter."""
 BARS = 16
-LIMITS = "95 % limits for all parts and features"
+MAPS = 4
+ERROR = "actual minus\nnominal, um"
+LIMITS = "a part beyond stands out (5 % over all parts, features, lengths, angles)"
+ROW = 1.55
+BAR = 0.36
 
 
 @figures.styled
 def figure(result: AnovaResult) -> Figure:
-    """Mean errors by part (Gilsinn & Ling 2004, Fig. 5) above the shares of the variance."""
+    """Mean errors by part (Gilsinn & Ling 2004, Fig. 5) above the shares of the variance; of a
+    single part a map of its errors.
+    """
+    single = len(result.features.tables.parts) == 1
+    return _maps(result) if single and result.maps else _by_part(result)
+
+
+def _by_part(result: AnovaResult) -> Figure:
     rows = _rows(result)
     axes = sorted({axis for row in rows for axis in row})
-    bars = result.totals[:BARS]
-    height = 1.55 * len(rows) + 0.8 + 0.36 * len(bars) + 0.8
-    page = figures.blank(8.0, height)
+    bars = sum(np.isfinite(item.repeat_share) for item in result.totals[:BARS])
+    shares = [BAR * bars + 0.5] * bool(bars)
+    page = figures.blank(8.0, ROW * len(rows) + 0.8 + sum(shares) + 0.4)
     grid = page.add_gridspec(
-        len(rows) + 1, len(axes), height_ratios=[1.55] * len(rows) + [0.36 * len(bars) + 0.5]
+        len(rows) + len(shares), len(axes), height_ratios=[ROW] * len(rows) + shares
     )
-    limits = result.features.limits()
     for r, row in enumerate(rows):
         for c, axis in enumerate(axes):
             panel = page.add_subplot(grid[r, c])
             if axis in row:
-                _parts(panel, result.features, row[axis], limits[row[axis]])
+                _parts(panel, result, row[axis])
             else:
                 panel.set_axis_off()
-            if r < len(rows) - 1:
-                panel.tick_params(labelbottom=False)
-            else:
-                panel.set_xlabel("part")
-    _shares(page.add_subplot(grid[len(rows), :]), result)
-    total = len({label[:2] for label in result.features.tables.labels})
-    more = f": {len(rows)} of {total} features" if len(rows) < total else ""
-    handles, labels = page.axes[0].get_legend_handles_labels()
-    page.legend(
-        handles, labels, loc="outside upper left", ncols=4, alignment="left",
-        title=f"Mean errors by part{more}", title_fontproperties={"weight": "bold", "size": 9.5},
-    )  # fmt: skip
+            if c == 0:
+                panel.set_ylabel(ERROR, fontsize=7.5)
+            panel.tick_params(labelbottom=r == len(rows) - 1)
+            if r == len(rows) - 1:
+                panel.set_xlabel(_parts_axis(result))
+    if shares:
+        _shares(page.add_subplot(grid[len(rows), :]), result)
+    _legend(page, result, len(rows))
     return page
+
+
+def _legend(page: Figure, result: AnovaResult, drawn: int) -> None:
+    total = len(result.shown)
+    some = "" if drawn == total else f": {drawn} of {total}, what stands out and the largest first"
+    found = {
+        label: handle
+        for panel in page.axes
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    page.legend(
+        list(found.values()), list(found), loc="outside upper left", ncols=2, alignment="left",
+        title=f"Mean errors by part and feature{some}",
+        title_fontproperties={"weight": "bold", "size": 9.5},
+    )  # fmt: skip
 
 
 def _rows(result: AnovaResult) -> list[dict[str, int]]:
     """The tables to draw, one row an operation and feature, by axis; the first in interest."""
-    order = {name: rank for rank, name in enumerate(result.shown)}
     rows: dict[tuple[str, str], dict[str, int]] = {}
     for i, (operation, feature, axis) in enumerate(result.features.tables.labels):
         rows.setdefault((operation, feature), {})[axis] = i
-    chosen: list[dict[str, int]] = []
-    operations = dict.fromkeys(operation for operation, _ in rows)
+    operations = list(dict.fromkeys(operation for operation, _ in rows))
     share = max(1, min(FEATURES, PANEL_ROWS // len(operations)))
-    for operation in operations:
-        own = [key for key in rows if key[0] == operation]
-        own.sort(key=lambda key: order.get(key[1], len(order)))
+    chosen: list[dict[str, int]] = []
+    for operation in operations[:PANEL_ROWS]:
+        own = [key for key in result.shown if key[0] == operation]
         chosen += [rows[key] for key in own[:share]]
-    return chosen[:PANEL_ROWS]
+    return chosen
 
 
-def _parts(panel: Axes, found: Analysed, i: int, limit: np.ndarray) -> None:
-    cells, one = found.tables.cells, found.one_way
-    there = np.flatnonzero(cells.present[i])
-    mean = (cells.origin[i] + cells.mean[i, there]) / UM
-    grand = one.mean[i] / UM
-    at = there + 1.0
-    half = limit[there] / UM
-    bar = 2 * np.sqrt(np.nan_to_num(one.ms_within[i]) / cells.n[i, there]) / UM
-    panel.axhline(grand, color=figures.BLUE, linewidth=1.0, label="mean of all")
-    if np.isfinite(half).all():
-        for sign in (-1, 1):
+def _parts_axis(result: AnovaResult) -> str:
+    count = len(result.features.tables.parts)
+    return "part" if count <= NAMED_PARTS else f"parts 1 to {count}, as they first appear"
+
+
+def _parts(panel: Axes, result: AnovaResult, i: int) -> None:
+    found, k = result.features, result.coverage_factor
+    mean, grand = found.part_means(i) / UM, found.one_way.mean[i] / UM
+    count = len(mean)
+    at = np.arange(count) + 1.0
+    panel.axhline(grand, color=figures.BLUE, linewidth=1.0, label="mean of all readings")
+    limits = result.limits(i) / UM
+    if np.isfinite(limits).any():
+        for side in limits:
             panel.step(
-                at, grand + sign * half, where="mid", color=figures.RED, linewidth=1.0,
-                linestyle="--", label=LIMITS if sign > 0 else None,
+                at, side, where="mid", color=figures.RED, linewidth=1.0, linestyle="--",
+                label=LIMITS,
             )  # fmt: skip
-    out = np.array([found.tables.parts[j] in found.unusual[i] for j in there], dtype=bool)
-    marker = 4.0 if len(there) <= NAMED_PARTS else 2.0
-    panel.errorbar(
-        at[~out], mean[~out], yerr=bar[~out], fmt="o", color=figures.INK, markersize=marker,
-        elinewidth=1.0, label="mean of a part ± 2 s/√n of the CMM",
-    )  # fmt: skip
-    if out.any():
-        panel.errorbar(
-            at[out], mean[out], yerr=bar[out], fmt="D", color=figures.RED, markersize=marker + 1.5
-        )
-    operation, feature, axis = found.tables.labels[i]
-    panel.set_title(" ".join(word for word in (operation, feature, axis) if word))
-    panel.set_ylabel("um")
-    count = len(found.tables.parts)
+    out = np.array([part in found.unusual[i] for part in found.tables.parts], dtype=bool)
+    half = k * found.u_repeat(i) / UM
+    bars = count <= MANY_PARTS and np.nanmax(half) > 0
+    size = 4.0 if count <= NAMED_PARTS else 2.0 if count <= MANY_PARTS else 0.7
+    label = f"mean of a part ± {k:g} s/√n of the CMM" if bars else "mean of a part"
+    for chosen, style, colour, extra in ((~out, "o", figures.INK, 0), (out, "D", figures.RED, 1.5)):
+        if chosen.any():
+            panel.errorbar(
+                at[chosen], mean[chosen], yerr=half[chosen] if bars else None, fmt=style,
+                color=colour, markersize=size + extra, markeredgewidth=0, elinewidth=1.0,
+                label=label if style == "o" else "part that stands out here by itself",
+            )  # fmt: skip
+    panel.set_title(" ".join(word for word in found.tables.labels[i] if word))
     if count <= NAMED_PARTS:
-        panel.set_xticks(
-            range(1, count + 1), found.tables.parts, fontsize=6.5, rotation=_turn(found)
-        )
-    panel.set_xlim(0.4, count + 0.6)
+        names = found.tables.parts
+        turn = 90 if max(map(len, names)) > 2 else 0
+        panel.set_xticks(range(1, count + 1), names, fontsize=6.5, rotation=turn)
+    panel.set_xlim(1 - 0.03 * count - 0.3, count + 0.03 * count + 0.3)
     panel.grid(axis="x", visible=False)
-
-
-def _turn(found: Analysed) -> int:
-    return 90 if max(map(len, found.tables.parts)) > 2 else 0
 
 
 def _shares(panel: Axes, result: AnovaResult) -> None:
@@ -119,36 +140,53 @@ def _shares(panel: Axes, result: AnovaResult) -> None:
 
     Variances are means over all features of an operation and axis.
     """
-    shown = result.totals[:BARS]
-    names = [" ".join(word for word in (item.operation, item.axis) if word) for item in shown]
-    for row, item in enumerate(shown):
-        share = item.repeat_share
-        if not np.isfinite(share):
-            panel.text(1, row, "cannot be told apart", va="center", fontsize=8, color=figures.GREY)
-            continue
-        widths = (100 * (1 - share), 100 * share)
-        colours = (figures.BLUE, figures.ORANGE)
-        names_ = ("from part to part", "CMM repeat")
-        left = 0.0
-        for width, colour, name in zip(widths, colours, names_, strict=True):
-            panel.barh(
-                row, width, left=left, color=colour, height=0.62, label=name if row == 0 else None
-            )
-            left += width
+    known = [item for item in result.totals[:BARS] if np.isfinite(item.repeat_share)]
+    names = [" ".join(word for word in (item.operation, item.axis) if word) for item in known]
+    for row, item in enumerate(known):
+        share = 100 * item.repeat_share
+        panel.barh(row, 100 - share, color=figures.BLUE, height=0.62)
+        panel.barh(row, share, left=100 - share, color=figures.ORANGE, height=0.62)
         s_part, s_repeat = (np.sqrt(v) / UM for v in (item.part, item.repeat))
         panel.annotate(
             f"  part s {significant(s_part)} um, CMM s {significant(s_repeat)} um "
-            f"({percent(share)} %)",
+            f"({percent(item.repeat_share)} %)",
             (100, row), va="center", fontsize=7.5, color=figures.INK, annotation_clip=False,
         )  # fmt: skip
-    panel.set_yticks(range(len(shown)), names)
-    panel.set_ylim(len(shown) - 0.4, -0.6)
+    panel.set_yticks(range(len(known)), names)
+    panel.set_ylim(len(known) - 0.4, -0.6)
     panel.set_xlim(0, 150)
     ticks = range(0, 101, 20)
     panel.set_xticks(ticks, [f"{tick} %" for tick in ticks])
     panel.spines["bottom"].set_bounds(0, 100)
     more = f" (first {BARS} of {len(result.totals)})" if len(result.totals) > BARS else ""
-    panel.set_title(f"Shares of the variance{more}")
+    panel.set_title(f"Shares of the variance{more}: part to part (blue), CMM (orange)")
     panel.grid(axis="y", visible=False)
-    if panel.get_legend_handles_labels()[0]:
-        panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=7.5)
+
+
+def _maps(result: AnovaResult) -> Figure:
+    """Arrows of the mean errors at the features, one panel an operation, one scale."""
+    shown = result.maps[:MAPS]
+    planes = [_plane(item) for item in shown]
+    columns = min(len(planes), 2)
+    rows = -(-len(planes) // columns)
+    side = 7.0 if columns == 1 else 5.2
+    view = common_view(planes, (side - 0.6, side - 0.6))
+    page = figures.blank(side * columns, side * rows / max(view.aspect, 0.5) + 0.3)
+    panels = page.subplots(rows, columns, squeeze=False).ravel()
+    for panel in panels[len(planes) :]:
+        panel.set_axis_off()
+    part = result.features.tables.parts[0]
+    datum = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
+    for panel, item, plane in zip(panels, shown, planes, strict=False):
+        draw_plane(panel, plane, view)
+        panel.set_xlabel("x, mm")
+        panel.set_ylabel("y, mm")
+        of = f"{item.operation}, " if item.operation else ""
+        title = f"Part {part}: errors of {of}{len(item.ids)} features, actual minus nominal{datum}"
+        panel.set_title(title, pad=24)
+        scale_arrow(panel, view, figures.BLUE, rise=12.0)
+    return page
+
+
+def _plane(item: FeatureMap) -> Plane:
+    return Plane(ids=item.ids, places=item.places, errors=item.errors / UM)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
@@ -110,6 +111,8 @@ def figure_bytes(figure: Figure, suffix: str) -> bytes:
             "not a kind of figure", value=suffix, expected="a file name ending in .png, .svg, .pdf"
         )
     out = io.BytesIO()
-    with house_style():
+    with house_style(), warnings.catch_warnings():
+        # Names are the user's: a sign that the font lacks is drawn as a box, without a word.
+        warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
         figure.savefig(out, format=kind, metadata=_METADATA[kind])
     return out.getvalue()

@@ -7,7 +7,7 @@ import numpy as np
 from mtu_cli.model.estimates import ComponentEstimate, to_centre
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import split_mean_square
+from mtu_cli.stats.positive_part import positive_part
 
 
 def single_instrument(found: ComponentFit | None) -> InstrumentFit | None:
@@ -37,7 +37,7 @@ def pass_covariance(estimate: ComponentEstimate, found: ComponentFit | None) -> 
     if one is not None:
         return _padded(one.fit.D, estimate)
     D = pass_covariance_moment(estimate, found)
-    return D if np.linalg.eigvalsh(D)[0] >= 0 else split_mean_square(D, 0.0, np.eye(len(D)))[0]
+    return D if np.linalg.eigvalsh(D)[0] >= 0 else positive_part(D)
 
 
 def pass_covariance_moment(estimate: ComponentEstimate, found: ComponentFit | None) -> FloatArray:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mtu_cli.model.drift_simulation import SimulatedDrift
-from mtu_cli.model.simulate import SimulatedPoints, SimulatedReadings
+from mtu_cli.model.reading_simulation import SimulatedReadings
+from mtu_cli.model.simulate import SimulatedPoints
 from mtu_cli.reports.csv_text import csv_text
 
 DIRECTIONS = {1: "forward", -1: "reverse", 0: ""}

@@ -91,7 +91,7 @@ def _gain(item: ComponentDrift, size: float, unit: str) -> str:
     if found is None:
         rms = change(item.rms_before, item.rms_after, size)
         return f"{item.name}: fitted rms {rms} {unit}, nothing held out"
-    return f"{item.name}: held-out rms {change(found.before, found.after, size)} {unit}"
+    return f"{item.name}, the fit; held-out rms {change(found.before, found.after, size)} {unit}"
 
 
 def _cycle_places(curves: Sequence[Curve]) -> tuple[dict[str, float], dict[str, float]]:
@@ -259,7 +259,7 @@ def _bars(panel: Axes, values: list[float], words: list[str]) -> None:
     panel.use_sticky_edges = False
     panel.margins(y=0.18)
     panel.grid(axis="x", visible=False)
-    panel.set_title("the same at all positions")
+    panel.set_title("taken as the same everywhere")
 
 
 def _states(item: ComponentDrift) -> tuple[list[FloatArray], list[str]]:

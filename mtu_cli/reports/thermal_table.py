@@ -127,8 +127,8 @@ def _candidates(items: Sequence[ComponentDrift]) -> Sheet:
             cells = [_candidate(item, model, degree) for degree in degrees[:DEGREES]]
             rows.append([item.name, shown_in(item.unit)[0], model, *cells])
     notes = [
-        "root mean square over held-out cycles; * chosen. The choice rests on these figures, so "
-        "the smallest flatters; the one above took no part in it"
+        "root mean square over cycles held out of fit and choice; * chosen, on the scores within "
+        "the other cycles: it need not be the smallest here; -: not tried in every fold"
     ]
     if len(degrees) > DEGREES:
         notes.append(f"degrees above {degrees[DEGREES - 1]}: -o FILE")
@@ -178,7 +178,9 @@ def _sensor(item: ComponentDrift, sensor: str, chosen: Sequence[int], lagged: bo
     for i in chosen:
         position, gradients = item.at_positions[i]
         value = gradients[sensor] / size
-        if len(chosen) <= WITH_U:
+        if value == 0:
+            cells.append(MISSING)
+        elif len(chosen) <= WITH_U:
             u = gradient_u(estimate, s, position or 0.0) / size
             cells.append(plus_minus(value, u))
         else:
@@ -198,8 +200,8 @@ def _sensor(item: ComponentDrift, sensor: str, chosen: Sequence[int], lagged: bo
 
 def _sensor_notes(item: ComponentDrift, places: int) -> list[str]:
     notes = [
-        f"{group[0]} stands for {listed(group[1:], 12)} too: they move alike (|r| >= 0.999) and "
-        "cannot be told apart"
+        f"{listed(group, 12)} move alike (|r| >= 0.999) and cannot be told apart: they share their "
+        "drift, each with the gradient shown, and all are needed"
         for group in item.groups
         if len(group) > 1
     ]
@@ -210,7 +212,7 @@ def _sensor_notes(item: ComponentDrift, places: int) -> list[str]:
         p = p_value(item.position_test.p)
         shown = f"p {p}" if p.startswith("<") else f"p = {p}"
         notes.append(
-            "that the drift is the same at all positions: "
+            "test of the drift being the same at all positions: "
             f"F = {significant(item.position_test.F, 3)}, {shown}"
         )
     found = item.residuals

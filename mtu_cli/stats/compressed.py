@@ -90,6 +90,7 @@ def _by_earlier(Z: FloatArray, earlier: FloatArray) -> FloatArray | None:
 
 
 def _triangle(Z: FloatArray) -> FloatArray:
-    if len(Z) <= Z.shape[1]:
+    # As many rows as columns are a factor, but none that `_by_earlier` may invert as a triangle.
+    if len(Z) < Z.shape[1]:
         return Z.astype(np.float64)
     return np.asarray(np.linalg.qr(Z, mode="r"), np.float64)

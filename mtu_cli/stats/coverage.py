@@ -34,9 +34,29 @@ def welch_satterthwaite(contributions: FloatArray, dof: FloatArray) -> float:
     if total == 0.0:
         return math.inf
     # Shares keep the squares of very small variances from underflowing.
-    share = v / total
-    denominator = float(np.sum(share**2 / nu))
+    return dof_of_shares(v / total, nu)
+
+
+def dof_of_shares(shares: FloatArray, dof: FloatArray) -> float:
+    """nu_eff = 1/sum(w_i^2 / nu_i) of a variance whose sources have the `shares` w_i (n,) of it.
+
+    The same formula for shares that are had otherwise, such as traces of matrices, and may be
+    negative where a mean square is subtracted. Infinite where all `dof` (n,) of shares are.
+    """
+    denominator = float(np.sum(shares**2 / dof))
     return 1.0 / denominator if denominator > 0.0 else math.inf
+
+
+def effective_dof(total: FloatArray, squares: FloatArray, dof: FloatArray) -> FloatArray:
+    """The same for m variances at once: `total` (m,), the sums of the `squares` (K, m).
+
+    `dof` (K,) is that of each mean square, which may be subtracted. Infinite (m,) where no
+    square with finite degrees of freedom is there.
+    """
+    spread = (squares**2 / dof[:, None]).sum(axis=0)
+    found: FloatArray = np.full_like(total, np.inf)
+    np.divide(total**2, spread, out=found, where=spread > 0)
+    return found
 
 
 def coverage_factor(probability: float, dof: float = math.inf) -> float:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import LeastSquares, least_squares
 from mtu_cli.stats.pass_lines import between_passes, own_lines
+from mtu_cli.stats.positive_part import positive_part
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -36,10 +37,10 @@ class PassFit:
 
     `plain` is the ordinary least-squares fit of all readings as repeats (Gilsinn & Ling 2004,
     eqs. (5)-(11)). `covariance` (k, k) is that of its coefficients under the mixed model, D
-    (q, q) the pass-to-pass covariance at `center`, `s2` the repeatability variance, `split`
-    (q, q) the T of `split_mean_square`. `D_moment` is D before its negative part is set to
-    zero, the unbiased moment estimate. `between` (q, q) is the mean square of the passes' own
-    coefficients with `pass_dof` degrees of freedom, `within_dof` belongs to `s2`.
+    (q, q) the pass-to-pass covariance at `center`, `s2` the repeatability variance. `D_moment`
+    is D before its negative part is set to zero, the unbiased moment estimate. `between` (q, q)
+    is the mean square of the passes' own coefficients with `pass_dof` degrees of freedom,
+    `within_dof` belongs to `s2`.
     `pass_coefficients` (G, q) are the passes' own intercepts (at the centre) and slopes,
     `deviations` (G, q) the same less their mean by direction. `separated` is False where the
     data cannot tell D from s2.
@@ -52,7 +53,6 @@ class PassFit:
     s2: float
     D: FloatArray
     D_moment: FloatArray
-    split: FloatArray
     between: FloatArray
     pass_dof: int
     within_dof: int
@@ -91,54 +91,104 @@ def fit_passes(
     give degree 0. Where the passes differ in what no pass determines by itself (single
     readings along an axis), D is not separated.
     """
-    X = polynomial(position, degree)
-    plain = least_squares(X, y)
+    plain = least_squares(polynomial(position, degree), y)
     center = float(position.mean())
     if group is None:
         return _single(plain, center)
+    design = _pass_design(position, center, degree, group, direction)
+    found = _separated(y, design, plain, center) if design.dof_between > 0 else None
+    return _single(plain, center, design) if found is None else found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _PassDesign:
+    """Columns X (n, k) and Z (n, q) of all readings, and the passes that tell of all of Z.
+
+    Passes that broke off early have no slope of their own: they count in the coefficients
+    and their covariance, but say nothing of how slopes scatter. `codes` (n,) are the passes of
+    all readings, `rows` (n,) the readings of passes that tell; `own` (rows,) number those
+    passes, `ids` and `sign` (G,) are theirs, `fixed` (G, 1 or 2) the columns of direction.
+    """
+
+    X: FloatArray
+    Z: FloatArray
+    codes: IntArray
+    rows: NDArray[np.bool_]
+    own: IntArray
+    ids: IntArray
+    sign: FloatArray
+    fixed: FloatArray
+
+    @property
+    def dof_between(self) -> int:
+        """Degrees of freedom of the scatter between the passes that tell."""
+        return len(self.ids) - int(self.fixed.shape[1])
+
+    @property
+    def common(self) -> FloatArray:
+        """Powers (rows,) that all passes have in common, of the readings of those that tell."""
+        columns: FloatArray = self.X[self.rows, self.Z.shape[1] :]
+        return columns
+
+
+def _pass_design(
+    position: FloatArray,
+    center: float,
+    degree: int,
+    group: IntArray,
+    direction: FloatArray | None,
+) -> _PassDesign:
     ids, codes = np.unique(group, return_inverse=True)
     q, whole = _random_columns(position, codes, len(ids), degree)
-    Z = polynomial(position - center, q - 1)
-    # Passes that broke off early have no slope of their own: they count in the coefficients
-    # and their covariance, but say nothing of how slopes scatter.
     rows = whole[codes]
-    kept = (np.cumsum(whole) - 1)[codes[rows]]
+    own = (np.cumsum(whole) - 1)[codes[rows]]
     ids = ids[whole]
     sign = np.zeros(len(ids))
     if direction is not None:
-        sign[kept] = direction[rows]
-    fixed = _direction_columns(sign)
-    dof_between = len(ids) - fixed.shape[1]
-    if dof_between < 1:
-        return _single(plain, center, ids.astype(np.int64), sign)
-    stage = own_lines(y[rows], Z[rows], X[rows, q:], kept, len(ids))
-    found = between_passes(stage, fixed)
+        sign[own] = direction[rows]
+    return _PassDesign(
+        X=polynomial(position, degree),
+        Z=polynomial(position - center, q - 1),
+        codes=codes,
+        rows=rows,
+        own=own,
+        ids=ids.astype(np.int64),
+        sign=sign,
+        fixed=_direction_columns(sign),
+    )
+
+
+def _separated(
+    y: FloatArray, design: _PassDesign, plain: LeastSquares, center: float
+) -> PassFit | None:
+    """Pass-to-pass scatter told from repeatability; None where the readings cannot."""
+    stage = own_lines(
+        y[design.rows], design.Z[design.rows], design.common, design.own, len(design.ids)
+    )
+    found = between_passes(stage, design.fixed)
     if found is None:
-        return _single(plain, center, ids.astype(np.int64), sign)
+        return None
     between, of_repeatability, deviations = found
-    D, split = split_mean_square(between, stage.s2, of_repeatability)
-    raw = between - stage.s2 * of_repeatability
-    if dof_between < FEW_PASSES:
-        # Two or three passes may agree by chance far better than repeatability allows; the
-        # coefficients are then no surer than repeatability alone would leave them.
-        raw = D
-    common = [Z[rows] * f[kept, None] for f in fixed.T]
-    pooled = least_squares(np.column_stack([*common, X[rows, q:]]), y[rows])
+    D = positive_part(between, of_repeatability, stage.s2)
+    # Two or three passes may agree by chance far better than repeatability allows; the
+    # coefficients are then no surer than repeatability alone would leave them.
+    few = design.dof_between < FEW_PASSES
+    moment = D if few else between - stage.s2 * of_repeatability
+    pooled = _line_a_direction(y, design)
     return PassFit(
         plain=plain,
-        covariance=_coefficient_covariance(plain, X, Z, codes, stage.s2, (raw, D)),
+        covariance=_coefficient_covariance(plain, design, stage.s2, (moment, D)),
         center=center,
         s2=stage.s2,
         D=D,
-        D_moment=raw,
-        split=split,
+        D_moment=moment,
         between=between,
-        pass_dof=dof_between,
+        pass_dof=design.dof_between,
         within_dof=stage.dof,
         within_rss=stage.rss,
         separated=True,
-        groups=ids.astype(np.int64),
-        group_direction=sign,
+        groups=design.ids,
+        group_direction=design.sign,
         pass_coefficients=stage.coefficients,
         deviations=deviations,
         pooled_rss=pooled.rss,
@@ -146,12 +196,13 @@ def fit_passes(
     )
 
 
-def _single(
-    plain: LeastSquares,
-    center: float,
-    ids: IntArray | None = None,
-    sign: FloatArray | None = None,
-) -> PassFit:
+def _line_a_direction(y: FloatArray, design: _PassDesign) -> LeastSquares:
+    """The fit that takes all passes of one direction as one."""
+    lines = [design.Z[design.rows] * column[design.own, None] for column in design.fixed.T]
+    return least_squares(np.column_stack([*lines, design.common]), y[design.rows])
+
+
+def _single(plain: LeastSquares, center: float, design: _PassDesign | None = None) -> PassFit:
     """One pass, or none known: all scatter counts as repeatability."""
     q = min(2, len(plain.coefficients))
     empty = np.zeros((0, q))
@@ -162,14 +213,13 @@ def _single(
         s2=plain.s2,
         D=np.zeros((q, q)),
         D_moment=np.zeros((q, q)),
-        split=np.zeros((q, q)),
         between=np.zeros((q, q)),
         pass_dof=0,
         within_dof=plain.dof,
         within_rss=plain.rss,
         separated=False,
-        groups=np.zeros(0, np.int64) if ids is None else ids,
-        group_direction=np.zeros(0) if sign is None else sign,
+        groups=np.zeros(0, np.int64) if design is None else design.ids,
+        group_direction=np.zeros(0) if design is None else design.sign,
         pass_coefficients=empty,
         deviations=empty,
         pooled_rss=plain.rss,
@@ -201,12 +251,7 @@ def _direction_columns(sign: FloatArray) -> FloatArray:
 
 
 def _coefficient_covariance(
-    plain: LeastSquares,
-    X: FloatArray,
-    Z: FloatArray,
-    codes: IntArray,
-    s2: float,
-    choices: tuple[FloatArray, FloatArray],
+    plain: LeastSquares, design: _PassDesign, s2: float, choices: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
     """Covariance of plain least squares under V = s2 I + Z D Z' by pass.
 
@@ -214,6 +259,7 @@ def _coefficient_covariance(
     The first choice, the unclipped D, keeps it unbiased; the second, the clipped one, stands
     in only where the result is not a covariance.
     """
+    X, Z, codes = design.X, design.Z, design.codes
     inverse = plain.unscaled_covariance
     cross = np.zeros((int(codes.max()) + 1, X.shape[1], Z.shape[1]))
     for column in range(X.shape[1]):
@@ -233,25 +279,3 @@ def _correlation(S: FloatArray) -> FloatArray:
     scale[scale == 0] = 1.0
     correlation: FloatArray = S / np.outer(scale, scale)
     return correlation
-
-
-def split_mean_square(
-    S: FloatArray, s2: float, metric: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """D and T with D = T S T' = S - s2 metric, its negative part set to zero.
-
-    S (q, q) is a between-pass mean square, s2 * metric what repeatability alone gives.
-    Measured in units of `metric`, S has the eigenvalues l; D keeps max(l - s2, 0) on the same
-    eigenvectors, so the result does not depend on the units of slope and intercept.
-    T carries the same split to the products of several components' deviations.
-    """
-    L = np.linalg.cholesky(metric)
-    white = np.linalg.solve(L, np.linalg.solve(L, S).T)
-    values, vectors = np.linalg.eigh((white + white.T) / 2)
-    kept = np.clip(values - s2, 0.0, None)
-    share = np.sqrt(np.divide(kept, values, out=np.zeros_like(kept), where=values > 0))
-    root = L @ vectors
-    whole = (root * kept) @ root.T
-    D: FloatArray = (whole + whole.T) / 2
-    T: FloatArray = (root * share) @ vectors.T @ np.linalg.inv(L)
-    return D, T

@@ -87,31 +87,45 @@ def monte_carlo(
     model values that are not finite, which are counted and never dropped.
     """
     _check(seed, trials, probability, digits, tolerance_fraction, threads, max_trials)
-    exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
-    if trials is None:
-        plan = BlockPlan.adaptive(probability)
-        if max_trials < FIRST_LOOK * plan.size:
-            plan = BlockPlan.fixed(max_trials, probability)
-    else:
-        plan = BlockPlan.fixed(trials, probability)
+    plan = _plan(trials, max_trials, probability)
     criterion = _Criterion(probability, digits, tolerance_fraction)
     kept = min(keep, trials or max_trials)
     with BlockRunner(model, plan, seed, threads or available_threads(), kept, progress) as run:
-        if plan.blocks == 1:
-            values = run.only_block()
-            estimates = single_block_estimates(values, probability, exists)
-        else:
-            pool = Pool(plan, exists)
-            estimates = _grow(run, pool, criterion, plan.blocks, max_trials // plan.size)
-        return MonteCarloResult(
-            names=tuple(model.names),
-            trials=run.trials,
-            blocks=run.blocks,
-            converged=criterion.ratio(estimates) <= 1.0,
-            probability=probability,
-            samples=run.samples(),
-            **{field.name: getattr(estimates, field.name) for field in fields(Estimates)},
-        )
+        estimates = _estimates(model, run, plan, criterion, max_trials)
+    return _result(model, run, estimates, criterion)
+
+
+def _result(
+    model: TrialModel, run: BlockRunner, estimates: Estimates, criterion: _Criterion
+) -> MonteCarloResult:
+    return MonteCarloResult(
+        names=tuple(model.names),
+        trials=run.trials,
+        blocks=run.blocks,
+        converged=criterion.ratio(estimates) <= 1.0,
+        probability=criterion.probability,
+        samples=run.samples(),
+        **{field.name: getattr(estimates, field.name) for field in fields(Estimates)},
+    )
+
+
+def _plan(trials: int | None, max_trials: int, probability: float) -> BlockPlan:
+    """Blocks for a given count, or for one that adapts where it leaves room for a first look."""
+    if trials is not None:
+        return BlockPlan.fixed(trials, probability)
+    plan = BlockPlan.adaptive(probability)
+    enough = max_trials >= FIRST_LOOK * plan.size
+    return plan if enough else BlockPlan.fixed(max_trials, probability)
+
+
+def _estimates(
+    model: TrialModel, run: BlockRunner, plan: BlockPlan, criterion: _Criterion, most: int
+) -> Estimates:
+    """Runs the plan, at most `most` trials where the count adapts."""
+    exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
+    if plan.blocks == 1:
+        return single_block_estimates(run.only_block(), plan.probability, exists)
+    return _grow(run, Pool(plan, exists), criterion, plan.blocks, most // plan.size)
 
 
 def _grow(

@@ -10,10 +10,10 @@ from mtu_cli.stats.anova import Cells, Components
 from mtu_cli.stats.least_squares import FloatArray
 
 GRID = np.concatenate([[0.0], 10.0 ** np.arange(-5.0, 9.01, 0.25)])
-"""Ratios s_part^2/s_repeat^2 at which the likelihood is looked at first."""
-NEGLIGIBLE = 1e-9
-STEPS = 70
-GOLDEN = (np.sqrt(5.0) - 1) / 2
+"""Ratios r = s_part^2/s_repeat^2 at which the likelihood is looked at first. Beyond the last one
+the limit of large r holds to a relative 1e-9.
+"""
+STEPS = 52
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,24 +41,23 @@ def reml(cells: Cells) -> Components:
         -2 l(r) = (N - 1) log Q + sum log(1 + n_i r) + log sum w_i,
 
     and s_repeat^2 = Q/(N - 1) (Searle, Casella & McCulloch, Variance Components, 1992, 6.6).
-    The minimum over r is bracketed on a grid and closed in on by golden section. A table
-    without repeats has nan, one with a single part has nan for s_part^2; one whose repeats are
-    all equal has s_repeat^2 = 0 and the sample variance of its parts.
+    The least value is bracketed on a grid; within, the root of its derivative is bisected. For
+    large r the estimates tend to SS_within/(N - a) and the sample variance of the part means,
+    less their share of s_repeat^2. A table without repeats has nan, one with a single part has
+    nan for s_part^2; one whose repeats are all equal has s_repeat^2 = 0.
     """
     levels = _levels(cells)
     a = levels.count.sum(axis=1)
-    values = np.array([_criterion(levels, np.full(len(a), r))[0] for r in GRID])
+    values = np.array([_criterion(levels, np.full(len(a), r)) for r in GRID])
     best = np.argmin(values, axis=0)
     low = GRID[np.maximum(best - 1, 0)]
     high = GRID[np.minimum(best + 1, len(GRID) - 1)]
-    r = _golden(levels, low, high)
-    # At the boundary the interior search stops short of 0.
-    r = np.where(r < NEGLIGIBLE, 0.0, r)
-    repeat = _criterion(levels, r)[1] / np.maximum(levels.N - 1, 1)
+    r = _stationary(levels, low, high)
+    repeat = _fit(levels, r)[2] / np.maximum(levels.N - 1, 1)
     part = r * repeat
-    exact = levels.within == 0
-    repeat = np.where(exact, 0.0, repeat)
-    part = np.where(exact, _variance_of_means(levels), part)
+    far = (best == len(GRID) - 1) | (levels.within == 0)
+    repeat = np.where(far, levels.within / np.maximum(levels.N - a, 1), repeat)
+    part = np.where(far, _variance_of_means(levels, repeat), part)
     part = np.where((a > 1) & (a < levels.N), part, np.nan)
     repeat = np.where(a < levels.N, repeat, np.nan)
     return Components(part=part, repeat=repeat, part_estimate=part)
@@ -84,36 +83,54 @@ def _levels(cells: Cells) -> _Levels:
     )
 
 
-def _criterion(levels: _Levels, r: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """-2 l (tables,) and Q (tables,) at the ratios r (tables,)."""
-    growth = 1 + levels.n * r[:, None]
-    w = levels.n / growth
+def _fit(levels: _Levels, r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weights w and squares (m - mu)^2 summed (tables, levels), and Q (tables,), at r (tables,)."""
+    w = levels.n / (1 + levels.n * r[:, None])
     total = (levels.count * w).sum(axis=1)
     mu = (levels.count * w * levels.mean).sum(axis=1) / total
-    away = levels.count * (levels.mean - mu[:, None]) ** 2
-    Q = levels.within + (w * (levels.squares + away)).sum(axis=1)
+    squares = levels.squares + levels.count * (levels.mean - mu[:, None]) ** 2
+    return w, squares, levels.within + (w * squares).sum(axis=1)
+
+
+def _criterion(levels: _Levels, r: FloatArray) -> FloatArray:
+    """-2 l (tables,) at the ratios r (tables,)."""
+    w, _, Q = _fit(levels, r)
     scale = np.where(levels.within > 0, levels.within, 1.0)
     # Equal values in all of a table have Q = 0; such a table is not the likelihood's to decide.
     relative = np.where(Q > 0, Q / scale, 1.0)
-    value = (levels.N - 1) * np.log(relative)
-    value += (levels.count * np.log(growth)).sum(axis=1) + np.log(total)
-    return value, Q
+    value: FloatArray = (levels.N - 1) * np.log(relative)
+    value += (levels.count * np.log(levels.n / w)).sum(axis=1)
+    value += np.log((levels.count * w).sum(axis=1))
+    return value
 
 
-def _golden(levels: _Levels, low: FloatArray, high: FloatArray) -> FloatArray:
-    left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-    at_left, at_right = (_criterion(levels, x)[0] for x in (left, right))
+def _slope(levels: _Levels, r: FloatArray) -> FloatArray:
+    """d(-2 l)/dr (tables,): (N - 1) Q'/Q + sum w - sum w^2 / sum w, Q' = -sum w^2 (m - mu)^2."""
+    w, squares, Q = _fit(levels, r)
+    total = (levels.count * w).sum(axis=1)
+    change = (w**2 * squares).sum(axis=1) / np.where(Q > 0, Q, 1.0)
+    slope: FloatArray = total - (levels.count * w**2).sum(axis=1) / total - (levels.N - 1) * change
+    return slope
+
+
+def _stationary(levels: _Levels, low: FloatArray, high: FloatArray) -> FloatArray:
+    """The ratio (tables,) at which the slope changes sign, 0 where it rises from the start.
+
+    Bisected in log r, in r itself where the bracket starts at 0.
+    """
+    rising = (low == 0) & (_slope(levels, np.zeros_like(low)) >= 0)
     for _ in range(STEPS):
-        smaller = at_left <= at_right
-        low, high = np.where(smaller, low, left), np.where(smaller, right, high)
-        left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-        at_left, at_right = (_criterion(levels, x)[0] for x in (left, right))
-    return (low + high) / 2
+        middle = np.where(low > 0, np.sqrt(low * high), high / 2)
+        beyond = _slope(levels, middle) > 0
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    return np.where(rising, 0.0, (low + high) / 2)
 
 
-def _variance_of_means(levels: _Levels) -> FloatArray:
+def _variance_of_means(levels: _Levels, repeat: FloatArray) -> FloatArray:
+    """Sample variance (tables,) of the part means, less s_repeat^2 times the mean of 1/n_i."""
     a = levels.count.sum(axis=1)
     mean = (levels.count * levels.mean).sum(axis=1) / a
     squares = levels.squares + levels.count * (levels.mean - mean[:, None]) ** 2
-    variance: FloatArray = squares.sum(axis=1) / np.maximum(a - 1, 1)
+    lost = repeat * (levels.count / levels.n).sum(axis=1) / a
+    variance: FloatArray = squares.sum(axis=1) / np.maximum(a - 1, 1) - lost
     return variance

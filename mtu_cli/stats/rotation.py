@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.outliers import deviation_p
+from mtu_cli.stats.outliers import deviation_limit, deviation_p
 
+RATE = 0.05
 ROTATIONS = 999
 ENTRIES = 100_000
 """Tables with more entries have their single entries and means tested by bounds."""
@@ -39,12 +40,15 @@ class Outstanding:
 
     `by_row` (rows,) the smallest for the row as a whole (its distance and its mean over the
     columns of each group), `by_cell` (rows, columns) for single entries. `row_kind` tells
-    which statistic of the row was smallest: 0 distance, 1 mean.
+    which statistic of the row was smallest: 0 distance, 1 mean. `limit` (columns,) is the
+    deviation from the column's mean, over its sample deviation, beyond which an entry's p is at
+    most `RATE`; nan where no entry can get there.
     """
 
     by_row: FloatArray
     by_cell: FloatArray
     row_kind: NDArray[np.int64]
+    limit: FloatArray
 
 
 def outstanding_rows(table: FloatArray, groups: NDArray[np.int64], seed: int) -> Outstanding:
@@ -86,7 +90,15 @@ def _by_rotation(
     own = np.array([_tail(null, null) for null in nulls])
     smallest = own.min(axis=0)
     entries, distance, mean = (_lower_tail(item, smallest) for item in p)
-    return _outstanding(entries, distance.min(axis=1), mean.min(axis=1))
+    limit = np.full(len(count), _critical(nulls[0], smallest))
+    return _outstanding(entries, distance.min(axis=1), mean.min(axis=1), limit, count)
+
+
+def _critical(null: FloatArray, smallest: FloatArray) -> float:
+    """The value of a statistic with `null` beyond which its adjusted p is at most `RATE`."""
+    steps = np.arange(1, len(null) + 1)
+    reached = steps[_lower_tail(steps / (1 + len(null)), smallest) <= RATE]
+    return float(np.sort(null)[-reached[-1]]) if len(reached) else np.inf
 
 
 def _by_bounds(
@@ -112,7 +124,8 @@ def _by_bounds(
         turned = rotate()
         largest[b] = (np.square(turned, out=turned) @ single).max(axis=0)
     distance = np.minimum(2 * _tail(*_alike(observed, largest), 1e-5), 1.0)
-    return _outstanding(entries, distance.min(axis=1), mean.min(axis=1))
+    limit = deviation_limit(count, RATE / (4 * d.size))
+    return _outstanding(entries, distance.min(axis=1), mean.min(axis=1), limit, count)
 
 
 def _alike(observed: FloatArray, largest: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -128,9 +141,17 @@ def _alike(observed: FloatArray, largest: FloatArray) -> tuple[FloatArray, Float
     return (observed - pool.mean(axis=0)) / s, ((largest - pool.mean(axis=0)) / s).max(axis=1)
 
 
-def _outstanding(entries: FloatArray, distance: FloatArray, mean: FloatArray) -> Outstanding:
+def _outstanding(
+    entries: FloatArray,
+    distance: FloatArray,
+    mean: FloatArray,
+    limit: FloatArray,
+    count: FloatArray,
+) -> Outstanding:
+    largest = (count - 1) / np.sqrt(np.maximum(count, 1.0))
     # Of equals the mean says more: it has a sign.
     return Outstanding(
+        limit=np.where(limit < largest, limit, np.nan),
         by_row=np.minimum(distance, mean),
         by_cell=entries,
         row_kind=(mean <= distance).astype(np.int64),

@@ -30,9 +30,6 @@ def single_block_estimates(
     covariance = centred @ centred.T / (trials - 1)
     variance = np.where(u_exists, np.diagonal(covariance), np.nan)
     u = np.sqrt(variance)
-    fourth = np.mean(centred**4, axis=1)
-    spread = np.maximum(fourth - variance**2 * (trials - 3) / (trials - 1), 0.0)
-    se_u = np.divide(np.sqrt(spread / trials), 2.0 * u, out=np.zeros(outputs), where=u != 0.0)
     ordered = np.sort(values, axis=1)
     q = covered_ranks(trials, probability)
     r = symmetric_rank(trials, q)
@@ -47,7 +44,7 @@ def single_block_estimates(
         low=ordered[:, r - 1],
         high=ordered[:, r + q - 1],
         se_mean=u / math.sqrt(trials),
-        se_u=se_u,
+        se_u=_u_error(centred, variance, u),
         se_low=_end_error(ordered, r, probability),
         se_high=_end_error(ordered, r + q, probability),
         shortest_low=ordered[each, best],
@@ -68,6 +65,15 @@ def covered_ranks(trials: int, probability: float) -> int:
 def symmetric_rank(trials: int, q: int) -> int:
     """r of JCGM 101:2008, 7.7.2: (M - q)/2, or the integer part of (M - q + 1)/2; from 1."""
     return max(1, (trials - q + 1) // 2)
+
+
+def _u_error(centred: FloatArray, variance: FloatArray, u: FloatArray) -> FloatArray:
+    outputs, trials = centred.shape
+    fourth = np.mean(centred**4, axis=1)
+    spread = np.maximum(fourth - variance**2 * (trials - 3) / (trials - 1), 0.0)
+    found = np.zeros(outputs)
+    np.divide(np.sqrt(spread / trials), 2.0 * u, out=found, where=u != 0.0)
+    return found
 
 
 def _end_error(ordered: FloatArray, rank: int, probability: float) -> FloatArray:

@@ -16,9 +16,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_examples import part_file, planted_and_clean
+from watched_process import MTU, READ, watched
 
 from mtu_cli.analyses.anova.parts import PartsTable, unusual_parts
-from tests.watched_process import MTU, READ, watched
 
 RUNS = 3
 ROWS = 5_000_000
@@ -81,6 +82,7 @@ def test_unusual_parts_of_a_large_table() -> None:
         labels=tuple(("", str(i // 2), "xy"[i % 2]) for i in range(200)),
         parts=tuple(map(str, range(500))),
         raw=values,
+        scale=np.ones_like(values),
         scaled=values,
         group=tuple(("", "", "xy"[i % 2]) for i in range(200)),
     )
@@ -93,3 +95,35 @@ def test_unusual_parts_of_a_large_table() -> None:
     sort = time.perf_counter() - start
     print(f"\nrotations of 500 x 200: {seconds:.2f} s, {seconds / sort:.2f} x sorting 2e7 numbers")
     assert seconds <= 2 * sort
+
+
+def test_planted_and_false_alarms(tmp_path: Path) -> None:
+    """Features, lengths and right angles as one family: 4 sigma found, clean studies silent."""
+    found, alarms = planted_and_clean(part_file(tmp_path), 300)
+    print(f"\nparts 4 sigma off: {100 * found:.1f} % named; clean studies: {100 * alarms:.1f} %")
+    assert found >= 0.95
+    assert alarms <= 0.05 + 2 * np.sqrt(0.05 * 0.95 / 300)
+
+
+def test_false_alarms_of_the_axes_scatter() -> None:
+    """Equal parts, y measured twice as badly and correlated in its own way; 5 % tests."""
+    from mtu_cli.stats.scatter_ratio import Side, scatter_ratio
+
+    runs = 1500
+    for rows, columns in ((5, 5), (9, 3), (9, 24), (21, 5), (21, 24)):
+        for rhos in ((0.5, 0.5), (0.0, 0.9), (0.9, 0.0)):
+            alarms = 0
+            for seed in range(runs):
+                rng = np.random.default_rng([seed, rows, columns])
+                sides = []
+                for rho, s in zip(rhos, (0.5, 1.0), strict=True):
+                    made = np.sqrt(rho) * rng.standard_normal((rows, 1))
+                    made = made + np.sqrt(1 - rho) * rng.standard_normal((rows, columns))
+                    seen = made[..., None] + s * rng.standard_normal((rows, columns, 2))
+                    share = (rows - 1) / 2 * seen.var(axis=2, ddof=1).mean(axis=0)
+                    noise = np.full(rows, share.sum() / rows)
+                    u2 = float((2 * share**2 / rows).sum())
+                    sides.append(Side(values=seen.mean(axis=2), noise=noise, u2=u2))
+                alarms += scatter_ratio(*sides).p <= 0.05
+            print(f"\n{rows} parts, {columns} features, rho {rhos}: {100 * alarms / runs:.1f} %")
+            assert alarms / runs <= 0.065 + 2 * np.sqrt(0.065 / runs)

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tests.watched_process import MTU, READ, watched
+from watched_process import MTU, READ, watched
 
 ROWS = 10_000_000
 RUNS = 2

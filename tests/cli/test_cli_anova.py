@@ -51,7 +51,9 @@ def test_a_clean_study(measured: Path, tmp_path: Path) -> None:
     found = mtu("anova", "--cmm", measured, "-p", PART, "--fail-if", "unusual", "-o", out,
                 "--csv", table, "--plot", plot)  # fmt: skip
     assert found.returncode == 0, found.stderr
-    assert found.stderr == ""
+    # The machine's own squareness and scale look like a turned part.
+    (warning,) = found.stderr.splitlines()
+    assert warning.endswith("[set-up-dominates]")
     assert max(map(len, found.stdout.splitlines())) <= 100
     report = results(out)
     assert len(report["features"]) == 48
@@ -75,7 +77,30 @@ def test_an_unusual_part_meets_the_gate(measured: Path, tmp_path: Path) -> None:
                 "unusual")  # fmt: skip
     assert found.returncode == 3
     assert "Part 9 stands out" in found.stdout
-    assert found.stderr == "mtu: gate unusual: parts that stand out: 9\n"
+    assert found.stderr.endswith("mtu: gate unusual: parts that stand out: 9\n")
+
+
+def test_a_datum_takes_the_set_up_out(measured: Path, tmp_path: Path) -> None:
+    out = tmp_path / "a.json"
+    found = mtu("anova", "--cmm", measured, "-p", PART, "--datum", "offset,rotation", "-o", out)
+    assert found.returncode == 0, found.stderr
+    assert found.stderr == ""
+    assert "less offset and rotation" in found.stdout
+    report = results(out)
+    assert report["datum"] == "offset,rotation"
+    assert [total["mean_error_um"] for total in report["totals"]] == pytest.approx([0, 0], abs=1e-9)
+    wrong = mtu("anova", "--cmm", measured, "-p", PART, "--datum", "offset,rotatoin")
+    assert wrong.returncode == 2
+    assert "unknown datum: 'offset,rotatoin'; did you mean 'offset,rotation'?" in wrong.stderr
+
+
+def test_a_copied_file_is_noticed(measured: Path, tmp_path: Path) -> None:
+    """The same values once with and once without `repeat`."""
+    rows = [{k: v for k, v in row.items() if k != "repeat"} for row in rows_of(measured)]
+    found = mtu("anova", "--cmm", measured, "--cmm", write(tmp_path / "copy.csv", rows), "-p", PART)
+    assert found.returncode == 0, found.stderr
+    assert "[rows-stand-twice]" in found.stderr
+    assert "[rows-stand-twice]" not in mtu("anova", "--cmm", measured, "-p", PART).stderr
 
 
 def test_a_study_names_its_files(measured: Path, tmp_path: Path) -> None:
@@ -128,6 +153,12 @@ def faulty(rows: Rows, kind: str) -> Rows:
                 row["x_mm"], row["y_mm"] = (f"{float(row[k]) / 25.4:.7f}" for k in ("x_mm", "y_mm"))
         case "not a number":
             changed[5]["x_mm"] = "12,5"
+        case "negative repeat":
+            changed[7]["repeat"] = "-1"
+        case "two sequences":
+            changed[7]["sequence"] = "44"
+        case "kilometres":
+            changed[7]["x_mm"] = "1e12"
     return changed
 
 
@@ -138,6 +169,9 @@ def faulty(rows: Rows, kind: str) -> Rows:
         ("copied part", 2, "part 'twin' has the same values as part '5'"),
         ("doubled repeat", 2, "row 26, column 'feature': the feature stands twice"),
         ("not a number", 2, "row 7, column 'x_mm'"),
+        ("negative repeat", 2, "column 'repeat': a negative repeat: '-1'"),
+        ("two sequences", 2, "column 'sequence': part '1' has two numbers of sequence: '44'"),
+        ("kilometres", 2, "column 'x_mm': too large: '1e+12'"),
         ("swapped", 0, "this looks like x and y swapped [error-of-millimetres]"),
         ("mixed units", 0, "this looks like inches taken for mm [error-of-millimetres]"),
     ],

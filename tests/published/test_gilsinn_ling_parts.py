@@ -5,9 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtu_cli.analyses.compare import paper_length_variance
+from mtu_cli.analyses.compare.evidence import (
+    Evidence,
+    Foretold,
+    evidence,
+    paper_length_variance,
+)
+from mtu_cli.analyses.compare.summary import summarised
+from mtu_cli.analyses.compare.verdicts import judged
+from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.stats.anova import cells_of
 
 N = 54
+TABLE_8_AND_9 = ("drilled", "milled")
 PLACES = {"3": (10.0, 10.0), "9": (10.0, 140.0), "15": (140.0, 140.0)}
 # V_p(m), um^2: x and y of holes 3, 9, 15.
 DRILLED = {"3": (641.0, 1294.0), "9": (511.0, 1209.0), "15": (566.0, 1421.0)}
@@ -45,22 +55,72 @@ def test_tables_8_and_9(
     assert np.sqrt(variance) == pytest.approx(u, abs=0.05 + 0.02)
 
 
-@pytest.mark.parametrize("kind", TABLE_10)
+N_PARTS = 21
+LENGTHS = tuple(TABLE_8)
+
+
+def table_10(kind: str) -> Evidence:
+    """The printed means and standard uncertainties of `kind` beside the printed prediction.
+
+    A table of 21 parts, one value each, has any grand mean and any MS_between; u of a future
+    part is the root of MS_between (1 + 1/N), eq. (33), N the parts here.
+    """
+    mean, u = np.array([TABLE_10[kind][name][:2] for name in LENGTHS]).T
+    spread = np.arange(N_PARTS) - (N_PARTS - 1) / 2
+    shape = spread / np.sqrt((spread**2).sum() / (N_PARTS - 1))
+    values = mean[:, None] + (u / np.sqrt(1 + 1 / N_PARTS))[:, None] * shape
+    cell = np.arange(values.size)
+    tables = MeasuredTables(
+        labels=tuple(("", name, "") for name in LENGTHS),
+        parts=tuple(str(p) for p in range(N_PARTS)),
+        cells=cells_of(values.ravel(), cell, len(LENGTHS), N_PARTS),
+    )
+    own_mean, own_u = np.array([TABLE_10["predicted"][name][:2] for name in LENGTHS]).T
+    zero = np.zeros(len(LENGTHS))
+    foretold = Foretold(
+        mean=own_mean, total=own_u**2, coefficients=zero, scatter=own_u**2,
+        independent=own_u**2, holes=np.full(len(LENGTHS), np.nan), of_mean=zero[None],
+        of_part=own_u[None] ** 2, dof=np.array([np.inf]),
+    )  # fmt: skip
+    return evidence(tables, foretold, 2.0)
+
+
+@pytest.mark.parametrize("kind", ["drilled", "milled"])
 def test_table_10_range_widths(kind: str) -> None:
-    for mean, u, width in TABLE_10[kind].values():
-        # u to 0.05 um enters four times.
-        assert 2 * (mean + 2 * u) == pytest.approx(width, abs=0.05 + 4 * 0.05)
+    """2 (|mean| + 2 u), of both sides: u to 0.05 um enters four times."""
+    found = table_10(kind)
+    for side, column in ((found.measured_paper, kind), (found.independent, "predicted")):
+        printed = [TABLE_10[column][name] for name in LENGTHS]
+        assert side.mean == pytest.approx([mean for mean, _, _ in printed])
+        assert side.u == pytest.approx([u for _, u, _ in printed])
+        assert side.width == pytest.approx([width for *_, width in printed], abs=0.05 + 4 * 0.05)
 
 
-def test_ratios_of_table_10() -> None:
-    """Drilled 4-7, milled 2-3 with the bias; of u alone 4.7-5.5 and 1.9-2.7."""
-    own = TABLE_10["predicted"]
-    for kind, of_range, of_u in (("drilled", (4, 7), (4.7, 5.5)), ("milled", (2, 3), (1.9, 2.7))):
-        ranges = [TABLE_10[kind][name][2] / own[name][2] for name in own]
-        ratios = [TABLE_10[kind][name][1] / own[name][1] for name in own]
-        assert of_range[0] <= min(ranges)
-        assert max(ranges) <= of_range[1]
-        assert (min(ratios), max(ratios)) == pytest.approx(of_u, abs=0.06)
+@pytest.mark.parametrize(
+    ("kind", "of_range", "of_u"), [("drilled", (4, 7), (4.7, 5.5)), ("milled", (2, 3), (1.9, 2.7))]
+)
+def test_ratios_of_table_10(
+    kind: str, of_range: tuple[float, float], of_u: tuple[float, float]
+) -> None:
+    """Drilled 4-7, milled 2-3 with the bias; of u alone 4.7-5.5 and 1.9-2.7; in the summary."""
+    (summary,) = summarised(judged(table_10(kind), None)[0])
+    assert summary.paper_ratio_range is not None
+    assert summary.paper_ratio_u is not None
+    assert of_range[0] <= summary.paper_ratio_range.least
+    assert summary.paper_ratio_range.largest <= of_range[1]
+    ends = (summary.paper_ratio_u.least, summary.paper_ratio_u.largest)
+    # The ratios follow from u printed to 0.05 um in 7.
+    assert ends == pytest.approx(of_u, abs=0.06)
+
+
+def test_verdicts_of_table_10() -> None:
+    """Against predicted scatter known exactly the drilled lengths scatter beyond it, by 4.6 to
+    5.4 times (u of 21 parts is 2.4 % more than their scatter), and the milled ones less so."""
+    drilled, milled = (summarised(judged(table_10(kind), None)[0])[0] for kind in TABLE_8_AND_9)
+    assert (drilled.under_predicted, milled.under_predicted) == (3, 3)
+    assert drilled.under_factor is not None
+    assert drilled.under_factor.least == pytest.approx(33.1 / 7.0 / 1.0235, abs=0.05)
+    assert drilled.under_factor.largest == pytest.approx(44.7 / 8.1 / 1.0235, abs=0.05)
 
 
 def test_ms_between_is_not_the_part_variance() -> None:

@@ -1,4 +1,4 @@
-"""Parts that stand out, and which axis scatters more."""
+"""Parts that stand out."""
 
 from __future__ import annotations
 
@@ -7,20 +7,18 @@ from typing import Literal
 
 import numpy as np
 
+from mtu_cli.analyses.anova.tables import Kind
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.stats.anova import Components, OneWay
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.outliers import deviation_limit
-from mtu_cli.stats.rotation import Outstanding, outstanding_rows
-from mtu_cli.stats.swap import SwapTest, swap_test
+from mtu_cli.stats.rotation import RATE, Outstanding, outstanding_rows
 
-FAMILY_RATE = 0.05
+FAMILY_RATE = RATE
 FEWEST_PARTS = 4
 """Fewer parts than this say nothing about which of them stands out."""
 
 Label = tuple[str, str, str]
 Why = Literal["distance", "mean", "single"]
-Kind = Literal["feature", "length", "angle"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,15 +45,24 @@ class UnusualPart:
 class PartsTable:
     """Tables of any kind side by side: deviations of the part means (parts, tables).
 
-    `raw` in the tables' unit, `scaled` to equal variance for unequal repeats; nan where a part
-    is missing. Tables of equal `group` are looked at together.
+    `raw` in the tables' unit, `scaled` = raw/`scale` to equal variance for unequal repeats; nan
+    where a part is missing. Tables of equal `group` are looked at together.
     """
 
     labels: tuple[Label, ...]
     parts: tuple[str, ...]
     raw: FloatArray
+    scale: FloatArray
     scaled: FloatArray
     group: tuple[Label, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Family:
+    """All tables of a study as one family, and what its test `found`: None of too few parts."""
+
+    table: PartsTable
+    found: Outstanding | None
 
 
 def full_labels(tables: MeasuredTables, kind: Kind) -> tuple[Label, ...]:
@@ -69,7 +76,8 @@ def parts_table(
     """Deviations of part means; the variance of one is s_part^2 + s_repeat^2/n_i."""
     cells = tables.cells
     raw = cells.mean - (table.mean - cells.origin)[:, None]
-    scaled = raw / mean_scale(tables, components)
+    scale = mean_scale(tables, components)
+    scaled = raw / scale
     for values in (raw, scaled):
         values[~cells.present] = np.nan
     labels = full_labels(tables, kind)
@@ -77,6 +85,7 @@ def parts_table(
         labels=labels,
         parts=tables.parts,
         raw=raw.T,
+        scale=scale.T,
         scaled=scaled.T,
         group=tuple((operation, "", axis) for operation, _, axis in labels),
     )
@@ -99,41 +108,50 @@ def side_by_side(first: PartsTable, *others: PartsTable) -> PartsTable:
         labels=tuple(label for item in found for label in item.labels),
         parts=first.parts,
         raw=np.hstack([item.raw for item in found]) if others else first.raw,
+        scale=np.hstack([item.scale for item in found]) if others else first.scale,
         scaled=np.hstack([item.scaled for item in found]) if others else first.scaled,
         group=tuple(label for item in found for label in item.group),
     )
 
 
-def unusual_parts(table: PartsTable, seed: int) -> tuple[Outstanding | None, list[UnusualPart]]:
+def unusual_parts(table: PartsTable, seed: int) -> tuple[Family, list[UnusualPart]]:
     """Parts that stand out with a family-wise error rate of 5 % over all parts and tables."""
     if len(table.parts) < FEWEST_PARTS:
-        return None, []
+        return Family(table=table, found=None), []
     kinds = {label: code for code, label in enumerate(dict.fromkeys(table.group))}
     groups = np.array([kinds[label] for label in table.group])
     found = outstanding_rows(table.scaled, groups, seed)
-    p_row, p_single = found.by_row, found.by_cell.min(axis=1)
-    unusual = []
-    for i in np.flatnonzero(np.minimum(p_row, p_single) <= FAMILY_RATE):
-        singles = np.flatnonzero(found.by_cell[i] <= FAMILY_RATE)
-        if p_row[i] <= p_single[i]:
-            why: Why = "mean" if found.row_kind[i] else "distance"
-            where, deviation, typical = _of_groups(table, groups, list(kinds), int(i), why)
-        else:
-            why, j = "single", int(np.argmin(found.by_cell[i]))
-            where, deviation = table.labels[j], float(table.raw[i, j])
-            typical = _rms(np.delete(table.raw[:, j], i))
-        unusual.append(
-            UnusualPart(
-                part=table.parts[i],
-                p=float(min(p_row[i], p_single[i])),
-                why=why,
-                where=where,
-                deviation=deviation,
-                typical=typical,
-                singles=tuple(table.labels[j] for j in singles),
-            )
-        )
-    return found, sorted(unusual, key=lambda item: item.p)
+    p = np.minimum(found.by_row, found.by_cell.min(axis=1))
+    unusual = [
+        _unusual(table, groups, list(kinds), found, int(i))
+        for i in np.flatnonzero(p <= FAMILY_RATE)
+    ]
+    family = Family(table=table, found=found)
+    return family, sorted(unusual, key=lambda item: item.p)
+
+
+def _unusual(
+    table: PartsTable, groups: np.ndarray, kinds: list[Label], found: Outstanding, i: int
+) -> UnusualPart:
+    """Part `i` with the table or group in which it stands out most."""
+    p_row, p_single = float(found.by_row[i]), float(found.by_cell[i].min())
+    singles = np.flatnonzero(found.by_cell[i] <= FAMILY_RATE)
+    if p_row <= p_single:
+        why: Why = "mean" if found.row_kind[i] else "distance"
+        where, deviation, typical = _of_groups(table, groups, kinds, i, why)
+    else:
+        why, j = "single", int(np.argmin(found.by_cell[i]))
+        where, deviation = table.labels[j], float(table.raw[i, j])
+        typical = _rms(np.delete(table.raw[:, j], i))
+    return UnusualPart(
+        part=table.parts[i],
+        p=min(p_row, p_single),
+        why=why,
+        where=where,
+        deviation=deviation,
+        typical=typical,
+        singles=tuple(table.labels[j] for j in singles),
+    )
 
 
 def _of_groups(
@@ -160,36 +178,19 @@ def _rms(values: FloatArray) -> float:
     return float(np.sqrt((known**2).mean())) if len(known) else float("nan")
 
 
-def part_limits(tables: MeasuredTables, table: OneWay, components: Components) -> FloatArray:
-    """Half widths (tables, parts) that part means keep to in 95 % of all clean studies.
+def part_limits(family: Family, column: int) -> FloatArray:
+    """The values (2, parts) of part means beyond which a part stands out of one table by itself,
+    about the table's mean; nan where none can.
 
-    Grubbs's statistic with the bound of Bonferroni over all parts and tables.
+    They are those of the test that names the parts, over all tables of the study.
     """
-    cells = tables.cells
-    count = table.parts
-    scale = mean_scale(tables, components)
-    away = (cells.mean - (table.mean - cells.origin)[:, None]) / scale
-    squares = np.where(cells.present, away**2, 0.0).sum(axis=1)
-    s = np.sqrt(squares / np.maximum(count - 1, 1))
-    limit = deviation_limit(count, FAMILY_RATE / max(float(count.sum()), 1.0))
-    limits: FloatArray = np.where(cells.present, (limit * s)[:, None] * scale, np.nan)
-    return limits
-
-
-def axis_scatter(tables: MeasuredTables, seed: int) -> tuple[tuple[str, SwapTest], ...]:
-    """Does Y scatter more from part to part than X? One test an operation."""
-    means = tables.cells
-    rows: dict[tuple[str, str], list[int]] = {}
-    for i, (operation, _, axis) in enumerate(tables.labels):
-        rows.setdefault((operation, axis), []).append(i)
-    tests = []
-    for operation in dict.fromkeys(label[0] for label in tables.labels):
-        sides = []
-        for axis in ("x", "y"):
-            chosen = rows.get((operation, axis), [])
-            there = means.present[chosen]
-            kept = there.any(axis=0)
-            sides.append(np.where(there, means.mean[chosen], np.nan).T[kept])
-        if sides[0].shape == sides[1].shape and len(sides[0]) >= FEWEST_PARTS:
-            tests.append((operation, swap_test(sides[0], sides[1], seed)))
-    return tuple(tests)
+    table = family.table
+    if family.found is None:
+        return np.full((2, len(table.parts)), np.nan)
+    scaled = table.scaled[:, column]
+    known = scaled[np.isfinite(scaled)]
+    s = float(known.std(ddof=1)) if len(known) > 1 else float("nan")
+    half = family.found.limit[column] * s
+    with np.errstate(invalid="ignore"):
+        scale = np.abs(table.scale[:, column])
+    return np.stack([scale * (known.mean() - half), scale * (known.mean() + half)])

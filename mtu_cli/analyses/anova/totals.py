@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.model.measured import MeasuredTables
-from mtu_cli.stats.anova import Components, OneWay
+from mtu_cli.analyses.anova.parts import FAMILY_RATE
+from mtu_cli.analyses.anova.tables import Analysed
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -16,9 +16,12 @@ class Total:
     """All features of an operation along an axis; mm and mm^2, nan where it cannot be had.
 
     `mean` of the features' mean errors, their standard deviation `spread` and the `largest` of
-    them (with its sign); mean
-    variances `part` and `repeat` (REML), `both` where they cannot be told apart; `significant`
-    of `tested` features have F above its critical value.
+    them (with its sign), at feature `worst`. Mean variances `part` and `repeat` by the chosen
+    method, `both` where they cannot be told apart; `repeat_share` is the CMM's share of the
+    variance of one measured point (REML, whatever the method). Of `tested` features
+    `significant` have F above its critical value and `differ` from part to part with the error
+    rate held over all features; the mean errors of `off` are not zero, likewise. `rounding` is
+    the uncertainty by which the means are worth printing.
     """
 
     operation: str
@@ -27,45 +30,59 @@ class Total:
     mean: float
     spread: float
     largest: float
+    worst: str
     part: float
     repeat: float
     both: float
+    repeat_share: float
     significant: int
+    differ: int
+    off: int
     tested: int
-
-    @property
-    def repeat_share(self) -> float:
-        """The CMM's share of the variance of one measured point."""
-        total = self.part + self.repeat
-        return self.repeat / total if total > 0 else float("nan")
+    rounding: float
 
 
-def totals_of(tables: MeasuredTables, table: OneWay, reml: Components) -> tuple[Total, ...]:
+def totals_of(found: Analysed) -> tuple[Total, ...]:
     """One Total an operation and axis, operation by operation."""
+    tables = found.tables
     rows: dict[tuple[str, str], list[int]] = {}
     for i, (operation, _, axis) in enumerate(tables.labels):
         rows.setdefault((operation, axis), []).append(i)
     operations = list(dict.fromkeys(operation for operation, _ in rows))
-    found = []
-    for operation, axis in sorted(rows, key=lambda key: operations.index(key[0])):
-        own = rows[operation, axis]
-        mean, F, critical = table.mean[own], table.F[own], table.F_critical_95[own]
-        found.append(
-            Total(
-                operation=operation,
-                axis=axis,
-                features=len(own),
-                mean=float(mean.mean()),
-                spread=float(mean.std(ddof=1)) if len(mean) > 1 else float("nan"),
-                largest=float(mean[np.argmax(np.abs(mean))]),
-                part=_mean(reml.part[own]),
-                repeat=_mean(reml.repeat[own]),
-                both=_mean(table.ms_between[own]),
-                significant=int((critical < F).sum()),
-                tested=int(np.isfinite(F).sum()),
-            )
-        )
-    return tuple(found)
+    return tuple(
+        _total(found, operation, axis, rows[operation, axis])
+        for operation, axis in sorted(rows, key=lambda key: operations.index(key[0]))
+    )
+
+
+def _total(found: Analysed, operation: str, axis: str, own: list[int]) -> Total:
+    table, components = found.one_way, found.components
+    mean, F = table.mean[own], table.F[own]
+    spread = float(mean.std(ddof=1)) if len(mean) > 1 else float("nan")
+    part, repeat = _mean(components.part[own]), _mean(components.repeat[own])
+    both = _mean(found.both[own])
+    apart = _mean(found.reml.part[own]), _mean(found.reml.repeat[own])
+    worst = int(np.argmax(np.abs(mean)))
+    scales = [np.sqrt(v) for v in (part, repeat, both) if np.isfinite(v)]
+    largest = max([*scales, *([spread] if np.isfinite(spread) else [])], default=float("nan"))
+    return Total(
+        operation=operation,
+        axis=axis,
+        features=len(own),
+        mean=float(mean.mean()),
+        spread=spread,
+        largest=float(mean[worst]),
+        worst=found.tables.labels[own[worst]][1],
+        part=part,
+        repeat=repeat,
+        both=both,
+        repeat_share=apart[1] / sum(apart) if sum(apart) > 0 else float("nan"),
+        significant=int((table.F_critical_95[own] < F).sum()),
+        differ=int((found.p_parts[own] <= FAMILY_RATE).sum()),
+        off=int((found.p_mean[own] <= FAMILY_RATE).sum()),
+        tested=int(np.isfinite(F).sum()),
+        rounding=largest / float(np.sqrt(len(found.tables.parts))),
+    )
 
 
 def _mean(values: FloatArray) -> float:

@@ -2,77 +2,101 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.analyses.anova.parts import FEWEST_PARTS
+from mtu_cli.analyses.anova.tables import Analysed, Method
+from mtu_cli.model.features import FEW_DOF
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.settings import Warned
-from mtu_cli.stats.anova import Components, OneWay
+from mtu_cli.stats.anova import BoolArray
 
 if TYPE_CHECKING:
     from mtu_cli.files.part import LoadedPart
 
 MOST_NAMED = 6
+KINDS = {"feature": "features and axes", "length": "lengths", "angle": "right angles"}
 
-
-def anova_warnings(
-    tables: MeasuredTables, table: OneWay, components: Components, method: str, fewest: int
-) -> list[Warned]:
-    """Warnings on the tables of features; every figure that is missing has its reason here."""
-    total = len(tables.labels)
-    found: list[Warned] = []
-
-    def warn(code: str, count: int, text: str) -> None:
-        if count:
-            some = "" if count == total else f"{count} of {total} tables: "
-            found.append(Warned(code=code, message=some + text))
-
-    warn(
-        "one-part", int((table.df_between < 1).sum()),
-        "there is one part only, so parts cannot be compared",
-    )  # fmt: skip
-    warn(
-        "no-repeats", int(((table.df_within < 1) & (table.df_between > 0)).sum()),
-        "no part was measured twice: part-to-part scatter and the CMM's cannot be told apart, "
-        "and what is given for a future part holds both",
-    )  # fmt: skip
-    warn(
-        "zero-variance", int(((table.df_within > 0) & (table.ms_within == 0)).sum()),
+Condition = Callable[[Analysed], BoolArray]
+CONDITIONS: dict[str, tuple[Condition, str]] = {
+    "one-part": (
+        lambda found: found.one_way.df_between < 1,
+        "there is one part only, so nothing can be said of the scatter from part to part, nor "
+        "of a future part",
+    ),
+    "no-repeats": (
+        lambda found: found.one_way.df_within < 1,
+        "no part was measured twice: nothing can be said of the CMM's scatter, and what is given "
+        "of the scatter from part to part and of a future part holds it",
+    ),
+    "zero-variance": (
+        lambda found: (found.one_way.df_within > 0) & (found.one_way.ms_within == 0),
         "all repeats are equal, so that F and p cannot be had",
-    )  # fmt: skip
-    if method == "anova":
-        warn(
-            "negative-variance", int((components.part_estimate < 0).sum()),
-            "the part-to-part variance is estimated below zero; 0 is used for uncertainties",
-        )  # fmt: skip
+    ),
+    "negative-variance": (
+        lambda found: (found.components.part_estimate < 0) & (found.method == "anova"),
+        "the part-to-part variance is estimated below zero; 0 is used for uncertainties",
+    ),
+    "few-degrees-of-freedom": (
+        lambda found: found.dof_future < FEW_DOF,
+        "fewer than 3 degrees of freedom are behind u of a future part: U = k u is too small; "
+        "use the 95 % interval (interval95_future)",
+    ),
+}
+PAPER = (
+    "--method paper takes MS_between for the part-to-part variance, without an interval, and "
+    "leaves it out of the uncertainties, as Gilsinn & Ling 2004 do, eqs. (29)-(34)"
+)
+
+
+def anova_warnings(kinds: Sequence[Analysed], method: Method) -> list[Warned]:
+    """Every figure that is missing has its reason here, for each kind of table by name."""
+    found = []
+    for code, (condition, text) in CONDITIONS.items():
+        met = [(item, condition(item)) for item in kinds]
+        if all(rows.all() for _, rows in met):
+            found.append(Warned(code=code, message=text))
+            continue
+        found += [
+            Warned(code=code, message=f"{_some(item, rows)}: {text}")
+            for item, rows in met
+            if rows.any()
+        ]
     if method == "paper":
-        warn(
-            "paper-method", total,
-            "--method paper takes MS_between for the part-to-part variance and leaves it out of "
-            "the uncertainties, as Gilsinn & Ling 2004 do, eqs. (29)-(34)",
-        )  # fmt: skip
-    return [*found, *_empty(tables), *_few(tables, fewest)]
+        found.append(Warned(code="paper-method", message=PAPER))
+    return [*found, *(w for item in kinds for w in _empty(item)), *_few(kinds[0].tables)]
 
 
-def _empty(tables: MeasuredTables) -> list[Warned]:
+def _some(item: Analysed, rows: BoolArray) -> str:
+    count, total = int(rows.sum()), len(rows)
+    name = KINDS[item.kind]
+    return f"all {name}" if count == total else f"{count} of {total} {name}"
+
+
+def _empty(item: Analysed) -> list[Warned]:
+    tables = item.tables
     empty = ~tables.cells.present
     if not empty.any():
         return []
     table, part = (int(index) for index in np.argwhere(empty)[0])
     name = " ".join(word for word in tables.labels[table] if word)
+    what = "measurements" if item.kind == "feature" else KINDS[item.kind]
     text = (
-        f"{int(empty.sum())} of {empty.size} cells are empty (first: part {tables.parts[part]!r} "
-        f"was not measured at {name}); the rest is analysed with unequal counts"
+        f"{int(empty.sum())} of {empty.size} {what} by part are missing (first: part "
+        f"{tables.parts[part]!r} was not measured at {name}); the rest is analysed with unequal "
+        "counts"
     )
     return [Warned(code="empty-cells", message=text)]
 
 
-def _few(tables: MeasuredTables, fewest: int) -> list[Warned]:
-    if len(tables.parts) >= fewest or len(tables.parts) < 2:
+def _few(tables: MeasuredTables) -> list[Warned]:
+    if len(tables.parts) >= FEWEST_PARTS or len(tables.parts) < 2:
         return []
-    text = f"{len(tables.parts)} parts are too few to say which stands out; {fewest} are needed"
-    return [Warned(code="few-parts", message=text)]
+    text = f"{len(tables.parts)} parts are too few to say which stands out; {FEWEST_PARTS} are"
+    return [Warned(code="few-parts", message=f"{text} needed")]
 
 
 def missing_entries(

@@ -20,11 +20,13 @@ from mtu_cli.analyses.thermal_fit.models import Fitted, Rows, Spec, fit, sum_of_
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,
     Curve,
+    PositionTest,
     Residuals,
     ThermalFit,
 )
 from mtu_cli.analyses.thermal_fit.series import Series, read_series
 from mtu_cli.analyses.thermal_fit.uncertainty import (
+    Conventions,
     Rest,
     estimate,
     residuals,
@@ -35,7 +37,7 @@ from mtu_cli.model.settings import Warned
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
 from mtu_cli.stats.stepwise import effective_number
-from mtu_cli.units import UNITS, Unit
+from mtu_cli.units import UNITS
 
 if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
@@ -68,7 +70,8 @@ def thermal_fit(
     for name, own in series.items():
         of, unit = (None, "um") if components is None else components[name]
         lib = library(own, sensors, reference, lagged=method in ("auto", "lagged"))
-        drift, rest = _component(own, lib, of, UNITS[unit], sensors, reference, method)
+        conventions = Conventions(of=of, unit=UNITS[unit], sensors=sensors, reference=reference)
+        drift, rest = _component(own, lib, conventions, method)
         found[name] = drift
         shares.append(sensor_noise_share(lib, rest, drift.estimate))
         warnings += component_warnings(own, lib, drift, method)
@@ -89,69 +92,65 @@ def _with_noise(drift: ComponentDrift, share: float) -> ComponentDrift:
 
 
 def _component(
-    series: Series,
-    lib: Library,
-    of: str | None,
-    unit: Unit,
-    sensors: tuple[str, ...],
-    reference: float,
-    method: str,
+    series: Series, lib: Library, conventions: Conventions, method: str
 ) -> tuple[ComponentDrift, Rest]:
     rows = lib.rows(range(len(lib.cycles)))
+    spec, test = _spec(lib, rows, method)
+    found = fit(lib, rows, spec)
+    rest = residuals(series, lib, spec, found, conventions.reference)
+    model = estimate(series, lib, spec, found, rows, rest, conventions)
+    evidence, candidates = held_out(lib, method)
+    r2, rms_before, rms_after = _explained(series.n, lib, rows, spec, found)
+    condition, vif = _collinearity(lib, rows, spec, found)
+    drift = ComponentDrift(
+        name=series.name,
+        unit=conventions.unit,
+        model="lagged" if any(spec.lags) else spec.kind,
+        estimate=model,
+        positions=tuple(float(p) for p in lib.positions if p is not None),
+        n=series.n,
+        cycles=lib.cycles,
+        groups=tuple(group for group in lib.groups if len(group) > 1),
+        r2_fit=r2,
+        rms_before=rms_before,
+        rms_after=rms_after,
+        held_out=evidence,
+        candidates=candidates,
+        position_test=test,
+        condition=condition,
+        vif=vif,
+        residuals=_normality(series, rest, autocorrelation(lib, rows, spec, found)),
+        shares=_shares(lib, rows, spec, found),
+        at_positions=_gradients(lib, model),
+        intercepts=tuple((lib.positions[p], a) for p, a in found.intercepts.items()),
+        curves=_curves(lib, rest),
+    )
+    return drift, rest
+
+
+def _spec(lib: Library, rows: Rows, method: str) -> tuple[Spec, PositionTest | None]:
+    """The model that all cycles choose; with one cycle, the test decides on its powers."""
     best, _ = choose(lib, range(len(lib.cycles)), method)
     spec = best.spec
     test = position_test(lib, spec, rows)
     if len(lib.cycles) < 2 and test is not None and test.p < 0.05:
         spec = Spec(kind=spec.kind, degree=lib.most_degree, lags=spec.lags)
-    found = fit(lib, rows, spec)
-    rest = residuals(series, lib, spec, found, reference)
-    model = estimate(
-        series=series,
-        lib=lib,
-        spec=spec,
-        found=found,
-        rows=rows,
-        rest=rest,
-        of=of,
-        unit=unit,
-        sensors=sensors,
-        reference=reference,
-    )
-    evidence, candidates = held_out(lib, method)
-    kind = "lagged" if any(spec.lags) else spec.kind
+    return spec, test
+
+
+def _explained(
+    n: int, lib: Library, rows: Rows, spec: Spec, found: Fitted
+) -> tuple[float, float, float]:
+    """r^2 of the fit, and the readings' rms about their means without and with the model."""
     before = sum_of_squares(lib, rows, spec, constant(lib, rows, spec))
     after = sum_of_squares(lib, rows, spec, found)
-    condition, vif = _collinearity(lib, rows, spec, found)
-    lag1 = autocorrelation(lib, rows, spec, found)
+    r2 = 1 - after / before if before > 0 else float("nan")
+    return r2, float(np.sqrt(before / n)), float(np.sqrt(after / n))
+
+
+def _normality(series: Series, rest: Rest, lag1: float) -> Residuals:
     number = effective_number(series.n, lag1)
-    return (
-        ComponentDrift(
-            name=series.name,
-            unit=unit,
-            model=kind,
-            estimate=model,
-            positions=tuple(float(p) for p in lib.positions if p is not None),
-            n=series.n,
-            cycles=lib.cycles,
-            groups=tuple(group for group in lib.groups if len(group) > 1),
-            r2_fit=1 - after / before if before > 0 else float("nan"),
-            rms_before=float(np.sqrt(before / series.n)),
-            rms_after=float(np.sqrt(after / series.n)),
-            held_out=evidence,
-            candidates=candidates,
-            position_test=test,
-            condition=condition,
-            vif=vif,
-            residuals=Residuals(
-                normality_p=normality_p(rest.residual, number), lag1=lag1, effective=number
-            ),
-            shares=_shares(lib, rows, spec, found),
-            at_positions=_gradients(lib, model),
-            intercepts=tuple((lib.positions[p], a) for p, a in found.intercepts.items()),
-            curves=_curves(lib, rest),
-        ),
-        rest,
-    )
+    return Residuals(normality_p=normality_p(rest.residual, number), lag1=lag1, effective=number)
 
 
 def _collinearity(

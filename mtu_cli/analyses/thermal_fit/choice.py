@@ -23,12 +23,13 @@ from mtu_cli.stats.least_squares import FloatArray
 
 KINDS = ("stepwise", "ridge", "lagged")
 WORTH = 0.02
-"""A further power of the position, or a lag of its own, must lower the held-out sum of squares by
-this share: less is within what another cycle would change."""
+"""A further power of the position must lower the held-out sum of squares by this share ..."""
+LAG_WORTH = 0.1
+"""... and a lag of its own by this: the search tries many, and the best of many flatters itself."""
 SENSORS_SEARCHED = 8
 """Groups, largest share of the drift first, that get a time constant of their own."""
-MOST_SWEEPS = 4
-"""Rounds of the search for them: most end after two."""
+MOST_SWEEPS = 1
+"""Rounds of the search for them; more of them fit the cycles that choose, not the next ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,15 +152,24 @@ def _searched(
         before = best
         for j in _by_share(lib, folds, best.spec):
             for c in range(len(lib.time_constants)):
-                lags = best.spec.lags
-                if c == lags[j]:
-                    continue
-                other = scored((*lags[:j], c, *lags[j + 1 :]))
-                if other.score < best.score * (1 - WORTH):
+                other = _changed(best, j, c, scored)
+                if other.score < best.score * (1 - LAG_WORTH):
                     best = other
         if best is before:
             break
+    # A lag that came with the start and gains nothing goes again.
+    for j in range(len(best.spec.lags)):
+        other = _changed(best, j, 0, scored)
+        best = other if other.score <= best.score else best
     return best
+
+
+def _changed(
+    best: Scored, group: int, lag: int, scored: Callable[[tuple[int, ...]], Scored]
+) -> Scored:
+    """The same with another time constant of one group."""
+    lags = best.spec.lags
+    return scored((*lags[:group], lag, *lags[group + 1 :]))
 
 
 def _by_share(lib: Library, folds: Folds, spec: Spec) -> list[int]:

@@ -42,14 +42,15 @@ def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate
     """Every cycle predicted by a model chosen and fitted on the others alone.
 
     None with fewer than three cycles. The candidates' figures are of the best of their kind
-    and degree on each fold's other cycles, so that they are held out as well.
+    and degree on each fold's other cycles, so that they are held out as well; None for what was
+    not tried in every fold, because other cycles are another measure.
     """
     cycles = range(len(lib.cycles))
     if len(lib.cycles) < FEWEST_NESTED:
         return None, ()
     before, after, least = 0.0, 0.0, 0.0
     by_cycle: list[tuple[str, float, float]] = []
-    tried: dict[tuple[str, int], float] = {}
+    tried: dict[tuple[str, int], list[float]] = {}
     n = 0
     for cycle in cycles:
         others = [other for other in cycles if other != cycle]
@@ -60,7 +61,7 @@ def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate
         for item in candidates:
             loss = sum_of_squares(lib, held, item.spec, fit(lib, rows, item.spec))
             key = (item.kind, item.spec.degree)
-            tried[key] = tried.get(key, 0.0) + loss
+            tried.setdefault(key, []).append(loss)
             own = loss if item is best else own
         without = sum_of_squares(lib, held, best.spec, constant(lib, rows, best.spec))
         full = ordinary(lib)
@@ -74,9 +75,20 @@ def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate
         r2=1 - after / before if before > 0 else float("nan"),
         cycles=tuple(by_cycle),
     )
-    return found, tuple(
-        Candidate(model=kind, degree=degree, held_out=_root(loss, n))
-        for (kind, degree), loss in tried.items()
+    return found, _candidates(tried, n, len(lib.cycles))
+
+
+def _candidates(
+    tried: dict[tuple[str, int], list[float]], n: int, folds: int
+) -> tuple[Candidate, ...]:
+    """What was tried, with its figure where every fold tried it."""
+    return tuple(
+        Candidate(
+            model=kind,
+            degree=degree,
+            held_out=_root(sum(losses), n) if len(losses) == folds else None,
+        )
+        for (kind, degree), losses in tried.items()
     )
 
 

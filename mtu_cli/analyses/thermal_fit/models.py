@@ -9,7 +9,7 @@ import numpy as np
 
 from mtu_cli.analyses.thermal_fit.library import Library
 from mtu_cli.stats.compressed import Compressed
-from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.least_squares import FloatArray, LeastSquares, least_squares
 from mtu_cli.stats.ridge import RidgePath, ridge
 from mtu_cli.stats.stepwise import stepwise
 
@@ -100,42 +100,48 @@ def _fit_stepwise(lib: Library, rows: Rows, spec: Spec) -> Fitted:
     chosen = lib.columns(spec.lags)
     g, m = len(lib.groups), spec.degree + 1
     places = list(rows)
-    gradients = np.zeros((len(places), g))
-    variances = []
-    used = float(len(places))
-    for i, position in enumerate(places):
-        own = Compressed(
-            factor=rows[position].factor[:, chosen],
-            n=rows[position].n,
-            lag=rows[position].lag[np.ix_(chosen, chosen)],
-            pairs=rows[position].pairs,
-        )
-        selected = [0, *stepwise(own)]
-        found = least_squares(own.factor[:, selected], own.factor[:, -1])
-        inside = [j - 1 for j in selected[1:]]
-        gradients[i, inside] = found.coefficients[1:]
-        covariance = np.zeros((g, g))
-        covariance[np.ix_(inside, inside)] = found.unscaled_covariance[1:, 1:]
-        variances.append(covariance)
-        used += len(inside) * m / len(places)
     V = lib.powers(spec.degree)[places]
     W = np.linalg.pinv(V)
-    coefficients = W @ gradients
+    gradients = np.zeros((len(places), g))
     unit = np.zeros((m, g, m, g))
-    for i, covariance in enumerate(variances):
-        unit += np.einsum("a,b,jk->ajbk", W[:, i], W[:, i], covariance)
-    intercepts = {}
+    used = float(len(places))
     for i, position in enumerate(places):
-        factor = rows[position].factor[:, chosen]
-        left = factor[:, -1] - factor[:, 1:-1] @ (V[i] @ coefficients)
-        one = factor[:, 0]
-        intercepts[position] = float(one @ left) / float(one @ one)
+        selected, found = _selected(rows[position], chosen)
+        gradients[i, selected] = found.coefficients[1:]
+        covariance = np.zeros((g, g))
+        covariance[np.ix_(selected, selected)] = found.unscaled_covariance[1:, 1:]
+        unit += np.einsum("a,b,jk->ajbk", W[:, i], W[:, i], covariance)
+        used += len(selected) * m / len(places)
+    coefficients = W @ gradients
     return Fitted(
         coefficients=coefficients,
         unit_covariance=unit.reshape(m * g, m * g),
-        intercepts=intercepts,
+        intercepts={
+            position: _intercept(rows[position].factor[:, chosen], V[i] @ coefficients)
+            for i, position in enumerate(places)
+        },
         used=used,
     )
+
+
+def _selected(rows: Compressed, chosen: list[int]) -> tuple[list[int], LeastSquares]:
+    """Groups of sensors that stepwise selection takes at one position, and their fit."""
+    own = Compressed(
+        factor=rows.factor[:, chosen],
+        n=rows.n,
+        lag=rows.lag[np.ix_(chosen, chosen)],
+        pairs=rows.pairs,
+    )
+    columns = [0, *stepwise(own)]
+    found = least_squares(own.factor[:, columns], own.factor[:, -1])
+    return [column - 1 for column in columns[1:]], found
+
+
+def _intercept(factor: FloatArray, gradient: FloatArray) -> float:
+    """The mean reading less what the sensors explain of it."""
+    left = factor[:, -1] - factor[:, 1:-1] @ gradient
+    one = factor[:, 0]
+    return float(one @ left) / float(one @ one)
 
 
 def weights(lib: Library, spec: Spec, found: Fitted, position: int) -> FloatArray:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
 
 SENSOR = re.compile(r"T_.+_degC")
+HOTTEST = 1000.0
+"""degC: no sensor of a machine reads more, nor less than minus this."""
 MOST_RUNS = 64
 """Runs of one component, position and cycle in a block; where there are more, rows are sorted."""
 FEWEST_KEPT = 20_000
@@ -153,7 +155,8 @@ def _columns(block: Readings, sensors: tuple[str, ...], reference: float) -> Flo
             sound = False
             continue
         np.subtract(column.astype(np.float64, copy=False), reference, out=Z[:, s + 1])
-        sound = sound and bool(np.isfinite(Z[:, s + 1].sum()))
+        extreme = float(np.abs(Z[:, s + 1]).max())
+        sound = sound and extreme <= HOTTEST
     if not sound:
         raise InputError(_temperature_problems(block, sensors))
     Z[:, -1] = block.error
@@ -171,17 +174,20 @@ def _temperature_problems(block: Readings, sensors: tuple[str, ...]) -> list[Pro
                 Problem(what=what, file=shown, column=name, expected="numbers in every file")
             )
             continue
-        empty = np.flatnonzero(np.isnan(column.astype(np.float64)))
-        if len(empty):
-            first = int(empty[0])
-            more = f" (and {len(empty) - 1} more)" if len(empty) > 1 else ""
+        values = column.astype(np.float64)
+        faulty = np.flatnonzero(~(np.abs(values) <= HOTTEST))
+        if len(faulty):
+            first = int(faulty[0])
+            more = f" (and {len(faulty) - 1} more)" if len(faulty) > 1 else ""
             problems.append(
                 Problem(
                     what=f"no temperature{more}",
+                    value=None if np.isnan(values[first]) else f"{values[first]:g}",
                     file=block.sources[block.file_index[first]].shown,
                     row=int(block.row[first]),
                     column=name,
-                    expected="a number in degC: leave out the column, or the rows",
+                    expected=f"a number in degC, at most {HOTTEST:g} in size: leave out the "
+                    "column, or the rows",
                 )
             )
     return problems

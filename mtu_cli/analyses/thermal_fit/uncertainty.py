@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import comb
+from scipy.special import comb, fdtri
 
 from mtu_cli.analyses.thermal_fit.evidence import mean_products, unseen_products
 from mtu_cli.analyses.thermal_fit.library import Library, lagged_columns
@@ -20,10 +20,27 @@ from mtu_cli.analyses.thermal_fit.models import Fitted, Rows, Spec
 from mtu_cli.analyses.thermal_fit.series import Kept, Series
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.positive_part import positive_part
 from mtu_cli.stats.stepwise import effective_number
 from mtu_cli.units import Unit
 
 NORMAL_QUARTILE = 0.6744897501960817
+SIGNIFICANT = 3.0
+MOST_LOST = 5.0
+"""Few effective residuals say little of what fitting took: no more than this is made up for."""
+_NOTHING = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conventions:
+    """What a model is stated in: the axis `of` the component and its unit, the names of all
+    sensors and the reference temperature in degC.
+    """
+
+    of: str | None
+    unit: Unit
+    sensors: tuple[str, ...]
+    reference: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,47 +74,48 @@ def residuals(series: Series, lib: Library, spec: Spec, found: Fitted, reference
 
 
 def estimate(
-    *,
     series: Series,
     lib: Library,
     spec: Spec,
     found: Fitted,
     rows: Rows,
     rest: Rest,
-    of: str | None,
-    unit: Unit,
-    sensors: tuple[str, ...],
-    reference: float,
+    conventions: Conventions,
 ) -> ThermalEstimate:
     """The model in powers of mm and sensors, with the covariances of coefficients and rest."""
     used = np.flatnonzero((found.coefficients != 0).any(axis=0))
     members = np.flatnonzero((lib.average[:, used] != 0).any(axis=1))
     spread = lib.average[np.ix_(members, used)]
     T = _unscaled(lib, spec.degree)
-    to_sensors = np.kron(T, spread)
     kept = np.concatenate([used + m * len(lib.groups) for m in range(spec.degree + 1)])
     scale, coefficient_dof = _coefficient_scale(lib, spec, found, rows)
-    unit_covariance = found.unit_covariance[np.ix_(kept, kept)]
-    slow, leftover_dof = _slow(lib, rest, found)
-    W = np.linalg.pinv(lib.powers(spec.degree))
+    root = np.kron(T, spread) @ _root(found.unit_covariance[np.ix_(kept, kept)])
+    slow, leftover_dof = _slow(lib, rest, spec, found)
     constants = lib.time_constants[np.asarray(spec.lags, int)]
     places = [position for position in lib.positions if position is not None]
     return ThermalEstimate(
         component=series.name,
-        of=of,
-        unit=unit,
-        sensors=tuple(sensors[s] for s in members),
-        reference=reference,
+        of=conventions.of,
+        unit=conventions.unit,
+        sensors=tuple(conventions.sensors[s] for s in members),
+        reference=conventions.reference,
         coefficients=T @ found.coefficients[:, used] @ spread.T,
-        covariance=scale * to_sensors @ unit_covariance @ to_sensors.T,
+        covariance=scale * root @ root.T,
         coefficient_dof=coefficient_dof,
-        leftover=T @ _not_negative(W @ slow @ W.T) @ T.T,
+        leftover=T @ _as_polynomial(lib, spec.degree, slow) @ T.T,
         leftover_dof=leftover_dof,
         time_constants=(spread != 0) @ constants[used],
         sensor_u=_sensor_noise(lib, rest.kept)[members],
         temperature_range=series.range()[members],
         position_range=(min(places), max(places)) if places else None,
     )
+
+
+def _root(matrix: FloatArray) -> FloatArray:
+    """F with F F' = matrix (k, k): products of it keep their variances from turning negative."""
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+    root: FloatArray = vectors * np.sqrt(np.clip(values, 0.0, None))
+    return root
 
 
 def _unscaled(lib: Library, degree: int) -> FloatArray:
@@ -114,8 +132,8 @@ def _coefficient_scale(lib: Library, spec: Spec, found: Fitted, rows: Rows) -> t
     """What the unit covariance is multiplied by, and its degrees of freedom.
 
     Residuals that follow each other tell less than their number: s^2 (1 + r)/(1 - r). Where
-    held-out cycles show more than fit and this explain, the difference over their mean x'C x
-    is taken, known from as many cycles as there are less one.
+    held-out cycles show more than fit and this explain, significantly at 5 % by F, the
+    difference over their mean x'C x is taken, known from as many cycles as there are less one.
     """
     n = sum(item.n for item in rows.values())
     square, product = mean_products(lib, rows, spec, found)
@@ -126,10 +144,12 @@ def _coefficient_scale(lib: Library, spec: Spec, found: Fitted, rows: Rows) -> t
     if unseen is None or unseen[2] <= 0:
         return within
     beyond = (max(unseen[1], 0.0) - max(product, 0.0)) / unseen[2]
-    return within if beyond <= within[0] else (beyond, max(len(lib.cycles) - 1.0, 1.0))
+    between = max(len(lib.cycles) - 1.0, 1.0)
+    limit = within[0] * float(fdtri(between, within[1], 0.95))
+    return within if beyond <= limit else (beyond, between)
 
 
-def _slow(lib: Library, rest: Rest, found: Fitted) -> tuple[FloatArray, float]:
+def _slow(lib: Library, rest: Rest, spec: Spec, found: Fitted) -> tuple[FloatArray, float]:
     """Covariance (positions, positions) of what carries over between readings, and its dof.
 
     Positions that were read at the same times are correlated as they show; others are not.
@@ -150,22 +170,50 @@ def _slow(lib: Library, rest: Rest, found: Fitted) -> tuple[FloatArray, float]:
                 pairs[i, j] += max(len(cycle[i]) - 1, 0)
             second += float(cycle[i][:-2] @ cycle[i][2:])
             triples += max(len(cycle[i]) - 2, 0)
-    n = len(rest.residual)
-    slow = first / np.maximum(pairs, 1) * n / max(n - found.used, 1.0)
+    slow = first / np.maximum(pairs, 1)
     slow = (slow + slow.T) / 2
     mean = float(np.trace(slow)) / count
     if mean <= 0 or not triples:
         return np.zeros((count, count)), np.inf
     memory = second / triples / mean
+    noise = float(np.mean(rest.residual**2)) / np.sqrt(len(rest.residual))
+    # What white noise alone may show has no memory to correct for.
+    if mean > SIGNIFICANT * noise:
+        slow *= _lost_to_fit(lib, spec, found, len(rest.residual), mean, memory)
     # Variances lose information to memory with its square (Bayley & Hammersley 1946).
-    return slow, max(effective_number(n, memory**2) - found.used, 1.0)
+    return slow, max(effective_number(len(rest.residual), memory**2) - found.used, 1.0)
 
 
-def _not_negative(matrix: FloatArray) -> FloatArray:
-    """The nearest matrix without negative eigenvalues."""
-    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-    found: FloatArray = (vectors * np.clip(values, 0.0, None)) @ vectors.T
-    return found
+def _lost_to_fit(
+    lib: Library, spec: Spec, found: Fitted, n: int, mean: float, memory: float
+) -> float:
+    """By what the slow variance `mean` of fitted residuals falls short: fitting takes of it.
+
+    Degrees of freedom as the effective number has them, but no more than held-out cycles show.
+    """
+    number = effective_number(n, memory)
+    lost = number / max(number - found.used, number / MOST_LOST)
+    unseen = unseen_products(lib, spec)
+    if unseen is None:
+        return lost
+    return max(min(lost, unseen[1] / mean), n / max(n - found.used, 1.0))
+
+
+def _as_polynomial(lib: Library, degree: int, slow: FloatArray) -> FloatArray:
+    """Covariance (m, m) of the leftover as a polynomial of the model's powers.
+
+    A polynomial of fewer powers than positions cannot follow what differs from place to place:
+    it then carries the mean variance of the positions all the same.
+    """
+    V = lib.powers(degree)
+    W = np.linalg.pinv(V)
+    D = positive_part(W @ slow @ W.T)
+    wanted, carried = float(np.trace(slow)), float(np.einsum("pi,ij,pj->", V, D, V))
+    if carried > _NOTHING * wanted:
+        return D * (max(wanted, carried) / carried)
+    level = np.zeros_like(D)
+    level[0, 0] = max(wanted, 0.0) / len(V)
+    return level
 
 
 def _sensor_noise(lib: Library, kept: Kept) -> FloatArray:
@@ -183,9 +231,16 @@ def _sensor_noise(lib: Library, kept: Kept) -> FloatArray:
                 found.append(np.abs(np.diff(own, n=2, axis=0)))
     if not found:
         return np.zeros(kept.temperature.shape[1])
-    middle: FloatArray = np.median(np.concatenate(found), axis=0)
-    found_u: FloatArray = middle / (NORMAL_QUARTILE * np.sqrt(6.0))
-    return found_u
+    middle = np.median(np.concatenate(found), axis=0) / (NORMAL_QUARTILE * np.sqrt(6.0))
+    # A reading of few digits repeats itself: its rounding is noise all the same.
+    result: FloatArray = np.maximum(middle, _resolution(kept.temperature) / np.sqrt(12.0))
+    return result
+
+
+def _resolution(temperature: FloatArray) -> FloatArray:
+    """The smallest step (s,) between the values of each sensor; 0 where it never moves."""
+    steps = [np.diff(np.unique(np.round(column, 9))) for column in temperature.T]
+    return np.array([float(own.min()) if len(own) else 0.0 for own in steps])
 
 
 def sensor_noise_share(lib: Library, rest: Rest, model: ThermalEstimate) -> float:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.evidence import FEWEST_NESTED
 from mtu_cli.analyses.thermal_fit.library import Library
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.analyses.thermal_fit.series import Series
-from mtu_cli.analyses.thermal_fit.uncertainty import Rest
+from mtu_cli.analyses.thermal_fit.uncertainty import NORMAL_QUARTILE, Rest
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -21,62 +23,88 @@ STUCK_SHARE = 0.5
 OTHERS_MOVE = 0.5
 """... while the other sensors move by this many degC (their median)."""
 FEWEST_ROWS = 10
+FAR = 1.0
+"""degC beyond the reference from which on it counts as not read."""
+GROSS = 8.0
+"""Robust standard deviations from which on a reading is no part of the others."""
+FAHRENHEIT = (50.0, 130.0)
+KELVIN = (230.0, 400.0)
+"""Values that are degC of no shop."""
 
 
 def component_warnings(
     series: Series, lib: Library, drift: ComponentDrift, method: str
 ) -> list[Warned]:
     """Warnings of one component's model."""
-    name = drift.name
-    found: list[tuple[str, str]] = []
-    if len(lib.cycles) < FEWEST_NESTED:
-        many = "no cycles are told apart" if len(lib.cycles) < 2 else "there are two cycles only"
-        found.append(
-            (
-                "not-held-out",
-                f"{name}: {many}: no cycle can be held out of fit and choice, and the fit's own "
-                "rms says little of the next warm-up (three cycles or more, column 'cycle')",
-            )
-        )
-    held = drift.held_out
-    if held is not None and drift.rms_after > 0 and held.after > OVER_FIT * drift.rms_after:
-        found.append(
-            (
-                "over-fit",
-                f"{name}: rms {_shown(drift, drift.rms_after)} on the cycles of the fit, "
-                f"{_shown(drift, held.after)} on held-out ones: believe the latter",
-            )
-        )
-    if held is not None and held.after > held.before:
-        found.append(
-            (
-                "no-better",
-                f"{name}: on held-out cycles the temperatures make it worse: the model is not "
-                "to be used",
-            )
-        )
+    found = [*_of_held_out(lib, drift)]
     if drift.condition > COLLINEAR:
         found.append(
             (
                 "collinear",
-                f"{name}: the sensors move together (condition number {drift.condition:.0f}): "
+                f"the sensors move together (condition number {drift.condition:.0f}): "
                 "single coefficients are not to be read on their own",
             )
         )
     if method in ("auto", "lagged") and len(lib.time_constants) < 2:
-        why = "no times are given" if series.complete else "there are too many readings"
-        found.append(("no-lags", f"{name}: models with lags are not tried: {why}"))
+        found.append(("no-lags", f"models with lags are not tried: {_no_lags(series)}"))
     if len(drift.positions) == 1 and drift.estimate.of is not None:
         found.append(
             (
                 "one-position",
-                f"{name}: the drift was read at {drift.positions[0]:g} mm only: that it is the "
+                f"the drift was read at {drift.positions[0]:g} mm only: that it is the "
                 f"same all along {drift.estimate.of} is assumed, not tested",
             )
         )
+    found += _of_reference(drift)
     if not drift.estimate.sensors:
-        found.append(("no-sensor", f"{name}: no sensor explains the drift"))
-    return [Warned(code=code, message=message) for code, message in found]
+        found.append(("no-sensor", "no sensor explains the drift"))
+    return [Warned(code=code, message=f"{drift.name}: {text}") for code, text in found]
+
+
+def _no_lags(series: Series) -> str:
+    if not series.complete:
+        return "there are too many readings"
+    if np.isnan(series.kept().time).any():
+        return "no times are given"
+    return "the times do not run on within the cycles"
+
+
+def _of_reference(drift: ComponentDrift) -> Iterator[tuple[str, str]]:
+    """Drift that was zeroed far from the reference: its zero is extrapolated."""
+    span, reference = drift.estimate.temperature_range, drift.estimate.reference
+    if span is None or not len(span):
+        return
+    beyond = (span[:, 0] > reference + FAR) | (span[:, 1] < reference - FAR)
+    if beyond.mean() > 0.5:
+        yield (
+            "reference-not-read",
+            f"the sensors were read from {span[:, 0].min():.4g} to {span[:, 1].max():.4g} degC, "
+            f"not at the reference of {reference:g} degC: predictions are of the drift from there "
+            "and extrapolate (reference_temperature_degC of the machine file)",
+        )
+
+
+def _of_held_out(lib: Library, drift: ComponentDrift) -> Iterator[tuple[str, str]]:
+    """What the next warm-up may show that the cycles of the fit do not."""
+    if len(lib.cycles) < FEWEST_NESTED:
+        many = "no cycles are told apart" if len(lib.cycles) < 2 else "there are two cycles only"
+        yield (
+            "not-held-out",
+            f"{many}: no cycle can be held out of fit and choice, and the fit's own "
+            "rms says little of the next warm-up (three cycles or more, column 'cycle')",
+        )
+    held = drift.held_out
+    if held is not None and drift.rms_after > 0 and held.after > OVER_FIT * drift.rms_after:
+        yield (
+            "over-fit",
+            f"rms {_shown(drift, drift.rms_after)} on the cycles of the fit, "
+            f"{_shown(drift, held.after)} on held-out ones: believe the latter",
+        )
+    if held is not None and held.after > held.before:
+        yield (
+            "no-better",
+            "on held-out cycles the temperatures make it worse: the model is not to be used",
+        )
 
 
 def sensor_warnings(
@@ -92,8 +120,18 @@ def sensor_warnings(
         )
         for name in still
     ]
+    found += _scale(sensors, span)
+    found += _gross(rest, drift)
     for c, cycle in enumerate(series.cycles):
         rows = rest.kept.at(series.positions[0], c)
+        if (np.diff(rest.kept.time[rows]) < 0).any():
+            found.append(
+                Warned(
+                    code="rows-out-of-order",
+                    message=f"{drift.name}: the readings of cycle {cycle!r} are not in the order "
+                    "of their times: lags and autocorrelation are taken in the file's order",
+                )
+            )
         for s in _stuck(rest.kept.temperature[rows]):
             if sensors[s] in still:
                 continue
@@ -105,6 +143,40 @@ def sensor_warnings(
                 )
             )
     return found
+
+
+def _scale(sensors: tuple[str, ...], span: FloatArray) -> list[Warned]:
+    middle = float(np.median(span))
+    for (low, high), scale in ((FAHRENHEIT, "degF"), (KELVIN, "K")):
+        if low < middle < high:
+            message = f"the temperatures are about {middle:.0f}: are they {scale}? degC is expected"
+            return [
+                Warned(code="temperature-scale", message=f"{', '.join(sensors[:3])}: {message}")
+            ]
+    return []
+
+
+def _gross(rest: Rest, drift: ComponentDrift) -> list[Warned]:
+    """Readings far off the model, by the median of their distances."""
+    away = np.abs(rest.residual - np.median(rest.residual))
+    scale = float(np.median(away)) / NORMAL_QUARTILE
+    gross = np.flatnonzero(away > GROSS * scale) if scale > 0 else np.zeros(0, np.int64)
+    if not len(gross) or len(gross) > 0.01 * len(away):
+        return []
+    worst = int(np.argmax(away))
+    cycle = drift.cycles[int(rest.kept.cycle[worst])]
+    where = f"cycle {cycle!r}" if cycle else "the file"
+    time = rest.kept.time[worst]
+    where += "" if np.isnan(time) else f" at {time:g} min"
+    return [
+        Warned(
+            code="outlier-readings",
+            message=f"{drift.name}: {len(gross)} of {len(away)} readings are more than {GROSS:g} "
+            f"robust standard deviations off the model, the worst by "
+            f"{_shown(drift, float(away[worst]))} in {where}: a slip of one reading pulls the "
+            "whole fit",
+        )
+    ]
 
 
 def _stuck(temperature: FloatArray) -> list[int]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import measured_examples
 import numpy as np
 import pytest
-from measured_examples import part_file, points, study, with_measured
+from measured_examples import part_file, planted_and_clean, points, study, with_measured
 
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
 from mtu_cli.files.points import Points
@@ -25,25 +26,69 @@ def codes(result: AnovaResult) -> list[str]:
     return [item.code for item in result.warnings]
 
 
-def test_uncertainties_of_mean_and_future_part_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Over many studies the mean scatters by u_mean and a further part about it by u_future."""
+UNEVEN = (6, 6, 1, 1, 1, 1, 1, 2)
+
+
+def uneven(seed: int, s_part: float, s_repeat: float) -> Points:
+    """Eight parts with unequal repeats, and a ninth that is measured once: the future one."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for p, repeats in enumerate((*UNEVEN, 1)):
+        for name in "abc":
+            made = s_part * rng.standard_normal(2)
+            rows += [(f"P{p}", name, r, *(made + s_repeat * rng.standard_normal(2)))
+                     for r in range(repeats)]  # fmt: skip
+    return points(rows)
+
+
+@pytest.mark.parametrize(("s_part", "s_repeat"), [(0.01, 0.004), (0.002, 0.008)])
+def test_uncertainties_of_mean_and_future_part_hold(
+    s_part: float, s_repeat: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Over many studies the mean scatters by u_mean and a further part about it by u_future.
+
+    With very unequal repeats: the mean of all readings leans on the parts measured often.
+    """
     monkeypatch.setattr(rotation, "ROTATIONS", 19)
-    means, future, u_mean, u_future = [], [], [], []
+    means, future, u2_future = [], [], []
+    N = sum(UNEVEN)
+    share = sum(n * n for n in UNEVEN) / N**2
     for seed in range(300):
-        found = study(9, 2, seed, 0.01, 0.004)
-        kept = found.part < 8
-        one = analysed(_rows(found, kept)).features
+        found = uneven(seed, s_part, s_repeat)
+        one = analysed(_rows(found, found.part < 8)).features
         means.append(one.one_way.mean)
-        u_mean.append(one.u_mean)
-        u_future.append(one.u_future)
-        # Eight parts were analysed; the ninth, without the CMM's share, is the future one.
-        clean = np.random.default_rng(seed + 10_000).standard_normal(len(one.one_way.mean)) * 0.01
-        future.append(clean - one.one_way.mean)
-    for values, u in ((means, u_mean), (future, u_future)):
-        rms = np.sqrt(np.mean(np.square(values)))
-        expected = np.sqrt(np.mean(np.square(u)))
-        # 1800 values, not all independent of each other's repeats: four standard errors.
-        assert rms == pytest.approx(expected, rel=4 / np.sqrt(2 * np.size(values)))
+        u2_future.append(one.u_future**2)
+        np.testing.assert_allclose(
+            one.u_mean**2, one.components.part * share + one.components.repeat / N, rtol=1e-9
+        )
+        last = found.measured[found.part == 8] - found.nominal[found.part == 8]
+        future.append(last[:, :2].T.ravel() - one.one_way.mean)
+    # 1800 values, independent: four standard errors.
+    rel = 4 / np.sqrt(2 * np.size(means))
+    expected = s_part**2 * share + s_repeat**2 / N
+    assert np.sqrt(np.mean(np.square(means))) == pytest.approx(np.sqrt(expected), rel=rel)
+    if s_part > s_repeat:
+        # The ninth part's measurement has the CMM's scatter in it, which a future part has not.
+        seen = np.mean(np.square(future)) - s_repeat**2
+        rel = 4 * np.sqrt(2 / np.size(future)) * (1 + (s_repeat / s_part) ** 2)
+        assert seen == pytest.approx(s_part**2 + expected, rel=rel)
+        assert np.mean(u2_future) == pytest.approx(s_part**2 + expected, rel=rel)
+
+
+@pytest.mark.parametrize("s_part", [0.003, 0.01, 0.03])
+def test_a_future_part_lies_in_its_interval(s_part: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With five parts, 95 % and not much less; more where the CMM hides the parts' scatter."""
+    monkeypatch.setattr(rotation, "ROTATIONS", 19)
+    inside, too_small = [], []
+    for seed in range(300):
+        one = analysed(study(5, 2, seed, s_part, 0.01)).features
+        made = s_part * np.random.default_rng(seed + 10_000).standard_normal(6)
+        low, high = one.interval_future.T
+        inside += ((low <= made) & (made <= high)).tolist()
+        too_small += (np.abs(made - one.one_way.mean) > 2 * one.u_future).tolist()
+    assert np.mean(inside) >= 0.95 - 3 * np.sqrt(0.05 * 0.95 / len(inside))
+    # U = 2 u is not enough with four degrees of freedom or fewer.
+    assert np.mean(too_small) > 0.06
 
 
 def _rows(found: Points, kept: np.ndarray) -> Points:
@@ -66,7 +111,13 @@ def test_methods() -> None:
     np.testing.assert_array_equal(results["reml"].components.part[negative], 0)
     assert "negative-variance" in codes(analysed(found, "anova"))
     assert "paper-method" in codes(analysed(found, "paper"))
-    assert codes(analysed(found)) == []
+    assert np.isnan(results["paper"].interval).all()
+    np.testing.assert_array_equal(results["paper"].dof_future, 21)
+    # The summary follows the method; the CMM's share is not the paper's to give.
+    totals = {method: analysed(found, method).totals[0] for method in ("paper", "reml")}
+    assert totals["paper"].part == pytest.approx(table.ms_between[:3].mean())
+    assert totals["paper"].repeat_share == totals["reml"].repeat_share
+    assert codes(analysed(study(21, 2, 2))) == []
 
 
 def test_a_shifted_part_and_a_shifted_feature_are_named() -> None:
@@ -87,20 +138,65 @@ def test_a_shifted_part_and_a_shifted_feature_are_named() -> None:
     assert (item.part, item.singles[0]) == ("P3", ("", "b", "y"))
     labels = result.features.tables.labels
     assert result.features.unusual[labels.index(("", "b", "y"))] == ("P3",)
-    limits = result.features.limits()[labels.index(("", "b", "y"))]
-    assert limits.shape == (21,)
-    assert (limits > 0).all()
+    # Who is painted as standing out lies beyond the limits that are drawn, and nobody else.
+    for i, names in enumerate(result.features.unusual):
+        low, high = result.limits(i)
+        means = result.features.part_means(i)
+        beyond = [part for part, m, a, b in zip(found.parts, means, low, high, strict=True)
+                  if not a <= m <= b]  # fmt: skip
+        assert beyond == sorted(names, key=found.parts.index)
+
+
+def test_limits_are_none_where_nobody_can_stand_out() -> None:
+    assert np.isnan(analysed(study(3, 2, 1)).limits(0)).all()
+    assert np.isfinite(analysed(study(21, 2, 1)).limits(0)).all()
+
+
+def test_unequal_repeats_are_scaled_before_they_are_compared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The CMM alone scatters; of two parts in ten one repeat, of the others twenty-five: the
+    means of the two lie five times as far off, and are nothing unusual.
+    """
+    monkeypatch.setattr(rotation, "ROTATIONS", 199)
+    alarms = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        rows = [
+            (f"P{p}", name, r, *(0.01 * rng.standard_normal(2)))
+            for p in range(10)
+            for name in "abc"
+            for r in range(1 if p < 2 else 25)
+        ]
+        alarms += bool(analysed(points(rows)).unusual)
+    # Without the scaling nearly all of the 60.
+    assert alarms <= 10
 
 
 def test_axis_scatter_is_tested() -> None:
     found = study(21, 1, 4)
     measured = found.nominal + (found.measured - found.nominal) * np.array([1.0, 3.0, 1.0])
-    ((operation, test),) = analysed(with_measured(found, measured)).axis_scatter
-    assert operation == ""
-    assert test.ratio > 4
-    assert test.p <= 0.01
-    ((_, test),) = analysed(found).axis_scatter
-    assert test.p > 0.05
+    (item,) = analysed(with_measured(found, measured)).axis_scatter
+    assert (item.operation, item.apart) == ("", False)
+    assert item.test.ratio > 4
+    assert item.test.p <= 0.01
+    (item,) = analysed(found).axis_scatter
+    assert item.test.p > 0.05
+
+
+def test_a_noisy_cmm_axis_is_not_the_machines() -> None:
+    """Equal parts, y measured worse: the part means scatter more in y, the parts do not."""
+    rng = np.random.default_rng(8)
+    found = study(40, 3, 3, 0.004, 0.001)
+    measured = found.measured.copy()
+    measured[:, 1] += 0.012 * rng.standard_normal(len(measured))
+    (item,) = analysed(with_measured(found, measured)).axis_scatter
+    assert item.apart
+    assert item.test.p > 0.05
+    first = found.repeat == 0
+    (alone,) = analysed(_rows(with_measured(found, measured), first)).axis_scatter
+    assert not alone.apart
+    assert alone.test.p <= 0.001
 
 
 def test_lengths_and_angles_of_the_part_file(tmp_path: Path) -> None:
@@ -110,10 +206,12 @@ def test_lengths_and_angles_of_the_part_file(tmp_path: Path) -> None:
     assert result.lengths is not None
     assert result.angles is not None
     assert [label[1] for label in result.lengths.tables.labels] == ["a-b", "c-a"]
-    # A length has the scatter of two holes.
-    s = np.sqrt(result.lengths.components.part)
-    assert (np.abs(s / (0.01 * np.sqrt(2)) - 1) < 4 / np.sqrt(2 * 11)).all()
-    assert result.shown == ("a", "b", "c")
+    # A length has the scatter of two holes: to four standard errors of a deviation of 2399 parts.
+    many = analyse_variance(study(2400, 2, 4), part, "reml", SETTINGS)
+    assert many.lengths is not None
+    s = np.sqrt(many.lengths.components.part)
+    assert (np.abs(s / (0.01 * np.sqrt(2)) - 1) < 4 / np.sqrt(2 * 2399)).all()
+    assert sorted(result.shown) == [("", "a"), ("", "b"), ("", "c")]
     few = points([("p", "a", 1, 0.0, 0.0), ("q", "a", 1, 0.001, 0.0)])
     lost = analyse_variance(few, part, "reml", SETTINGS)
     assert (lost.lengths, lost.angles) == (None, None)
@@ -128,19 +226,73 @@ def test_no_repeats_one_part_and_empty_cells() -> None:
     one = no_repeats.features
     assert np.isnan([*one.components.part, *one.components.repeat, *one.one_way.F]).all()
     np.testing.assert_allclose(one.u_mean, np.sqrt(one.one_way.ms_between / 8))
+    np.testing.assert_array_equal(one.both, one.one_way.ms_between)
+    # 7 MS/chi2: 16.013 and 1.690 are the printed quantiles for 7 degrees of freedom.
+    np.testing.assert_allclose(one.both_interval[:, 0], 7 * one.both / 16.013, rtol=1e-4)
+    np.testing.assert_allclose(one.both_interval[:, 1], 7 * one.both / 1.690, rtol=1e-3)
+    assert no_repeats.totals[0].both == pytest.approx(one.both[:3].mean())
     one_part = analysed(study(1, 3, 1))
     assert codes(one_part) == ["one-part"]
     assert np.isnan(one_part.features.u_mean).all()
     assert np.isfinite(one_part.features.components.repeat).all()
     assert one_part.unusual is None
+    assert codes(analysed(study(1, 1, 1))) == ["one-part", "no-repeats"]
     three = analysed(study(3, 2, 1))
-    assert codes(three) == ["few-parts"]
+    assert codes(three) == ["few-degrees-of-freedom", "few-parts"]
     assert three.unusual is None
+    # The t quantile for 2 degrees of freedom is 4.303.
+    features = analysed(study(3, 1, 1)).features
+    half = (features.interval_future[:, 1] - features.interval_future[:, 0]) / 2
+    np.testing.assert_allclose(half, 4.303 * features.u_future, rtol=1e-4)
     found = study(8, 2, 1)
     gaps = analysed(_rows(found, ~((found.part == 2) & (found.feature == 1))))
     assert codes(gaps) == ["empty-cells"]
     assert "part 'P2' was not measured at b x" in gaps.warnings[0].message
     assert gaps.features.one_way.parts.tolist().count(7) == 2
+
+
+def test_warnings_name_the_kind_of_table(tmp_path: Path) -> None:
+    """Features have repeats, and one length lacks them: b was measured once in each part."""
+    found = study(8, 2, 1)
+    few = _rows(found, ~((found.feature == 1) & (found.repeat == 1)))
+    result = analyse_variance(few, part_file(tmp_path), "reml", SETTINGS)
+    messages = [item.message for item in result.warnings if item.code == "no-repeats"]
+    assert [text.partition(":")[0] for text in messages] == [
+        "2 of 6 features and axes", "1 of 2 lengths", "all right angles",
+    ]  # fmt: skip
+
+
+def test_set_up_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One offset and turn of all features: said, and taken out by a datum."""
+    places = {f"h{i}": (40.0 * (i % 4), 30.0 * (i // 4)) for i in range(12)}
+    monkeypatch.setattr(measured_examples, "PLACES", places)
+    found = study(1, 1, 3, 0.003, 0.0)
+    assert "set-up-dominates" not in codes(analysed(found))
+    turn = np.column_stack([-found.nominal[:, 1], found.nominal[:, 0], np.zeros(len(found))])
+    moved = with_measured(found, found.measured + 5e-4 * turn + np.array([0.05, -0.03, 0.0]))
+    result = analysed(moved)
+    assert "set-up-dominates" in codes(result)
+    loose = analyse_variance(moved, None, "reml", SETTINGS, "offset,rotation")
+    assert "set-up-dominates" not in codes(loose)
+    # 24 errors less three freedoms of 3 um each are left, to four standard errors.
+    rms = np.sqrt((loose.features.one_way.mean**2).sum() / 21)
+    assert rms == pytest.approx(0.003, rel=4 / np.sqrt(2 * 21))
+    assert len(loose.maps[0].ids) == 12
+
+
+def test_a_feature_that_stands_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    places = {f"h{i}": (40.0 * (i % 5), 30.0 * (i // 5)) for i in range(20)}
+    monkeypatch.setattr(measured_examples, "PLACES", places)
+    monkeypatch.setattr(rotation, "ROTATIONS", 19)
+    found = study(10, 2, 1)
+    measured = found.measured.copy()
+    measured[found.feature == 7, 1] += 0.03
+    (item,) = analysed(with_measured(found, measured)).unusual_features
+    assert item.where == ("", "h7", "y")
+    assert item.deviation == pytest.approx(0.03, abs=4 * 0.01 / np.sqrt(10))
+    runs = 200
+    alarms = sum(bool(analysed(study(4, 1, seed)).unusual_features) for seed in range(runs))
+    assert alarms / runs <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / runs)
 
 
 def test_repeats_without_scatter() -> None:
@@ -168,3 +320,13 @@ def test_totals() -> None:
     assert x.part == pytest.approx(result.features.components.part[rows].mean())
     assert x.repeat_share == pytest.approx(x.repeat / (x.part + x.repeat))
     assert abs(x.largest) == np.abs(result.features.one_way.mean[rows]).max()
+
+
+def test_planted_parts_are_found_and_a_clean_study_is_silent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Features, lengths and right angles together; tests/bench has more runs of it."""
+    monkeypatch.setattr(rotation, "ROTATIONS", 199)
+    found, alarms = planted_and_clean(part_file(tmp_path), 100)
+    assert found >= 0.95
+    assert alarms <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / 100)

@@ -12,7 +12,7 @@ from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.library import Library, library
 from mtu_cli.analyses.thermal_fit.models import Spec, fit
 from mtu_cli.analyses.thermal_fit.series import read_series
-from mtu_cli.analyses.thermal_fit.uncertainty import _not_negative, _unscaled
+from mtu_cli.analyses.thermal_fit.uncertainty import _unscaled
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 
@@ -162,9 +162,3 @@ def test_powers_of_scaled_positions_become_powers_of_mm() -> None:
     p = np.linspace(0.0, 400.0, 9)
     scaled = np.polynomial.polynomial.polyval((p - 200.0) / 150.0, c)
     assert np.polynomial.polynomial.polyval(p, T @ c) == pytest.approx(scaled, rel=1e-9, abs=1e-9)
-
-
-def test_the_nearest_matrix_without_negative_eigenvalues() -> None:
-    V = np.linalg.qr(np.random.default_rng(45).normal(size=(3, 3)))[0]
-    found = _not_negative(V @ np.diag([2.0, 0.5, -1.0]) @ V.T)
-    assert found == pytest.approx(V @ np.diag([2.0, 0.5, 0.0]) @ V.T, abs=1e-12)

@@ -110,11 +110,11 @@ def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
         covariates={"T_scale_degC": temperature[kept]},
     )  # fmt: skip
     found = correct(model, ring_part(tmp_path), fewer, SETTINGS)
-    assert codes(found) == ["features-missing"]
+    assert codes(found) == ["features-missing", "no-point-scatter"]
     assert found.sizes == ()
     other = part_of(tmp_path, "features: {q: {x_mm: 0, y_mm: 0}, w: {x_mm: 9, y_mm: 0}}\n"
                     "lengths: [{from: q, to: w}]\n")  # fmt: skip
-    assert codes(correct(model, other, points, SETTINGS)) == ["not-measured"]
+    assert codes(correct(model, other, points, SETTINGS)) == ["not-measured", "no-point-scatter"]
 
 
 def test_points_of_which_nothing_can_be_corrected(tmp_path: Path) -> None:

@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from measured_examples import PLACES, part_file, points, study, with_measured
+from measured_examples import PART, PLACES, part_file, points, study, with_measured
 
 from mtu_cli.errors import InputError
+from mtu_cli.files.part import LoadedPart, load_part
+from mtu_cli.files.points import Points
 from mtu_cli.model.measured import (
     angle_tables,
     feature_tables,
     length_tables,
+    length_warnings,
     only_features,
     visits_of,
 )
@@ -87,7 +91,7 @@ def test_lengths_are_distances(tmp_path: Path) -> None:
 def test_a_turned_part_has_no_error_of_length_or_angle(tmp_path: Path) -> None:
     """A rotation of the whole part changes every point and nothing that counts."""
     found = study(4, 1, 1, 0.0, 0.0)
-    # Slopes instead of angles (eqs. (24)-(26)) turn by 1 + slope^2 of lines that are not level.
+    # Slopes instead of angles (eqs. (24)-(26)) turn by 1 + slope^2: the two lines' differ little.
     angle = 1e-5
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     measured = found.measured.copy()
@@ -98,10 +102,7 @@ def test_a_turned_part_has_no_error_of_length_or_angle(tmp_path: Path) -> None:
     assert lengths is not None
     assert angles is not None
     np.testing.assert_allclose(lengths.cells.origin[:, None] + lengths.cells.mean, 0, atol=1e-12)
-    straight = visits_of(found)
-    before = angle_tables(found, straight, part)
-    assert before is not None
-    np.testing.assert_allclose(angles.cells.origin, before.cells.origin, atol=1e-7)
+    np.testing.assert_allclose(angles.cells.origin, 0, atol=1e-9)
 
 
 def test_angle_is_that_of_equations_24_to_26(tmp_path: Path) -> None:
@@ -117,7 +118,56 @@ def test_angle_is_that_of_equations_24_to_26(tmp_path: Path) -> None:
         along, across = place["b"] - place["a"], place["c"] - place["a"]
         row, column = along[1] / along[0], across[0] / across[1]
         value = angles.cells.origin[0] + angles.cells.mean[0, p]
-        assert value == pytest.approx(-column - row, rel=1e-9)
+        # By design the row rises by 1 in 100 and the column leans by 2 in 200.
+        assert value == pytest.approx(-column - row + 0.02, rel=1e-9)
+
+
+def test_perfect_parts_have_no_error_of_angle(tmp_path: Path) -> None:
+    """Rows and columns that are not quite square by design have no error for it."""
+    found = study(3, 1, 5, 0.0, 0.0)
+    angles = angle_tables(found, visits_of(found), part_file(tmp_path))
+    assert angles is not None
+    np.testing.assert_allclose(angles.cells.origin, 0, atol=1e-15)
+
+
+def test_a_row_off_its_axis_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "part.yaml"
+    path.write_text(PART.replace("row: [a, b], column: [a, c]", "row: [a, c], column: [a, b]"))
+    found = study(3, 1, 5)
+    with pytest.raises(InputError, match=r"the row of orthogonality 'xy' is 89.4 degrees off x"):
+        angle_tables(found, visits_of(found), load_part(path))
+
+
+def in_space(found: Points, part: LoadedPart, z: float) -> tuple[Points, LoadedPart]:
+    """The same study with hole b `z` higher by design, measured `z` + 0.003 higher."""
+    raised = part.part.features["b"].model_copy(update={"z_mm": z})
+    features = {**part.part.features, "b": raised}
+    features |= {n: part.part.features[n].model_copy(update={"z_mm": 0.0}) for n in "ac"}
+    nominal, measured = found.nominal.copy(), found.measured.copy()
+    high = found.feature == found.features.index("b")
+    nominal[:, 2] = np.where(high, z, 0.0)
+    measured[:, 2] = np.where(high, z + 0.003, 0.0)
+    changed = replace(part, part=part.part.model_copy(update={"features": features}))
+    return replace(found, nominal=nominal, measured=measured), changed
+
+
+def test_lengths_use_the_axes_that_were_measured_at_every_end(tmp_path: Path) -> None:
+    found, part = in_space(study(2, 1, 1, 0.0, 0.0), part_file(tmp_path), 50.0)
+    tables = length_tables(found, visits_of(found), part)
+    assert tables is not None
+    long = math.hypot(100, 1, 50.003) - math.hypot(100, 1, 50)
+    np.testing.assert_allclose(tables.cells.origin, [long, 0], atol=1e-12)
+    assert length_warnings(found, part) == []
+    measured = found.measured.copy()
+    measured[0, 2] = np.nan
+    partly = with_measured(found, measured)
+    flat = length_tables(partly, visits_of(partly), part)
+    assert flat is not None
+    # Not one part in space and the other in the plane.
+    np.testing.assert_allclose(flat.cells.origin[:, None] + flat.cells.mean, 0, atol=1e-12)
+    (warning,) = length_warnings(partly, part)
+    assert warning.code == "length-without-z"
+    assert warning.message.startswith("length a-b runs along z")
 
 
 def test_what_was_not_measured_is_left_out(tmp_path: Path) -> None:
@@ -187,7 +237,16 @@ def test_a_part_measured_under_two_names() -> None:
         copied,
         **{
             name: getattr(copied, name)[order]
-            for name in ("part", "feature", "operation", "measured", "nominal", "repeat", "row")
+            for name in (
+                "part",
+                "feature",
+                "operation",
+                "measured",
+                "nominal",
+                "repeat",
+                "row",
+                "sequence",
+            )
         },
     )
     with pytest.raises(InputError, match="same values"):
@@ -216,3 +275,69 @@ def test_an_axis_without_nominal_and_a_moved_nominal() -> None:
     assert warning.code == "nominals-differ"
     assert "'c'" in warning.message
     assert "row 7" in warning.message
+
+
+def test_a_negative_repeat_is_no_repeat() -> None:
+    found = study(4, 2, 2)
+    repeat = found.repeat.copy()
+    repeat[3] = -1
+    with pytest.raises(InputError, match="row 5, column 'repeat': a negative repeat: '-1'"):
+        check_measured(replace(found, repeat=repeat))
+    # A file without the column has -1 in all of its rows.
+    assert check_measured(replace(found, repeat=np.full(len(found), -1))) == []
+
+
+def test_a_part_has_one_number_of_sequence() -> None:
+    found = study(4, 2, 2)
+    sequence = found.sequence.copy()
+    sequence[9] = 77
+    with pytest.raises(InputError, match="row 11, column 'sequence': part 'P1' has two numbers"):
+        check_measured(replace(found, sequence=sequence))
+    rows = [(f"P{p}", n, 1, 0.001 * p, 0.002 * p) for n in "ab" for p in range(3)]
+    by_operation = points(rows, ["drilled"] * 3 + ["milled"] * 3)
+    order = np.array([1, 2, 3, 3, 1, 2])
+    assert "sequence" not in str(check_measured(replace(by_operation, sequence=order)))
+
+
+def test_a_coordinate_of_kilometres() -> None:
+    found = study(4, 1, 2)
+    measured = found.measured.copy()
+    measured[4, 1] = 1e12
+    with pytest.raises(InputError, match="row 6, column 'y_mm': too large: '1e"):
+        check_measured(with_measured(found, measured))
+
+
+def doubled(found: Points, repeat: int) -> Points:
+    """Every row a second time, with repeats as they are and then -1 or as they are."""
+    names = ("part", "feature", "operation", "measured", "nominal", "time_min", "sequence",
+             "direction")  # fmt: skip
+    twice: dict[str, Any] = {name: np.concatenate([getattr(found, name)] * 2) for name in names}
+    n = len(found)
+    second = np.full(n, -1)
+    return replace(
+        found,
+        **twice,
+        repeat=np.concatenate([np.full(n, -1) if repeat < 0 else found.repeat, second]),
+        file_index=np.repeat([0, 1], n),
+        row=np.tile(found.row, 2),
+        sources=(found.sources[0], found.sources[0]),
+    )
+
+
+@pytest.mark.parametrize("repeat", [-1, 1])
+def test_every_row_twice(repeat: int) -> None:
+    """Whether the first file numbers its repeats or not."""
+    (warning,) = check_measured(doubled(study(5, 2, 3), repeat))
+    assert warning.code == "rows-stand-twice"
+    assert "60 of 60 points" in warning.message
+    assert "cmm.csv, row 2 and cmm.csv, row 2" in warning.message
+    single = replace(study(5, 2, 3), repeat=np.full(30, -1))
+    assert check_measured(single) == []
+
+
+def test_names_that_look_alike() -> None:
+    found = replace(study(3, 1, 1), parts=("sn001", "SN001", "sn 002"), features=("a", "A ", "c"))
+    first, second = check_measured(found)
+    assert {first.code, second.code} == {"names-alike"}
+    assert "'sn001' and 'SN001'; did you mean the same?" in first.message
+    assert second.message.startswith("features whose names")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from compare_trials import fitted
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from model_examples import estimate, model_of
@@ -212,3 +213,35 @@ def test_a_group_of_which_the_equations_use_some() -> None:
     found = predict(model, ["p"], np.array([[x, y, 0.0]])).variance(np.eye(1))
     assert found.total == pytest.approx([g @ (S + T) @ g])
     assert found.by_block.shape == (1, 1)
+
+
+@STEADY
+@given(seeds, st.booleans())
+def test_mean_squares_add_up_to_what_they_stand_behind(seed: int, joint: bool) -> None:
+    found = case(seed, 3, 3, joint)
+    A = np.random.default_rng(seed).normal(size=(4, 6))
+    variance = predict(found.model, list("abc"), found.points).variance(A)
+    squares = variance.squares
+    size = variance.total.max()
+    assert squares.of_mean.sum(axis=0) == pytest.approx(variance.coefficients, abs=1e-9 * size)
+    of_part = variance.passes + variance.repeatability
+    assert squares.of_part.sum(axis=0) == pytest.approx(of_part, abs=1e-9 * size)
+    assert len(squares.dof) == len(squares.of_mean)
+    whole = squares.of_mean + squares.of_part
+    spread = (whole**2 / squares.dof[:, None]).sum(axis=0)
+    least = np.where(whole == 0, np.inf, squares.dof[:, None]).min(axis=0)
+    assert variance.dof == pytest.approx(np.maximum(variance.total**2 / spread, least))
+
+
+def test_what_passes_tell_has_their_degrees_of_freedom() -> None:
+    """Two passes each way, fitted: the coefficients have two degrees of freedom (the axis angle,
+    read once a pass, has one), whatever size the moment estimate of D came out at.
+    """
+    prediction = predict(fitted(2, 3), ["a"], np.array([[75.0, 75.0, 127.0]]))
+    squares = prediction.variance(np.eye(2)).squares
+    behind_mean = squares.dof[(squares.of_mean > 1e-6 * squares.of_mean.sum(axis=0)).any(axis=1)]
+    assert set(behind_mean) == {1.0, 2.0}
+    few = squares.dof <= 2
+    assert (squares.of_part[few].sum(axis=0) > 0).all()
+    # Repeatability alone is left for the others.
+    assert squares.dof[~few].min() > 30

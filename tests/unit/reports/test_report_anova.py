@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
+from matplotlib.quiver import Quiver
 from matplotlib.text import Text
-from measured_examples import part_file, study, with_measured
+from measured_examples import part_file, points, study, with_measured
 
 from mtu_cli.analyses.anova import AnovaResult, analyse_variance
+from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.anova import CSV_COLUMNS, csv_rows, document
 from mtu_cli.reports.anova_figure import figure
-from mtu_cli.reports.anova_table import sentences, table
+from mtu_cli.reports.anova_table import table
+from mtu_cli.reports.anova_words import sentences
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.tables import plain_text
 
@@ -67,7 +69,14 @@ def test_names_and_units(planted: AnovaResult) -> None:
     (item,) = results["unusual_parts"]
     assert (item["part"], item["where"]["axis"]) == ("P6", "y")
     assert item["deviation_um"] == pytest.approx(60, rel=0.25)
-    assert results["axis_scatter"][0]["variance_ratio_y_to_x"] > 1
+    (scatter,) = results["axis_scatter"]
+    assert scatter["variance_ratio_y_to_x"] > 1
+    assert scatter["of"] == "parts"
+    low, high = first["interval95_future_um"]
+    assert (low + high) / 2 == pytest.approx(first["mean_error_um"])
+    assert (high - low) / 2 > first["U_future_um"]
+    assert first["dof_future"] < 21
+    assert results["datum"] == "none"
 
 
 def test_what_cannot_be_had_is_null() -> None:
@@ -75,7 +84,8 @@ def test_what_cannot_be_had_is_null() -> None:
     assert results["unusual_parts"] is None
     entry = results["features"][0]
     for name in ("F", "p", "ms_between_um2", "ms_within_um2", "var_part_um2", "u_mean_um",
-                 "u_future_um", "var_part_interval95_um2", "s_pooled_um"):  # fmt: skip
+                 "u_future_um", "var_part_interval95_um2", "s_pooled_um", "var_both_um2",
+                 "interval95_future_um", "dof_future"):  # fmt: skip
         assert entry[name] is None, name
     assert np.isfinite(entry["mean_error_um"])
     assert all(math.isfinite(value) for value in all_numbers(results))
@@ -94,14 +104,17 @@ def test_csv_holds_every_kind_in_its_unit(planted: AnovaResult) -> None:
     for row, entry in zip(listed, entries, strict=True):
         angle = row["kind"] == "orthogonality"
         unit, other = ("arcsec", "um") if angle else ("um", "arcsec")
-        scalars = {k for k, v in entry.items() if not isinstance(v, list)}
+        scalars = {k for k in entry if k != "unusual_parts" and "interval" not in k}
         assert scalars <= set(header)
         assert all(row[name] == entry[name] for name in scalars)
-        low, high = entry[f"var_part_interval95_{unit}2"]
-        assert (row[f"var_part_low95_{unit}2"], row[f"var_part_high95_{unit}2"]) == (low, high)
+        for name, interval in ((f"var_part_{{}}95_{unit}2", f"var_part_interval95_{unit}2"),
+                               (f"future_{{}}95_{unit}", f"interval95_future_{unit}")):  # fmt: skip
+            assert [row[name.format(end)] for end in ("low", "high")] == entry[interval]
         assert row["id"] == entry.get("id", entry.get("feature"))
         assert all(row[name] is None for name in header if f"_{other}" in name)
-        assert all(row[name] is not None for name in header if f"_{unit}" in name)
+        # Parts and CMM are told apart here.
+        told = [name for name in header if f"_{unit}" in name and "both" not in name]
+        assert all(row[name] is not None for name in told)
     assert [row["id"] for row in listed[6:]] == ["a-b", "c-a", "xy"]
     assert all(row["feature"] is None for row in listed[6:])
 
@@ -116,24 +129,83 @@ def test_tables_fit_and_speak_plainly(planted: AnovaResult) -> None:
     clean = analyse_variance(study(21, 2, 4), None, "reml", Settings())
     assert sentences(clean)[0].startswith("No part stands out")
     assert "no sign that y scatters more than x" in sentences(clean)[1]
-    alone = analyse_variance(study(1, 2, 4), None, "reml", Settings())
-    assert sentences(alone) == ["Too few parts to say whether one stands out."]
+
+
+def spoken(found: Points) -> tuple[list[str], str]:
+    result = analyse_variance(found, None, "reml", Settings())
+    return sentences(result), plain_text(table(result))
+
+
+def test_what_can_be_had_is_said_and_the_rest_has_no_column() -> None:
+    (one,), text = spoken(study(1, 1, 4))
+    assert one.startswith("One part, measured once: its errors are below.")
+    for word in ("part s", "CMM s", "interval", "F 95 %", "U future", "unusual", "differ", " - "):
+        assert word not in text.partition("Features")[2] + text.partition("One part")[0], word
+    (one,), text = spoken(study(1, 2, 4))
+    assert one.startswith("One part: its mean errors and the CMM's scatter are below.")
+    assert "CMM s" in text
+    words, text = spoken(study(8, 1, 4))
+    assert words[0].startswith("No repeats: the scatter from part to part holds the CMM's.")
+    assert text.replace("\n", " ").count("part+CMM s") == 3
+    assert " part s " not in text.replace("\n", " ")
+    # The interval beside it, and a number where the summary has one.
+    line = next(line for line in text.splitlines() if line.startswith("a        x"))
+    assert "[" in line
+
+
+def test_digits_of_a_mean_without_uncertainty() -> None:
+    found = study(1, 1, 4)
+    measured = found.measured + np.array([0.0146333, -0.0062667, 0.0])
+    _, text = spoken(with_measured(found, measured))
+    cells = [line.split()[-1] for line in text.splitlines() if line[:2] in ("a ", "b ", "c ")]
+    assert len(cells) == 6
+    assert all(len(cell.strip("-").replace(".", "")) <= 3 for cell in cells)
+
+
+@pytest.mark.parametrize("parts", [4, 6])
+@pytest.mark.parametrize(("axis", "other"), [("x", "y"), ("y", "x")])
+def test_an_axis_without_any_scatter(parts: int, axis: str, other: str) -> None:
+    found = study(parts, 2, 3)
+    measured = found.measured.copy()
+    still = "xy".index(other)
+    measured[:, still] = found.nominal[:, still]
+    words, _ = spoken(with_measured(found, measured))
+    assert words[-1].startswith(f"parts scatter in {axis}, and not to be seen in {other}")
+    assert ("may be chance" in words[-1]) == (parts == 4)
+    assert figure_bytes(figure(analyse_variance(with_measured(found, measured), None, "reml",
+                                                Settings())), "png")  # fmt: skip
+
+
+def test_operations_are_tested_together() -> None:
+    rows = []
+    rng = np.random.default_rng(4)
+    for _ in range(2):
+        for p in range(12):
+            for name in "abc":
+                x, y = rng.standard_normal(2) * [0.004, 0.016]
+                rows.append((f"P{p}", name, -1, x, y))
+    names = ["drilled"] * 36 + ["milled"] * 36
+    words, _ = spoken(points(rows, names))
+    assert words[-2].startswith("drilled: y scatters")
+    assert words[-1].startswith("milled: y scatters")
+    assert words[-1].endswith("all operations together (Holm).")
 
 
 def test_many_features_are_summed_up_and_the_worst_listed() -> None:
     from mtu_cli.reports import anova_table
 
-    found = study(8, 2, 4)
-    result = analyse_variance(found, None, "anova", Settings())
-    assert len(anova_table._worst(result.features)) == 6
+    result = analyse_variance(study(8, 2, 4), None, "anova", Settings(coverage_factor=3))
+    found = result.features
+    size = np.abs(found.one_way.mean) + 3 * found.u_future
+    assert found.largest(3) == list(np.argsort(-size))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(anova_table, "SHOWN", 4)
         patch.setattr(anova_table, "WORST", 3)
-        worst = anova_table._worst(result.features)
         text = plain_text(table(result))
-    size = np.abs(result.features.one_way.mean) + 2 * result.features.u_future
-    assert list(worst) == list(np.argsort(-size)[:3])
-    assert "the 3 with the largest errors to come, of 6" in text
+    assert "the 3 with the largest errors to come, of 6 features and axes" in text
+    first = found.tables.labels[found.largest(3)[0]]
+    below = text.partition("Features")[2].splitlines()
+    assert below[3].split()[:2] == [first[1], first[2]]
 
 
 @pytest.mark.parametrize("parts", [1, 5, 60])
@@ -144,23 +216,63 @@ def test_pictures_of_any_number_of_parts(parts: int) -> None:
     assert first.startswith(b"\x89PNG")
 
 
-def test_picture_marks_what_stands_out(planted: AnovaResult, tmp_path: Path) -> None:
+def test_one_part_is_drawn_as_a_map() -> None:
+    found = study(1, 1, 2)
+    drawn = figure(analyse_variance(found, None, "reml", Settings()))
+    (panel,) = drawn.axes
+    assert panel.get_title(loc="left").startswith("Part P0: errors of 3 features, actual minus")
+    (arrows,) = [item for item in panel.collections if isinstance(item, Quiver)]
+    errors = (found.measured - found.nominal)[:, :2] / 1e-3
+    drawn_at = np.column_stack([arrows.U, arrows.V])
+    # One scale for all of them.
+    scale = drawn_at[0, 0] / errors[0, 0]
+    np.testing.assert_allclose(drawn_at, scale * errors, rtol=1e-9)
+
+
+def test_picture_marks_what_stands_out(planted: AnovaResult) -> None:
     drawn = figure(planted)
     titles = [panel.get_title(loc="left") for panel in drawn.axes]
-    assert titles[:4] == ["a x", "a y", "b x", "b y"]
-    assert titles[-1] == "Shares of the variance"
+    assert sorted(titles[:6:2]) == ["a x", "b x", "c x"]
+    assert titles[-1] == "Shares of the variance: part to part (blue), CMM (orange)"
     bars = [patch.get_width() for patch in drawn.axes[-1].patches if isinstance(patch, Rectangle)]
     assert sum(bars) == pytest.approx(200)
     share = planted.totals[0].repeat_share
     assert 100 * share == pytest.approx(bars[1])
+    (legend,) = drawn.legends
+    assert "part that stands out here by itself" in [t.get_text() for t in legend.get_texts()]
 
 
-def test_nothing_is_written_over_or_outside(planted: AnovaResult) -> None:
-    page = figure(planted)
+def test_what_is_drawn_first() -> None:
+    """A part that stands out in y of b: b comes before larger errors elsewhere."""
+    found = study(21, 2, 4)
+    measured = found.measured.copy()
+    measured[:, 0] += np.where(found.feature == 2, 0.05, 0.0)
+    measured[(found.part == 3) & (found.feature == 1), 1] += 0.12
+    result = analyse_variance(with_measured(found, measured), None, "reml", Settings())
+    assert [name for _, name in result.shown][:2] == ["b", "c"]
+
+
+def test_no_limits_where_nothing_can_be_decided() -> None:
+    few, enough = (
+        figure(analyse_variance(study(n, 2, 4), None, "reml", Settings())) for n in (3, 21)
+    )
+    texts = [[text.get_text() for text in page.legends[0].get_texts()] for page in (few, enough)]
+    assert [any("stands out" in text for text in own) for own in texts] == [False, True]
+
+
+@pytest.mark.parametrize("operations", [1, 6])
+def test_nothing_is_written_over_or_outside(operations: int) -> None:
+    rng = np.random.default_rng(2)
+    rows, names = [], []
+    for operation in range(operations):
+        for p in range(6):
+            for name in "abc":
+                for r in range(2):
+                    rows.append((f"part {p}", name, r, *(0.01 * rng.standard_normal(2))))
+                    names.append(f"operation {operation}")
+    page = figure(analyse_variance(points(rows, names), None, "reml", Settings()))
     figure_bytes(page, "png")
     shares = page.axes[-1]
-    legend = shares.get_legend()
-    assert legend is not None
     written: list[Any] = [text for text in shares.texts if text.get_text()]
     for panel in page.axes:
         title = panel.get_title(loc="left")
@@ -169,8 +281,8 @@ def test_nothing_is_written_over_or_outside(planted: AnovaResult) -> None:
             for item in panel.get_children()
             if isinstance(item, Text) and item.get_text() == title
         ]
-    assert len(written) == len(page.axes) + 2
-    boxes = [item.get_window_extent() for item in [*written, legend, *page.legends]]
+    assert len(written) == len(page.axes) + 2 * operations
+    boxes = [item.get_window_extent() for item in [*written, *page.legends]]
     for i, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[i + 1 :])
         assert page.bbox.x0 <= box.x0
@@ -182,8 +294,9 @@ def test_features_left_out_of_the_picture_are_counted() -> None:
     from mtu_cli.reports import anova_figure
 
     result = analyse_variance(study(5, 2, 4), None, "reml", Settings())
-    assert figure(result).legends[0].get_title().get_text() == "Mean errors by part"
+    whole = figure(result).legends[0].get_title().get_text()
+    assert whole == "Mean errors by part and feature"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(anova_figure, "FEATURES", 2)
         title = figure(result).legends[0].get_title().get_text()
-    assert title == "Mean errors by part: 2 of 3 features"
+    assert title == f"{whole}: 2 of 3, what stands out and the largest first"

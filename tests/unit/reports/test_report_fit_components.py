@@ -94,7 +94,7 @@ def test_prediction_reads_the_same_estimates_back(case: str, tmp_path: Path) -> 
     for name, wanted in given.estimates.components.items():
         found = back.components[name]
         for field in ComponentEstimate.__dataclass_fields__:
-            if field in ("name", "of", "unit", "n_passes", "notes"):
+            if field in ("name", "of", "unit", "n_passes"):
                 assert getattr(found, field) == getattr(wanted, field), (name, field)
             else:
                 same(getattr(found, field), getattr(wanted, field))

@@ -184,9 +184,9 @@ def test_tables_say_what_was_gained_and_tried() -> None:
     assert "31.2 → 0.251 30.9 → 0.310 99.0 0.540" in flat
     assert "pos_y um ridge 14.0 9.20 2.30 - " in flat
     assert "pos_y um lagged 13.8 9.01 2.10 0.305*" in flat
-    assert "T_02_degC stands for T_03_degC, T_04_degC too" in flat
+    assert "T_02_degC, T_03_degC, T_04_degC move alike" in flat
     assert "roll_x: no held-out figure: all readings are of one cycle" in flat
-    assert "that the drift is the same at all positions: F = 812, p <0.001" in flat
+    assert "test of the drift being the same at all positions: F = 812, p <0.001" in flat
     order = [flat.index(f"{name} ", flat.index("at 300 mm")) for name in SENSORS]
     assert np.argsort(order).tolist() == [1, 2, 3, 0, 4]
     assert flat.index("Thermal models") < flat.index("Models tried") < flat.index("pos_y: grad")

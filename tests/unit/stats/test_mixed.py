@@ -19,10 +19,9 @@ from pass_designs import (
     drawn,
     plain_passes,
 )
-from scipy.linalg import eigh
 from scipy.special import stdtrit
 
-from mtu_cli.stats.mixed import PassFit, fit_passes, polynomial, split_mean_square
+from mtu_cli.stats.mixed import PassFit, fit_passes, polynomial
 
 FloatArray = NDArray[np.float64]
 
@@ -219,45 +218,6 @@ def test_the_origin_does_not_matter(degree: int) -> None:
     )
     np.testing.assert_allclose(moved.D_moment, fit.D_moment, rtol=1e-7)
     assert moved.center == pytest.approx(fit.center + 400.0)
-
-
-def spread(rng: np.random.Generator, size: int) -> FloatArray:
-    S = rng.normal(size=(size, size + 2))
-    result: FloatArray = S @ S.T
-    return result
-
-
-@pytest.mark.parametrize("size", [1, 2, 4])
-@pytest.mark.parametrize("s2", [0.0, 0.5, 2.0, 50.0])
-def test_split_against_the_generalised_eigenproblem(size: int, s2: float) -> None:
-    """S v = l M v: D keeps max(l - s2, 0)."""
-    rng = np.random.default_rng(int(10 * s2) + size)
-    for _ in range(20):
-        S, M = spread(rng, size), spread(rng, size)
-        D, T = split_mean_square(S, s2, M)
-        values, v = eigh(S, M)
-        kept = np.maximum(values - s2, 0.0)
-        np.testing.assert_allclose(D, (M @ v * kept) @ (M @ v).T, atol=1e-9 * np.abs(S).max())
-        np.testing.assert_allclose(T @ S @ T.T, D, atol=1e-9 * np.abs(S).max())
-        assert np.linalg.eigvalsh(D).min() >= -1e-12 * np.abs(S).max()
-        if values.min() > s2:
-            np.testing.assert_allclose(D, S - s2 * M, atol=1e-9 * np.abs(S).max())
-
-
-@pytest.mark.parametrize("slope_unit", [1e-6, 1e-3, 1e3])
-def test_split_does_not_depend_on_units(slope_unit: float) -> None:
-    S, M = np.array([[3.0, 0.4], [0.4, 0.9]]), np.array([[1.0, 0.1], [0.1, 0.8]])
-    U = np.diag([1.0, slope_unit])
-    D, _ = split_mean_square(S, 1.5, M)
-    other, _ = split_mean_square(U @ S @ U, 1.5, U @ M @ U)
-    np.testing.assert_allclose(np.linalg.inv(U) @ other @ np.linalg.inv(U), D, atol=1e-12)
-    assert np.linalg.matrix_rank(D, tol=1e-12) == 1
-
-
-def test_split_of_nothing() -> None:
-    D, T = split_mean_square(np.zeros((2, 2)), 1.0, np.eye(2))
-    assert not D.any()
-    assert not T.any()
 
 
 @pytest.mark.parametrize("D", [NO_DRIFT, DRIFT], ids=["no drift", "drift"])

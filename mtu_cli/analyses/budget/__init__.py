@@ -1,0 +1,226 @@
+"""An uncertainty budget: propagation to first and second order, and Monte Carlo beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from mtu_cli.analyses.budget.copulas import copula_correlations
+from mtu_cli.analyses.budget.correlation import correlation_of, input_covariance
+from mtu_cli.analyses.budget.first_order import FirstOrder, first_order
+from mtu_cli.analyses.budget.quantities import InputQuantity, input_quantities
+from mtu_cli.analyses.budget.sources import Source, independent_sources
+from mtu_cli.analyses.budget.trials import BudgetTrials
+from mtu_cli.analyses.budget.warnings import budget_warnings
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.budget import LoadedBudget
+from mtu_cli.model.settings import PROBABILITY, Settings, Warned
+from mtu_cli.stats.coverage import numerical_tolerance
+from mtu_cli.stats.distributions import student_quantile
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult, monte_carlo
+from mtu_cli.stats.validation import CONVERGED_TO, Validation, clause8
+
+DRAWN = 2**17
+"""Trials kept for the histogram."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputBudget:
+    """One output: first order, its expanded uncertainty U = k u, and clause 8's verdict.
+
+    `k_probability`: the factor for the coverage probability at the output's effective degrees
+    of freedom; k itself is that, unless a factor is given.
+    """
+
+    first: FirstOrder
+    unit: str
+    k: float
+    k_probability: float
+    validation: Validation
+
+    @property
+    def expanded(self) -> float:
+        """U = k u."""
+        return self.k * self.first.u
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetResult:
+    """A budget: `inputs` with `input_correlation` (n, n), and `outputs`.
+
+    `covariance`, `correlation` (outputs, outputs): of the outputs, to first order (JCGM
+    102:2011, 6.2: C V C'). `probability`: of the intervals; where a factor k is given, that of
+    a normal distribution at k. `run`: one Monte Carlo for all outputs; `converged`: to the digits
+    asked for.
+    """
+
+    name: str
+    single: bool
+    inputs: tuple[InputQuantity, ...]
+    sources: tuple[Source, ...]
+    input_correlation: FloatArray
+    outputs: tuple[OutputBudget, ...]
+    covariance: FloatArray
+    correlation: FloatArray
+    probability: float
+    run: MonteCarloResult
+    converged: bool
+    warnings: tuple[Warned, ...]
+
+
+def evaluate_budget(
+    loaded: LoadedBudget, settings: Settings, coverage_factor: float | None = None
+) -> BudgetResult:
+    """Evaluates a budget; `coverage_factor` wins over the file's coverage.
+
+    Raises InputError for correlations that no inputs can have, an equation without a finite
+    value at the estimates or in some trials.
+    """
+    inputs = input_quantities(loaded)
+    covariance = input_covariance(loaded, inputs)
+    sources = independent_sources(loaded, inputs, covariance)
+    rho = copula_correlations(loaded, inputs, sources)
+    first = first_order(loaded, inputs, covariance, sources)
+    k = loaded.budget.coverage.k if coverage_factor is None else coverage_factor
+    probability = _probability(loaded, k)
+    trials = BudgetTrials(loaded.trees, inputs, sources, first, rho)
+    judge = _Judge(first, loaded.units, k, probability, settings.digits)
+    run, converged = _run(loaded, trials, judge, settings)
+    outputs = judge.outputs(run)
+    joint = _joint(first, covariance)
+    return BudgetResult(
+        name=loaded.budget.name,
+        single=loaded.single,
+        inputs=inputs,
+        sources=sources,
+        input_correlation=np.nan_to_num(correlation_of(covariance)),
+        outputs=outputs,
+        covariance=joint,
+        correlation=correlation_of(joint),
+        probability=probability,
+        run=run,
+        converged=converged,
+        warnings=budget_warnings(loaded, inputs, sources, outputs, run, converged),
+    )
+
+
+def _joint(first: Sequence[FirstOrder], covariance: FloatArray) -> FloatArray:
+    """C V C' of the outputs, its diagonal without the rounding that cancelling leaves."""
+    C = np.array([item.sensitivity for item in first])
+    joint: FloatArray = C @ covariance @ C.T
+    np.fill_diagonal(joint, [item.u**2 for item in first])
+    return joint
+
+
+def _probability(loaded: LoadedBudget, k: float | None) -> float:
+    if k is None:
+        stated = loaded.budget.coverage.probability
+        return PROBABILITY if stated is None else stated
+    # Of a normal distribution; what a short t covers at k is another matter.
+    return min(2.0 * NormalDist().cdf(k) - 1.0, LARGEST_PROBABILITY)
+
+
+@dataclass(frozen=True, slots=True)
+class _Judge:
+    """First order against a Monte Carlo; `k` None where the coverage probability gives it."""
+
+    first: tuple[FirstOrder, ...]
+    units: Mapping[str, str]
+    k: float | None
+    probability: float
+    digits: int
+
+    def outputs(self, run: MonteCarloResult) -> tuple[OutputBudget, ...]:
+        return tuple(self._output(item, run, index) for index, item in enumerate(self.first))
+
+    def undecided(self, run: MonteCarloResult) -> bool:
+        return any(
+            item.validation.passed is None and item.first.u > 0.0 for item in self.outputs(run)
+        )
+
+    def _output(self, first: FirstOrder, run: MonteCarloResult, index: int) -> OutputBudget:
+        factor = math.nan
+        if not math.isnan(first.dof):
+            factor = student_quantile(0.5 * (1.0 + self.probability), first.dof)
+        if math.isnan(first.u):
+            verdict = Validation(passed=None, d_low=math.nan, d_high=math.nan, tolerance=math.nan)
+        else:
+            verdict = clause8(first.value, first.u, factor, run, self.digits, index)
+        return OutputBudget(
+            first=first,
+            unit=self.units[first.name],
+            k=factor if self.k is None else self.k,
+            k_probability=factor,
+            validation=verdict,
+        )
+
+
+def _run(
+    loaded: LoadedBudget, trials: BudgetTrials, judge: _Judge, settings: Settings
+) -> tuple[MonteCarloResult, bool]:
+    """The Monte Carlo, and whether the digits asked for are sure (JCGM 101:2008, 7.9.4).
+
+    Where clause 8 cannot be decided from that it goes on to a fifth of the tolerance (8.2): an
+    equation that first order plainly fails needs no more trials to say so.
+    """
+
+    def at(fraction: float) -> MonteCarloResult:
+        return monte_carlo(
+            trials,
+            seed=settings.seed,
+            trials=settings.trials,
+            probability=judge.probability,
+            digits=settings.digits,
+            tolerance_fraction=fraction,
+            threads=settings.threads,
+            keep=DRAWN,
+            progress=settings.progress,
+        )
+
+    try:
+        run = at(1.0)
+        if settings.trials is None and run.converged and judge.undecided(run):
+            return at(
+                CONVERGED_TO * min(1.0, _tolerance_ratio(judge.first, run, settings.digits))
+            ), True
+    except InputError as error:
+        # The engine knows no file: the equation's place makes its message one of the file's.
+        raise InputError([_placed(loaded, problem) for problem in error.problems]) from None
+    return run, run.converged
+
+
+def _tolerance_ratio(first: Sequence[FirstOrder], run: MonteCarloResult, digits: int) -> float:
+    """Least of the tolerances of clause 8, from the first-order u, over those of the engine.
+
+    The engine takes them from its own u, which may need a digit less: 0.105 beside 0.074.
+    """
+    own = [
+        numerical_tolerance(float(u) if math.isfinite(u) else item.u, digits)
+        for u, item in zip(run.u, first, strict=True)
+    ]
+    ratios = [
+        numerical_tolerance(item.u, digits) / tolerance
+        for item, tolerance in zip(first, own, strict=True)
+        if item.u > 0.0 and tolerance > 0.0
+    ]
+    return min(ratios, default=1.0)
+
+
+def _placed(loaded: LoadedBudget, problem: Problem) -> Problem:
+    name = next((name for name in loaded.trees if f"output '{name}'" in problem.what), None)
+    if name is None:
+        return problem
+    path = loaded.place(name)
+    return Problem(
+        what=problem.what,
+        file=loaded.source.shown,
+        line=loaded.line_of(*path),
+        path=".".join(str(step) for step in path),
+        expected="an equation with a value for all that its inputs may be: bounded distributions "
+        "or smaller uncertainties where it needs them",
+    )

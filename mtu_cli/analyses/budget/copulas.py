@@ -1,0 +1,71 @@
+"""The correlations of the normals behind inputs that are correlated and not all normal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mtu_cli.analyses.budget.correlation import ROUNDING
+from mtu_cli.analyses.budget.quantities import InputQuantity
+from mtu_cli.analyses.budget.sources import Source
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.budget import LoadedBudget
+from mtu_cli.stats.least_squares import FloatArray
+
+
+def copula_correlations(
+    loaded: LoadedBudget, inputs: Sequence[InputQuantity], sources: Sequence[Source]
+) -> tuple[FloatArray | None, ...]:
+    """For each source that is a copula the correlation matrix of its normals, else None.
+
+    Raises InputError where the stated coefficients cannot be had with these distributions.
+    """
+    problems: list[Problem] = []
+    found = [
+        _matrix(source, inputs, loaded, problems) if source.how == "copula" else None
+        for source in sources
+    ]
+    if problems:
+        raise InputError(problems)
+    return tuple(found)
+
+
+def _matrix(
+    source: Source,
+    inputs: Sequence[InputQuantity],
+    loaded: LoadedBudget,
+    problems: list[Problem],
+) -> FloatArray:
+    from mtu_cli.stats.copula import hermite_coefficients, normal_correlation
+
+    series = [hermite_coefficients(item) for item in source.members]
+    rho = np.eye(len(series))
+    line = loaded.line_of("correlations")
+    shown = loaded.source.shown
+    for a in range(len(series)):
+        for b in range(a):
+            wanted = float(source.covariance[a, b])
+            if wanted == 0.0:
+                continue
+            r = normal_correlation(series[a], series[b], wanted)
+            if r is None:
+                pair = f"{inputs[source.rows[b]].name!r} and {inputs[source.rows[a]].name!r}"
+                what = f"{pair} cannot be so strongly correlated with their distributions"
+                problems.append(Problem(what=what, file=shown, line=line, path="correlations"))
+                continue
+            rho[a, b] = rho[b, a] = r
+    least = float(np.linalg.eigvalsh(rho)[0])
+    if least < -ROUNDING * len(rho) and not problems:
+        named = ", ".join(inputs[row].name for row in source.rows)
+        problems.append(
+            Problem(
+                what=f"no Gaussian copula gives {named} these correlations with their "
+                f"distributions: its smallest eigenvalue would be {least:.4g}",
+                file=shown,
+                line=line,
+                path="correlations",
+                expected="smaller coefficients, or normal distributions",
+            )
+        )
+    return rho

@@ -1,0 +1,161 @@
+"""The law of propagation of uncertainty, first and second order: JCGM 100:2008, 5.1.2 and 5.2."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.analyses.budget.correlation import factor_of
+from mtu_cli.analyses.budget.quantities import InputQuantity
+from mtu_cli.analyses.budget.sources import Source
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.budget import LoadedBudget
+from mtu_cli.language import EquationError, Node
+from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
+from mtu_cli.stats.coverage import welch_satterthwaite
+from mtu_cli.stats.least_squares import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstOrder:
+    """One output: `value` y, `sensitivity` c (n,), `u`, effective degrees of freedom `dof`.
+
+    `share` (n,): c_i u_i sum_j r_ij c_j u_j / u^2, sums to 1; below 0 where a correlation
+    makes u smaller. `second_value`, `second_u`: to the second order. nan where a derivative
+    does not exist; `faults` says at which functions. `curved` (n,): whether the output is not
+    linear in an input.
+    """
+
+    name: str
+    value: float
+    sensitivity: FloatArray
+    u: float
+    dof: float
+    share: FloatArray
+    second_value: float
+    second_u: float
+    curved: tuple[bool, ...]
+    faults: tuple[EquationError, ...]
+
+
+def first_order(
+    loaded: LoadedBudget,
+    inputs: Sequence[InputQuantity],
+    covariance: FloatArray,
+    sources: Sequence[Source],
+) -> tuple[FirstOrder, ...]:
+    """Every output of the budget.
+
+    Raises InputError where an equation has no finite value at the estimates.
+    """
+    found, problems = [], []
+    for name, tree in loaded.trees.items():
+        slopes = _derivatives(tree, inputs)
+        if not math.isfinite(slopes.value):
+            problems.append(_no_value(loaded, name, slopes))
+            continue
+        found.append(_output(name, tree, slopes, inputs, covariance, sources))
+    if problems:
+        raise InputError(problems)
+    return tuple(found)
+
+
+def _no_value(loaded: LoadedBudget, name: str, slopes: Derivatives) -> Problem:
+    path = loaded.place(name)
+    line = loaded.line_of(*path)
+    where = ".".join(str(step) for step in path)
+    if slopes.faults:
+        return slopes.faults[0].problem(file=loaded.source.shown, line=line, path=where)
+    what = "the equation has no finite value at the estimates of its inputs"
+    return Problem(what=what, file=loaded.source.shown, line=line, path=where)
+
+
+def _derivatives(tree: Node, inputs: Sequence[InputQuantity]) -> Derivatives:
+    """With respect to all inputs; those without uncertainty are constants."""
+    values = {item.name: item.value for item in inputs}
+    uncertain = [item.name for item in inputs if item.u > 0.0]
+    slopes = derivatives(tree, values, uncertain)
+    n = len(inputs)
+    rows = [i for i, item in enumerate(inputs) if item.u > 0.0]
+    first, third, second = np.zeros(n), np.zeros(n), np.zeros((n, n))
+    first[rows], third[rows] = slopes.first, slopes.third
+    second[np.ix_(rows, rows)] = slopes.second
+    return Derivatives(
+        value=slopes.value, first=first, second=second, third=third, faults=slopes.faults
+    )
+
+
+def _output(
+    name: str,
+    tree: Node,
+    slopes: Derivatives,
+    inputs: Sequence[InputQuantity],
+    covariance: FloatArray,
+    sources: Sequence[Source],
+) -> FirstOrder:
+    g = slopes.first
+    joint = g * (covariance @ g)
+    # Summed by sources, so that a variance of 0 is 0 and not what rounding leaves.
+    variances = [source.variance(g) for source in sources]
+    variance = math.fsum(variances)
+    dof = math.nan
+    if math.isfinite(variance):
+        dof = welch_satterthwaite(
+            np.array(variances), np.array([source.dof(g) for source in sources])
+        )
+    mean, second_variance = _second_order(tree, slopes, inputs, covariance, variance)
+    share = joint / variance if variance > 0.0 else np.full(len(g), math.nan)
+    return FirstOrder(
+        name=name,
+        value=slopes.value,
+        sensitivity=g,
+        u=math.sqrt(variance),
+        dof=dof,
+        share=share,
+        second_value=slopes.value + mean,
+        second_u=math.sqrt(second_variance) if second_variance >= 0.0 else math.nan,
+        curved=tuple(bool(row.any()) for row in slopes.second),
+        faults=slopes.faults,
+    )
+
+
+def _second_order(
+    tree: Node,
+    slopes: Derivatives,
+    inputs: Sequence[InputQuantity],
+    covariance: FloatArray,
+    variance: float,
+) -> tuple[float, float]:
+    """Shift of the mean and variance to the second order.
+
+    For jointly normal inputs of covariance V, gradient g, Hessian H:
+    shift = tr(HV)/2, variance = g'Vg + tr(HVHV)/2 + sum_j (Vg)_j d/dx_j tr(HV). For independent
+    inputs the last two are the terms of JCGM 100:2008, 5.1.2, note:
+    sum_ij (f_ij^2/2 + f_i f_ijj) u_i^2 u_j^2. Where an input's own distribution has another
+    fourth moment than a normal one (kappa its fourth cumulant) f_ii^2 kappa/4 + f_i f_iii kappa/3
+    is added: x^2 at 0 has u = 0.89 u^2(x) for a rectangle, not 1.41.
+    """
+    g, H, V = slopes.first, slopes.second, covariance
+    HV = H @ V
+    shift = 0.5 * float(np.trace(HV))
+    quadratic = 0.5 * float(np.sum(HV * HV.T))
+    kappa = np.array([item.excess * item.u**4 for item in inputs])
+    own = float(np.sum(kappa * (np.diag(H) ** 2 / 4.0 + g * slopes.third / 3.0)))
+    return shift, variance + quadratic + own + _third(tree, inputs, V, V @ g)
+
+
+def _third(
+    tree: Node, inputs: Sequence[InputQuantity], covariance: FloatArray, along: FloatArray
+) -> float:
+    """The derivative of tr(HV) along Vg: V = F F', so that it is a sum over the columns of F."""
+    if not np.any(along) or not np.all(np.isfinite(along)):
+        return 0.0 if np.all(np.isfinite(along)) else math.nan
+    F = factor_of(covariance)
+    directions = np.stack([np.repeat(along[:, None], F.shape[1], axis=1), F])
+    values = {item.name: item.value for item in inputs}
+    names = [item.name for item in inputs]
+    coefficients, _ = taylor(tree, values, names, directions)
+    return 2.0 * float(np.sum(coefficients[PLACE[1, 2]]))

@@ -1,0 +1,222 @@
+"""The trials of a budget: JCGM 101:2008, 6 and 7, and JCGM 102:2011 for several outputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mtu_cli.analyses.budget.correlation import factor_of
+from mtu_cli.analyses.budget.first_order import FirstOrder
+from mtu_cli.analyses.budget.quantities import InputQuantity
+from mtu_cli.analyses.budget.sources import ROUNDING, Source
+from mtu_cli.language import Node, evaluate, names
+from mtu_cli.stats.blocks import Draws
+from mtu_cli.stats.copula import bounded_quantile
+from mtu_cli.stats.coverage import welch_satterthwaite
+from mtu_cli.stats.distributions import NORMAL_DOF, Distribution, t_scales
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.linear_distribution import (
+    LEAST_DOF,
+    RankMap,
+    Term,
+    linear_distribution,
+    rank_map,
+)
+from mtu_cli.stats.workspace import Workspace
+
+MOMENTS_FROM = 2.0
+"""A t distribution needs more degrees of freedom than this for a standard deviation."""
+
+
+class BudgetTrials:
+    """A Monte Carlo model: m draws of all inputs a block, and the outputs of the equations.
+
+    The control variate is the first-order form. Where the distribution of that form is known
+    (all sources independent, see `linear_distribution`) each draw of it is mapped, rank for
+    rank, to a t or normal distribution much like it: the engine then knows its mean, variance
+    and quantiles exactly. A form that is normal or a single t is left as it is.
+    """
+
+    def __init__(
+        self,
+        trees: dict[str, Node],
+        inputs: Sequence[InputQuantity],
+        sources: Sequence[Source],
+        first: Sequence[FirstOrder],
+        rho: Sequence[FloatArray | None],
+    ) -> None:
+        self.names = tuple(trees)
+        self.trees = trees
+        self.inputs = inputs
+        self.sources = sources
+        self.work = Workspace()
+        self.factors = [_factor(source, r) for source, r in zip(sources, rho, strict=True)]
+        self.value = np.array([item.value for item in inputs])[:, None]
+        self.u_exists = np.array([_has_u(tree, inputs) for tree in trees.values()])
+        # A form that does not exist is a constant, which controls nothing.
+        self.gradient = np.nan_to_num(np.array([item.sensitivity for item in first]))
+        self.offset = np.array([item.value for item in first])
+        self.linear_mean: FloatArray | None = self.offset
+        # Inputs that cancel leave a scatter that is none and would never converge.
+        u = np.array([item.u for item in inputs])
+        self.rounding = ROUNDING * (np.abs(self.gradient) @ u)
+        self._control()
+
+    def _control(self) -> None:
+        """Chooses what the engine may know of the first-order form."""
+        outputs = len(self.names)
+        self.maps: list[RankMap | None] = [None] * outputs
+        self.linear_u: FloatArray | None = None
+        u, dof = np.zeros(outputs), np.full(outputs, math.inf)
+        variances = np.full(outputs, math.nan)
+        known = True
+        for k, g in enumerate(self.gradient):
+            # Inputs that cancel to first order still scatter where each has a scale of its own.
+            counted = [
+                source
+                for source in self.sources
+                if source.variance(g) > 0.0
+                or (np.any(g[list(source.rows)]) and not _is_simple(source))
+            ]
+            alike = [source for source in counted if not _is_normal(source)]
+            variance = math.fsum(source.variance(g) for source in counted)
+            if not alike or (len(counted) == 1 and _is_t(alike[0])):
+                u[k] = math.sqrt(variance)
+                dof[k] = alike[0].members[0].dof if alike else math.inf
+                continue
+            found = _map(counted, g)
+            if found is None:
+                known = False
+                continue
+            self.maps[k] = found
+            u[k], dof[k], variances[k] = found.scale, found.dof, found.variance
+        with np.errstate(invalid="ignore", divide="ignore"):
+            inflation = np.where(np.isinf(dof), 1.0, np.where(dof > 2.0, dof / (dof - 2.0), np.nan))
+        self.linear_variance = np.where(np.isnan(variances), u**2 * inflation, variances)
+        if not known:
+            self.linear_variance[:] = math.nan
+        if known:
+            self.linear_dof, self.linear_u = dof, u[:, None]
+
+    def draw(self, rng: np.random.Generator, m: int) -> Draws:
+        """Values and first-order values (outputs, m)."""
+        deviation = self.work.array("deviation", (len(self.inputs), m))
+        deviation[:] = 0.0
+        for source, factor in zip(self.sources, self.factors, strict=True):
+            self._add(source, factor, rng, deviation)
+        x = np.add(deviation, self.value, out=self.work.array("x", deviation.shape))
+        drawn = {item.name: x[i] for i, item in enumerate(self.inputs)}
+        values = self.work.array("values", (len(self.names), m))
+        for k, tree in enumerate(self.trees.values()):
+            values[k] = evaluate(tree, drawn)
+            if np.all(np.abs(values[k] - self.offset[k]) <= self.rounding[k]):
+                values[k] = self.offset[k]
+        linear = self.work.array("linear", values.shape)
+        np.matmul(self.gradient, deviation, out=linear)
+        for k, known in enumerate(self.maps):
+            if known is not None:
+                linear[k] = known(linear[k])
+        linear += self.offset[:, None]
+        return Draws(values=values, linear=linear, linear_u=self.linear_u)
+
+    def _add(
+        self,
+        source: Source,
+        factor: FloatArray,
+        rng: np.random.Generator,
+        deviation: FloatArray,
+    ) -> None:
+        m = deviation.shape[1]
+        if source.how == "alone":
+            drawn = self.work.array("drawn", (m,))
+            source.members[0].draw(rng, drawn, self.work)
+            deviation[source.rows[0]] += drawn
+            return
+        z = rng.standard_normal((factor.shape[1], m))
+        joint = factor @ z
+        scale = self.work.array("scale", (m,))
+        if source.how == "normal" and source.common_dof:
+            if source.members[0].dof < NORMAL_DOF:
+                joint *= t_scales(source.members[0].dof, rng, scale)
+        else:
+            for row, item in zip(joint, source.members, strict=True):
+                _marginal(item, row, rng, scale)
+        deviation[list(source.rows)] += joint
+
+
+def _marginal(
+    item: Distribution, row: FloatArray, rng: np.random.Generator, scale: FloatArray
+) -> None:
+    """Turns `row`, normal with standard deviation u or (bounded) 1, into draws of `item`."""
+    if not item.bounded:
+        if item.dof < NORMAL_DOF:
+            row *= t_scales(item.dof, rng, scale)
+        return
+    from scipy.special import ndtr
+
+    row[:] = bounded_quantile(item, ndtr(row))
+    if item.inexact > 0.0:
+        row *= 1.0 + item.inexact * (2.0 * rng.random(row.shape) - 1.0)
+
+
+def _factor(source: Source, rho: FloatArray | None) -> FloatArray:
+    if source.how == "alone":
+        return np.zeros((0, 0))
+    if rho is None:
+        return factor_of(source.covariance)
+    scale = np.array([1.0 if item.bounded else item.u for item in source.members])
+    return scale[:, None] * factor_of(rho)
+
+
+def _is_normal(source: Source) -> bool:
+    return source.how != "copula" and all(
+        not item.bounded and item.dof >= NORMAL_DOF for item in source.members
+    )
+
+
+def _is_t(source: Source) -> bool:
+    return source.how != "copula" and source.common_dof and not source.members[0].bounded
+
+
+def _is_simple(source: Source) -> bool:
+    """Whether its part of the first-order form is one term of a known distribution."""
+    return source.how == "alone" or _is_t(source)
+
+
+def _map(sources: Sequence[Source], gradient: FloatArray) -> RankMap | None:
+    """The map of the first-order form to the t distribution most like it, if its own is known."""
+    if not all(map(_is_simple, sources)):
+        return None
+    known = linear_distribution([term for source in sources for term in _terms(source, gradient)])
+    if known is None:
+        return None
+    # A bounded source has no tails, whatever its degrees of freedom.
+    dof = welch_satterthwaite(
+        np.array([source.variance(gradient) for source in sources]),
+        np.array(
+            [math.inf if source.members[0].bounded else source.members[0].dof for source in sources]
+        ),
+    )
+    return rank_map(known, max(dof, LEAST_DOF))
+
+
+def _terms(source: Source, gradient: FloatArray) -> list[Term]:
+    if source.how == "alone":
+        return [(float(gradient[source.rows[0]]), source.members[0])]
+    u = math.sqrt(source.variance(gradient))
+    return [(1.0, Distribution(kind="normal", u=u, dof=source.members[0].dof))]
+
+
+def _has_u(tree: Node, inputs: Sequence[InputQuantity]) -> bool:
+    used = names(tree)
+    return not any(item.name in used and _least_dof(item) <= MOMENTS_FROM for item in inputs)
+
+
+def _least_dof(item: InputQuantity) -> float:
+    """Of the t distributions among an input's contributions."""
+    return min(
+        (part.distribution.dof for part in item.parts if not part.distribution.bounded),
+        default=math.inf,
+    )

@@ -1,0 +1,1 @@
+"""The measurement graph's commands: check, simulate, sweep."""

@@ -1,0 +1,29 @@
+"""Through which measured places and constants does the variance of a place come in?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.errors import fault
+from mtu_cli.model.graph.first_order import first_order
+from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
+
+
+def shares_by_place(graph: MeasurementGraph, of: str) -> dict[str, float]:
+    """Shares of the first-order variance of `of` by the place where they come in, summing to 1;
+    of a place with several coordinates, of the sum of their variances.
+
+    Raises InputError for an unknown place, or where the first-order variance is 0.
+    """
+    linear = first_order(evaluation(graph, graph.outputs([of])))
+    total = float(np.sum(linear.u**2))
+    if total == 0:
+        raise fault(
+            "the first-order uncertainty is 0: no shares of variance",
+            value=of,
+            expected="another place or coordinate",
+        )
+    return {
+        name: float(np.nansum(values * linear.u**2) / total)
+        for name, values in linear.by_place.items()
+    }

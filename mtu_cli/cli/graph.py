@@ -1,0 +1,96 @@
+"""`mtu graph check`, `simulate` and `sweep`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from mtu_cli.cli.execute import Outcome, execute
+from mtu_cli.cli.graph_options import outputs_wanted, varied
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.options import Options
+from mtu_cli.files.graph_file import load_graph
+from mtu_cli.model.graph.examine import examine
+from mtu_cli.model.graph.measurement_graph import MeasurementGraph, build_graph
+from mtu_cli.model.settings import Settings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def run(options: Options) -> None:
+    """Runs one of the graph's commands on its file."""
+    analyse = {"check": check, "simulate": simulate, "sweep": sweep}[options.command]
+    # A graph has no study: the file that the call names stands where a machine's would, so that
+    # none is looked for.
+    values = {**options.values, "machine": options.file}
+    execute(Options(f"graph-{options.command}", values), analyse)
+
+
+def _loaded(inputs: Inputs) -> MeasurementGraph:
+    loaded = load_graph(inputs.options.file, examine)
+    inputs.sources.append(loaded.source)
+    return build_graph(loaded)
+
+
+def check(inputs: Inputs, settings: Settings) -> Outcome:
+    from mtu_cli.analyses.graph.check import check_graph
+    from mtu_cli.reports import graph_check as report
+
+    graph = _loaded(inputs)
+    result = check_graph(graph)
+    return Outcome(
+        results=lambda: report.document(result),
+        tables=lambda: report.table(result),
+        rows=lambda: report.csv_rows(result),
+        figure=lambda: _drawing(graph),
+    )
+
+
+def simulate(inputs: Inputs, settings: Settings) -> Outcome:
+    from mtu_cli.analyses.graph.simulate import simulate_graph
+    from mtu_cli.reports import graph_simulate as report
+
+    result = simulate_graph(_loaded(inputs), settings, outputs_wanted(inputs.options))
+    return Outcome(
+        results=lambda: report.document(result, settings.coverage_factor),
+        tables=lambda: report.table(result),
+        rows=lambda: report.csv_rows(result, settings.coverage_factor),
+        figure=lambda: _figure("simulated", result),
+        warnings=report.warnings(result),
+    )
+
+
+def sweep(inputs: Inputs, settings: Settings) -> Outcome:
+    from mtu_cli.analyses.graph.simulate import simulate_graph
+    from mtu_cli.analyses.graph.sweep import PARAMETERS, sweep_graph
+    from mtu_cli.reports import graph_simulate, graph_sweep
+
+    grid = varied(inputs.options, PARAMETERS)
+    graph = _loaded(inputs)
+    of = inputs.options.of
+    result = sweep_graph(graph, settings, of, grid)
+    base = simulate_graph(graph, settings, [of])
+    return Outcome(
+        results=lambda: {
+            **graph_simulate.document(base, settings.coverage_factor),
+            **graph_sweep.document(result),
+        },
+        tables=lambda: graph_sweep.table(result),
+        rows=lambda: graph_sweep.csv_rows(result),
+        figure=lambda: _figure("swept", result),
+        warnings=graph_sweep.warnings(result),
+    )
+
+
+def _drawing(graph: MeasurementGraph) -> Figure:
+    from mtu_cli.cli.graph_draw import net_for
+    from mtu_cli.reports.graph_drawing import drawing
+
+    return drawing(net_for(graph))
+
+
+def _figure(name: str, result: Any) -> Figure:
+    from mtu_cli.reports import graph_figure
+
+    figure: Figure = getattr(graph_figure, name)(result)
+    return figure

@@ -1,0 +1,63 @@
+"""`--vary` and `--of` of the graph's commands, from text to values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from mtu_cli.cli.options import Options
+from mtu_cli.errors import InputError, Problem, did_you_mean, fault
+
+EXAMPLE = "such as --vary axis_um=0.5:2.5:5 (from 0.5 to 2.5 in 5 steps) or --vary repeats=1,2,4"
+MOST = 10_000
+
+
+def outputs_wanted(options: Options) -> tuple[str, ...]:
+    """The places or coordinates of --of."""
+    return tuple(options.of or ())
+
+
+def varied(options: Options, known: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """The values of every --vary, by name, in the order given.
+
+    Raises InputError for all that cannot be read, at once.
+    """
+    if not options.vary:
+        raise fault("nothing to vary", expected=EXAMPLE)
+    found: dict[str, tuple[float, ...]] = {}
+    problems: list[Problem] = []
+    for text in options.vary:
+        name, equals, listed = (part.strip() for part in text.partition("="))
+        values = _values(listed) if equals else None
+        if name not in known and equals:
+            problems.append(
+                Problem(what="--vary: unknown name", value=name, expected=did_you_mean(name, known))
+            )
+        elif values is None:
+            problems.append(Problem(what="--vary is not NAME=VALUES", value=text, expected=EXAMPLE))
+        elif name in found:
+            problems.append(Problem(what=f"--vary gives {name!r} twice", value=text))
+        else:
+            found[name] = values
+    if problems:
+        raise InputError(problems)
+    return found
+
+
+def _values(text: str) -> tuple[float, ...] | None:
+    """Numbers from ``low:high:count`` or ``a,b,c``; None where it is neither."""
+    try:
+        if ":" not in text:
+            values = [float(part) for part in text.split(",")]
+        else:
+            low, high, count = text.split(":")
+            first, last, steps = float(low), float(high), int(count)
+            if not 2 <= steps <= MOST:
+                return None
+            width = (last - first) / (steps - 1)
+            values = [first + i * width for i in range(steps - 1)] + [last]
+    except ValueError:
+        return None
+    # 1:5:5 has whole steps but for rounding.
+    values = [round(value, 12) for value in values]
+    return tuple(values) if all(map(math.isfinite, values)) else None

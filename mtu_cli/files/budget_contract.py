@@ -1,0 +1,129 @@
+"""The contract of budget files (``mtu/budget/1``)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from mtu_cli.files.contract_errors import told
+from mtu_cli.files.contracts import Contract, NonNegative, Positive
+
+DistributionName = Literal[
+    "normal", "t", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine"
+]
+LARGEST_K = 3.2905
+"""Beyond it the coverage probability exceeds 0.999, which takes too many trials to check."""
+
+Text = Annotated[str, Field(min_length=1)]
+
+
+class Contribution(Contract):
+    """How well a quantity is known from one source: JCGM 100:2008, 4.2 and 4.3."""
+
+    says: str | None = Field(default=None, description="What it is, in words")
+    u: NonNegative | None = Field(default=None, description="Standard uncertainty")
+    half_width: NonNegative | None = Field(
+        default=None, description="Half-width of the distribution's base"
+    )
+    low: float | None = Field(default=None, description="Lower limit; with `high`")
+    high: float | None = Field(default=None, description="Upper limit; with `low`")
+    U: NonNegative | None = Field(default=None, description="Expanded uncertainty; with `k`")
+    k: Positive | None = Field(default=None, description="Coverage factor of `U`")
+    distribution: DistributionName | None = Field(default=None, description="Default: normal")
+    dof: Positive | None = Field(default=None, description="Degrees of freedom; default: infinite")
+    top: NonNegative | None = Field(
+        default=None, description="Half-width of the flat top of a trapezoidal distribution"
+    )
+    inexact: Positive | None = Field(
+        default=None,
+        description="Half-range of the half-width itself (curvilinear-trapezoidal), d of JCGM 101",
+    )
+
+
+class Input(Contribution):
+    """An input quantity: an estimate and the contributions to its uncertainty."""
+
+    value: float | None = Field(default=None, description="Estimate; default: mean of readings")
+    unit: str | None = None
+    readings: Annotated[list[float], Field(min_length=2)] | None = Field(
+        default=None, description="Repeated readings: mean, s/sqrt(n), n - 1"
+    )
+    contributions: list[Contribution] = Field(
+        default=[], description="Further independent contributions to the same quantity"
+    )
+
+
+def _plain_number(value: object) -> object:
+    """`g: 9.81` is short for `g: {value: 9.81}`: exactly known."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return {"value": value}
+    return value
+
+
+def _correlation(value: object) -> object:
+    if (
+        isinstance(value, list)
+        and len(value) == 3
+        and isinstance(value[0], str)
+        and isinstance(value[1], str)
+        and isinstance(value[2], (int, float))
+        and not isinstance(value[2], bool)
+    ):
+        return value
+    raise told("not a correlation", "two inputs and a coefficient, such as [V, I, 0.2]")
+
+
+Correlation = Annotated[
+    list[Any],
+    BeforeValidator(_correlation, json_schema_input_type=list[str | float]),
+    Field(min_length=3, max_length=3),
+]
+
+
+class Quantity(Contract):
+    """The measurand."""
+
+    name: Text | None = Field(default=None, description="Its symbol; y by default")
+    unit: str | None = None
+    says: str | None = Field(default=None, description="What it is, in words")
+
+
+class Coverage(Contract):
+    """How U is meant: for a coverage probability, or with a given factor."""
+
+    probability: Annotated[float, Field(gt=0, le=0.999)] | None = Field(
+        default=None, description="Coverage probability; k is then that of Student's t"
+    )
+    k: Annotated[float, Field(gt=0, le=LARGEST_K)] | None = Field(
+        default=None, description="Coverage factor of U = k u"
+    )
+
+
+class Budget(Contract):
+    """An uncertainty budget: JCGM 100, JCGM 101 and, with several equations, JCGM 102."""
+
+    schema_: Literal["mtu/budget/1"] = Field(alias="schema")
+    name: Text
+    says: str | None = Field(default=None, description="What it is, in words")
+    notes: str | None = Field(default=None, description="Free text")
+    quantity: Quantity | None = Field(default=None, description="The measurand of `equation`")
+    units: dict[str, str] = Field(default={}, description="Units of the outputs of `equations`")
+    equation: str | None = Field(default=None, description="The measurand in terms of the inputs")
+    equations: Annotated[dict[str, str], Field(min_length=1)] | None = Field(
+        default=None, description="Several measurands, with their covariance"
+    )
+    inputs: Annotated[
+        dict[
+            str,
+            Annotated[Input, BeforeValidator(_plain_number, json_schema_input_type=Input | float)],
+        ],
+        Field(min_length=1),
+    ]
+    correlations: list[Correlation] = Field(
+        default=[], description="[input, input, correlation coefficient]"
+    )
+    simultaneous: list[Annotated[list[str], Field(min_length=2)]] = Field(
+        default=[], description="Inputs whose readings were taken together"
+    )
+    coverage: Coverage = Field(default=Coverage(), description="Default: probability 0.95")

@@ -1,0 +1,260 @@
+"""Exact derivatives of equations to the third order: Taylor polynomials carried up the tree.
+
+Every node is expanded in two small numbers s and t along given directions and cut beyond the
+third order. Nothing is approximated by differences and no expression grows, as it does where
+a tree is differentiated into another tree. The third order is what JCGM 100:2008, 5.1.2, note,
+needs beside the second.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.language.errors import EquationError
+from mtu_cli.language.scalar import apply_scalar
+from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number
+
+FloatArray = NDArray[np.float64]
+
+ORDER = 3
+TERMS = tuple((total - b, b) for total in range(ORDER + 1) for b in range(total + 1))
+"""Exponents (a, b) of s^a t^b, in the order of the coefficients."""
+PLACE = {term: i for i, term in enumerate(TERMS)}
+_PRODUCTS = tuple(
+    (i, j, PLACE[a + c, b + d])
+    for i, (a, b) in enumerate(TERMS)
+    for j, (c, d) in enumerate(TERMS)
+    if a + b + c + d <= ORDER
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Derivatives:
+    """An equation at a point: `value`, `first` (n,), `second` (n, n) and `third` (n,).
+
+    `third` is d^3 f / d x_i^3. nan where a derivative does not exist; `faults` then says at
+    which functions, with their columns. A `value` that is not finite is a fault too.
+    """
+
+    value: float
+    first: FloatArray
+    second: FloatArray
+    third: FloatArray
+    faults: tuple[EquationError, ...]
+
+
+def derivatives(node: Node, values: Mapping[str, float], names: Sequence[str]) -> Derivatives:
+    """The derivatives of an equation with respect to `names` (n) at `values`.
+
+    Raises EquationError for a name without a value.
+    """
+    n = len(names)
+    i, j = np.triu_indices(n)
+    pairs = np.arange(len(i))
+    along = np.zeros((2, n, max(len(i), 1)))
+    along[0, i, pairs] = 1.0
+    along[1, j, pairs] = 1.0
+    found, faults = taylor(node, values, names, along)
+    first, third, second = np.zeros(n), np.zeros(n), np.zeros((n, n))
+    own = pairs[i == j]
+    first[i[own]] = found[PLACE[1, 0], own]
+    third[i[own]] = 6.0 * found[PLACE[3, 0], own]
+    # The coefficient of s t is d2f/dxi dxj on the diagonal too, where s and t run along x_i.
+    second[i, j] = second[j, i] = found[PLACE[1, 1], pairs]
+    return Derivatives(
+        value=float(found[0, 0]), first=first, second=second, third=third, faults=tuple(faults)
+    )
+
+
+def taylor(
+    node: Node, values: Mapping[str, float], names: Sequence[str], along: FloatArray
+) -> tuple[FloatArray, list[EquationError]]:
+    """Taylor coefficients (10, pairs) of ``f(x + s along[0, :, p] + t along[1, :, p])``.
+
+    `along` (2, n, pairs) holds the two directions of each pair, in the order of `names`.
+    `TERMS` gives the order of the coefficients. Those that do not exist are nan; the second
+    result says why.
+
+    Raises EquationError for a name without a value.
+    """
+    expansion = _Expansion(values, {name: k for k, name in enumerate(names)}, along)
+    with np.errstate(all="ignore"):
+        found = expansion.of(node)
+    return found, expansion.faults
+
+
+@dataclass(slots=True)
+class _Expansion:
+    values: Mapping[str, float]
+    index: Mapping[str, int]
+    along: FloatArray
+    faults: list[EquationError] = field(default_factory=list)
+
+    def of(self, node: Node) -> FloatArray:
+        match node:
+            case Number(value):
+                return self.constant(value)
+            case Name(name, column):
+                return self.variable(name, column)
+            case Negative(operand):
+                return -self.of(operand)
+            case Binary("+", left, right):
+                return self.of(left) + self.of(right)
+            case Binary("-", left, right):
+                return self.of(left) - self.of(right)
+            case Binary("*", left, right):
+                return product(self.of(left), self.of(right))
+            case Binary("/", left, right, column):
+                return product(self.of(left), self.power(self.of(right), -1.0, "/", column))
+            case Binary("**", base, exponent, column):
+                return self.raised(self.of(base), self.of(exponent), column)
+            case Call("atan2", (y, x), column):
+                return self.atan2(self.of(y), self.of(x), column)
+            case Call(function, (argument,), column):
+                return self.composed(function, self.of(argument), column)
+        raise AssertionError(node)
+
+    def constant(self, value: float) -> FloatArray:
+        series = np.zeros((len(TERMS), self.along.shape[2]))
+        series[0] = value
+        return series
+
+    def variable(self, name: str, column: int) -> FloatArray:
+        if name not in self.values:
+            raise EquationError(f"{name!r} has no value", column)
+        series = self.constant(self.values[name])
+        if name in self.index:
+            series[PLACE[1, 0]], series[PLACE[0, 1]] = self.along[:, self.index[name]]
+        return series
+
+    def composed(self, function: str, inner: FloatArray, column: int) -> FloatArray:
+        """f(u) = f(u0) + f' h + f'' h^2/2 + f''' h^3/6 with h = u - u0."""
+        at = float(inner[0, 0])
+        outer = apply_scalar(function, (at,))
+        if outer is None:
+            return self.undefined(f"{function}()", at, column)
+        return self.chained(outer, _DERIVATIVES[function](at), inner, f"{function}()", column)
+
+    def power(self, base: FloatArray, exponent: float, sign: str, column: int) -> FloatArray:
+        """base ** exponent for a constant exponent, negative bases and 0 included."""
+        at = float(base[0, 0])
+        outer = apply_scalar("**", (at, exponent))
+        if outer is None:
+            return self.undefined(f"{sign!r}", at, column)
+        slopes, factor = [], 1.0
+        for k in range(ORDER):
+            factor *= exponent - k
+            rest = apply_scalar("**", (at, exponent - k - 1)) if factor else 0.0
+            slopes.append(math.nan if rest is None else factor * rest)
+        return self.chained(outer, slopes, base, f"{sign!r}", column)
+
+    def raised(self, base: FloatArray, exponent: FloatArray, column: int) -> FloatArray:
+        if not np.any(exponent[1:]):
+            return self.power(base, float(exponent[0, 0]), "**", column)
+        outer = apply_scalar("**", (float(base[0, 0]), float(exponent[0, 0])))
+        if outer is None or base[0, 0] <= 0.0:
+            return self.undefined("'**' with an uncertain exponent", float(base[0, 0]), column)
+        logarithm = self.composed("log", base, column)
+        return self.composed("exp", product(exponent, logarithm), column)
+
+    def atan2(self, y: FloatArray, x: FloatArray, column: int) -> FloatArray:
+        at = float(y[0, 0]), float(x[0, 0])
+        outer = math.atan2(*at)
+        if not (np.any(y[1:]) or np.any(x[1:])):
+            return self.constant(outer)
+        if at[0] == 0.0 and at[1] <= 0.0:
+            # The angle jumps by 2 pi there, or is any angle at the origin.
+            return self.undefined("atan2(y, x) with y = 0 and x <= 0", at[1], column)
+        # The larger one divides; the derivatives of both forms are those of the angle.
+        if abs(at[1]) >= abs(at[0]):
+            series = self.composed("atan", product(y, self.power(x, -1.0, "/", column)), column)
+        else:
+            series = -self.composed("atan", product(x, self.power(y, -1.0, "/", column)), column)
+        series[0] = outer
+        return series
+
+    def chained(
+        self,
+        outer: float,
+        slopes: Sequence[float],
+        inner: FloatArray,
+        what: str,
+        column: int,
+    ) -> FloatArray:
+        series = self.constant(outer)
+        h = inner.copy()
+        h[0] = 0.0
+        if not np.any(h):
+            return series
+        if not math.isfinite(slopes[0]):
+            self.fault(f"{what} has no derivative at {float(inner[0, 0]):.6g}", column)
+            series[1:, np.any(h != 0.0, axis=0)] = math.nan
+            return series
+        rising = h
+        for k, slope in enumerate(slopes, start=1):
+            # An infinite derivative touches only the orders that its power of h reaches.
+            series += np.where(rising != 0.0, slope / math.factorial(k) * rising, 0.0)
+            rising = product(rising, h)
+        return series
+
+    def undefined(self, what: str, at: float, column: int) -> FloatArray:
+        self.fault(f"{what} has no finite value or no derivative at {at:.6g}", column)
+        return self.constant(math.nan) * math.nan
+
+    def fault(self, what: str, column: int) -> None:
+        self.faults.append(EquationError(what, column))
+
+
+def product(left: FloatArray, right: FloatArray) -> FloatArray:
+    """The product of two polynomials, cut beyond the third order."""
+    series = np.zeros_like(left)
+    for i, j, k in _PRODUCTS:
+        series[k] += left[i] * right[j]
+    return series
+
+
+def _tan(x: float) -> list[float]:
+    t = math.tan(x)
+    q = 1.0 + t * t
+    return [q, 2.0 * t * q, 2.0 * q * (1.0 + 3.0 * t * t)]
+
+
+def _asin(x: float) -> list[float]:
+    q = 1.0 - x * x
+    if q <= 0.0:
+        return [math.nan] * ORDER
+    return [q**-0.5, x * q**-1.5, (1.0 + 2.0 * x * x) * q**-2.5]
+
+
+def _atan(x: float) -> list[float]:
+    q = 1.0 / (1.0 + x * x)
+    return [q, -2.0 * x * q**2, (6.0 * x * x - 2.0) * q**3]
+
+
+def _sqrt(x: float) -> list[float]:
+    return [0.5 * x**-0.5, -0.25 * x**-1.5, 0.375 * x**-2.5] if x > 0.0 else [math.nan] * ORDER
+
+
+def _constant_sides(slope: float) -> list[float]:
+    return [slope, 0.0, 0.0]
+
+
+_DERIVATIVES: dict[str, Callable[[float], list[float]]] = {
+    "sin": lambda x: [math.cos(x), -math.sin(x), -math.cos(x)],
+    "cos": lambda x: [-math.sin(x), -math.cos(x), math.sin(x)],
+    "tan": _tan,
+    "asin": _asin,
+    "acos": lambda x: [-slope for slope in _asin(x)],
+    "atan": _atan,
+    "exp": lambda x: [math.exp(x)] * ORDER,
+    "log": lambda x: [1.0 / x, -1.0 / x**2, 2.0 / x**3],
+    "sqrt": _sqrt,
+    "abs": lambda x: _constant_sides(math.copysign(1.0, x) if x else math.nan),
+    "step": lambda x: _constant_sides(0.0 if x else math.nan),
+}
+"""First to third derivative; nan where there is none: abs and step at 0, sqrt at 0."""

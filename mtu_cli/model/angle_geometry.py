@@ -1,0 +1,55 @@
+"""The angle between a row and a column of features as a function of their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mtu_cli.errors import fault
+from mtu_cli.files.part import LoadedPart
+from mtu_cli.stats.least_squares import FloatArray
+
+LARGEST_SLOPE = 0.02
+"""Nominal slope of a row or column that still counts as along its axis."""
+
+Line = tuple[FloatArray, FloatArray]
+"""Coordinates along and across a line (features, m) or (features, 1), each less its mean, mm."""
+
+
+def slope(line: Line) -> FloatArray:
+    """b1 = sum u v / sum u u (m,) of the least-squares line; nan where u does not vary."""
+    u, v = line
+    squares = np.einsum("pm,pm->m", u, u)
+    found: FloatArray = np.full_like(squares, np.nan)
+    np.divide(np.einsum("pm,pm->m", u, v), squares, out=found, where=squares > 0)
+    return found
+
+
+def angle_error(placed: tuple[Line, Line], nominal: tuple[Line, Line]) -> FloatArray:
+    """dtheta (m,), rad, of a row and a column, less what it is by design.
+
+    dtheta = -b1(column) - b1(row), Gilsinn & Ling 2004, eqs. (24)-(26). Rows and columns that
+    are not quite square by design have no error for it.
+    """
+    found: FloatArray = -(slope(placed[0]) + slope(placed[1]))
+    return found + (slope(nominal[0]) + slope(nominal[1]))
+
+
+def check_square(name: str, row: Sequence[str], column: Sequence[str], part: LoadedPart) -> None:
+    """Eqs. (24)-(26) take slopes for angles: rows lie along x, columns along y.
+
+    Raises InputError for a row or column of the part file that does not.
+    """
+    places = part.part.places()
+    for kind, ids, along, across in (("row", row, 0, 1), ("column", column, 1, 0)):
+        line = np.array([[places[i][along], places[i][across]] for i in ids], np.float64)
+        u, v = (line - line.mean(axis=0)).T
+        found = float(slope((u[:, None], v[:, None]))[0])
+        if not abs(found) <= LARGEST_SLOPE:
+            degrees = 90.0 if np.isnan(found) else np.degrees(np.arctan(found))
+            raise fault(
+                f"the {kind} of orthogonality {name!r} is {degrees:.3g} degrees off {'xy'[along]}",
+                file=part.source.shown,
+                expected=f"features in a line along {'xy'[along]}, seen in the plane of x and y",
+            )

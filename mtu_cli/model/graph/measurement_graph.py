@@ -1,0 +1,92 @@
+"""A checked graph, ready to be evaluated on any number of trials at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.graph_contract import Graph
+from mtu_cli.files.graph_file import LoadedGraph
+from mtu_cli.model.graph.inputs import Inputs
+from mtu_cli.model.graph.nominal import Computed, Values, nominal_values
+from mtu_cli.model.graph.outputs import Output, outputs_of, place_units, read
+from mtu_cli.stats.least_squares import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasurementGraph:
+    """`nominal` holds every place (m = 1), `computed` the computing transitions in firing
+    order, `units` the unit of every place.
+    """
+
+    loaded: LoadedGraph
+    graph: Graph
+    nominal: Values
+    computed: tuple[Computed, ...]
+    units: dict[str, str]
+
+    def outputs(self, names: Iterable[str] = ()) -> tuple[Output, ...]:
+        """Outputs by name; without names those that the file reports."""
+        wanted = tuple(names) or self.loaded.reported
+        return outputs_of(wanted, self.graph.places, self.units)
+
+    def needed(self, outputs: Sequence[Output]) -> tuple[set[str], tuple[Computed, ...]]:
+        """Start places and transitions that stand behind some outputs."""
+        wanted = {item.place for item in outputs}
+        steps = []
+        for item in reversed(self.computed):
+            if wanted.intersection(item.step.outputs):
+                steps.append(item)
+                wanted.update(item.step.inputs)
+        made = {name for item in self.computed for name in item.step.outputs}
+        return wanted - made, tuple(reversed(steps))
+
+    def with_probing(self, graph: Graph) -> MeasurementGraph:
+        """The same net under other uncertainties of probing."""
+        return replace(self, graph=graph)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """What stands behind some outputs, and nothing else, as a function of the random inputs."""
+
+    outputs: tuple[Output, ...]
+    inputs: Inputs
+    steps: tuple[Computed, ...]
+    nominal: Values
+
+    def run(self, X: FloatArray, into: FloatArray | None = None) -> FloatArray:
+        """Outputs (n, m) for inputs X (k, m)."""
+        values = self.inputs.values(X)
+        for step in self.steps:
+            step.run(values)
+        return read(values, self.outputs, self.nominal, into)
+
+
+def build_graph(loaded: LoadedGraph) -> MeasurementGraph:
+    """Raises InputError for constructions that are degenerate at nominal."""
+    nominal, computed, faults = nominal_values(loaded.graph.places, loaded.rounds)
+    if faults:
+        raise InputError(
+            Problem(what=what, file=loaded.source.shown, line=loaded.line_of("transitions", index))
+            for index, what in faults
+        )
+    return MeasurementGraph(
+        loaded=loaded,
+        graph=loaded.graph,
+        nominal=nominal,
+        computed=tuple(computed),
+        units=place_units(loaded.graph, loaded.steps),
+    )
+
+
+def evaluation(graph: MeasurementGraph, outputs: Sequence[Output]) -> Evaluation:
+    """The part of the graph that some outputs need."""
+    start, steps = graph.needed(outputs)
+    return Evaluation(
+        outputs=tuple(outputs),
+        inputs=Inputs(graph.graph, start),
+        steps=steps,
+        nominal=graph.nominal,
+    )

@@ -1,0 +1,124 @@
+"""The graph at nominal: every transition made ready for many trials, faults found on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.files.graph_contract import Graph, Place
+from mtu_cli.files.graph_file import Rounds
+from mtu_cli.files.graph_steps import Step
+from mtu_cli.language import Node, evaluate
+from mtu_cli.model.graph import fits
+from mtu_cli.model.graph.constructions import CONSTRUCTIONS, Construction, Outputs
+from mtu_cli.model.graph.degenerate import degenerate
+from mtu_cli.stats.least_squares import FloatArray
+
+Values = dict[str, FloatArray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Computed:
+    """A computing transition, ready to run on arrays of trials."""
+
+    step: Step
+    construct: Construction
+
+    def run(self, values: Values) -> None:
+        """Puts the outputs beside the inputs in `values`."""
+        made = self.construct(*(values[name] for name in self.step.inputs))
+        for name, value in zip(self.step.outputs, made, strict=False):
+            values[name] = value
+
+
+def start_value(place: Place) -> FloatArray:
+    """Nominal of a measured place, or value of a constant, for one trial: (1,) or (3, 1)."""
+    if place.nominal_mm is not None:
+        found = np.array(place.nominal_mm)
+        return found[:, None] if len(found) == 3 else found
+    return np.array([np.nan if place.value is None else place.value])
+
+
+def nominal_values(
+    places: Mapping[str, Place], rounds: Rounds
+) -> tuple[Values, list[Computed], list[tuple[int, str]]]:
+    """Values of all places at nominal (m = 1), the computing transitions in firing order, and
+    the faults found: (index of the transition, what is wrong). What depends on a fault is
+    left out.
+    """
+    values = {name: start_value(place) for name, place in places.items() if place.marked}
+    computed: list[Computed] = []
+    faults: list[tuple[int, str]] = []
+    for step in (step for fired in rounds for step in fired):
+        if step.do == "meas":
+            place = places[step.outputs[0]]
+            if place.nominal_mm is not None:
+                values[step.outputs[0]] = start_value(place)
+            continue
+        if not all(name in values for name in step.inputs):
+            continue
+        wrong = _prepare(step, values, computed)
+        if wrong is not None:
+            faults.append((step.index, wrong))
+    return values, computed, faults
+
+
+def _prepare(step: Step, values: Values, computed: list[Computed]) -> str | None:
+    inputs = [values[name] for name in step.inputs]
+    wrong = degenerate(step.do, step.variant, inputs)
+    if wrong is not None:
+        return wrong
+    ready = Computed(step=step, construct=construction(step, inputs))
+    found: Values = dict(zip(step.inputs, inputs, strict=True))
+    with np.errstate(all="ignore"):
+        ready.run(found)
+    if not all(np.isfinite(found[name]).all() for name in step.outputs):
+        return "no finite value at nominal"
+    values.update({name: found[name] for name in step.outputs})
+    computed.append(ready)
+    return None
+
+
+def construction(step: Step, nominal: Sequence[FloatArray]) -> Construction:
+    """What a step computes; a fit starts from, and is oriented as, its `nominal` inputs."""
+    if step.formula is not None:
+        return _formula(step.formula, step.inputs)
+    if step.do in ("plane", "circle") and step.variant in ("points", "") and len(nominal) > 3:
+        reference = _orientation(nominal)
+        if step.do == "plane":
+            return lambda *points: (fits.plane(points, reference),)
+        return lambda *points: fits.circle(points, reference)
+    return CONSTRUCTIONS[step.do, step.variant]
+
+
+def _formula(node: Node, names: Sequence[str]) -> Construction:
+    def compute(*inputs: FloatArray) -> Outputs:
+        value = evaluate(node, dict(zip(names, inputs, strict=True)))
+        return (np.broadcast_to(np.asarray(value, dtype=np.float64), inputs[0].shape),)
+
+    return compute
+
+
+def _orientation(nominal: Sequence[FloatArray]) -> FloatArray:
+    """Unit normal (3,) of the nominal points, on the side of (P2 - P1) x (P3 - P1).
+
+    Where these three lie on a line, the next point that does not decides.
+    """
+    points = np.array([place[:, 0] for place in nominal])
+    sides = np.cross((points[1] - points[0])[None], points[2:] - points[0])
+    sizes = np.linalg.norm(sides, axis=1)
+    side = sides[int(np.argmax(sizes > 1e-6 * sizes.max()))]
+    _, _, Vt = np.linalg.svd(points - points.mean(axis=0))
+    normal: FloatArray = Vt[2] if Vt[2] @ side >= 0 else -Vt[2]
+    return normal
+
+
+def correlation_matrix(graph: Graph, names: Sequence[str]) -> FloatArray:
+    """Correlations (n, n) of constants."""
+    at = {name: i for i, name in enumerate(names)}
+    found = np.eye(len(names))
+    for first, second, r in graph.correlations:
+        found[at[first], at[second]] = found[at[second], at[first]] = r
+    return found

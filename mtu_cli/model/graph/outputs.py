@@ -1,0 +1,195 @@
+"""Coordinates of places as outputs: their names, units, and how they are read from values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.errors import did_you_mean, fault
+from mtu_cli.files.graph_contract import Graph, Place
+from mtu_cli.files.graph_steps import Step
+from mtu_cli.language import EquationError, Node, check_dimension
+from mtu_cli.language.tree import Call
+from mtu_cli.model.graph.nominal import Values
+from mtu_cli.model.graph.vectors import cross, dot
+from mtu_cli.stats.least_squares import FloatArray
+
+COORDINATES: dict[str, tuple[str, ...]] = {
+    "coordinate": ("value",),
+    "constant": ("value",),
+    "point": ("x", "y", "z"),
+    "vector": ("i", "j", "k"),
+    "line": ("x", "y", "z", "i", "j", "k"),
+    "plane": ("x", "y", "z", "i", "j", "k"),
+    "frame": ("x", "y", "z", "rx", "ry", "rz"),
+}
+"""rx, ry, rz: the rotation of a frame about its own nominal axes."""
+EXPONENT = {"mm": 1, "rad": 0, "1": 0}
+INVERSE = ("asin", "acos", "atan", "atan2")
+Unit = str | None
+Faults = list[tuple[Step, EquationError]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Output:
+    """One coordinate of a place; `index` is its number among those of the place."""
+
+    place: str
+    coordinate: str
+    index: int
+    kind: str
+    unit: str
+
+    def __str__(self) -> str:
+        single = self.coordinate == "value"
+        return self.place if single else f"{self.place}.{self.coordinate}"
+
+
+def outputs_of(
+    names: Iterable[str], places: Mapping[str, Place], units: Mapping[str, str]
+) -> tuple[Output, ...]:
+    """The outputs behind names such as ``P1``, ``P1.x`` or ``d_AC``, each once.
+
+    Raises InputError for a place or coordinate that there is not.
+    """
+    found: dict[tuple[str, int], Output] = {}
+    for name in names:
+        place, wanted = _split(name, places)
+        kind = places[place].kind
+        for index, coordinate in enumerate(COORDINATES[kind]):
+            if wanted in (None, coordinate):
+                found[place, index] = Output(
+                    place=place,
+                    coordinate=coordinate,
+                    index=index,
+                    kind=kind,
+                    unit=_coordinate_unit(kind, coordinate, units[place]),
+                )
+    return tuple(found.values())
+
+
+def _split(name: str, places: Mapping[str, Place]) -> tuple[str, str | None]:
+    if name in places:
+        return name, None
+    place, dot_, coordinate = name.rpartition(".")
+    if not dot_ or place not in places:
+        hint = did_you_mean(place if dot_ else name, places)
+        raise fault("unknown place", value=name, expected=hint)
+    known = COORDINATES[places[place].kind]
+    if coordinate not in known:
+        hint = f"one of: {', '.join(f'{place}.{item}' for item in known)}"
+        raise fault(f"a {places[place].kind} has no such coordinate", value=name, expected=hint)
+    return place, coordinate
+
+
+def _coordinate_unit(kind: str, coordinate: str, unit: str) -> str:
+    if kind in ("line", "plane", "frame"):
+        return "mm" if coordinate in "xyz" else "rad" if kind == "frame" else "1"
+    return unit
+
+
+def read(
+    values: Values, outputs: Sequence[Output], nominal: Values, into: FloatArray | None = None
+) -> FloatArray:
+    """Outputs (n, m) of the places' arrays; frames are compared with their `nominal`."""
+    m = next(iter(values.values())).shape[-1]
+    found = np.empty((len(outputs), m)) if into is None else into
+    turned: dict[str, FloatArray] = {}
+    for row, item in zip(found, outputs, strict=True):
+        value = values[item.place]
+        if item.kind in ("coordinate", "constant"):
+            row[:] = value
+        elif item.kind in ("point", "vector"):
+            row[:] = value[item.index]
+        elif item.index < 3:
+            row[:] = value[0, item.index]
+        elif item.kind == "frame":
+            if item.place not in turned:
+                turned[item.place] = _rotation(value, nominal[item.place])
+            row[:] = turned[item.place][item.index - 3]
+        else:
+            row[:] = value[1, item.index - 3]
+    return found
+
+
+def _rotation(frame: FloatArray, nominal: FloatArray) -> FloatArray:
+    """Rotation (3, m) rad about the nominal axes: (1/2) sum a_i x b_i of nominal axes a_i and
+    actual ones b_i, which is the axis times the sine of the angle.
+    """
+    axes = np.broadcast_to(nominal[1:], (3, 3, frame.shape[-1]))
+    total = cross(axes[0], frame[1]) + cross(axes[1], frame[2]) + cross(axes[2], frame[3])
+    total *= 0.5
+    return np.stack([dot(axis, total) for axis in axes])
+
+
+def place_units(
+    graph: Graph, steps: Iterable[Step], faults: Faults | None = None
+) -> dict[str, str]:
+    """The unit of every place: mm, rad, 1 (or mm^n of a product); mm where nothing tells it.
+
+    A formula that adds a length to an angle goes to `faults`, with its transition.
+    """
+    units: dict[str, Unit] = {
+        name: place.unit if place.kind == "constant" else "mm"
+        for name, place in graph.places.items()
+    }
+    for step in steps:
+        for name in step.outputs:
+            if units[name] is None or graph.places[name].kind == "vector":
+                try:
+                    units[name] = _unit(step, units)
+                except EquationError as error:
+                    if faults is not None:
+                        faults.append((step, error))
+    return {name: unit or "mm" for name, unit in units.items()}
+
+
+def _unit(step: Step, units: Mapping[str, Unit]) -> Unit:
+    match step.do:
+        case "unit_v" | "normal" | "direction":
+            return "1"
+        case "angle":
+            return "rad"
+        case "ratio":
+            return _product(units[step.inputs[0]], units[step.inputs[1]])
+        case "length" if step.variant == "vector":
+            return units[step.inputs[0]]
+        case "compute" if step.formula is not None:
+            return formula_unit(step.formula, {item: units[item] for item in step.inputs})
+    return "mm"
+
+
+def _product(first: Unit, second: Unit) -> Unit:
+    if first not in EXPONENT or second not in EXPONENT:
+        return None
+    exponent = EXPONENT[first] + EXPONENT[second]
+    if exponent == 0:
+        return "rad" if "rad" in (first, second) else "1"
+    return "mm" if exponent == 1 else f"mm^{exponent}"
+
+
+def formula_unit(node: Node, units: Mapping[str, Unit]) -> Unit:
+    """The unit of a formula's value, or None where the units of its inputs do not tell it.
+
+    Raises EquationError where dimensions do not agree.
+    """
+    known = {name: None if unit is None else EXPONENT.get(unit) for name, unit in units.items()}
+    fitting = []
+    fault_found: EquationError | None = None
+    for exponent in (1, 0, 2, 3, -1, -2):
+        try:
+            check_dimension(node, exponent, known)
+        except EquationError as error:
+            fault_found = fault_found or error
+        else:
+            fitting.append(exponent)
+    if not fitting and fault_found is not None:
+        raise fault_found
+    if len(fitting) != 1:
+        return None
+    if fitting[0] == 0:
+        circular = isinstance(node, Call) and node.function in INVERSE
+        return "rad" if circular or set(units.values()) == {"rad"} else "1"
+    return "mm" if fitting[0] == 1 else f"mm^{fitting[0]}"

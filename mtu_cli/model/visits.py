@@ -1,0 +1,142 @@
+"""Measured points gathered into measurements of parts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.points import Points
+from mtu_cli.stats.least_squares import FloatArray
+
+IntArray = NDArray[np.int64]
+MOST_TOLD = 10_000
+
+
+def axes_of(points: Points) -> tuple[int, ...]:
+    """The axes (0, 1, 2) along which every point was measured and has a nominal."""
+    return tuple(
+        axis
+        for axis in range(3)
+        if np.isfinite(points.measured[:, axis]).all()
+        and np.isfinite(points.nominal[:, axis]).all()
+    )
+
+
+def operations_of(points: Points) -> tuple[tuple[str, ...], IntArray]:
+    """Names and codes (n,) of operations; "" where a file does not tell them."""
+    if not points.operations:
+        return ("",), np.broadcast_to(np.int64(0), len(points))
+    untold = points.operation < 0
+    if not untold.any():
+        return points.operations, points.operation
+    return (*points.operations, ""), np.where(untold, len(points.operations), points.operation)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Visits:
+    """The points of each measurement of each part together.
+
+    `errors` and `nominal` (visits, features, 3) mm, nan where a feature was not measured;
+    `part` and `operation` (visits,) are codes, `of_point` (n,) the visit of each point. A
+    visit is one repeat of one part in one operation: repeats by their number or, without one,
+    in the order of the file, after those with a number.
+    """
+
+    part: IntArray
+    operation: IntArray
+    errors: FloatArray
+    nominal: FloatArray
+    of_point: IntArray
+
+
+def visits_of(points: Points) -> Visits:
+    """Gathers points into visits.
+
+    Raises InputError for a feature that stands twice in one repeat of one part.
+    """
+    _, operation = operations_of(points)
+    features, parts = len(points.features), len(points.parts)
+    run = operation.astype(np.int64) * parts + points.part
+    repeat = _numbered(points.repeat, run * features + points.feature)
+    numbers, code = np.unique(repeat, return_inverse=True)
+    distinct, visit = np.unique(run * len(numbers) + code.reshape(-1), return_inverse=True)
+    visit = visit.reshape(-1)
+    place = visit * features + points.feature
+    if np.bincount(place).max() > 1:
+        refuse_doubled(points, place, np.ones(len(points), bool))
+    errors = np.full((len(distinct) * features, 3), np.nan)
+    errors[place] = points.measured - points.nominal
+    nominal = np.full((features, 3), np.nan)
+    nominal[points.feature] = points.nominal
+    run_of = distinct // len(numbers)
+    return Visits(
+        part=run_of % parts,
+        operation=run_of // parts,
+        of_point=visit.astype(np.int64),
+        errors=errors.reshape(len(distinct), features, 3),
+        nominal=nominal,
+    )
+
+
+def _numbered(repeat: IntArray, place: IntArray) -> IntArray:
+    """Repeats with a number each; where none is given, counted on from the largest given."""
+    untold, found = repeat < 0, repeat.copy()
+    if untold.any():
+        found[untold] = max(int(repeat.max()), -1) + 1 + occurrence(place[untold])
+    return found
+
+
+def only_features(points: Points, names: Iterable[str]) -> Points:
+    """The points of some features; parts and operations keep their codes."""
+    index = {name: code for code, name in enumerate(points.features)}
+    kept = [index[name] for name in dict.fromkeys(names) if name in index]
+    code = np.full(len(points.features), -1)
+    code[kept] = np.arange(len(kept))
+    feature = code[points.feature]
+    rows = np.flatnonzero(feature >= 0)
+    return replace(
+        points,
+        features=tuple(points.features[i] for i in kept),
+        feature=feature[rows],
+        covariates={name: column[rows] for name, column in points.covariates.items()},
+        **{name: getattr(points, name)[rows] for name in _BY_POINT},
+    )
+
+
+_BY_POINT = (
+    "part", "operation", "measured", "nominal", "repeat", "time_min", "sequence", "direction",
+    "file_index", "row",
+)  # fmt: skip
+
+
+def occurrence(codes: IntArray) -> IntArray:
+    """How often the code of each entry has stood before it: 0, 1, 2, ..."""
+    order = np.argsort(codes, kind="stable")
+    ordered = codes[order]
+    starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
+    lengths = np.diff(np.r_[starts, len(codes)])
+    count = np.empty(len(codes), np.int64)
+    count[order] = np.arange(len(codes)) - np.repeat(starts, lengths)
+    return count
+
+
+def refuse_doubled(points: Points, place: IntArray, given: NDArray[np.bool_]) -> None:
+    rows = np.flatnonzero(given)
+    rows = rows[occurrence(place[rows]) > 0]
+    raise InputError(
+        [
+            Problem(
+                what="the feature stands twice in one repeat of one part",
+                file=points.sources[points.file_index[i]].shown,
+                row=int(points.row[i]),
+                column="feature",
+                value=points.features[points.feature[i]],
+                expected="one row a feature and `repeat`",
+            )
+            for i in rows[:MOST_TOLD]
+        ]
+    )

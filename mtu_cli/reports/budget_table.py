@@ -1,0 +1,151 @@
+"""The tables of a budget: contributions, the result, and the outputs' correlation."""
+
+from __future__ import annotations
+
+import math
+
+from mtu_cli.analyses.budget import BudgetResult, OutputBudget
+from mtu_cli.analyses.budget.quantities import InputQuantity
+from mtu_cli.reports.budget import ends
+from mtu_cli.reports.numbers import (
+    MISSING,
+    degrees_of_freedom,
+    interval,
+    significant,
+    with_u,
+)
+from mtu_cli.reports.tables import Column, Sheet
+
+VERDICT = {True: "yes", False: "no*", None: "not told"}
+SHORT = {"curvilinear-trapezoidal": "curv. trap.", "rectangular": "rect.", "triangular": "triang.",
+         "trapezoidal": "trapez."}  # fmt: skip
+MOST_NAME = 16
+
+
+def table(result: BudgetResult, digits: int) -> list[Sheet]:
+    """For every output its contributions and its result; with several their correlation."""
+    sheets = []
+    for index, output in enumerate(result.outputs):
+        sheets.append(_contributions(result, output))
+        sheets.append(_result(result, index, digits))
+    if len(result.outputs) > 1:
+        sheets.append(_correlation(result))
+    return sheets
+
+
+def _contributions(result: BudgetResult, output: OutputBudget) -> Sheet:
+    of = f" ({output.unit})" if output.unit else ""
+    columns = [
+        Column(title="input\n", text=True, folds=True),
+        Column(title="value\n"),
+        Column(title="u\n"),
+        Column(title="\n", text=True, folds=True),
+        Column(title="type\n", text=True),
+        Column(title="distribution\n", text=True, folds=True),
+        Column(title="dof\n"),
+        Column(title="sensitivity\n"),
+        Column(title=f"contribution\n{output.unit}"),
+        Column(title="share\n%"),
+    ]
+    rows = [_row(output, which, item) for which, item in enumerate(result.inputs)]
+    return Sheet(
+        title=f"{result.name}: contributions to {output.first.name}{of}", columns=columns, rows=rows
+    )
+
+
+def _row(output: OutputBudget, which: int, item: InputQuantity) -> list[str]:
+    c = float(output.first.sensitivity[which])
+    share = float(output.first.share[which])
+    value, u = with_u(item.value, item.u)
+    exact = item.u == 0.0
+    kinds = " + ".join(SHORT.get(kind, kind) for kind in item.kind.split(" + "))
+    return [
+        item.name,
+        value,
+        u,
+        item.unit,
+        item.type or MISSING,
+        kinds,
+        MISSING if exact else degrees_of_freedom(item.dof),
+        MISSING if exact else significant(c, 4),
+        MISSING if exact else significant(abs(c) * item.u),
+        MISSING if exact or math.isnan(share) else f"{100 * share:.1f}",
+    ]
+
+
+def _result(result: BudgetResult, index: int, digits: int) -> Sheet:
+    output = result.outputs[index]
+    name = output.first.name + (f" ({output.unit})" if output.unit else "")
+    percent = f"{100 * result.probability:.4g} % interval"
+    titles = ("value", "u", "dof", "k", "U", percent, "shortest")
+    return Sheet(
+        title=output.first.name,
+        columns=[Column(title=name, text=True), *(Column(title=title) for title in titles)],
+        rows=[*_orders(output, digits), _monte_carlo(result, index, digits)],
+        notes=_notes(result, index),
+    )
+
+
+def _orders(output: OutputBudget, digits: int) -> list[list[str]]:
+    first = output.first
+    half = output.k_probability * first.u
+    shown = _known(first.u)
+    return [
+        [
+            "first order",
+            with_u(first.value, shown, digits)[0],
+            significant(first.u, digits),
+            MISSING if math.isnan(first.dof) else degrees_of_freedom(first.dof),
+            significant(output.k, 3),
+            significant(output.expanded, digits),
+            interval(first.value - half, first.value + half, shown, digits),
+            MISSING,
+        ],
+        [
+            "second order",
+            with_u(first.second_value, _known(first.second_u), digits)[0],
+            significant(first.second_u, digits),
+            *[MISSING] * 5,
+        ],
+    ]
+
+
+def _monte_carlo(result: BudgetResult, index: int, digits: int) -> list[str]:
+    run = result.run
+    u = float(run.u[index])
+    exists = math.isfinite(u)
+    scale = u if exists else 0.25 * float(run.high[index] - run.low[index])
+    return [
+        "Monte Carlo",
+        with_u(float(run.mean[index]), _known(u), digits)[0] if exists else MISSING,
+        significant(u, digits),
+        *[MISSING] * 3,
+        interval(*ends(result, index), _known(scale), digits),
+        interval(*ends(result, index, shortest=True), _known(scale), digits),
+    ]
+
+
+def _known(u: float) -> float | None:
+    """An uncertainty to round a value to; a value beside u = 0 or none is given in full."""
+    return u if math.isfinite(u) and u > 0.0 else None
+
+
+def _notes(result: BudgetResult, index: int) -> list[str]:
+    run, output = result.run, result.outputs[index]
+    errors = [run.se_mean[index], run.se_u[index], run.se_low[index], run.se_high[index]]
+    own = ", ".join(significant(float(value)) for value in errors)
+    verdict = VERDICT[output.validation.passed].rstrip("*")
+    return [
+        f"first order valid (JCGM 101, clause 8): {verdict}; {run.trials} trials, whose own "
+        f"standard errors of mean, u and ends are {own}"
+    ]
+
+
+def _correlation(result: BudgetResult) -> Sheet:
+    names = [item.first.name for item in result.outputs]
+    rows = [
+        [name, *(f"{r:.4f}" if math.isfinite(r) else MISSING for r in line)]
+        for name, line in zip(names, result.correlation, strict=True)
+    ]
+    columns = [Column(title="", text=True), *(Column(title=name) for name in names)]
+    return Sheet(title="correlation of the outputs, first order", columns=columns, rows=rows)

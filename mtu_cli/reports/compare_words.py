@@ -1,0 +1,108 @@
+"""The comparison in words: a sentence for each operation."""
+
+from __future__ import annotations
+
+from mtu_cli.analyses.compare import Compared, Range, Summary
+from mtu_cli.reports.numbers import significant
+from mtu_cli.units import UM
+
+
+def verdict_text(item: Summary, kind: str) -> str:
+    """Such as "drilled features: under-predicted: the scatter is 3.1 to 4.7 times the predicted
+    one (48 of 48)", every fault that was found with its size.
+    """
+    name = f"{item.operation} {kind}" if item.operation else kind
+    faults = [text for text in (_under(item), _biased(item), _unclear(item), _over(item)) if text]
+    if item.not_tested == item.items:
+        return f"{name}: not tested"
+    untested = _untested(item)
+    if not faults:
+        faults = ["consistent: what was measured is what was predicted, within its uncertainty"]
+        if untested:
+            faults = ["consistent as far as it could be tested"]
+    return f"{name}: {'; '.join([*faults, *untested])}"
+
+
+def _under(item: Summary) -> str | None:
+    if not item.under_predicted:
+        return None
+    count = _share(item.under_predicted, item)
+    if item.under_factor is None:
+        return f"under-predicted: parts scatter where no scatter is predicted ({count})"
+    times = _times(item.under_factor)
+    return f"under-predicted: the scatter is {times} times the predicted one ({count})"
+
+
+def _biased(item: Summary) -> str | None:
+    if not item.biased:
+        return None
+    return f"biased: the mean is off by {_size(item)} ({_share(item.biased, item)})"
+
+
+def _unclear(item: Summary) -> str | None:
+    if not item.inconsistent:
+        return None
+    count = _share(item.inconsistent, item)
+    return (
+        f"inconsistent: the mean is off by {_size(item)}, bias or scatter: too few parts to tell "
+        f"({count})"
+    )
+
+
+def _over(item: Summary) -> str | None:
+    if not item.over_predicted:
+        return None
+    times = "less than" if item.over_factor is None else f"{_times(item.over_factor)} times"
+    count = _share(item.over_predicted, item)
+    return f"over-predicted: the scatter is {times} the predicted one ({count})"
+
+
+def _untested(item: Summary) -> list[str]:
+    if not item.scatter_tested:
+        return ["the scatter was not tested"]
+    return [] if item.bias_tested else ["the mean was not tested"]
+
+
+def _size(item: Summary) -> str:
+    return "some" if item.bias_size is None else f"{_times(item.bias_size, UM)} um"
+
+
+def _share(count: int, item: Summary) -> str:
+    return f"{count} of {item.items}"
+
+
+def _times(found: Range, unit: float = 1.0) -> str:
+    low, high = significant(found.least / unit), significant(found.largest / unit)
+    return low if low == high else f"{low} to {high}"
+
+
+def paper_scatter(item: Summary) -> str | None:
+    """What the paper's scatter, from MS_between, is of the parts' own."""
+    if item.ms_share is None or item.n0 is None:
+        return None
+    n0 = item.n0.median
+    return (
+        f"MS_between = s_repeat^2 + n0 s_part^2 with n0 = {significant(n0, 4)}: the paper's "
+        f"scatter, its root, is {_three(item.ms_share)} times the part-to-part component "
+        f"(sqrt(n0) = {significant(n0**0.5, 4)})"
+    )
+
+
+def _three(found: Range) -> str:
+    low, high = significant(found.least, 3), significant(found.largest, 3)
+    return low if low == high else f"{low} to {high}"
+
+
+def verdict(found: Compared, i: int) -> str:
+    """Every fault of an item, or the verdict that stands for none."""
+    faults = [
+        name
+        for name, answers in (
+            ("biased", found.biased),
+            ("under-predicted", found.under_predicted),
+            ("over-predicted", found.over_predicted),
+            ("inconsistent", found.inconsistent),
+        )
+        if answers[i]
+    ]
+    return ", ".join(faults) or found.verdicts[i] or "not tested"

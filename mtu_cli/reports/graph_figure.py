@@ -1,0 +1,106 @@
+"""Figures of graph simulate and sweep."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
+from mtu_cli.analyses.graph.sweep import Sweep
+from mtu_cli.reports import figures
+from mtu_cli.reports.graph_simulate import shares_text, small_unit
+from mtu_cli.reports.numbers import significant, with_u
+from mtu_cli.stats.coverage import coverage_factor
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SHOWN = 9
+"""Coordinates drawn on one sheet."""
+
+
+@figures.styled
+def simulated(result: GraphSimulation) -> Figure:
+    """Histogram of the trials of every coordinate about its nominal, interval, first order."""
+    shown = [item for item in result.coordinates if not item.fixed][:SHOWN]
+    columns = min(3, max(1, len(shown)))
+    rows = max(1, math.ceil(len(shown) / columns))
+    page = figures.blank(max(5.0, 3.6 * columns), 0.8 + 2.7 * rows)
+    panels = page.subplots(rows, columns, squeeze=False).ravel()
+    for panel, item in zip(panels, shown, strict=False):
+        _histogram(panel, item)
+    for panel in panels[len(shown) :]:
+        panel.set_visible(False)
+    handles, names = panels[0].get_legend_handles_labels()
+    page.legend(handles, names, loc="outside lower center", ncols=3)
+    return page
+
+
+def _histogram(panel: Axes, item: SimulatedCoordinate) -> None:
+    factor, unit = small_unit(item.output.unit)
+    values = (item.samples - item.nominal) * factor
+    left, right = np.quantile(values, [0.0005, 0.9995])
+    bins = np.linspace(left, right, 61)
+    density = np.histogram(values, bins)[0] / (len(values) * np.diff(bins))
+    panel.stairs(density, bins, fill=True, color=figures.PALE, label="Monte Carlo trials")
+    u = item.first_order_u * factor
+    if u > 0:
+        grid = np.linspace(left, right, 300)
+        curve = np.exp(-0.5 * (grid / u) ** 2) / (u * math.sqrt(2 * math.pi))
+        panel.plot(grid, curve, color=figures.INK, label="first order")
+        for sign in (-1, 1):
+            panel.axvline(
+                sign * coverage_factor(0.95) * u, color=figures.INK, lw=0.9, ls=(0, (4, 3))
+            )
+    low, high = ((end - item.nominal) * factor for end in item.interval)
+    panel.axvspan(low, high, ymax=0.03, color=figures.BLUE, label="95 % interval, Monte Carlo")
+    panel.set_xlim(left, right)
+    panel.set_ylim(0.0, None)
+    panel.set_yticks([])
+    shares = shares_text(item.shares)
+    known = "" if shares == "-" else f"\nvariance from: {shares} %"
+    panel.set_xlabel(f"from nominal, {unit}{known}")
+    panel.set_title(f"{item.output}: u {significant(item.u * factor)} {unit}")
+
+
+@figures.styled
+def swept(result: Sweep) -> Figure:
+    """u against the first of what is varied, a line for each value of the rest; dots are Monte
+    Carlo with two standard errors, lines the formula.
+    """
+    factor, unit = small_unit(result.output.unit)
+    names = [name for name, values in result.varied.items() if len(values) > 1]
+    names = names or list(result.varied)
+    first, rest = names[0], names[1:]
+    page = figures.blank(6.4, 4.4)
+    panel = page.subplots()
+    groups: dict[tuple[float, ...], list[int]] = {}
+    for i, item in enumerate(result.grid):
+        groups.setdefault(tuple(item.at[name] for name in rest), []).append(i)
+    shades = np.linspace(0.25, 0.95, len(groups))
+    from matplotlib import colormaps
+
+    for shade, (key, members) in zip(shades, groups.items(), strict=True):
+        colour = colormaps["Blues"](shade) if len(groups) > 1 else figures.BLUE
+        points = [result.grid[i] for i in members]
+        x = [item.at[first] for item in points]
+        label = ", ".join(f"{n} {v:g}" for n, v in zip(rest, key, strict=True)) or None
+        y = np.array([item.u for item in points]) * factor
+        error = 2 * np.array([item.se_u for item in points]) * factor
+        panel.errorbar(x, y, error, fmt="o", ms=4, color=colour, label=label)
+        panel.plot(x, np.array([item.formula_u for item in points]) * factor, color=colour)
+    panel.set_xlabel(first)
+    panel.set_ylabel(f"u of {result.output}, {unit}")
+    panel.set_ylim(0.0, None)
+    if result.formula is not None:
+        numbers = ", ".join(
+            f"{name} = {with_u(value, None)[0]}"
+            for name, value in result.formula.coefficients.items()
+        )
+        panel.set_title(f"{result.formula.form}\n{numbers}", fontweight="normal")
+    if rest:
+        panel.legend()
+    return page

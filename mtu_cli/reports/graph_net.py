@@ -1,0 +1,78 @@
+"""A measurement graph as nodes and arcs, for all that draws or writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from mtu_cli.files.graph_contract import Graph
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Node:
+    """A place (circle) or a transition (bar). `kind`: of the place, or what the transition does.
+
+    `marked`: holds a marker from the start (a constant, a known point).
+    """
+
+    name: str
+    label: str
+    kind: str
+    place: bool
+    marked: bool = False
+    reported: bool = False
+
+    @property
+    def measures(self) -> bool:
+        """Whether it is a measurement: a transition without inputs."""
+        return not self.place and self.kind == "meas"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Net:
+    """Nodes and arcs (from, to) as numbers of nodes: places first, then transitions.
+
+    `shares` of the variance of `of` that comes in at a place, from 0 to 1.
+    """
+
+    title: str
+    nodes: tuple[Node, ...]
+    arcs: tuple[tuple[int, int], ...]
+    of: str | None = None
+    shares: Mapping[int, float] = field(default_factory=dict)
+
+
+def net_of(
+    graph: Graph,
+    reported: tuple[str, ...],
+    of: str | None = None,
+    shares: Mapping[str, float] | None = None,
+) -> Net:
+    """The net of a graph; `shares` by place are those of the variance of `of`."""
+    places = [
+        Node(
+            name=name,
+            label=name,
+            kind=item.kind,
+            place=True,
+            marked=item.marked,
+            reported=name in reported,
+        )
+        for name, item in graph.places.items()
+    ]
+    at = {node.name: i for i, node in enumerate(places)}
+    bars = []
+    arcs = []
+    for number, item in enumerate(graph.transitions):
+        own = len(places) + number
+        bars.append(Node(name=f"t{number + 1}", label=item.do, kind=item.do, place=False))
+        # A place that is an input twice has one arc.
+        arcs += [(at[name], own) for name in dict.fromkeys(item.in_)]
+        arcs += [(own, at[name]) for name in item.out]
+    return Net(
+        title=graph.name,
+        nodes=(*places, *bars),
+        arcs=tuple(arcs),
+        of=of,
+        shares={at[name]: share for name, share in (shares or {}).items()},
+    )

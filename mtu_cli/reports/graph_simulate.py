@@ -1,0 +1,190 @@
+"""The report of graph simulate: every coordinate, its interval, and where its variance is from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
+from mtu_cli.model.settings import Warned
+from mtu_cli.reports.document import finite, listed
+from mtu_cli.reports.numbers import PLAIN_DIGITS, interval, significant, with_u
+from mtu_cli.reports.tables import Column, Sheet
+from mtu_cli.reports.validations import convergence_warnings, validation_warnings
+from mtu_cli.units import UM
+
+SHOWN_SHARES = 3
+"""Sources named in the table."""
+LEAST_SHARE = 0.005
+"""A smaller share of the variance is not named in the table."""
+TINY = 1e-12
+"""A nominal below this is the rounding of 0."""
+
+
+def document(result: GraphSimulation, coverage_factor: float) -> dict[str, Any]:
+    """`results` of the report: places and their coordinates in mm, rad or 1, and the shares of
+    first-order variance by source.
+    """
+    places: dict[str, dict[str, Any]] = {}
+    budget: dict[str, dict[str, Any]] = {}
+    for item in result.coordinates:
+        name, coordinate = item.output.place, item.output.coordinate
+        places.setdefault(name, {})[coordinate] = _coordinate(item, coverage_factor)
+        budget.setdefault(name, {})[coordinate] = {
+            source: finite(share) for source, share in item.shares.items()
+        }
+    return {
+        "places": places,
+        "trials": result.trials,
+        "converged": result.converged,
+        "budget": budget,
+    }
+
+
+def _coordinate(item: SimulatedCoordinate, k: float) -> dict[str, Any]:
+    return {
+        "unit": item.output.unit,
+        "nominal": finite(item.nominal),
+        "mean": finite(item.mean),
+        "u": finite(item.u),
+        "U": finite(k * item.u),
+        "k": k,
+        "interval95": [finite(end) for end in item.interval],
+        "shortest95": [finite(end) for end in item.shortest],
+        "first_order_u": finite(item.first_order_u),
+        "validation": _validation(item),
+        "trials": item.trials,
+        "converged": item.converged,
+        "monte_carlo": {"se_u": finite(item.se_u)},
+    }
+
+
+def _validation(item: SimulatedCoordinate) -> dict[str, Any] | None:
+    found = item.validation
+    if found is None:
+        return None
+    return {
+        "passed": found.passed,
+        "d_low": finite(found.d_low),
+        "d_high": finite(found.d_high),
+        "tolerance": finite(found.tolerance),
+    }
+
+
+def warnings(result: GraphSimulation) -> list[Warned]:
+    """The result's warnings, and what clause 8 and the trials have to say."""
+    noted = list(result.warnings)
+    for unit, factor, name in (("mm", UM, "um"), ("rad", 1.0, "rad"), ("1", 1.0, "")):
+        judged = [
+            (str(item.output), item.validation)
+            for item in result.coordinates
+            if item.validation is not None and (item.output.unit == unit or unit == "1")
+            if unit != "1" or item.output.unit not in ("mm", "rad")
+        ]
+        noted += validation_warnings(
+            [text for text, _ in judged], [found for _, found in judged], name, factor
+        )
+    short = [str(item.output) for item in result.coordinates if not item.converged]
+    if short:
+        noted += [
+            Warned(code=item.code, message=f"{item.message}; for {listed(short)}")
+            for item in convergence_warnings(result.trials, False)
+        ]
+    return list(dict.fromkeys(noted))
+
+
+def table(result: GraphSimulation) -> list[Sheet]:
+    """One row a coordinate: its nominal, and what differs from it in um, urad or millionths."""
+    columns = [
+        Column(title="place\n", text=True, folds=True),
+        Column(title="nominal\nmm, rad, 1"),
+        Column(title="mean less\nnominal"),
+        Column(title="u\n"),
+        Column(title="95 % interval\nless nominal"),
+        Column(title="first-\norder u"),
+        Column(title="\nunit", text=True),
+        Column(title="variance from,\n%", text=True, folds=True),
+        Column(title="first order\nvalid"),
+    ]
+    notes = [
+        f"{result.trials} Monte Carlo trials; variance from: shares of the first-order variance",
+        "first order valid: its 95 % interval agrees with the Monte Carlo (JCGM 101, clause 8)",
+    ]
+    rows = [_row(item) for item in result.coordinates]
+    title = f"Graph: {result.graph.graph.name}"
+    return [Sheet(title=title, columns=columns, rows=rows, notes=notes)]
+
+
+def _row(item: SimulatedCoordinate) -> list[str]:
+    factor, unit = small_unit(item.output.unit)
+    u = item.u * factor
+    low, high = ((end - item.nominal) * factor for end in item.interval)
+    verdict = {True: "yes", False: "no*", None: "not told"}
+    return [
+        str(item.output),
+        significant(item.nominal, PLAIN_DIGITS) if abs(item.nominal) > TINY else "0",
+        with_u((item.mean - item.nominal) * factor, u)[0],
+        significant(u),
+        "fixed" if item.fixed else interval(low, high, u),
+        significant(item.first_order_u * factor),
+        unit,
+        shares_text(item.shares),
+        "-" if item.validation is None else verdict[item.validation.passed],
+    ]
+
+
+def small_unit(unit: str) -> tuple[float, str]:
+    """The unit in which deviations of an output are shown, and how many of it make one."""
+    return {"mm": (1.0 / UM, "um"), "rad": (1e6, "urad"), "1": (1e6, "1e-6")}.get(unit, (1.0, unit))
+
+
+def shares_text(shares: dict[str, float]) -> str:
+    """ "probe 50, axis 49": percents, the largest first."""
+    known = [(name, share) for name, share in shares.items() if abs(share) >= LEAST_SHARE]
+    known.sort(key=lambda pair: -abs(pair[1]))
+    shown = [
+        f"{source_name(name)} {100 * share:.0f}"
+        for name, share in known[:SHOWN_SHARES]
+        if math.isfinite(share)
+    ]
+    return ", ".join(shown) or "-"
+
+
+def source_name(source: str) -> str:
+    """A source for people: the place, or what of probing it is."""
+    return {"u1_axis": "axis", "u2_probe": "probe", "u3_perpendicular": "perpendicularity"}.get(
+        source, source
+    )
+
+
+CSV_COLUMNS = [
+    "place", "coordinate", "unit", "nominal", "mean", "u", "U", "interval95_low",
+    "interval95_high", "shortest95_low", "shortest95_high", "first_order_u",
+    "validation_passed", "trials", "converged",
+]  # fmt: skip
+
+
+def csv_rows(
+    result: GraphSimulation, coverage_factor: float
+) -> tuple[list[str], Iterable[Sequence[object]]]:
+    """One row a coordinate, with the shares by source at the end."""
+    sources = list(dict.fromkeys(name for item in result.coordinates for name in item.shares))
+    header = [*CSV_COLUMNS, *(f"share_{name}" for name in sources)]
+    return header, [_csv_row(item, coverage_factor, sources) for item in result.coordinates]
+
+
+def _csv_row(item: SimulatedCoordinate, k: float, sources: Sequence[str]) -> list[object]:
+    found = _coordinate(item, k)
+    return [
+        item.output.place,
+        item.output.coordinate,
+        *(found[name] for name in ("unit", "nominal", "mean", "u", "U")),
+        *found["interval95"],
+        *found["shortest95"],
+        found["first_order_u"],
+        None if item.validation is None else item.validation.passed,
+        item.trials,
+        item.converged,
+        *(item.shares.get(name) for name in sources),
+    ]

@@ -1,0 +1,167 @@
+"""The report of graph sweep: the grid, the fitted formula, and whose fault its error is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from mtu_cli.analyses.graph.surface import Formula
+from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
+from mtu_cli.model.settings import Warned
+from mtu_cli.reports.document import finite
+from mtu_cli.reports.numbers import p_value, significant
+from mtu_cli.reports.tables import Column, Sheet
+from mtu_cli.units import UM
+
+UNLIKELY = 0.01
+"""Below this probability the formula's errors are not the Monte Carlo's alone."""
+
+
+def document(result: Sweep) -> dict[str, Any]:
+    """`grid` and `formula`; u and the mean in the output's unit, the formula's u in um for a
+    length.
+    """
+    return {
+        "of": str(result.output),
+        "unit": result.output.unit,
+        "varied": {name: list(values) for name, values in result.varied.items()},
+        "grid": [_point(item) for item in result.grid],
+        "formula": None if result.formula is None else _formula(result.formula),
+    }
+
+
+def _point(item: GridPoint) -> dict[str, Any]:
+    return {
+        **item.at,
+        "mean": finite(item.mean),
+        "u": finite(item.u),
+        "interval95": [finite(end) for end in item.interval],
+        "first_order_u": finite(item.first_order_u),
+        "formula_u": finite(item.formula_u),
+        "error_percent": finite(item.error_percent),
+        "trials": item.trials,
+        "converged": item.converged,
+        "monte_carlo": {"se_u": finite(item.se_u)},
+    }
+
+
+def _formula(found: Formula) -> dict[str, Any]:
+    return {
+        "form": found.form,
+        "coefficients": found.coefficients,
+        "max_error_percent": finite(found.max_error_percent),
+        "monte_carlo": {
+            "standard_error_percent": finite(found.monte_carlo_percent),
+            "expected_max_error_percent": finite(found.expected_max_percent),
+            "p": finite(found.p),
+        },
+        "own_max_error_percent": finite(found.own_max_percent),
+    }
+
+
+def warnings(result: Sweep) -> list[Warned]:
+    """No formula; a formula that the Monte Carlo contradicts; an output without first order."""
+    noted = []
+    found = result.formula
+    if found is None:
+        noted.append(
+            Warned(
+                code="no-formula",
+                message="no formula: nothing varies, u is 0 somewhere, or the grid is too small",
+            )
+        )
+    elif found.p < UNLIKELY and found.max_error_percent > 1.0:
+        noted.append(
+            Warned(
+                code="formula-does-not-fit",
+                message=f"the formula is up to {significant(found.max_error_percent)} % off, more "
+                f"than the Monte Carlo's own scatter explains (p {p_value(found.p)})",
+            )
+        )
+    if found is not None and math.isnan(found.own_max_percent):
+        noted.append(
+            Warned(
+                code="first-order-nil",
+                message=f"{result.output}: the first-order uncertainty is 0; the error of the "
+                "formula itself cannot be told from the Monte Carlo's",
+            )
+        )
+    return noted
+
+
+def table(result: Sweep) -> list[Sheet]:
+    """One row a grid point; u in um for a length."""
+    factor, unit = _shown(result)
+    names = list(result.varied)
+    columns = [
+        *(
+            Column(title=name.replace("_um", "\num") if "_" in name else f"{name}\n")
+            for name in names
+        ),
+        Column(title=f"u\n{unit}"),
+        Column(title=f"first-order u\n{unit}"),
+        Column(title=f"formula\n{unit}"),
+        Column(title="error\n%"),
+        Column(title="trials\n"),
+    ]
+    rows = [
+        [
+            *(f"{item.at[name]:g}" for name in names),
+            significant(item.u * factor, 4),
+            significant(item.first_order_u * factor, 4),
+            significant(item.formula_u * factor, 4),
+            significant(item.error_percent),
+            str(item.trials),
+        ]
+        for item in result.grid
+    ]
+    return [Sheet(title=f"u of {result.output}", columns=columns, rows=rows, notes=_notes(result))]
+
+
+def _shown(result: Sweep) -> tuple[float, str]:
+    return (1.0 / UM, "um") if result.output.unit == "mm" else (1.0, result.output.unit)
+
+
+def _notes(result: Sweep) -> list[str]:
+    found = result.formula
+    if found is None:
+        return []
+    values = ", ".join(f"{name} = {significant(v, 4)}" for name, v in found.coefficients.items())
+    notes = [
+        f"{found.form}; {values}",
+        f"largest error {significant(found.max_error_percent)} %; the Monte Carlo's standard error "
+        f"is {significant(found.monte_carlo_percent)} %, which alone makes "
+        f"{significant(found.expected_max_percent)} % the largest of {len(result.grid)}",
+    ]
+    if math.isfinite(found.own_max_percent):
+        own = found.own_max_percent
+        text = "less than 0.001" if own < 0.001 else significant(own)
+        notes.append(f"the formula's own largest error, on the first-order u: {text} %")
+    return notes
+
+
+def csv_rows(result: Sweep) -> tuple[list[str], Iterable[Sequence[object]]]:
+    """One row a grid point."""
+    names = list(result.varied)
+    header = [
+        *names, "unit", "mean", "u", "interval95_low", "interval95_high", "first_order_u",
+        "formula_u", "error_percent", "se_u", "trials", "converged",
+    ]  # fmt: skip
+    rows = [
+        [
+            *item.at.values(),
+            result.output.unit,
+            item.mean,
+            item.u,
+            *item.interval,
+            item.first_order_u,
+            finite(item.formula_u),
+            finite(item.error_percent),
+            item.se_u,
+            item.trials,
+            item.converged,
+        ]
+        for item in result.grid
+    ]
+    return header, rows

@@ -1,0 +1,215 @@
+"""Distributions of input quantities: JCGM 100:2008, 4.3 and JCGM 101:2008, 6.4.
+
+All are symmetric about the estimate and described about it, as deviations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.stats.coverage import MANY_DOF, t_quantile
+from mtu_cli.stats.workspace import Workspace
+
+FloatArray = NDArray[np.float64]
+
+Kind = Literal[
+    "normal", "t", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine"
+]
+BOUNDED = ("rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine")
+NORMAL_DOF = 1e6
+"""From here on Student's t is drawn as normal: its quantiles differ by about a millionth."""
+LEAST_BOUNDED_DOF = 0.5
+"""Fewer would let the half-width be uncertain by more than itself."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Distribution:
+    """One contribution to an input quantity, about 0.
+
+    `u`: standard uncertainty that the first order uses. `dof`: its degrees of freedom.
+    `half_width` (bounded kinds): of the base; `top`: half-width of the flat top of a trapezoid.
+    `inexact`: relative half-range of the half-width, d/a of JCGM 101:2008, 6.4.3.
+
+    What is drawn: a normal contribution with finite `dof` is the scaled and shifted t of
+    JCGM 101:2008, 6.4.9, a bounded one with `inexact` has a half-width that is itself
+    rectangular in half_width (1 -+ inexact), so that a rectangle becomes the curvilinear
+    trapezoid of 6.4.3.
+    """
+
+    kind: Kind
+    u: float
+    dof: float = math.inf
+    half_width: float = 0.0
+    top: float = 0.0
+    inexact: float = 0.0
+
+    @property
+    def bounded(self) -> bool:
+        return self.kind in BOUNDED
+
+    @property
+    def drawn_variance(self) -> float:
+        """Variance of what is drawn; nan where a t of two degrees of freedom or fewer has none."""
+        if not self.bounded:
+            if self.dof >= NORMAL_DOF:
+                return self.u**2
+            return self.u**2 * self.dof / (self.dof - 2.0) if self.dof > 2.0 else math.nan
+        share = shape_moments(self.kind, self.top_share)[0]
+        return self.half_width**2 * share * (1.0 + self.inexact**2 / 3.0)
+
+    @property
+    def excess(self) -> float:
+        """Fourth cumulant over u^4 of the shape: 0 for a normal one, -6/5 for a rectangle.
+
+        A scaled t counts as normal, as in the whole of the first-order framework.
+        """
+        if not self.bounded:
+            return 0.0
+        second, fourth = shape_moments(self.kind, self.top_share)
+        d = self.inexact**2
+        return fourth * (1.0 + 2.0 * d + d**2 / 5.0) / (second * (1.0 + d / 3.0)) ** 2 - 3.0
+
+    @property
+    def top_share(self) -> float:
+        """beta = top/half_width, of a trapezoid."""
+        return self.top / self.half_width if self.half_width > 0.0 else 0.0
+
+    def draw(self, rng: np.random.Generator, out: FloatArray, work: Workspace) -> None:
+        """Fills `out` (m,) with deviations."""
+        if not self.bounded:
+            rng.standard_normal(out=out)
+            out *= self.u
+            if self.dof < NORMAL_DOF:
+                out *= t_scales(self.dof, rng, work.array("scale", out.shape))
+            return
+        _SHAPES[self.kind](self, rng, out, work)
+        out *= self.half_width
+        if self.inexact > 0.0:
+            width = work.array("width", out.shape)
+            rng.random(out=width)
+            width *= 2.0 * self.inexact
+            width += 1.0 - self.inexact
+            out *= width
+
+
+def t_scales(dof: float, rng: np.random.Generator, out: FloatArray) -> FloatArray:
+    """sqrt(nu/chi2_nu) in `out`: times a normal draw it is Student's t, JCGM 101:2008, 6.4.9.4."""
+    rng.standard_gamma(0.5 * dof, out=out)
+    np.divide(0.5 * dof, out, out=out)
+    np.sqrt(out, out=out)
+    return out
+
+
+def shape_moments(kind: str, top: float = 0.0) -> tuple[float, float]:
+    """Second and fourth moment about 0 of a bounded shape of half-width 1.
+
+    Rectangle 1/3, 1/5; triangle 1/6, 1/15; arcsine 1/2, 3/8; trapezoid with a top of half-width
+    beta (1 + beta^2)/6, (1 + beta^2 + beta^4)/15. (JCGM 100:2008, 4.3.7 and 4.3.9; JCGM
+    101:2008, 6.4.2, 6.4.4, 6.4.5, 6.4.6.)
+    """
+    match kind:
+        case "rectangular" | "curvilinear-trapezoidal":
+            return 1.0 / 3.0, 1.0 / 5.0
+        case "arcsine":
+            return 0.5, 0.375
+        case "triangular":
+            return 1.0 / 6.0, 1.0 / 15.0
+    return (1.0 + top**2) / 6.0, (1.0 + top**2 + top**4) / 15.0
+
+
+def inexact_of(dof: float) -> float:
+    """d/a = Delta u/u = 1/sqrt(2 nu), the relative half-range of a half-width (GUM G.4.2, G.3).
+
+    JCGM 101:2008, 9.5.2, goes from degrees of freedom to inexact limits this way: nu = 50 is
+    d = 0.1 a, nu = 2 is d = 0.5 a.
+    """
+    return 0.0 if math.isinf(dof) else 1.0 / math.sqrt(2.0 * dof)
+
+
+def dof_of_inexact(inexact: float) -> float:
+    """nu = (Delta u/u)^-2 / 2 with Delta u/u = d/a, GUM (JCGM 100:2008) eq. (G.3)."""
+    return math.inf if inexact == 0.0 else 0.5 / inexact**2
+
+
+def _rectangle(
+    item: Distribution, rng: np.random.Generator, out: FloatArray, work: Workspace
+) -> None:
+    rng.random(out=out)
+    out *= 2.0
+    out -= 1.0
+
+
+def _two_rectangles(
+    first: float, rng: np.random.Generator, out: FloatArray, work: Workspace
+) -> None:
+    # The sum of rectangles of half-widths h1 and h2: base h1 + h2, top |h1 - h2|.
+    second = work.array("second", out.shape)
+    rng.random(out=out)
+    rng.random(out=second)
+    out *= 2.0 * first
+    second *= 2.0 * (1.0 - first)
+    out += second
+    out -= 1.0
+
+
+def _trapezoid(
+    item: Distribution, rng: np.random.Generator, out: FloatArray, work: Workspace
+) -> None:
+    _two_rectangles(0.5 * (1.0 + item.top_share), rng, out, work)
+
+
+def _triangle(
+    item: Distribution, rng: np.random.Generator, out: FloatArray, work: Workspace
+) -> None:
+    _two_rectangles(0.5, rng, out, work)
+
+
+def _arcsine(
+    item: Distribution, rng: np.random.Generator, out: FloatArray, work: Workspace
+) -> None:
+    rng.random(out=out)
+    out *= 2.0 * math.pi
+    np.sin(out, out=out)
+
+
+_SHAPES: dict[str, Callable[[Distribution, np.random.Generator, FloatArray, Workspace], None]] = {
+    "rectangular": _rectangle,
+    "curvilinear-trapezoidal": _rectangle,
+    "triangular": _triangle,
+    "trapezoidal": _trapezoid,
+    "arcsine": _arcsine,
+}
+
+
+def student_quantile(probability: float, dof: float) -> float:
+    """t with P(T <= t) = `probability` for Student's t of `dof` degrees of freedom; normal for inf.
+
+    With T = sqrt(nu) tan(theta), P(0 <= T <= t) = C integral of cos(theta)^(nu-1) from 0 to
+    atan(t/sqrt(nu)), C = Gamma((nu+1)/2)/(sqrt(pi) Gamma(nu/2)), by Gauss-Legendre; then
+    Newton's method. It spares a short command the import of scipy, which takes longer than all
+    it does.
+    """
+    if dof < 1.0 or dof >= MANY_DOF:
+        # Below 1 the integrand is singular; from `MANY_DOF` on there is an expansion.
+        return float(t_quantile(np.array([probability]), dof)[0])
+    if probability < 0.5:
+        return -student_quantile(1.0 - probability, dof)
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    c = math.exp(math.lgamma(0.5 * (dof + 1.0)) - math.lgamma(0.5 * dof)) / math.sqrt(math.pi)
+    target = (probability - 0.5) / c
+    # In theta the integral is concave: from below Newton's steps do not overshoot.
+    theta = 0.0
+    for _ in range(200):
+        at = 0.5 * theta * (nodes + 1.0)
+        area = 0.5 * theta * float(weights @ np.cos(at) ** (dof - 1.0))
+        step = (target - area) / math.cos(theta) ** (dof - 1.0)
+        theta = min(theta + step, 0.5 * (theta + 0.5 * math.pi))
+        if abs(step) <= 1e-14 * theta:
+            break
+    return math.sqrt(dof) * math.tan(theta)

@@ -1,0 +1,155 @@
+"""Tests against a variance that is itself a sum of mean squares of few degrees of freedom.
+
+A mean square MS of nu degrees of freedom says of its expectation that it is MS nu/W, W a
+chi-squared of nu: the t distribution of JCGM 101:2008, 6.4.9, is a normal one of that variance.
+A sum sum_k c_k MS_k of independent ones is distributed as sum_k c_k MS_k nu_k/W_k, of which
+the tails of t (Behrens and Fisher's) and F follow. With one mean square these are Student's
+and Fisher's own; with several they do not reject too often, where Welch and Satterthwaite's
+effective degrees of freedom do: a mean square of two degrees of freedom is often so small that
+it leaves no trace in them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.stats.coverage import effective_dof
+from mtu_cli.stats.least_squares import FloatArray
+
+NODES = 64
+REACH = 6.0
+"""Quantiles run from -REACH to REACH standard deviations of the normal scale."""
+MANY = 30.0
+"""From so many degrees of freedom on Welch and Satterthwaite's formula does no harm."""
+BLOCK = 512
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UncertainVariance:
+    """What mean squares tell of m variances: `values` with `weights`, each (m, nodes)."""
+
+    values: FloatArray
+    weights: FloatArray
+
+
+def uncertain_variance(squares: FloatArray, dof: FloatArray) -> UncertainVariance:
+    """The distribution of sums of mean squares `squares` (K, m) of `dof` (K,), inf if known.
+
+    Negative entries (differences of mean squares) are taken off the others in proportion; a
+    sum below 0 is 0.
+    """
+    c = _positive(squares)
+    values = np.empty((c.shape[1], NODES))
+    weights = np.empty_like(values)
+    for start in range(0, c.shape[1], BLOCK):
+        rows = slice(start, start + BLOCK)
+        values[rows], weights[rows] = _convolved(c[:, rows], dof)
+    return UncertainVariance(values=values, weights=weights)
+
+
+def t_tail(deviation: FloatArray, variance: UncertainVariance) -> FloatArray:
+    """Two-sided p (m,) that a normal `deviation` (m,) of such variance is as large.
+
+    Where the variance is known to be 0: 0, or nan for no deviation.
+    """
+    from scipy.special import ndtr
+
+    exact = ~(variance.values > 0).any(axis=1)
+    scale = np.sqrt(np.where(variance.values > 0, variance.values, 1.0))
+    tails = 2 * ndtr(-np.abs(deviation[:, None]) / scale)
+    p: FloatArray = (tails * variance.weights).sum(axis=1)
+    return np.where(exact, np.where(deviation == 0, np.nan, deviation * 0.0), p)
+
+
+def f_tails(
+    mean_square: FloatArray, dof: FloatArray, variance: UncertainVariance
+) -> tuple[FloatArray, FloatArray]:
+    """P (m,) that a mean square (m,) of `dof` (m,) and such expectation is larger, and smaller.
+
+    nan where there is no mean square, or 0 against 0; a scatter where none is expected has
+    (0, 1).
+    """
+    from scipy.special import chdtr, chdtrc
+
+    known = np.isfinite(mean_square) & (dof > 0)
+    d = np.where(known, dof, 1.0)[:, None]
+    ms = np.where(known, mean_square, 1.0)[:, None]
+    exact = ~(variance.values > 0).any(axis=1)
+    x = d * ms / np.where(variance.values > 0, variance.values, 1.0)
+    high = (chdtrc(d, x) * variance.weights).sum(axis=1)
+    low = (chdtr(d, x) * variance.weights).sum(axis=1)
+    high = np.where(exact, np.where(mean_square > 0, 0.0, np.nan), high)
+    low = np.where(exact, np.where(mean_square > 0, 1.0, np.nan), low)
+    return np.where(known, high, np.nan), np.where(known, low, np.nan)
+
+
+def _positive(squares: FloatArray) -> FloatArray:
+    total, positive = squares.sum(axis=0), np.maximum(squares, 0.0)
+    whole = positive.sum(axis=0)
+    share = np.divide(np.maximum(total, 0.0), whole, out=np.zeros_like(whole), where=whole > 0)
+    return np.asarray(positive * share)
+
+
+def _convolved(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights (m, NODES) of sum_k c_k nu_k/W_k, one mean square after the other."""
+    z, weight = _normal_nodes()
+    many = dof >= MANY
+    values, weights = _pooled(c[many], dof[many], z), np.tile(weight, (c.shape[1], 1))
+    for own, nu in zip(c[~many], dof[~many], strict=True):
+        there = np.flatnonzero(own > 0)
+        if len(there):
+            ratio = _inverse_chi_squared(z, np.full(1, nu))[0]
+            values[there], weights[there] = _sum(
+                values[there], weights[there], own[there, None] * ratio, weight
+            )
+    return values, weights
+
+
+def _normal_nodes() -> tuple[FloatArray, FloatArray]:
+    z = np.linspace(-REACH, REACH, NODES)
+    density = np.exp(-(z**2) / 2)
+    return z, density / density.sum()
+
+
+def _inverse_chi_squared(z: FloatArray, dof: FloatArray) -> FloatArray:
+    """nu/W (m, nodes) at the normal quantiles z, from its smallest value to its largest."""
+    from scipy.special import gammaincinv, ndtr
+
+    nu = np.minimum(dof, 1e9)[:, None]
+    found: FloatArray = nu / (2 * gammaincinv(nu / 2, ndtr(-z)))
+    return np.where(np.isinf(dof)[:, None], 1.0, found)
+
+
+def _pooled(c: FloatArray, dof: FloatArray, z: FloatArray) -> FloatArray:
+    """Mean squares of many degrees of freedom as one (JCGM 100, G.4.1), (m, nodes)."""
+    total = c.sum(axis=0)
+    nu = effective_dof(total, c, dof)
+    return np.asarray(total[:, None] * _inverse_chi_squared(z, nu))
+
+
+def _sum(
+    a: FloatArray, weights: FloatArray, b: FloatArray, weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The sum of two independent quantities, gathered again at NODES places.
+
+    All pairs in the order of their sum; what lies between two quantiles of the normal scale
+    becomes one node at its geometric mean.
+    """
+    from scipy.special import ndtr
+
+    m = len(a)
+    values = (a[:, :, None] + b[:, None, :]).reshape(m, -1)
+    w = (weights[:, :, None] * weight).reshape(m, -1)
+    order = np.argsort(values, axis=1)
+    values, w = np.take_along_axis(values, order, 1), np.take_along_axis(w, order, 1)
+    step = 2 * REACH / (NODES - 1)
+    edges = ndtr(np.linspace(-REACH, REACH - step, NODES - 1) + step / 2)
+    group = np.searchsorted(edges, np.cumsum(w, axis=1) - w / 2)
+    place = (group + NODES * np.arange(m)[:, None]).ravel()
+    total = np.bincount(place, w.ravel(), minlength=m * NODES)
+    logs = np.bincount(place, (w * np.log(values)).ravel(), minlength=m * NODES)
+    mean: FloatArray = np.exp(np.divide(logs, total, out=np.zeros_like(logs), where=total > 0))
+    gathered: FloatArray = total.astype(np.float64)
+    return mean.reshape(m, NODES), gathered.reshape(m, NODES)

@@ -1,0 +1,90 @@
+"""Time and memory of the graph's Monte Carlo against numpy drawing its random numbers."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from graph_examples import shipped
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # no stubs published
+
+from mtu_cli.model.graph.first_order import first_order
+from mtu_cli.model.graph.measurement_graph import evaluation
+from mtu_cli.model.graph.trials import GraphTrials
+from mtu_cli.stats.monte_carlo import monte_carlo
+
+TRIALS = 1_000_000
+CHUNK = 8192
+MOST = 3.0
+ROUNDS = 5
+FLAT_MB = 5.0
+
+
+def model() -> GraphTrials:
+    graph = shipped("axes-a-and-c")
+    part = evaluation(graph, graph.outputs(["d_AC"]))
+    return GraphTrials(part, first_order(part))
+
+
+def seconds_drawing(inputs: int) -> float:
+    z = np.empty((inputs, CHUNK))
+    rng = np.random.Generator(np.random.SFC64(1))
+    start = time.perf_counter()
+    for _ in range(TRIALS // CHUNK):
+        rng.standard_normal(out=z)
+    return time.perf_counter() - start
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_distance_of_axes(threads: int) -> None:
+    """1e6 trials of the whole graph at most 3 x the drawing of its normals on one thread."""
+    trials = model()
+    ratios = []
+    for _ in range(ROUNDS):
+        with threadpool_limits(1):
+            reference = seconds_drawing(trials.evaluation.inputs.k)
+        start = time.perf_counter()
+        monte_carlo(trials, seed=1, trials=TRIALS, threads=threads)
+        ratios.append((time.perf_counter() - start) / reference)
+    print(f"{threads} thread(s): {min(ratios):.2f} x the drawing of the normals")
+    assert min(ratios) <= MOST
+
+
+MEMORY = """
+import sys
+from test_bench_graph import model
+from mtu_cli.stats.monte_carlo import monte_carlo
+
+def read():
+    lines = open("/proc/self/status").read().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
+
+trials = model()
+# The peak of importing would hide what follows: Linux lets it be reset.
+open("/proc/self/clear_refs", "w").write("5")
+before = read()
+monte_carlo(trials, seed=1, trials=int(float(sys.argv[1])), threads=2, keep=2**16)
+print(read() - before)
+"""
+
+
+def added_mb(trials: float) -> float:
+    """Memory that a run takes beyond what its process has before."""
+    path = ":".join([item for item in sys.path if item])
+    call = [sys.executable, "-c", MEMORY, str(trials)]
+    found = subprocess.run(
+        call, capture_output=True, text=True, check=True, env={"PYTHONPATH": path}
+    )
+    return int(found.stdout) / 1024
+
+
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="Linux tells its peak")
+def test_memory_does_not_grow() -> None:
+    """From 1e5 to 1e7 trials here; 1e8 take a minute more and no more memory."""
+    few, many = added_mb(1e5), added_mb(1e7)
+    print(f"added {few:.1f} MB at 1e5 trials, {many:.1f} MB at 1e7")
+    assert many - few < FLAT_MB

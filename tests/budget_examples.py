@@ -1,0 +1,54 @@
+"""Budgets from YAML text, evaluated as the command does."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+
+from mtu_cli.analyses.budget import BudgetResult, OutputBudget, evaluate_budget
+from mtu_cli.files.budget import LoadedBudget, budget_from
+from mtu_cli.files.source import Source
+from mtu_cli.files.yaml_file import parse_yaml
+from mtu_cli.model.settings import Settings
+
+HEAD = "schema: mtu/budget/1\nname: example\n"
+SOURCE = Source(role="budget", path=Path("b.yaml"), shown="b.yaml", sha256="0" * 64)
+
+
+CORRELATED = """
+    equation: a + 2*b
+    inputs:
+      a: {value: 0, u: 0.6, contributions: [{u: 0.8}]}
+      b: {value: 0, u: 0.3, contributions: [{U: 0.8, k: 2}]}
+    correlations: [[a, b, 0.7]]
+"""
+
+
+def loaded(text: str) -> LoadedBudget:
+    """A budget without its two first lines, checked."""
+    return budget_from(parse_yaml(HEAD + textwrap.dedent(text), SOURCE))
+
+
+def evaluated(
+    text: str,
+    *,
+    seed: int = 1,
+    trials: int | None = None,
+    digits: int = 2,
+    threads: int | None = None,
+    k: float | None = None,
+) -> BudgetResult:
+    """A budget without its two first lines, evaluated."""
+    settings = Settings(seed=seed, trials=trials, digits=digits, threads=threads)
+    return evaluate_budget(loaded(text), settings, k)
+
+
+def single(result: BudgetResult) -> OutputBudget:
+    """The output of a budget of one equation."""
+    (output,) = result.outputs
+    return output
+
+
+def codes(result: BudgetResult) -> set[str]:
+    """The codes of a result's warnings."""
+    return {item.code for item in result.warnings}

@@ -1,0 +1,110 @@
+"""`mtu budget` as a user calls it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import jsonschema
+import pytest
+from cli_runner import done, listing, mtu, refused, report
+from support import CONFIGS
+
+from mtu_cli.files.yaml_file import read_yaml
+
+BUDGETS = sorted((CONFIGS / "budgets").glob("*.yaml"))
+H1 = CONFIGS / "budgets" / "gum-h1-end-gauge.yaml"
+FAULTY = """\
+schema: mtu/budget/1
+name: faulty
+quantity: {nam: y}
+equation: ls + d*thata
+inputs:
+  ls: {value: 1, u: 1, half_width: 2}
+  d: {value: 2, u: -1}
+  theta: {value: 1e, u: 1}
+correlations: [[ls, x, 0.2]]
+"""
+
+
+@pytest.mark.parametrize("path", BUDGETS, ids=lambda path: path.stem)
+def test_shipped_budgets(path: Path, tmp_path: Path) -> None:
+    outputs = ["-o", tmp_path / "out.json", "--csv", tmp_path / "out.csv"]
+    result = done(mtu("budget", path, *outputs, "--plot", tmp_path / "out.svg"))
+    assert max(map(len, result.stdout.splitlines())) <= 100
+    document = json.loads((tmp_path / "out.json").read_text("utf-8"))
+    assert document["schema"] == "mtu/budget/1"
+    assert [item["role"] for item in document["inputs"]] == ["budget"]
+    results = document["results"]
+    found = list(results.get("outputs", {"": results}).values())
+    rows = sum(len(item["rows"]) for item in found)
+    assert len((tmp_path / "out.csv").read_text("utf-8").splitlines()) == rows + 1
+    for item in found:
+        assert item["monte_carlo"]["converged"]
+        # Decided, one way or the other, by a Monte Carlo that can tell.
+        assert item["monte_carlo"]["first_order_valid"] in (True, False)
+
+
+def test_options() -> None:
+    """--k wins over the file, --trials is what is run, --seed moves the trials alone."""
+    results = report("budget", H1, "--k", "2", "--trials", "20000", "--seed", "5")["results"]
+    other = report("budget", H1, "--k", "2", "--trials", "20000", "--seed", "6")["results"]
+    assert (results["k"], results["U"]) == (2.0, 2.0 * results["u"])
+    assert results["monte_carlo"]["trials"] == 20000
+    assert results["monte_carlo"]["probability"] == pytest.approx(0.9545, abs=5e-5)
+    assert results["rows"] == other["rows"]
+    assert results["monte_carlo"]["mean"] != other["monte_carlo"]["mean"]
+
+
+def test_threads_do_not_change_a_byte() -> None:
+    one = done(mtu("budget", H1, "--threads", "1", "-o", "-")).stdout
+    assert one == done(mtu("budget", H1, "--threads", "2", "-o", "-")).stdout
+
+
+def test_every_fault_at_once(tmp_path: Path) -> None:
+    (tmp_path / "b.yaml").write_text(FAULTY)
+    message = refused(tmp_path, "budget", "b.yaml", "-o", "out.json")
+    words = [
+        "b.yaml:3: quantity.nam: unknown key: 'nam'; did you mean 'name'?",
+        "b.yaml:4: equation: unknown name 'thata' at column 8; did you mean 'theta'?",
+        "b.yaml:6: inputs.ls: u and half_width are given",
+        "b.yaml:7: inputs.d.u: wrong value: '-1'",
+        "b.yaml:8: inputs.theta.value: wrong value: '1e'",
+        "b.yaml:9: correlations[0]: unknown input: 'x'",
+    ]
+    lines = message.removeprefix("mtu: ").splitlines()
+    assert len(lines) == len(words), message
+    for line, expected in zip(lines, words, strict=True):
+        assert line.startswith(expected)
+
+
+def test_a_study_around_it_does_not_matter(tmp_path: Path) -> None:
+    """A budget stands alone, also where a faulty mtu.yaml lies beside it."""
+    shutil.copy(H1, tmp_path / "b.yaml")
+    (tmp_path / "mtu.yaml").write_text("schema: nonsense\n")
+    assert report("budget", "b.yaml", cwd=tmp_path)["inputs"][0]["path"] == "b.yaml"
+
+
+def test_a_call_without_a_file() -> None:
+    assert "FILE" in done(mtu("budget"), 2).stderr
+    assert "no such file" in done(mtu("budget", "nowhere.yaml"), 2).stderr
+
+
+def test_nothing_is_written_where_trials_are_not_finite(tmp_path: Path) -> None:
+    text = "schema: mtu/budget/1\nname: b\nequation: log(x)\ninputs: {x: {value: 1, u: 1}}\n"
+    (tmp_path / "b.yaml").write_text(text)
+    before = listing(tmp_path)
+    result = done(mtu("budget", "b.yaml", "-o", "out.json", cwd=tmp_path), 2)
+    assert "mtu: b.yaml:3: equation: output 'y': " in result.stderr
+    assert listing(tmp_path) == before
+
+
+def test_json_schema() -> None:
+    schema = json.loads(done(mtu("schema", "budget")).stdout)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    for path in BUDGETS:
+        data = read_yaml(path, "budget").data
+        validator.validate(data)
+        assert not validator.is_valid(data | {"equatoin": "y"})

@@ -1,0 +1,163 @@
+"""`mtu compare` on virtual parts of the small machine: gates, repeats, and what cannot be known."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from cli_runner import SMALL, done, mtu, prepared, refused, report
+from csv_examples import Rows, rows_of, write
+from report_numbers import numbers
+
+OUTPUTS = ("-o", "out.json", "--csv", "out.csv", "--plot", "out.png")
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Rows:
+    """Eight virtual parts of the small machine, twice each: the prediction holds by design."""
+    path = tmp_path_factory.mktemp("parts") / "cmm.csv"
+    done(mtu("simulate", SMALL, "--seed", 1, "--parts", 8, "--repeats", 2, "--cmm-u-um", 0.5,
+             "--write-cmm", path, "-q"))  # fmt: skip
+    return rows_of(path.read_text())
+
+
+def moved(rows: Rows, shift_mm: Callable[[dict[str, str]], float]) -> Rows:
+    return [row | {"x_mm": repr(float(row["x_mm"]) + shift_mm(row))} for row in rows]
+
+
+GATED: dict[str, Callable[[dict[str, str]], float]] = {
+    "biased": lambda _: 0.05,
+    "under-predicted": lambda row: 0.05 * (-1) ** int(row["part"]),
+}
+
+
+@pytest.mark.parametrize("kind", GATED)
+def test_a_gate_is_met_by_what_it_names_alone(parts: Rows, kind: str, tmp_path: Path) -> None:
+    """50 um in x alone, the same for all parts or to and fro: y stays as it was foretold."""
+    path = write(tmp_path / "cmm.csv", moved(parts, GATED[kind]))
+    for gate in GATED:
+        met = kind == gate
+        call = ("compare", SMALL, "--cmm", path, "--fail-if", gate, "-q", "-o", tmp_path / gate)
+        result = done(mtu(*call), 3 if met else 0)
+        assert result.stderr.startswith(f"mtu: gate {gate}: A x, B x, ") == met
+        assert met or result.stderr == ""
+        features = json.loads((tmp_path / gate).read_text())["results"]["features"]
+        assert {(x["axis"], x["verdict"]) for x in features} == {("x", kind), ("y", "consistent")}
+
+
+def test_numbered_repeats_beside_others_in_either_order(parts: Rows, tmp_path: Path) -> None:
+    """Where one file numbers its repeats and the other does not, all of them are repeats."""
+    later = [{k: v for k, v in row.items() if k != "repeat"} for row in moved(parts, lambda _: 0.0)]
+    for row in later:
+        row["x_mm"] = repr(float(row["x_mm"]) + 0.0004)
+    files = [write(tmp_path / "a.csv", parts), write(tmp_path / "b.csv", later)]
+    found = [
+        report("compare", SMALL, "--cmm", first, "--cmm", second)["results"]["lengths"]
+        for first, second in (files, files[::-1])
+    ]
+    for one, other in zip(*found, strict=True):
+        assert one["measured"] == pytest.approx(other["measured"])
+        assert (one["measured"]["parts"], one["measured"]["n"]) == (8, 32)
+
+
+def test_parts_without_z_are_turned_without_a_murmur(parts: Rows, tmp_path: Path) -> None:
+    path = write(tmp_path / "cmm.csv", parts)
+    call = ("compare", SMALL, "--cmm", path, "--datum", "offset,rotation", "-q")
+    assert done(mtu(*call)).stderr == ""
+
+
+@pytest.mark.parametrize("kind", ["one part", "one feature", "one axis"])
+def test_what_cannot_be_had_is_null_with_a_warning(parts: Rows, kind: str, tmp_path: Path) -> None:
+    """No length without its features, no scatter of one part, no prediction of Y without Ey."""
+    work = prepared(tmp_path / "work")
+    rows = parts
+    if kind == "one part":
+        rows = [row for row in parts if row["part"] == "1"]
+    elif kind == "one feature":
+        rows = [row for row in parts if row["feature"] == "A"]
+    else:
+        lines = (work / "machine.yaml").read_text().splitlines()
+        (work / "machine.yaml").write_text("\n".join(x for x in lines if "Ey:" not in x))
+    write(work / "cmm.csv", rows)
+    result = done(mtu("compare", "--cmm", "cmm.csv", "-o", "-", cwd=work))
+    assert "RuntimeWarning" not in result.stderr
+    found = json.loads(result.stdout)
+    codes = {item["code"] for item in found["warnings"]} - {"unused-component"}
+    missing = {name for name, value in numbers(found["results"]) if value is None} - {
+        ".features.operation", ".lengths.axis", ".lengths.operation",
+        ".summary.features.operation", ".summary.lengths.operation",
+    }  # fmt: skip
+    assert missing
+    assert codes
+
+
+def test_scatter_where_none_is_predicted_is_not_allowed_for(parts: Rows, tmp_path: Path) -> None:
+    """A machine without Ey foretells lengths along Y that never err; these parts' do."""
+    work = prepared(tmp_path / "work")
+    lines = (work / "machine.yaml").read_text().splitlines()
+    (work / "machine.yaml").write_text("\n".join(x for x in lines if "Ey:" not in x))
+    once = [row for row in parts if row["repeat"] == "1"]
+    write(work / "cmm.csv", once)
+    lengths = report("compare", "--cmm", "cmm.csv", cwd=work)["results"]["lengths"]
+    (along_y,) = [item for item in lengths if item["id"] == "A-E"]
+    assert along_y["predicted"]["u_um"] == 0
+    assert along_y["measured"]["u_um"] > 1
+    assert along_y["p_scatter_familywise"] in (None, 0)
+    assert along_y["verdict"] != "consistent"
+
+
+def test_nothing_in_common_with_the_machine_is_refused(parts: Rows, tmp_path: Path) -> None:
+    """Points in x and y say nothing about a machine of which only Ez is known."""
+    work = prepared(tmp_path / "work")
+    text = (work / "machine.yaml").read_text()
+    (work / "machine.yaml").write_text(text[: text.index("equations:")] + "equations: {Ez: dx_x}\n")
+    write(work / "cmm.csv", parts)
+    assert "z_mm" in refused(work, "compare", "--cmm", "cmm.csv", *OUTPUTS)
+
+
+def test_one_part_is_judged_and_meets_both_gates_where_it_is_off(
+    parts: Rows, tmp_path: Path
+) -> None:
+    """50 um of one part: bias or scatter, nobody can say."""
+    one = [row for row in parts if row["part"] == "1"]
+    calm = write(tmp_path / "calm.csv", one)
+    off = write(tmp_path / "off.csv", moved(one, lambda _: 0.05))
+    for gate in GATED:
+        done(mtu("compare", SMALL, "--cmm", calm, "--fail-if", gate, "-q"))
+        met = done(mtu("compare", SMALL, "--cmm", off, "--fail-if", gate, "-q"), 3)
+        assert met.stderr.splitlines()[-1].startswith(f"mtu: gate {gate}: A x, B x, C x, ")
+    result = done(mtu("compare", SMALL, "--cmm", off))
+    text = " ".join(result.stdout.split())
+    assert "inconsistent: the mean is off by" in text
+    assert "bias or scatter: too few parts to tell (5 of 10)" in text
+    assert "[one-part]" in result.stderr
+    found = report("compare", SMALL, "--cmm", off)["results"]
+    x = [item for item in found["features"] if item["axis"] == "x"]
+    assert {item["verdict"] for item in x} == {"inconsistent"}
+    assert {item["biased"] for item in x} == {None}
+    assert {item["p_scatter_familywise"] for item in x} == {None}
+
+
+def test_a_gate_that_nothing_can_be_tested_for_is_refused(parts: Rows, tmp_path: Path) -> None:
+    one = write(tmp_path / "a.csv", [row for row in parts if row["feature"] == "A"])
+    for gate in GATED:
+        call = ("compare", SMALL, "--cmm", one, "--datum", "offset", "--fail-if", gate, "-q")
+        assert "no item could be tested" in done(mtu(*call), 2).stderr
+    found = report("compare", SMALL, "--cmm", one, "--datum", "offset")
+    assert {item["verdict"] for item in found["results"]["features"]} == {None}
+    assert "not-tested" in {item["code"] for item in found["warnings"]}
+    assert found["results"]["summary"]["features"][0]["verdict_text"] == "features: not tested"
+
+
+def test_names_in_any_script_are_drawn_in_silence(parts: Rows, tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    text = (work / "part.yaml").read_text()
+    for old, new in (("A: {", "\u7a74: {"), ("[A,", "[\u7a74,"), ("from: A,", "from: \u7a74,")):
+        text = text.replace(old, new)
+    (work / "part.yaml").write_text(text, encoding="utf-8")
+    named = [row | {"feature": row["feature"].replace("A", "\u7a74")} for row in parts]
+    write(work / "cmm.csv", named)
+    result = done(mtu("compare", "--cmm", "cmm.csv", "--plot", "out.png", "-q", cwd=work))
+    assert result.stderr == ""

@@ -1,0 +1,176 @@
+"""`mtu graph`: check, draw, simulate and sweep as a user calls them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from cli_runner import done, listing, mtu, refused, report
+from support import CONFIGS
+
+GRAPHS = CONFIGS / "graphs"
+SHIPPED = sorted(GRAPHS.glob("*.yaml"))
+BALL = GRAPHS / "ball-centre.yaml"
+AXES = GRAPHS / "axes-a-and-c.yaml"
+FIELDS = {"unit", "nominal", "mean", "u", "interval95", "first_order_u"}
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_check(path: Path) -> None:
+    result = done(mtu("graph", "check", path))
+    assert "sound: " in result.stdout
+    assert result.stderr == ""
+
+
+def test_check_reports_the_firing_order() -> None:
+    results = report("graph", "check", BALL)["results"]
+    first, second = results["firing_order"]
+    assert {step["do"] for step in first} == {"meas"}
+    assert second == [{"do": "ball", "in": ["x1", "x2", "y1", "y2", "z1", "r1"], "out": ["P1"]}]
+    assert results["places"] == {"coordinate": 5, "constant": 1, "point": 1}
+    assert results["reported"] == ["P1"]
+
+
+def test_simulate() -> None:
+    document = report("graph", "simulate", AXES)
+    assert document["schema"] == "mtu/graph-simulate/1"
+    assert [item["role"] for item in document["inputs"]] == ["graph"]
+    results = document["results"]
+    assert set(results) == {"places", "trials", "converged", "budget"}
+    assert results["converged"] is True
+    assert set(results["places"]["PO"]) == {"x", "y", "z"}
+    one = results["places"]["d_AC"]["value"]
+    assert set(one) >= FIELDS
+    assert one["unit"] == "mm"
+    assert one["nominal"] == pytest.approx(50)
+    shares = results["budget"]["d_AC"]["value"]
+    assert set(shares) == {"u1_axis", "u2_probe", "u3_perpendicular"}
+    assert sum(shares.values()) == pytest.approx(1)
+    assert document["warnings"] == []
+
+
+def test_outputs_of_one_place(tmp_path: Path) -> None:
+    call = ("graph", "simulate", AXES, "--of", "PA.z", "--of", "RC", "--trials", "30000")
+    files = ("--csv", tmp_path / "a.csv", "--plot", tmp_path / "a.png", "-o", tmp_path / "a.json")
+    shown = done(mtu(*call, *files)).stdout
+    document = json.loads((tmp_path / "a.json").read_text("utf-8"))
+    places = document["results"]["places"]
+    assert {name: list(item) for name, item in places.items()} == {"PA": ["z"], "RC": ["value"]}
+    assert document["results"]["trials"] == 30_000
+    rows = list(csv.DictReader((tmp_path / "a.csv").read_text("utf-8").splitlines()))
+    assert [(row["place"], row["coordinate"]) for row in rows] == [("PA", "z"), ("RC", "value")]
+    assert float(rows[0]["u"]) == places["PA"]["z"]["u"]
+    assert "PA.z" in shown
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_sweep() -> None:
+    vary = ("--vary", "axis_um=0.5:2.5:3", "--vary", "probe_um=1,2")
+    document = report("graph", "sweep", AXES, *vary, "--of", "d_AC", "--trials", "1000")
+    assert document["schema"] == "mtu/graph-sweep/1"
+    results = document["results"]
+    assert [(item["axis_um"], item["probe_um"]) for item in results["grid"]] == [
+        (0.5, 1), (0.5, 2), (1.5, 1), (1.5, 2), (2.5, 1), (2.5, 2),
+    ]  # fmt: skip
+    formula = results["formula"]
+    assert formula["form"] == "u_um = sqrt(a*probe_um^2 + b*axis_um^2)"
+    assert set(formula["coefficients"]) == {"a", "b"}
+    assert formula["max_error_percent"] < 15
+    assert formula["monte_carlo"]["standard_error_percent"] == pytest.approx(2.2, abs=0.2)
+    assert set(results["places"]["d_AC"]["value"]) >= FIELDS
+
+
+def test_how_many_probings() -> None:
+    call = ("graph", "sweep", BALL, "--vary", "repeats=1:5:5", "--of", "P1.x")
+    grid = report(*call)["results"]["grid"]
+    assert [item["repeats"] for item in grid] == [1, 2, 3, 4, 5]
+    assert 1e6 * grid[4]["u"] ** 2 == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize(
+    ("kind", "start"),
+    [
+        ("svg", b"<?xml"),
+        ("png", b"\x89PNG"),
+        ("pdf", b"%PDF-"),
+        ("dot", b"digraph"),
+        ("mmd", b"---"),
+        ("pl", b"%"),
+    ],
+)
+def test_draw(kind: str, start: bytes, tmp_path: Path) -> None:
+    plain, shares = tmp_path / f"a.{kind}", tmp_path / f"b.{kind}"
+    done(mtu("graph", "draw", BALL, "--to", plain))
+    done(mtu("graph", "draw", BALL, "--to", shares, "--of", "P1.z"))
+    assert plain.read_bytes().startswith(start)
+    assert (plain.read_bytes() == shares.read_bytes()) == (kind == "pl")
+
+
+def test_the_same_bytes_everywhere(tmp_path: Path) -> None:
+    found = []
+    for threads, env in ((1, {"PYTHONHASHSEED": "0"}), (3, {"PYTHONHASHSEED": "7"})):
+        folder = tmp_path / str(threads)
+        folder.mkdir()
+        graph = GRAPHS / "work-coordinates.yaml"
+        files = ("-o", "a.json", "--csv", "a.csv", "--plot", "a.svg")
+        done(mtu("graph", "simulate", graph, "--threads", threads, *files, cwd=folder, env=env))
+        done(mtu("graph", "draw", graph, "--to", "b.svg", cwd=folder, env=env))
+        found.append(listing(folder))
+    assert found[0] == found[1]
+
+
+def test_a_study_in_the_folder_is_none_of_its_business(tmp_path: Path) -> None:
+    (tmp_path / "mtu.yaml").write_text("not: a study\n", "utf-8")
+    document = report("graph", "simulate", BALL, "--trials", "1000", cwd=tmp_path)
+    assert [item["role"] for item in document["inputs"]] == ["graph"]
+
+
+def test_the_graph_itself_is_not_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "graph.dot").write_bytes(BALL.read_bytes())
+    assert "is an input" in refused(tmp_path, "graph", "draw", "graph.dot", "--to", "graph.dot")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "places: [1, 2]\ntransitions: {}\n",
+        "places: {a: 3, b: null, c: [1]}\ntransitions: [3, null, {do: meas}, {out: a}, {do: 4}]\n",
+        "places: {}\ntransitions: []\nreport: 4\ncorrelations: {a: 1}\n",
+        "places: {a: {kind: constant, value: 1e400}}\ntransitions: [{do: meas, in: a, out: 3}]\n",
+        "places: {a: {kind: constant}}\ntransitions: [{do: ratio, in: [a, a], out: a}]\n",
+        "places: {x: {kind: vector}}\ntransitions: [{do: meas, out: x, repeats: 0}]\n",
+        "places: {x: {kind: point, nominal_mm: [a, [1]]}}\ntransitions: [{do: meas, out: [x]}]\n",
+        "places: null\ntransitions: null\n",
+    ],
+)
+@pytest.mark.parametrize("command", ["check", "simulate"])
+def test_nonsense_is_refused(text: str, command: str, tmp_path: Path) -> None:
+    (tmp_path / "g.yaml").write_text(f"schema: mtu/graph/1\nname: n\n{text}", "utf-8")
+    message = refused(tmp_path, "graph", command, "g.yaml")
+    assert message.startswith("mtu: g.yaml:")
+
+
+def test_hundreds_of_faults_and_thousands_of_places(tmp_path: Path) -> None:
+    """A chain of 800 sums is neither too deep nor too slow; 500 faults are all counted."""
+    n = 800
+    places = "".join(f"  p{i}: {{kind: constant}}\n" for i in range(1, n + 1))
+    steps = "".join(
+        f"  - {{do: compute, in: [p{i}], out: p{i + 1}, formula: p{i} + 1}}\n" for i in range(n)
+    )
+    head = "schema: mtu/graph/1\nname: chain\nplaces:\n  p0: {kind: constant, value: 0, u: 1}\n"
+    text = f"{head}{places}transitions:\n{steps}"
+    (tmp_path / "g.yaml").write_text(text, "utf-8")
+    found = report("graph", "simulate", "g.yaml", "--trials", "1000", cwd=tmp_path)
+    assert found["results"]["places"][f"p{n}"]["value"]["nominal"] == n
+    (tmp_path / "g.yaml").write_text(text.replace("in: [p1", "in: [q1"), "utf-8")
+    assert "more" in refused(tmp_path, "graph", "check", "g.yaml")
+
+
+@pytest.mark.parametrize("command", ["check", "draw", "simulate", "sweep"])
+def test_help(command: str) -> None:
+    shown = done(mtu("graph", command, "--help", env={"COLUMNS": "100"})).stdout
+    assert max(map(len, shown.splitlines())) <= 100
+    assert "FILE" in shown
+    assert command in done(mtu("graph", "--help")).stdout

@@ -1,0 +1,102 @@
+"""Constructions know no machine: turned and moved inputs give turned and moved outputs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mtu_cli.files.graph_kinds import TRANSITIONS
+from mtu_cli.files.graph_steps import Step
+from mtu_cli.model.graph.nominal import construction
+
+Floats = NDArray[np.float64]
+BOUND = {"ball", "hole", "meas", "compute"}
+"""They read coordinates of the machine, or no geometry at all."""
+MORE = {"circle": (3, 7), "plane": (3, 6), "sphere": (4, 8)}
+CASES = [
+    (do, variant.name, count)
+    for do, variants in TRANSITIONS.items()
+    for variant in variants
+    if do not in BOUND and (do, variant.name) != ("displace", "coordinate")
+    for count in (MORE[do] if variant.inputs[0].most is None else (0,))
+]
+TRIALS = 5
+
+
+def unit(v: Floats) -> Floats:
+    found: Floats = v / np.linalg.norm(v, axis=0)
+    return found
+
+
+def place(kind: str, rng: np.random.Generator) -> Floats:
+    """A random place (.., m) of the kind."""
+    point = rng.normal(size=(3, TRIALS)) * 50
+    vector = rng.normal(size=(3, TRIALS))
+    if kind == "constant":
+        return np.abs(rng.normal(size=TRIALS)) + 5
+    if kind in ("line", "plane"):
+        return np.stack([point, unit(vector)])
+    if kind == "frame":
+        axes = np.stack([np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(TRIALS)], axis=2)
+        return np.concatenate([point[None], axes])
+    return point if kind == "point" else vector
+
+
+def round_points(count: int, flat: bool, rng: np.random.Generator) -> list[Floats]:
+    """Points about a circle or sphere, 1 % off it, the same turn in all trials."""
+    if flat:
+        t = np.linspace(0, 5, count)
+        nominal = np.stack([np.cos(t), np.sin(t), np.zeros(count)])
+    else:
+        golden = np.arange(count) * 2.39996
+        z = np.linspace(-0.9, 0.95, count)
+        nominal = np.stack(
+            [np.cos(golden) * np.sqrt(1 - z**2), np.sin(golden) * np.sqrt(1 - z**2), z]
+        )
+    nominal = 20 * np.linalg.qr(rng.normal(size=(3, 3)))[0] @ nominal
+    return [nominal[:, [i]] + 0.2 * rng.normal(size=(3, TRIALS)) for i in range(count)]
+
+
+def moved(kind: str, value: Floats, R: Floats, t: Floats) -> Floats:
+    if kind == "constant":
+        return value
+    if kind in ("point", "vector"):
+        return np.asarray(R @ value + (t[:, None] if kind == "point" else 0.0))
+    rows = [R @ row for row in value]
+    rows[0] = rows[0] + t[:, None]
+    return np.stack(rows)
+
+
+@pytest.mark.parametrize(("do", "variant", "count"), CASES, ids=lambda item: str(item))
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_turned_and_moved(do: str, variant: str, count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    entry = next(item for item in TRANSITIONS[do] if item.name == variant)
+    if count:
+        inputs = round_points(count, do != "sphere", rng)
+        inputs += [place(slot.kinds[0], rng) * 0 + 20 for slot in entry.inputs[1:]]
+        kinds = ["point"] * count + [slot.kinds[0] for slot in entry.inputs[1:]]
+    else:
+        kinds = [slot.kinds[int(rng.integers(len(slot.kinds)))] for slot in entry.inputs]
+        inputs = [place(kind, rng) for kind in kinds]
+    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    R *= np.linalg.det(R)
+    t = rng.normal(size=3) * 100
+    turned = [moved(kind, value, R, t) for kind, value in zip(kinds, inputs, strict=True)]
+    names = tuple(map(str, range(len(inputs))))
+    step = Step(index=0, do=do, variant=variant, inputs=names, outputs=("out",))
+    outputs = construction(step, [item[..., :1] for item in inputs])(*inputs)
+    others = construction(step, [item[..., :1] for item in turned])(*turned)
+    out = entry.outputs
+    for kind, before, after in zip(out, outputs, others, strict=False):
+        if do == "transform":
+            # What is seen from a frame that moves along does not move.
+            assert after == pytest.approx(before, rel=1e-7, abs=1e-7)
+            continue
+        wanted = moved(kind, before, R, t)
+        scale = max(1.0, float(np.abs(wanted).max()))
+        assert after == pytest.approx(wanted, rel=1e-7, abs=1e-9 * scale)

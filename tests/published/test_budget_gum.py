@@ -1,0 +1,203 @@
+"""Printed results of JCGM 100:2008, annex H, and of the budgets that are shipped.
+
+Tolerances: half a unit of the last printed digit. Where the printed input figures are rounded
+themselves and this moves the result, both are stated.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from budget_examples import codes, evaluated, single
+from support import CONFIGS
+
+from mtu_cli.analyses.budget import BudgetResult, evaluate_budget
+from mtu_cli.files.budget import load_budget
+from mtu_cli.model.settings import Settings
+from mtu_cli.stats.distributions import student_quantile
+
+BUDGETS = CONFIGS / "budgets"
+
+
+def shipped(name: str, seed: int = 1, trials: int | None = None) -> BudgetResult:
+    settings = Settings(seed=seed, trials=trials)
+    return evaluate_budget(load_budget(BUDGETS / f"{name}.yaml"), settings)
+
+
+def test_h1_end_gauge_first_order() -> None:
+    """H.1.5 to H.1.6: l = 50 000 838 nm, u_c = 32 nm, nu_eff = 16 (truncated), contributions."""
+    result = shipped("gum-h1-end-gauge")
+    output = single(result)
+    assert output.first.value == pytest.approx(50_000_838, abs=0.5)
+    assert output.first.u == pytest.approx(32, abs=0.5)
+    assert int(output.first.dof) == 16
+    assert output.first.dof == pytest.approx(16.7, abs=0.06)
+    names = [item.name for item in result.inputs]
+    contribution = np.abs(output.first.sensitivity) * [item.u for item in result.inputs]
+    printed = {"ls": 25, "d": 9.7, "dalpha": 2.9, "theta": 0, "alphas": 0, "dtheta": 16.6}
+    for name, value in printed.items():
+        digit = 0.5 if name == "ls" else 0.05
+        assert contribution[names.index(name)] == pytest.approx(value, abs=digit), name
+    assert result.inputs[names.index("d")].dof == pytest.approx(25.6, abs=0.2)
+    assert result.inputs[names.index("theta")].u == pytest.approx(0.41, abs=0.005)
+
+
+def test_h1_expanded_uncertainty() -> None:
+    """H.1.6 prints U99 = 93 nm = t_99(16) 32 nm = 2.92 x 32; with 16.75 degrees of freedom and
+    31.66 nm unrounded it is 92 nm. Both: ours, and the printed product from the printed figures.
+    """
+    output = single(shipped("gum-h1-end-gauge"))
+    assert output.expanded == pytest.approx(91.9, abs=0.1)
+    assert student_quantile(0.995, 16.0) == pytest.approx(2.92, abs=0.005)
+    assert student_quantile(0.995, np.floor(output.first.dof)) * 32 == pytest.approx(93, abs=0.5)
+
+
+def test_h1_second_order() -> None:
+    """H.1.7: with the terms of the second order u_c = 34 nm; they are 11.7 and 1.7 nm."""
+    output = single(shipped("gum-h1-end-gauge"))
+    assert output.first.second_u == pytest.approx(34, abs=0.5)
+    added = np.sqrt(output.first.second_u**2 - output.first.u**2)
+    assert added == pytest.approx(np.hypot(11.7, 1.7), abs=0.1)
+    assert output.first.second_value == output.first.value
+
+
+def test_h1_monte_carlo() -> None:
+    """JCGM 101:2008, 9.5, Table 11: 838 nm, u = 36 nm, shortest 99 % interval [745, 932] nm.
+
+    The document truncates the temperature's cycle and the t of d into separate quantities, as
+    is done here: d is a sum of three t, theta of a normal and an arcsine, the inexact limits
+    of dalpha and dtheta are curvilinear trapezoids.
+    """
+    result = shipped("gum-h1-end-gauge", seed=95, trials=4_000_000)
+    run = result.run
+    assert run.mean[0] == pytest.approx(50_000_838, abs=0.5 + 3 * run.se_mean[0])
+    assert run.u[0] == pytest.approx(36, abs=0.5 + 3 * run.se_u[0])
+    # The document's own ends come from 1.36e6 trials: their standard error is about 0.3 nm.
+    assert run.shortest_low[0] == pytest.approx(50_000_745, abs=0.5 + 1.2)
+    assert run.shortest_high[0] == pytest.approx(50_000_932, abs=0.5 + 1.2)
+    assert single(result).validation.passed is False
+
+
+def test_h2_impedance() -> None:
+    """H.2, Tables H.2 to H.4: means, u, r of the readings; R, X, Z with their correlations.
+
+    u(X) is printed as 0.295, from rounded figures; the readings give 0.2956.
+    """
+    result = shipped("gum-h2-impedance")
+    for item, (mean, digit, u, u_digit) in zip(
+        result.inputs,
+        [
+            (4.9990, 5e-5, 0.0032, 5e-5),
+            (19.6610, 5e-5, 0.0095, 5e-5),
+            (1.04446, 5e-6, 0.00075, 5e-6),
+        ],
+        strict=True,
+    ):
+        assert item.value == pytest.approx(mean, abs=digit)
+        assert item.u == pytest.approx(u, abs=u_digit)
+    r = result.input_correlation
+    assert [r[0, 1], r[0, 2], r[1, 2]] == pytest.approx([-0.36, 0.86, -0.65], abs=0.005)
+    printed = {"R": (127.732, 0.071), "X": (219.847, 0.2956), "Z": (254.260, 0.236)}
+    for output in result.outputs:
+        value, u = printed[output.first.name]
+        assert output.first.value == pytest.approx(value, abs=0.0005)
+        assert output.first.u == pytest.approx(u, abs=0.0005)
+        # H.2.4, approach 2: the five values of each output have four degrees of freedom.
+        assert output.first.dof == pytest.approx(4.0)
+        assert output.k == 2.0
+    own = result.correlation
+    printed_r = [-0.588, -0.485, 0.993]
+    assert [own[0, 1], own[0, 2], own[1, 2]] == pytest.approx(printed_r, abs=0.0006)
+
+
+def test_h2_second_approach() -> None:
+    """H.2.4: the outputs of each of the five sets have the mean's u as their s/sqrt(5)."""
+    result = shipped("gum-h2-impedance")
+    voltage, current, phi = (np.array(item.readings) for item in result.inputs)
+    Z = 1000 * voltage / current
+    sets = np.array([Z * np.cos(phi), Z * np.sin(phi), Z])
+    for output, five in zip(result.outputs, sets, strict=True):
+        # Both approaches have the same printed digits there.
+        assert output.first.u == pytest.approx(five.std(ddof=1) / np.sqrt(5), abs=0.0005)
+
+
+LINE = """
+    quantity: {name: b, unit: degC}
+    equation: y1 + y2*(t - 20)
+    inputs:
+      y1: {value: -0.1712, u: 0.0029, dof: 9}
+      y2: {value: 0.00218, u: 0.00067, dof: 9}
+      t: 30
+    correlations: [[y1, y2, -0.930]]
+"""
+
+
+def test_h3_calibration_line() -> None:
+    """H.3.4, eq. (H.15): b(30 degC) = -0.1494 degC, u_c = 0.0041 degC with nu = 9."""
+    output = single(evaluated(LINE))
+    assert output.first.value == pytest.approx(-0.1494, abs=5e-5)
+    assert output.first.u == pytest.approx(0.0041, abs=5e-5)
+    assert output.first.dof == pytest.approx(9.0)
+
+
+T = [21.521, 22.012, 22.512, 23.003, 23.507, 23.999, 24.513, 25.002, 25.503, 26.010, 26.511]
+B = [-0.171, -0.169, -0.166, -0.159, -0.164, -0.165, -0.156, -0.157, -0.159, -0.161, -0.160]
+
+
+def test_h3_line_from_its_readings() -> None:
+    """Table H.6 to y1 = -0.1712(29), y2 = 0.00218(67), r = -0.930 with s = 0.0035 degC.
+
+    Least squares is linear in the readings: y1 and y2 are two outputs of one budget.
+    """
+    x = np.array(T) - 20.0
+    centre = float(x.mean())
+    weights = ((x - centre) / np.sum((x - centre) ** 2)).tolist()
+    slope = " + ".join(f"({c!r})*b{i}" for i, c in enumerate(weights))
+    level = " + ".join(f"({1 / len(T) - c * centre!r})*b{i}" for i, c in enumerate(weights))
+    rows = "\n".join(f"      b{i}: {{value: {b}, u: 0.0035, dof: 9}}" for i, b in enumerate(B))
+    result = evaluated(
+        f"\n    equations:\n      y1: {level}\n      y2: {slope}\n    inputs:\n{rows}\n"
+    )
+    y1, y2 = result.outputs
+    assert y1.first.value == pytest.approx(-0.1712, abs=5e-5)
+    assert y2.first.value == pytest.approx(0.00218, abs=5e-6)
+    assert y1.first.u == pytest.approx(0.0029, abs=5e-5)
+    assert y2.first.u == pytest.approx(0.00067, abs=5e-6)
+    assert result.correlation[0, 1] == pytest.approx(-0.930, abs=5e-4)
+    s = np.sqrt(np.sum((np.array(B) - y1.first.value - y2.first.value * x) ** 2) / 9)
+    assert s == pytest.approx(0.0035, abs=5e-5)
+
+
+def test_valdes_table_4_contradicts_itself() -> None:
+    """Valdes et al., Table 4: printed u 0.104 um, 4.05 degrees of freedom, k 2.78, U 0.289 um.
+
+    Its rows give 0.0742 um with 4.05 degrees of freedom (4 (0.0742/0.074)^4), k = 2.76 and
+    U = 0.205 um; 0.104 um is 1.40 times what they combine to, while 2.78 x 0.104 is 0.289.
+    """
+    output = single(shipped("valdes-x275"))
+    assert output.first.value == -10.79
+    assert output.first.u == pytest.approx(0.0742, abs=5e-5)
+    assert output.first.dof == pytest.approx(4.05, abs=0.006)
+    assert output.k == pytest.approx(2.76, abs=0.005)
+    assert student_quantile(0.975, 4.0) == pytest.approx(2.78, abs=0.005)
+    assert output.expanded == pytest.approx(0.205, abs=0.0005)
+    assert 0.104 / output.first.u == pytest.approx(1.40, abs=0.005)
+    assert round(2.78 * 0.104, 3) == 0.289
+
+
+def test_ring_gauge_mixes_type_a_and_b() -> None:
+    """By hand: s/sqrt(6) of the readings, U/2 of the certificates, the trapezoid's u."""
+    result = shipped("ring-gauge-diameter")
+    reading, bias, resolution, alpha, t = result.inputs
+    values = np.array([180.0141, 180.0136, 180.0144, 180.0139, 180.0137, 180.0142])
+    type_a = values.std(ddof=1) / np.sqrt(6)
+    assert reading.u == pytest.approx(np.hypot(type_a, 0.0003))
+    assert reading.dof == pytest.approx(5 * (reading.u / type_a) ** 4)
+    assert (bias.u, resolution.u) == pytest.approx((0.0005, 0.00005 / np.sqrt(3)))
+    assert (alpha.value, alpha.u) == pytest.approx((11.5e-6, 1e-6 / np.sqrt(3)))
+    assert t.u == pytest.approx(np.sqrt((0.3**2 + 0.1**2) / 6))
+    D = values.mean()
+    by_hand = [reading.u * (1 - 11.5e-6 * 0.6), bias.u, resolution.u, D * 0.6 * alpha.u]
+    by_hand.append(D * 11.5e-6 * t.u)
+    assert single(result).first.u == pytest.approx(np.sqrt(np.sum(np.square(by_hand))))
+    assert "validation-failed" in codes(result)

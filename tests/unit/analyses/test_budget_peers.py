@@ -1,0 +1,162 @@
+"""What other tools get wrong about budgets, each with the wrong figure: here they are right.
+
+Oracles: closed forms by hand and the engine's own standard errors (four of them).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from budget_examples import CORRELATED, codes, evaluated, single
+
+from mtu_cli.errors import InputError
+
+
+def test_finite_degrees_of_freedom_reach_the_monte_carlo() -> None:
+    """Peers: suncal draws normals whatever the degrees of freedom (0.247 for 0.304 of a scaled t).
+
+    u = 0.247 with 6 degrees of freedom is drawn as t: u = 0.247 sqrt(6/4) = 0.3025.
+    """
+    result = evaluated("equation: x\ninputs: {x: {value: 1, u: 0.247, dof: 6}}\n", digits=3)
+    expected = 0.247 * math.sqrt(1.5)
+    assert single(result).first.u == 0.247
+    assert result.run.u[0] == pytest.approx(expected, abs=4 * result.run.se_u[0] + 1e-6)
+
+
+SEVEN = np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
+
+
+def test_type_a_and_type_b_on_one_input_count_once() -> None:
+    """Peers: suncal counts type B twice by Monte Carlo (1.434 for 1.030).
+
+    s/sqrt(7) = 0.247 and u = 1: u = sqrt(1 + 0.247^2) = 1.030; drawn as t of 6 degrees of
+    freedom the type A part is 0.3025, and u by Monte Carlo 1.0448.
+    """
+    readings = (SEVEN * 0.247 * math.sqrt(7) / SEVEN.std(ddof=1)).tolist()
+    result = evaluated(f"equation: x\ninputs: {{x: {{readings: {readings}, u: 1}}}}\n", digits=3)
+    output = single(result)
+    assert output.first.u == pytest.approx(1.030, abs=0.0005)
+    assert output.first.dof == pytest.approx(6 * (output.first.u / 0.247) ** 4)
+    expected = math.sqrt(1 + 1.5 * 0.247**2)
+    assert result.run.u[0] == pytest.approx(expected, abs=4 * result.run.se_u[0] + 1e-6)
+
+
+def test_correlated_inputs_of_several_contributions_agree() -> None:
+    """Peers: suncal's two methods disagree here (2.648 by Monte Carlo, 2.101 by propagation).
+
+    u(a) = 1, u(b) = 0.5, r = 0.7: u^2 = 1 + 1 + 2 x 0.7 x 1 x 1 = 3.4 by both.
+    """
+    result = evaluated(CORRELATED)
+    assert single(result).first.u == pytest.approx(math.sqrt(3.4))
+    assert result.run.u[0] == pytest.approx(math.sqrt(3.4), abs=4 * result.run.se_u[0] + 1e-9)
+    assert single(result).validation.passed is True
+
+
+def test_the_shortest_interval_is_not_the_symmetric_one() -> None:
+    """Peers print the symmetric interval under the name of the shortest.
+
+    exp(x) with x normal, u = 0.5: the shortest of lognormal densities has equal density at both
+    ends, so that its logarithms a < b meet a^2/2 + s a = b^2/2 + s b in standard units.
+    """
+    result = evaluated("equation: exp(x)\ninputs: {x: {value: 0, u: 0.5}}\n", trials=1_000_000)
+    run = result.run
+    low, high = math.log(run.shortest_low[0]) / 0.5, math.log(run.shortest_high[0]) / 0.5
+    density = [-0.5 * z * z - 0.5 * z for z in (low, high)]
+    assert density[0] == pytest.approx(density[1], abs=0.05)
+    assert run.high[0] - run.low[0] > 1.1 * (run.shortest_high[0] - run.shortest_low[0])
+    assert math.log(run.low[0]) / 0.5 == pytest.approx(-1.96, abs=0.01)
+    assert math.log(run.high[0]) / 0.5 == pytest.approx(1.96, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("entry", "second", "mean"),
+    [
+        # Normal: x^2/u^2 is chi-squared: mean u^2, standard deviation sqrt(2) u^2.
+        ("u: 0.2", math.sqrt(2) * 0.04, 0.04),
+        # Rectangular, a^2 = 3 u^2: V = a^4 (1/5 - 1/9) = 4 a^4/45.
+        ("u: 0.2, distribution: rectangular", math.sqrt(4 / 45) * 0.12, 0.04),
+        # Arcsine, a^2 = 2 u^2: V = a^4 (3/8 - 1/4) = a^4/8.
+        ("u: 0.2, distribution: arcsine", math.sqrt(1 / 8) * 0.08, 0.04),
+    ],
+)
+def test_a_square_at_zero(entry: str, second: float, mean: float) -> None:
+    """Peers: u = 0 for x^2 at 0 without a word (suncal, metrolopy, uncertainties issue 92)."""
+    result = evaluated(f"equation: x**2\ninputs: {{x: {{value: 0, {entry}}}}}\n", trials=400_000)
+    first = single(result).first
+    assert first.u == 0.0
+    assert first.second_u == pytest.approx(second)
+    assert first.second_value == pytest.approx(mean)
+    assert result.run.u[0] == pytest.approx(second, abs=4 * result.run.se_u[0])
+    assert result.run.mean[0] == pytest.approx(mean, abs=4 * result.run.se_mean[0])
+    assert "first-order-zero" in codes(result)
+    assert single(result).validation.passed is False
+
+
+def test_samples_that_are_not_finite_are_an_error() -> None:
+    """Peers drop such samples in silence (suncal); here they stop the command, counted."""
+    with pytest.raises(InputError) as raised:
+        evaluated("equation: log(x)\ninputs: {x: {value: 1, u: 0.6}}\n")
+    text = str(raised.value)
+    assert text.startswith("b.yaml:3: equation: output 'y': ")
+    assert "trials are not finite" in text
+
+
+def test_a_value_that_is_not_finite_is_an_error() -> None:
+    with pytest.raises(InputError, match=r"b.yaml:3: equation: '/' has no finite value"):
+        evaluated("equation: a/b\ninputs: {a: {value: 0, u: 1}, b: {value: 0, u: 1}}\n")
+
+
+def test_a_correlation_matrix_that_cannot_be_is_never_altered() -> None:
+    """Peers alter or never check it (uncertainties issues 101 and 95).
+
+    r = -0.9 between all three: the smallest eigenvalue is 1 - 2 x 0.9 = -0.8.
+    """
+    inputs = "inputs: {a: {value: 0, u: 1}, b: {value: 0, u: 2}, c: {value: 0, u: 3}, d: 1}\n"
+    pairs = "correlations: [[a, b, -0.9], [b, c, -0.9], [a, c, -0.9]]\n"
+    with pytest.raises(InputError) as raised:
+        evaluated("equation: a + b + c + d\n" + inputs + pairs)
+    text = str(raised.value)
+    assert text.startswith("b.yaml:5: correlations: ")
+    assert "smallest eigenvalue of the correlation matrix is -0.8," in text
+    for pair in ("a-b -0.9", "b-c -0.9", "a-c -0.9"):
+        assert pair in text
+
+
+def test_perfect_correlation_is_one_source() -> None:
+    result = evaluated(
+        "equation: a - b\ninputs: {a: {value: 3, u: 1}, b: {value: 1, u: 1}}\n"
+        "correlations: [[a, b, 1]]\n"
+    )
+    assert single(result).first.u == pytest.approx(0.0, abs=1e-7)
+    assert result.run.high[0] - result.run.low[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_monte_carlo_tells_its_own_uncertainty() -> None:
+    """Peers: none does (openturns pull request 2882). 40 seeds scatter as the errors say.
+
+    The root mean square of 40 standardised deviations lies within 0.72 and 1.33 with
+    probability 0.99 and more if the standard errors are right; they have a scatter of their own.
+    """
+    text = "equation: x*y\ninputs: {x: {value: 2, u: 0.3, dof: 12}, y: {value: 1, u: 0.2}}\n"
+    runs = [evaluated(text, seed=seed, trials=20_000, threads=1).run for seed in range(40)]
+    long = evaluated(text, seed=99, trials=2_000_000).run
+    for name in ("mean", "u", "low", "high"):
+        z = [
+            (getattr(run, name)[0] - getattr(long, name)[0]) / getattr(run, f"se_{name}")[0]
+            for run in runs
+        ]
+        assert 0.6 < float(np.sqrt(np.mean(np.square(z)))) < 1.6, name
+
+
+def test_the_count_adapts_to_the_digits() -> None:
+    """Peers run a fixed count (7.9 of JCGM 101 is implemented by none tabulated)."""
+    text = "equation: x + x**2\ninputs: {x: {value: 0, u: 0.2}}\n"
+    coarse, fine = evaluated(text, digits=2), evaluated(text, digits=3)
+    assert coarse.run.trials < fine.run.trials
+    # u = 0.21: half a unit of its second and of its third digit.
+    for result, digit in ((coarse, 0.005), (fine, 0.0005)):
+        assert result.converged
+        errors = [result.run.se_mean, result.run.se_u, result.run.se_low, result.run.se_high]
+        assert 2 * max(float(value[0]) for value in errors) <= digit

@@ -1,0 +1,245 @@
+"""Every figure of an item, by hand; the tests behind it against draws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import fdtrc, ndtr
+
+from mtu_cli.analyses.compare.evidence import Evidence, Foretold, evidence
+from mtu_cli.analyses.compare.verdicts import Compared, judged
+from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.stats.anova import cells_of
+
+K = 2.0
+DRAWS = 400_000
+
+
+def tables(*parts: list[float]) -> MeasuredTables:
+    """One feature whose parts have these values."""
+    values = np.array([value for own in parts for value in own], dtype=float)
+    cell = np.repeat(np.arange(len(parts)), [len(own) for own in parts])
+    names = tuple(f"P{p}" for p in range(len(parts)))
+    cells = cells_of(values, cell, 1, len(parts))
+    return MeasuredTables(labels=(("", "a", "x"),), parts=names, cells=cells)
+
+
+def foretold(
+    mean: float = 5.0,
+    coefficients: float = 9.0,
+    scatter: float = 4.0,
+    dof: tuple[float, float] = (3.0, 8.0),
+) -> Foretold:
+    """One item: the coefficients' variance and the scatter, a mean square each."""
+    one = np.ones(1)
+    return Foretold(
+        mean=mean * one,
+        total=(coefficients + scatter) * one,
+        coefficients=coefficients * one,
+        scatter=scatter * one,
+        independent=16.0 * one,
+        holes=np.nan * one,
+        of_mean=np.array([[coefficients], [0.0]]),
+        of_part=np.array([[0.0], [scatter]]),
+        dof=np.array(dof),
+    )
+
+
+def drawn(squares: list[float], dof: list[float]) -> np.ndarray:
+    """Draws of the variance that mean squares tell of."""
+    rng = np.random.default_rng(5)
+    rows = [c * nu / rng.chisquare(nu, DRAWS) for c, nu in zip(squares, dof, strict=True)]
+    total: np.ndarray = np.sum(rows, axis=0)
+    return total
+
+
+def same_tail(p: float, tails: np.ndarray) -> None:
+    """Within four standard errors of the draws, and 0.5 % for the nodes."""
+    assert p == pytest.approx(tails.mean(), abs=4 * tails.std() / np.sqrt(DRAWS) + 0.005 * p)
+
+
+def test_two_parts_by_hand() -> None:
+    """Parts of 10, 12 and 4, 2: means 11 and 3 about 7, MS_between = 2 (16 + 16) = 64 with one
+    degree of freedom, MS_within = (2 + 2)/2 = 2 with two, n0 = 2, s_part^2 = 31. Predicted: 5,
+    C = 9 (3 degrees of freedom), D + visit = 4 (8).
+    """
+    found = evidence(tables([10, 12], [4, 2]), foretold(), K)
+    table = found.one_way
+    assert [table.mean[0], table.ms_between[0], table.ms_within[0], table.n0[0]] == pytest.approx(
+        [7, 64, 2, 2]
+    )
+    assert found.predicted.mean[0] == found.independent.mean[0] == 5
+    assert found.predicted.u[0] == pytest.approx(np.sqrt(13))
+    assert found.predicted.width[0] == pytest.approx(2 * (5 + 2 * np.sqrt(13)))
+    assert (found.independent.u[0], found.independent.width[0]) == (4, 2 * (5 + 2 * 4))
+    # A future part about the measured mean: 31 + (31/2 + 2/4).
+    assert found.s_part[0] == pytest.approx(np.sqrt(31))
+    assert found.measured.u[0] == pytest.approx(np.sqrt(47))
+    assert found.measured.width[0] == pytest.approx(2 * (7 + 2 * np.sqrt(47)))
+    assert found.measured_paper.u[0] == pytest.approx(np.sqrt(64 * (1 + 1 / 4)))
+    assert found.measured_paper.width[0] == pytest.approx(2 * (7 + 2 * np.sqrt(80)))
+    # Two parts: the predicted scatter, halved, and the CMM's.
+    assert found.bias[0] == pytest.approx(2)
+    assert found.u_difference[0] == pytest.approx(np.sqrt(9 + 4 / 2 + 2 / 4))
+    assert found.E_n[0] == pytest.approx(2 / (2 * np.sqrt(11.5)))
+    V = drawn([9, 2, 0.5], [3, 8, 2])
+    same_tail(found.p_bias[0], 2 * ndtr(-2 / np.sqrt(V)))
+    assert found.ms_expected[0] == pytest.approx(2 + 2 * 4)
+    assert found.ratio_ms[0] == pytest.approx(6.4)
+    V = drawn([8, 2], [8, 2])
+    high = 2 * ndtr(-np.sqrt(64 / V))
+    same_tail(found.p_scatter[0], 2 * np.minimum(high, 1.0))
+    same_tail(found.p_hopeless[0], 4 * ndtr(-np.sqrt(1000 / V)))
+    assert found.ratio_u[0] == pytest.approx(np.sqrt(47 / 13))
+    assert found.ratio_range[0] == pytest.approx((7 + 2 * np.sqrt(47)) / (5 + 2 * np.sqrt(13)))
+    assert found.ratio_scatter[0] == pytest.approx(np.sqrt(31 / 4))
+    assert found.paper_ratio_u[0] == pytest.approx(np.sqrt(80) / 4)
+    assert found.paper_ratio_range[0] == pytest.approx((7 + 2 * np.sqrt(80)) / 13)
+    assert found.ms_share[0] == pytest.approx(8 / np.sqrt(31))
+
+
+SIX: list[list[float]] = [[10, 12], [4, 2]] * 3
+
+
+def test_from_five_parts_on_the_larger_scatter_counts() -> None:
+    """Six parts, MS_between = 6 x 2 x 16/5 = 38.4, s_part^2 = 18.2: 18.2/6 + 2/12 = 3.2 of the
+    mean, where the prediction has 4/6 + 2/12.
+    """
+    found = evidence(tables(*SIX), foretold(), K)
+    assert found.one_way.ms_between[0] == pytest.approx(38.4)
+    assert found.u_difference[0] == pytest.approx(np.sqrt(9 + 3.2))
+    V = drawn([9, 3.2], [3, 5])
+    same_tail(found.p_bias[0], 2 * ndtr(-2 / np.sqrt(V)))
+    more = evidence(tables(*SIX), foretold(scatter=60.0), K)
+    assert more.u_difference[0] == pytest.approx(np.sqrt(9 + 60 / 6 + 2 / 12))
+    V = drawn([9, 10, 2 / 12], [3, 8, 6])
+    same_tail(more.p_bias[0], 2 * ndtr(-2 / np.sqrt(V)))
+    few = evidence(tables(*SIX[:4]), foretold(), K)
+    assert few.u_difference[0] == pytest.approx(np.sqrt(9 + 4 / 4 + 2 / 8))
+
+
+def test_without_repeats_ms_between_stands_for_parts_and_cmm() -> None:
+    """Values 11, 3 four times each: MS_between = 8 x 16/7, of which nothing can be split off;
+    one mean square behind the prediction is Fisher's F.
+    """
+    found = evidence(tables(*([11.0], [3.0]) * 4), foretold(), K)
+    ms = 8 * 16 / 7
+    assert found.ms_expected[0] == pytest.approx(4)
+    assert found.p_scatter[0] == pytest.approx(2 * fdtrc(7, 8, ms / 4), rel=0.005)
+    assert found.measured.u[0] == pytest.approx(np.sqrt(ms * (1 + 1 / 8)))
+    assert found.ratio_scatter[0] == pytest.approx(np.sqrt(ms / 4))
+    assert np.isnan(found.s_part[0])
+    assert np.isnan(found.ms_share[0])
+
+
+def test_one_part_is_tested_by_what_is_predicted() -> None:
+    """10 and 12 of one part: mean 11, u^2 = 9 + 4 + 2/2, no scatter to speak of."""
+    found = evidence(tables([10, 12]), foretold(), K)
+    assert found.bias[0] == pytest.approx(6)
+    assert found.u_difference[0] == pytest.approx(np.sqrt(14))
+    assert found.E_n[0] == pytest.approx(6 / (2 * np.sqrt(14)))
+    same_tail(found.p_bias[0], 2 * ndtr(-6 / np.sqrt(drawn([9, 4, 1], [3, 8, 1]))))
+    for name in ("p_scatter", "p_hopeless", "ratio_ms", "ms_expected", "ratio_u", "ms_share"):
+        assert np.isnan(getattr(found, name)[0]), name
+    alone = evidence(tables([11.0]), foretold(), K)
+    assert alone.u_difference[0] == pytest.approx(np.sqrt(13))
+
+
+@pytest.mark.filterwarnings("error")
+def test_nothing_predicted() -> None:
+    """Scatter and difference where none are predicted have p = 0; neither, no test at all."""
+    nothing = foretold(0.0, 0.0, 0.0)
+    found = evidence(tables([3.0], [4.0], [5.0]), nothing, K)
+    assert (found.p_scatter[0], found.ratio_ms[0]) == (0, np.inf)
+    (item, _) = judged(found, None)
+    assert item.verdicts == ("under-predicted",)
+    # Repeats tell the CMM's scatter, which is what MS_between then is measured by.
+    both = evidence(tables([3.0, 3.2], [4.0, 4.2], [5.0, 5.2]), nothing, K)
+    assert both.p_scatter[0] == pytest.approx(2 * fdtrc(2, 3, 2 / 0.02), rel=0.005)
+    still = evidence(tables([0.0], [0.0]), nothing, K)
+    assert np.isnan([still.p_bias[0], still.p_scatter[0], still.E_n[0], still.ratio_u[0]]).all()
+    assert judged(still, None)[0].verdicts == (None,)
+    off = evidence(tables([1.0]), nothing, K)
+    assert off.p_bias[0] == 0
+
+
+def many(
+    p_bias: list[float],
+    p_scatter: list[float],
+    ratio: list[float],
+    parts: float = 21,
+    hopeless: float = 0.0,
+) -> Evidence:
+    """Items with these p values; all else is of no account."""
+    m = len(p_bias)
+    one = evidence(tables(*SIX), foretold(), K)
+    one_way = replace(one.one_way, parts=np.full(m, parts))
+    return replace(
+        one, labels=(("", "a", "x"),) * m, one_way=one_way, p_bias=np.array(p_bias),
+        p_scatter=np.array(p_scatter), ratio_ms=np.array(ratio), p_hopeless=np.full(m, hopeless),
+    )  # fmt: skip
+
+
+def answers(found: Compared) -> list[tuple[bool | None, ...]]:
+    rows = zip(
+        found.biased, found.under_predicted, found.over_predicted, found.inconsistent, strict=True
+    )
+    return list(rows)
+
+
+def test_every_fault_is_told_and_the_gravest_named() -> None:
+    found, _ = judged(
+        many([1e-9, 1e-9, 1, 1, 1e-9], [1e-9, 1, 1e-9, 1, 1e-9], [9, 1, 0.1, 1, 0.1]), None
+    )
+    assert answers(found) == [
+        (True, True, False, None),
+        (True, False, False, None),
+        (False, False, True, None),
+        (False, False, False, None),
+        (True, False, True, None),
+    ]
+    assert found.verdicts == (
+        "under-predicted", "biased", "over-predicted", "consistent", "biased",
+    )  # fmt: skip
+
+
+def test_few_parts_tell_no_bias_from_scatter() -> None:
+    """The scatter that is seen apart from the mean is no riddle."""
+    found, _ = judged(many([1e-9, 1e-9, 1], [1, 1e-9, 1], [1, 9, 1], parts=4), None)
+    assert answers(found) == [
+        (None, False, False, True),
+        (None, True, False, False),
+        (None, False, False, False),
+    ]
+    assert found.verdicts == ("inconsistent", "under-predicted", "consistent")
+    enough, _ = judged(many([1e-9], [1], [1], parts=5), None)
+    assert enough.verdicts == ("biased",)
+
+
+def test_one_family_of_all_tests() -> None:
+    """0.05/8: four items, two of each kind, with two tests each."""
+    just, over = 0.05 / 8 * 0.999, 0.05 / 8 * 1.001
+    features, lengths = many([just, 1], [1, 1], [1, 1]), many([1, 1], [1, 1], [1, 1])
+    found, others = judged(features, lengths)
+    assert others is not None
+    assert (*found.verdicts, *others.verdicts) == ("biased", *["consistent"] * 3)
+    features = replace(features, p_bias=np.array([over, 1.0]))
+    assert judged(features, lengths)[0].verdicts == ("consistent", "consistent")
+    lengths = replace(lengths, p_scatter=np.array([just, 1.0]), ratio_ms=np.array([4.0, 1.0]))
+    last = judged(features, lengths)[1]
+    assert last is not None
+    assert last.verdicts == ("under-predicted", "consistent")
+
+
+def test_a_hopeless_scatter_test_is_withheld_and_no_part_of_the_family() -> None:
+    """Two items: four tests, so that a test must be able to reach 0.05/4."""
+    p = 0.05 / 2 * 0.99
+    found, _ = judged(many([p, 1], [1e-9, 1], [9, 1], hopeless=0.013), None)
+    assert found.withheld == (True, True)
+    assert answers(found)[0] == (True, None, None, None)
+    assert np.isnan(found.p_scatter).all()
+    kept, _ = judged(many([p, 1], [1e-9, 1], [9, 1], hopeless=0.012), None)
+    assert kept.withheld == (False, False)
+    assert kept.verdicts[0] == "under-predicted"

@@ -1,0 +1,133 @@
+"""Graph files: values, signatures, the token rule, and faults that hide no other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.graph_contract import Graph, number_or_formula
+from mtu_cli.files.graph_file import LoadedGraph, load_graph
+from mtu_cli.files.graph_kinds import KINDS, TRANSITIONS, TransitionKind
+from mtu_cli.files.graph_steps import Step
+from mtu_cli.files.graph_structure import firing_order
+from mtu_cli.files.schemas import json_schema
+
+HEAD = "schema: mtu/graph/1\nname: example\n"
+
+
+def load(folder: Path, text: str) -> LoadedGraph:
+    path = folder / "graph.yaml"
+    path.write_text(HEAD + text, "utf-8")
+    return load_graph(path)
+
+
+def faults(folder: Path, text: str) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        load(folder, text)
+    return [str(problem).removeprefix("graph.yaml:") for problem in caught.value.problems]
+
+
+def step(index: int, inputs: str, outputs: str) -> Step:
+    return Step(index=index, do="middle", variant="", inputs=tuple(inputs), outputs=tuple(outputs))
+
+
+def test_token_rule() -> None:
+    """Each fires once all its inputs are marked; what waits for a cycle never does."""
+    steps = [step(0, "cd", "e"), step(1, "a", "c"), step(2, "", "d"), step(3, "ab", "f")]
+    steps += [step(4, "gx", "h"), step(5, "h", "g"), step(6, "h", "i"), step(7, "aa", "j")]
+    rounds = firing_order(steps, "abx")
+    assert [[item.index for item in fired] for fired in rounds] == [[1, 2, 3, 7], [0]]
+
+
+def test_every_transition_is_in_the_contract() -> None:
+    assert set(TRANSITIONS) == set(TransitionKind.__args__)  # type: ignore[attr-defined]  # a Literal has them
+    for variants in TRANSITIONS.values():
+        for variant in variants:
+            assert set(variant.outputs) <= set(KINDS)
+            assert all(set(slot.kinds) <= set(KINDS) for slot in variant.inputs)
+        assert len({item.name for item in variants}) == len(variants)
+
+
+@pytest.mark.parametrize(
+    ("given", "value"),
+    [(3, 3.0), (2.5, 2.5), ("30*pi/180", 0.5235987755982988), ("-2**2", -4.0), ("1e-6", 1e-6)],
+)
+def test_numbers_and_formulas(given: object, value: float) -> None:
+    assert number_or_formula(given) == pytest.approx(value, rel=1e-15)
+
+
+def test_directions(tmp_path: Path) -> None:
+    text = """
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3]}
+  Q: {kind: point, nominal_mm: [4, 2*3, 3]}
+  M: {kind: point}
+transitions:
+  - {do: meas, out: P, along: -z}
+  - {do: meas, out: Q, along: [3, 0, 4]}
+  - {do: middle, in: [P, Q], out: M}
+"""
+    found = load(tmp_path, text)
+    assert [item.along for item in found.graph.transitions[:2]] == [(0, 0, -1), (0.6, 0, 0.8)]
+    assert found.graph.places["Q"].nominal_mm == (4, 6, 3)
+    assert found.reported == ("M",)
+    assert [len(fired) for fired in found.rounds] == [2, 1]
+
+
+def test_known_points(tmp_path: Path) -> None:
+    text = """
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3], known: true}
+  Q: {kind: point, known: true}
+  R: {kind: point, nominal_mm: [1, 2, 3]}
+  S: {kind: point, nominal_mm: [1, 2, 3], known: true}
+  c: {kind: constant, value: 1, known: true}
+  M: {kind: point}
+transitions:
+  - {do: circle, in: [P, Q, R, S], out: M}
+  - {do: meas, out: S, along: x}
+"""
+    assert faults(tmp_path, text) == [
+        "6: places.Q: known, but where?; expected `nominal_mm:`",
+        "7: places.R: no transition makes this point; expected a transition with `out: R`",
+        "8: places.S.known: is known, and the transition in line 13 makes it; "
+        "expected one of the two",
+        "9: places.c.known: a constant is not known; expected a point",
+        "9: places.c: leads nowhere; expected an input of a transition",
+    ]
+
+
+def test_two_knots_are_two_cycles(tmp_path: Path) -> None:
+    names = "abcdef"
+    text = "places:\n" + "".join(f"  {name}: {{kind: constant}}\n" for name in names)
+    text += "transitions:\n"
+    for a, b in ("ab", "ba", "bc", "cb", "de", "ed", "ef"):
+        text += f"  - {{do: ratio, in: [{a}, {a}], out: {b}}}\n"
+    told = [item for item in faults(tmp_path, text) if "cycle" in item]
+    assert [item.partition("a cycle: ")[2] for item in told] == ["a -> b -> a", "d -> e -> d"]
+
+
+def test_a_faulty_transition_is_not_a_missing_one(tmp_path: Path) -> None:
+    text = """
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3]}
+  Q: {kind: point}
+transitions:
+  - {do: meas, out: P, alonk: z}
+  - {do: midle, in: [P, P], out: Q}
+report: [Q]
+"""
+    assert faults(tmp_path, text) == [
+        "8: transitions[0].alonk: unknown key: 'alonk'; did you mean 'along'?",
+        "9: transitions[1].do: unknown value: 'midle'; did you mean 'middle'?",
+    ]
+
+
+def test_schema_for_editors() -> None:
+    schema = json_schema("graph")
+    assert set(schema["properties"]) == {
+        info.alias or name for name, info in Graph.model_fields.items()
+    }
+    assert schema["$defs"]["Transition"]["properties"]["do"]["enum"] == list(TRANSITIONS)

@@ -1,0 +1,165 @@
+"""Derivatives of equations against formulas by hand, differences, and where there are none."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mtu_cli.language import EquationError, evaluate, parse
+from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
+from mtu_cli.language.functions import BUDGET_FUNCTIONS
+
+FloatArray = NDArray[np.float64]
+
+
+def at(text: str, **values: float) -> Derivatives:
+    return derivatives(parse(text, BUDGET_FUNCTIONS), values, list(values))
+
+
+S, C, TAN = math.sin(0.3), math.cos(0.3), math.tan(0.3)
+# By hand, at x = 0.3: first, second and third derivative.
+BY_HAND = {
+    "x**4": (4 * 0.3**3, 12 * 0.3**2, 24 * 0.3),
+    "x**-2": (-2 * 0.3**-3, 6 * 0.3**-4, -24 * 0.3**-5),
+    "x**0.5": (0.5 * 0.3**-0.5, -0.25 * 0.3**-1.5, 0.375 * 0.3**-2.5),
+    "1/x": (-(0.3**-2), 2 * 0.3**-3, -6 * 0.3**-4),
+    "sin(x)": (C, -S, -C),
+    "cos(x)": (-S, -C, S),
+    "tan(x)": (1 / C**2, 2 * TAN / C**2, (2 + 4 * S**2) / C**4),
+    "asin(x)": (0.91**-0.5, 0.3 * 0.91**-1.5, (1 + 2 * 0.09) * 0.91**-2.5),
+    "acos(x)": (-(0.91**-0.5), -0.3 * 0.91**-1.5, -(1 + 2 * 0.09) * 0.91**-2.5),
+    "atan(x)": (1 / 1.09, -0.6 / 1.09**2, (6 * 0.09 - 2) / 1.09**3),
+    "exp(2*x)": (2 * math.exp(0.6), 4 * math.exp(0.6), 8 * math.exp(0.6)),
+    "log(x)": (1 / 0.3, -1 / 0.09, 2 / 0.027),
+    "sqrt(x)": (0.5 * 0.3**-0.5, -0.25 * 0.3**-1.5, 0.375 * 0.3**-2.5),
+    "2**x": tuple(math.log(2) ** k * 2**0.3 for k in (1, 2, 3)),
+    "abs(-3*x)": (3.0, 0.0, 0.0),
+    "step(x)*x**2": (0.6, 2.0, 0.0),
+    "-x": (-1.0, 0.0, 0.0),
+    "pi": (0.0, 0.0, 0.0),
+    "atan2(x, 2)": (2 / 4.09, -4 * 0.3 / 4.09**2, (12 * 0.09 - 16) / 4.09**3),
+}
+
+
+@pytest.mark.parametrize("text", BY_HAND)
+def test_functions_of_one_variable(text: str) -> None:
+    found = at(text, x=0.3)
+    first, second, third = BY_HAND[text]
+    assert found.first[0] == pytest.approx(first, rel=1e-12)
+    assert found.second[0, 0] == pytest.approx(second, rel=1e-12)
+    assert found.third[0] == pytest.approx(third, rel=1e-11)
+    assert not found.faults
+
+
+COMPOUND = [
+    "x*y*z + x**2*y/z",
+    "sin(x*y)*exp(-z)/(1 + x**2)",
+    "(x + y)**z",
+    "sqrt(x**2 + y**2 + z**2)",
+    "atan2(y - 2*z, x)",
+    "atan2(y, -x)*log(z)",
+    "-tan(x/4)/(y - z)**3",
+]
+
+
+@pytest.mark.parametrize("text", COMPOUND)
+def test_several_variables_against_differences(text: str) -> None:
+    """An independent slow version: central differences with one step of Richardson's.
+
+    Their error is of the order h^4 = 1e-8 for the first, and eps/h^2 = 1e-10 by rounding.
+    """
+    tree = parse(text, BUDGET_FUNCTIONS)
+    point = np.array([0.7, 1.3, 0.4])
+    names = ["x", "y", "z"]
+
+    def f(p: FloatArray) -> float:
+        return float(evaluate(tree, dict(zip(names, p.tolist(), strict=True))))
+
+    def slope(p: FloatArray, i: int, h: float = 1e-2) -> float:
+        e = np.eye(3)[i]
+        one = (f(p + h * e) - f(p - h * e)) / (2 * h)
+        two = (f(p + 2 * h * e) - f(p - 2 * h * e)) / (4 * h)
+        return (4 * one - two) / 3
+
+    def bend(i: int, j: int, h: float = 1e-2) -> float:
+        e = np.eye(3)[j]
+        one = (slope(point + h * e, i) - slope(point - h * e, i)) / (2 * h)
+        two = (slope(point + 2 * h * e, i) - slope(point - 2 * h * e, i)) / (4 * h)
+        return (4 * one - two) / 3
+
+    found = derivatives(tree, dict(zip(names, point.tolist(), strict=True)), names)
+    scale = 1.0 + np.abs(found.second).max()
+    assert found.value == pytest.approx(f(point), rel=1e-13)
+    for i in range(3):
+        assert found.first[i] == pytest.approx(slope(point, i), abs=1e-5 * scale)
+        for j in range(3):
+            assert found.second[i, j] == pytest.approx(bend(i, j), abs=1e-4 * scale)
+
+
+def test_third_order_along_two_directions() -> None:
+    """f = x^3 + 2 x^2 y - y^3: the coefficients of s^a t^b along (1, 2) and (3, -1), by hand."""
+    tree = parse("x**3 + 2*x**2*y - y**3", BUDGET_FUNCTIONS)
+    along = np.array([[[1.0], [2.0]], [[3.0], [-1.0]]])
+    found, faults = taylor(tree, {"x": 0.5, "y": -1.5}, ["x", "y"], along)
+    assert not faults
+    s = np.polynomial.polynomial
+    # x = 0.5 + s + 3 t, y = -1.5 + 2 s - t, as polynomials in s with t = 0 and the other way.
+    x, y = [0.5, 1.0], [-1.5, 2.0]
+    in_s = s.polyadd(s.polypow(x, 3), 2 * s.polymul(s.polypow(x, 2), y))
+    in_s = s.polysub(in_s, s.polypow(y, 3))
+    assert found[[PLACE[a, 0] for a in range(4)], 0] == pytest.approx(in_s)
+    # s^2 t: 3 dx^2 * 3 + 2 (dx^2 * -1 + 2 * 1 * 3 * 2) - 3 * 4 * -1 with dx = 1, dy = 2.
+    assert found[PLACE[2, 1], 0] == pytest.approx(3 * 3 + 2 * (-1 + 12) + 12)
+
+
+@pytest.mark.parametrize(
+    ("text", "what", "column"),
+    [
+        ("1 + abs(x)", "abs()", 5),
+        ("step(x)", "step()", 1),
+        ("sqrt(x)", "sqrt()", 1),
+        ("x**0.5", "'**'", 2),
+        ("asin(x + 1)", "asin()", 1),
+        ("atan2(x, x)", "atan2", 1),
+        ("sqrt(x**2)", "sqrt()", 1),
+    ],
+)
+def test_where_no_derivative_exists(text: str, what: str, column: int) -> None:
+    found = at(text, x=0.0)
+    assert math.isnan(found.first[0]) or math.isnan(found.second[0, 0])
+    assert what in found.faults[0].what
+    assert found.faults[0].column == column
+
+
+def test_a_constant_inside_needs_no_derivative() -> None:
+    """abs(0) is 0 where nothing in it varies, and sqrt(0) too."""
+    found = derivatives(parse("abs(k)*x + sqrt(k) + step(k)"), {"k": 0.0, "x": 2.0}, ["x"])
+    assert (found.value, found.first[0]) == (1.0, 0.0)
+    assert not found.faults
+
+
+def test_higher_orders_that_do_not_exist_leave_the_first_alone() -> None:
+    found = at("x**1.5", x=0.0)
+    assert found.first[0] == 0.0
+    assert math.isnan(found.second[0, 0])
+
+
+@pytest.mark.parametrize("text", ["1/x", "log(x)", "x**-2"])
+def test_values_that_are_not_finite_are_faults(text: str) -> None:
+    found = at(text, x=0.0)
+    assert not math.isfinite(found.value)
+    assert found.faults
+
+
+def test_a_name_without_a_value() -> None:
+    with pytest.raises(EquationError, match="'y' has no value at column 5"):
+        at("x + y", x=1.0)
+
+
+def test_integer_powers_of_zero_and_of_negative_numbers() -> None:
+    assert at("x**2", x=0.0).second[0, 0] == 2.0
+    assert at("x**3", x=-2.0).first[0] == 12.0
+    assert at("x**0", x=0.0).first[0] == 0.0

@@ -1,0 +1,100 @@
+"""A part's coordinate system projected out: rigid motions in, nothing out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from measured_examples import PLACES, points, study
+
+from mtu_cli.files.points import Points
+from mtu_cli.model.datum import DATUMS, Datum, basis, freed, freedoms, projector
+from mtu_cli.model.measured import visits_of
+
+XY = (0, 1)
+
+
+def errors(found: Points) -> np.ndarray:
+    return found.measured - found.nominal
+
+
+def test_the_freedoms_are_small_rigid_motions() -> None:
+    """Against the motion itself: turned about the centre by a small angle and shifted."""
+    places = np.array([[10.0, 20.0, 5.0], [110.0, 25.0, 5.0], [15.0, 220.0, 5.0]])
+    F = freedoms(places, (0, 1, 2), "offset,rotation")
+    assert F.shape == (9, 4)
+    angle, shift = 1e-7, np.array([0.1, -0.2, 0.3])
+    R = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    centre = places.mean(axis=0)
+    moved = centre + (places - centre) @ R.T + shift - places
+    assert F @ [*shift, angle] == pytest.approx(moved.ravel(), abs=1e-11)
+
+
+@pytest.mark.parametrize("datum", DATUMS)
+@pytest.mark.parametrize("axes", [(0,), (1, 2), (0, 1), (0, 1, 2)])
+def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(1)
+    places = rng.uniform(0, 200, (7, 3))
+    F = freedoms(places, axes, datum)
+    wanted = np.eye(len(F)) - F @ np.linalg.pinv(F)
+    assert projector(places, axes, datum) == pytest.approx(wanted, abs=1e-12)
+
+
+@pytest.mark.parametrize("datum", ["offset", "offset,rotation"])
+def test_a_rigid_motion_of_each_visit_leaves_nothing(datum: Datum) -> None:
+    rng = np.random.default_rng(2)
+    rows = []
+    for p in range(4):
+        for r in range(2):
+            dx, dy, turn = rng.normal(size=3) * [1e-2, 1e-2, 1e-4 * (datum != "offset")]
+            for name, (x, y) in PLACES.items():
+                if (p, r, name) != (2, 1, "c"):
+                    rows.append((f"P{p}", name, r, dx - turn * y, dy + turn * x))
+    found, complete = freed(points(rows), XY, datum)
+    assert np.abs(errors(found)[:, :2]).max() < 1e-12
+    assert not complete
+
+
+def test_each_visit_against_least_squares_of_its_own() -> None:
+    rng = np.random.default_rng(3)
+    whole = study(parts=5, repeats=2, seed=4)
+    rows = np.flatnonzero(rng.random(len(whole)) < 0.8)
+    some = replace(
+        whole,
+        **{name: getattr(whole, name)[rows] for name in (
+            "part", "feature", "operation", "measured", "nominal", "repeat", "time_min",
+            "sequence", "direction", "file_index", "row")},
+    )  # fmt: skip
+    found, complete = freed(some, XY, "offset,rotation")
+    assert not complete
+    visit = visits_of(some).of_point
+    for v in np.unique(visit):
+        own = visit == v
+        F = freedoms(some.nominal[own], XY, "offset,rotation")
+        e = errors(some)[own][:, :2].ravel()
+        left = e - F @ np.linalg.lstsq(F, e, rcond=1e-9)[0]
+        assert errors(found)[own][:, :2].ravel() == pytest.approx(left, abs=1e-12)
+
+
+def test_one_feature_has_no_rotation_and_leaves_exactly_nothing() -> None:
+    place = np.array([[10.0, 20.0, np.nan]])
+    assert basis(place, XY, "offset,rotation").shape == (2, 2)
+    rows = [(f"P{p}", "a", 1, 0.0123 * (p + 1), -0.0377 * p) for p in range(3)]
+    found, complete = freed(points(rows), XY, "offset,rotation")
+    assert complete
+    assert (errors(found)[:, :2] == 0).all()
+    assert (projector(place, XY, "offset,rotation") == 0).all()
+
+
+def test_operations_of_different_features_are_complete() -> None:
+    """A part drilled at a and b and milled at c misses nothing."""
+    rows = [(f"P{p}", name, 1, 0.01 * p, 0.0) for p in range(3) for name in "abc"]
+    operations = ["milled" if name == "c" else "drilled" for _, name, *_ in rows]
+    assert freed(points(rows, operations), XY, "offset")[1]
+    assert not freed(points(rows[:-2], operations[:-2]), XY, "offset")[1]
+
+
+def test_none_leaves_the_points_alone() -> None:
+    found = study(parts=3, repeats=1, seed=1)
+    assert freed(found, XY, "none") == (found, True)

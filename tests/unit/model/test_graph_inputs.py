@@ -1,0 +1,120 @@
+"""What is drawn has the covariance that the file states."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from graph_examples import graph_of, shipped
+
+from mtu_cli.model.graph.first_order import first_order
+from mtu_cli.model.graph.inputs import Inputs
+from mtu_cli.model.graph.measurement_graph import evaluation
+from mtu_cli.stats.workspace import Workspace
+
+M = 400_000
+PROBED = """
+uncertainty: {axis_um: 2, probe_um: 3, perpendicular_um: 6}
+places:
+  x: {kind: coordinate, axis: x, nominal_mm: 5}
+  P: {kind: point, nominal_mm: [1, 2, 3]}
+  Q: {kind: point, nominal_mm: [0, 0, 0]}
+  d: {kind: constant}
+  e: {kind: constant}
+transitions:
+  - {do: meas, out: x}
+  - {do: meas, out: P, along: [3, 0, 4], repeats: 9}
+  - {do: meas, out: Q, along: -y, uncertainty: {axis_um: 0}}
+  - {do: distance, in: [P, Q], out: d}
+  - {do: compute, in: [x, d], out: e, formula: x + d}
+"""
+
+
+def test_probing(tmp_path: Path) -> None:
+    """u_w^2 = u1^2 + u2^2/n + u3^2 along the probing, u1^2 across; um^2."""
+    graph = graph_of(tmp_path, PROBED)
+    inputs = Inputs(graph.graph, ["x", "P", "Q"])
+    X = inputs.scaled(inputs.draw(np.random.default_rng(1), M, Workspace()))
+    places = inputs.values(X)
+    assert places["x"].mean() == pytest.approx(5, abs=5 * 0.007 / M**0.5)
+    assert 1e6 * places["x"].var() == pytest.approx(4 + 9 + 36, rel=5 * (2 / M) ** 0.5)
+    d = np.array([0.6, 0.0, 0.8])
+    expected = 4 * np.eye(3) + (9 / 9 + 36) * np.outer(d, d)
+    assert 1e6 * np.cov(places["P"]) == pytest.approx(expected, abs=5 * 41 * (2 / M) ** 0.5)
+    assert inputs.factor @ inputs.factor.T == pytest.approx(
+        1e-6 * np.diag([49, *[0] * 6]) + _block(1e-6 * expected, 1) + _block(_q(), 4), abs=1e-18
+    )
+    assert np.ptp(places["Q"][[0, 2]]) == 0
+
+
+def _q() -> np.ndarray:
+    return np.diag([0.0, 45e-6, 0.0])
+
+
+def _block(matrix: np.ndarray, at: int) -> np.ndarray:
+    found = np.zeros((7, 7))
+    found[at : at + 3, at : at + 3] = matrix
+    return found
+
+
+CONSTANTS = """
+places:
+  a: {kind: constant, value: 1, u: 1}
+  b: {kind: constant, value: 2, u: 2}
+  c: {kind: constant, value: 3, u: 3, distribution: rectangular}
+  d: {kind: constant, value: 4, u: 4, distribution: triangular}
+  s: {kind: constant}
+transitions:
+  - {do: compute, in: [a, b, c, d], out: s, formula: a + b + c + d}
+correlations: [[b, a, 0.5]]
+"""
+
+
+def test_constants(tmp_path: Path) -> None:
+    graph = graph_of(tmp_path, CONSTANTS)
+    inputs = Inputs(graph.graph, "abcd")
+    assert not inputs.normal
+    X = inputs.scaled(inputs.draw(np.random.default_rng(1), M, Workspace()))
+    places = inputs.values(X)
+    X = np.array([places[name] for name in "abcd"])
+    error = 5 / M**0.5
+    assert X.mean(axis=1) == pytest.approx([1, 2, 3, 4], abs=4 * error)
+    assert X.std(axis=1) == pytest.approx([1, 2, 3, 4], rel=error)
+    expected = np.eye(4)
+    expected[0, 1] = expected[1, 0] = 0.5
+    assert np.corrcoef(X) == pytest.approx(expected, abs=error)
+    assert X[2].min() >= 3 - 3 * 3**0.5
+    assert X[2].max() <= 3 + 3 * 3**0.5
+    assert X[3].min() >= 4 - 4 * 6**0.5
+    # Fourth moments tell the shapes: 9/5 rectangular, 12/5 triangular.
+    kurtosis = ((X - X.mean(axis=1)[:, None]) ** 4).mean(axis=1) / X.var(axis=1) ** 2
+    assert kurtosis[2:] == pytest.approx([1.8, 2.4], abs=0.02)
+
+
+def test_shares_of_correlated_constants(tmp_path: Path) -> None:
+    """Var = 1 + 4 + 2 (0.5) 2 + 9 + 16 = 32; to a goes c_a sum c_j u_aj = 1 + 1, to b 4 + 1."""
+    graph = graph_of(tmp_path, CONSTANTS)
+    found = first_order(evaluation(graph, graph.outputs()))
+    assert found.u[0] ** 2 == pytest.approx(32)
+    shares = {name: float(values[0]) for name, values in found.shares.items()}
+    assert shares == pytest.approx({"a": 2 / 32, "b": 5 / 32, "c": 9 / 32, "d": 16 / 32})
+
+
+def test_ball_centre_by_hand() -> None:
+    """u_x = u_w/sqrt(2), u_z^2 = u_w^2 + u_r^2."""
+    graph = shipped("ball-centre")
+    found = first_order(evaluation(graph, graph.outputs()))
+    assert 1e6 * found.u**2 == pytest.approx([1, 1, 2.04])
+    assert found.shares["r1"] == pytest.approx([0, 0, 0.04 / 2.04])
+    assert found.shares["u1_axis"] == pytest.approx([0.5, 0.5, 1 / 2.04])
+    assert found.by_place["x1"] == pytest.approx([0.5, 0, 0])
+
+
+def test_only_what_stands_behind_an_output_is_drawn() -> None:
+    graph = shipped("axes-a-and-c")
+    whole = evaluation(graph, graph.outputs(["d_AC"]))
+    part = evaluation(graph, graph.outputs(["PC.x"]))
+    assert whole.inputs.k == 30
+    assert part.inputs.k == 15
+    assert len(part.steps) < len(whole.steps)

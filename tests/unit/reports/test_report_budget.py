@@ -1,0 +1,142 @@
+"""The report, table, CSV and figure of a budget say what the result holds."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from budget_examples import evaluated
+
+from mtu_cli.analyses.budget import BudgetResult
+from mtu_cli.files.json_file import report_bytes
+from mtu_cli.reports.budget import CSV_COLUMNS, csv_rows, document
+from mtu_cli.reports.budget_figure import figure
+from mtu_cli.reports.budget_table import table
+from mtu_cli.reports.csv_text import csv_text
+from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.tables import plain_text
+
+CONTRACT = {"value", "u", "second_order", "dof_effective", "k", "U", "rows", "monte_carlo"}
+ROW = {"name", "value", "u", "distribution", "dof", "sensitivity", "contribution", "share"}
+MONTE_CARLO = {
+    "mean", "u", "interval", "shortest", "probability", "trials", "first_order_valid",
+}  # fmt: skip
+
+ONE = """
+    quantity: {name: l, unit: mm}
+    equation: a*b + c
+    inputs:
+      a: {value: 2, u: 0.1, dof: 8, unit: mm}
+      b: {value: 3, half_width: 0.2, distribution: rectangular}
+      c: {readings: [1.0, 1.2, 1.1, 1.3], u: 0.05, unit: mm}
+      d: 7
+"""
+TWO = ONE.replace("quantity: {name: l, unit: mm}", "units: {s: mm}").replace(
+    "equation: a*b + c", "equations: {s: a*b + c, p: a/b}"
+)
+
+
+@pytest.fixture(scope="module")
+def one() -> BudgetResult:
+    return evaluated(ONE)
+
+
+@pytest.fixture(scope="module")
+def two() -> BudgetResult:
+    return evaluated(TWO)
+
+
+def test_the_report_is_that_of_the_contract(one: BudgetResult) -> None:
+    found = json.loads(report_bytes(document(one)))
+    assert set(found) >= CONTRACT
+    assert set(found["monte_carlo"]) >= MONTE_CARLO
+    assert [set(row) >= ROW for row in found["rows"]] == [True] * 4
+    assert found["value"] == pytest.approx(7.15)
+    assert found["U"] == pytest.approx(found["k"] * found["u"])
+    rows = {row["name"]: row for row in found["rows"]}
+    assert rows["a"]["contribution"] == pytest.approx(0.3)
+    assert rows["b"]["dof"] is None
+    assert rows["c"]["type"] == "A+B"
+    assert [part["type"] for part in rows["c"]["contributions"]] == ["A", "B"]
+    assert rows["d"]["u"] == rows["d"]["contribution"] == 0.0
+    assert sum(row["share"] for row in found["rows"]) == pytest.approx(1.0)
+    squares = sum(row["contribution"] ** 2 for row in found["rows"])
+    assert math.sqrt(squares) == pytest.approx(found["u"])
+
+
+def test_several_outputs(two: BudgetResult) -> None:
+    found = json.loads(report_bytes(document(two)))
+    assert set(found["outputs"]) == {"s", "p"}
+    assert all(set(item) >= CONTRACT for item in found["outputs"].values())
+    assert found["outputs"]["s"]["unit"] == "mm"
+    V = np.array(found["covariance"])
+    assert V[0, 0] == pytest.approx(found["outputs"]["s"]["u"] ** 2)
+    r = np.array(found["correlation"])
+    assert r[0, 1] == pytest.approx(V[0, 1] / math.sqrt(V[0, 0] * V[1, 1]))
+    # By hand: u^2(a) - (a/b)^2 u^2(b), to first order and with the t of a (8 over 6).
+    assert V[0, 1] == pytest.approx(0.01 - 4 / 9 * 0.04 / 3)
+    drawn = found["monte_carlo_covariance"][0][1]
+    assert drawn == pytest.approx(0.01 * 8 / 6 - 4 / 9 * 0.04 / 3, abs=6e-4)
+
+
+def test_what_does_not_exist_is_null() -> None:
+    """Two degrees of freedom: no u by Monte Carlo; abs at 0: no first order."""
+    heavy = document(evaluated("equation: x\ninputs: {x: {value: 1, u: 1, dof: 2}}\n"))
+    assert heavy["monte_carlo"]["u"] is None
+    assert heavy["monte_carlo"]["mean"] is None
+    assert heavy["monte_carlo"]["interval"][1] > 5.0
+    corner = document(evaluated("equation: abs(x)\ninputs: {x: {value: 0, u: 1}}\n"))
+    assert corner["u"] is corner["U"] is corner["rows"][0]["sensitivity"] is None
+    assert corner["second_order"] == {"value": None, "u": None}
+    assert corner["monte_carlo"]["first_order_valid"] is None
+    for item in (heavy, corner):
+        report_bytes(item)
+
+
+def test_the_main_table_is_the_rows(two: BudgetResult) -> None:
+    lines = csv_text(*csv_rows(two)).splitlines()
+    assert lines[0] == ",".join(CSV_COLUMNS)
+    assert len(lines) == 1 + 2 * 4
+    assert lines[1].startswith("s,a,mm,2.0,0.1,B,normal,8.0,")
+    assert ",inf," in lines[2]
+
+
+@pytest.mark.parametrize("text", [ONE, TWO, ONE.replace("mm", "m" * 12)])
+def test_tables_fit_a_hundred_columns(text: str) -> None:
+    shown = plain_text(table(evaluated(text), 2))
+    assert max(map(len, shown.splitlines())) <= 100
+    for words in ("first order", "second order", "Monte Carlo", "A+B", "t + normal"):
+        assert words in shown
+
+
+def test_values_are_rounded_to_their_uncertainty(one: BudgetResult) -> None:
+    """u = 0.468..: the value 7.15 with two decimals, c with those of its own u."""
+    lines = plain_text(table(one, 2)).splitlines()
+    first = next(line for line in lines if line.startswith("first order  "))
+    assert first.split()[2:4] == ["7.15", f"{one.outputs[0].first.u:.2f}"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ONE,
+        TWO,
+        "equation: x**2\ninputs: {x: {value: 0, u: 1}}\n",
+        "equation: abs(x)\ninputs: {x: {value: 0, u: 1}}\n",
+        "equation: x\ninputs: {x: {value: 1, u: 1, dof: 1}}\n",
+        "equation: x\ninputs: {x: 3}\n",
+        "equation: " + "+".join(f"x{i}" for i in range(20)) + "\ninputs:\n"
+        + "".join(f"  x{i}: {{value: 0, u: {i + 1}}}\n" for i in range(20)),
+    ],
+)  # fmt: skip
+def test_figures_are_drawn(text: str) -> None:
+    """Also without first order, with heavy tails, nothing uncertain or many inputs."""
+    result = evaluated(text)
+    page = figure(result)
+    assert len(page.axes) == 2 * len(result.outputs)
+    assert figure_bytes(page, ".png").startswith(b"\x89PNG")
+    titles = [axes.get_title(loc="left") for axes in page.axes]
+    assert titles[0].endswith("shares of the variance")
+    assert "by Monte Carlo" in titles[1]

@@ -1,0 +1,66 @@
+"""The correlation behind a Gaussian copula: closed forms and samples."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from mtu_cli.stats.copula import bounded_quantile, hermite_coefficients, normal_correlation
+from mtu_cli.stats.distributions import Distribution, Kind, shape_moments
+
+
+def item(kind: Kind, top: float = 0.0) -> Distribution:
+    u = math.sqrt(shape_moments(kind, top)[0])
+    return Distribution(kind=kind, u=u, half_width=1.0, top=top)
+
+
+NORMAL = Distribution(kind="normal", u=2.0)
+SHAPES = [item("rectangular"), item("triangular"), item("arcsine"), item("trapezoidal", 0.4)]
+
+
+@pytest.mark.parametrize("r", [-0.95, -0.3, 0.5, 0.9])
+def test_two_rectangles_in_closed_form(r: float) -> None:
+    """Pearson's r = (6/pi) asin(rho/2) for uniform marginals (Pearson 1907)."""
+    a = hermite_coefficients(item("rectangular"))
+    assert normal_correlation(a, a, r / 3) == pytest.approx(2 * math.sin(math.pi * r / 6), abs=1e-6)
+
+
+def test_a_rectangle_and_a_normal_in_closed_form() -> None:
+    """r = rho sqrt(3/pi), so at most 0.977 can be had."""
+    a, b = hermite_coefficients(item("rectangular")), hermite_coefficients(NORMAL)
+    u = 2.0 / math.sqrt(3.0)
+    assert normal_correlation(a, b, 0.5 * u) == pytest.approx(
+        0.5 * math.sqrt(math.pi / 3), abs=1e-6
+    )
+    assert normal_correlation(a, b, 0.99 * u) is None
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda x: x.kind)
+def test_quantiles_and_coefficients(shape: Distribution) -> None:
+    """The quantile's own variance and the sum of squares of the coefficients are u^2."""
+    p = (np.arange(200_000) + 0.5) / 200_000
+    q = bounded_quantile(shape, p)
+    assert np.all(np.diff(q) >= 0.0)
+    assert q.var() == pytest.approx(shape.u**2, rel=1e-4)
+    assert np.sum(hermite_coefficients(shape) ** 2) == pytest.approx(shape.u**2, rel=1e-5)
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda x: x.kind)
+def test_samples_have_the_stated_correlation(shape: Distribution) -> None:
+    m, r = 400_000, 0.7
+    a = hermite_coefficients(shape)
+    rho = normal_correlation(a, a, r * shape.u**2)
+    assert rho is not None
+    z = np.random.default_rng(8).standard_normal((2, m))
+    z[1] = rho * z[0] + math.sqrt(1 - rho**2) * z[1]
+    x = bounded_quantile(shape, np.asarray(ndtr(z)))
+    # The standard error of a correlation coefficient is below (1 + r^2)/sqrt(m).
+    assert np.asarray(np.corrcoef(x))[0, 1] == pytest.approx(r, abs=4 * 1.5 / math.sqrt(m))
+
+
+def test_a_normal_has_no_bounded_quantile() -> None:
+    with pytest.raises(ValueError, match="no closed quantile"):
+        bounded_quantile(NORMAL, np.array([0.5]))

@@ -1,0 +1,128 @@
+"""Input distributions: moments in closed form, samples of them, and Student's quantile."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import betainc, stdtrit
+
+from mtu_cli.stats.distributions import (
+    Distribution,
+    Kind,
+    dof_of_inexact,
+    inexact_of,
+    shape_moments,
+    student_quantile,
+    t_scales,
+)
+from mtu_cli.stats.workspace import Workspace
+
+M = 400_000
+
+
+def drawn(item: Distribution, seed: int = 1) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    out = np.empty(M)
+    item.draw(np.random.default_rng(seed), out, Workspace())
+    return out
+
+
+def shape(kind: Kind, top: float = 0.0, inexact: float = 0.0) -> Distribution:
+    second = shape_moments(kind, top / 2.0)[0]
+    return Distribution(
+        kind=kind, u=2.0 * math.sqrt(second), half_width=2.0, top=top, inexact=inexact
+    )
+
+
+SHAPES = [
+    shape("rectangular"),
+    shape("triangular"),
+    shape("arcsine"),
+    shape("trapezoidal", top=0.5),
+    shape("trapezoidal", top=2.0),
+    shape("curvilinear-trapezoidal", inexact=0.3),
+    shape("triangular", inexact=0.2),
+]
+
+
+@pytest.mark.parametrize("item", SHAPES, ids=lambda x: f"{x.kind}-{x.top}-{x.inexact}")
+def test_moments_of_samples(item: Distribution) -> None:
+    """Second and fourth moment within four standard errors of their own."""
+    x = drawn(item)
+    for power, expected in (
+        (1, 0.0),
+        (2, item.drawn_variance),
+        (4, (item.excess + 3.0) * item.drawn_variance**2),
+    ):
+        error = float((x**power).std()) / math.sqrt(M)
+        assert float((x**power).mean()) == pytest.approx(expected, abs=4 * error)
+    assert np.abs(x).max() <= 2.0 * (1.0 + item.inexact)
+
+
+@pytest.mark.parametrize(
+    ("kind", "top", "variance"),
+    [
+        ("rectangular", 0.0, 4 / 3),
+        ("triangular", 0.0, 4 / 6),
+        ("arcsine", 0.0, 4 / 2),
+        ("trapezoidal", 1.0, 4 * 1.25 / 6),
+    ],
+)
+def test_variances_of_jcgm_101(kind: Kind, top: float, variance: float) -> None:
+    """6.4.2: a^2/3; 6.4.5: a^2/6; 6.4.6: a^2/2; 6.4.4: a^2 (1 + beta^2)/6, with a = 2."""
+    assert shape(kind, top).drawn_variance == pytest.approx(variance)
+
+
+def test_curvilinear_trapezoid() -> None:
+    """JCGM 101:2008, 6.4.3: V = (b - a)^2/12 + d^2/9, ends at a -+ d."""
+    item = shape("curvilinear-trapezoidal", inexact=0.25)
+    assert item.drawn_variance == pytest.approx(4.0**2 / 12 + 0.5**2 / 9)
+
+
+def test_inexact_limits_and_degrees_of_freedom() -> None:
+    """JCGM 101:2008, 9.5.2 from GUM H.1: nu = 50 is d = 0.1 a, nu = 2 is d = 0.5 a."""
+    assert inexact_of(50.0) == pytest.approx(0.1)
+    assert inexact_of(2.0) == pytest.approx(0.5)
+    assert inexact_of(math.inf) == 0.0
+    assert dof_of_inexact(0.25) == pytest.approx(8.0)
+    assert dof_of_inexact(0.0) == math.inf
+
+
+@pytest.mark.parametrize("dof", [3.0, 6.0, 30.0])
+def test_scaled_t(dof: float) -> None:
+    """6.4.9: the distribution function of the draws is that of u t_nu (Kolmogorov's bound)."""
+    item = Distribution(kind="normal", u=0.5, dof=dof)
+    t = np.sort(drawn(item)) / 0.5
+    tail = 0.5 * betainc(0.5 * dof, 0.5, dof / (dof + t * t))
+    F = np.where(t > 0, 1.0 - tail, tail)
+    distance = np.abs(F - (np.arange(M) + 0.5) / M).max()
+    # Exceeded with probability 2 exp(-2 * 1.95^2) = 0.001.
+    assert distance < 1.95 / math.sqrt(M)
+    assert item.drawn_variance == pytest.approx(0.25 * dof / (dof - 2))
+
+
+def test_no_variance_with_two_degrees_of_freedom() -> None:
+    assert math.isnan(Distribution(kind="t", u=1.0, dof=2.0).drawn_variance)
+    assert Distribution(kind="t", u=1.0, dof=2.0).excess == 0.0
+
+
+def test_scales_average_as_chi_squared() -> None:
+    out = t_scales(12.0, np.random.default_rng(2), np.empty(M))
+    assert (out**2).mean() == pytest.approx(12 / 10, abs=4 * (out**2).std() / math.sqrt(M))
+
+
+@pytest.mark.parametrize("dof", [0.7, 1.0, 1.5, 2.0, 4.05, 16.75, 229.0, 9e4, 2e5, 1e12])
+@pytest.mark.parametrize("probability", [0.01, 0.5, 0.6, 0.975, 0.995, 0.9995])
+def test_students_quantile(dof: float, probability: float) -> None:
+    """Against scipy, which inverts the incomplete beta function."""
+    expected = float(stdtrit(dof, probability))
+    assert student_quantile(probability, dof) == pytest.approx(expected, rel=1e-8, abs=1e-9)
+
+
+def test_students_quantile_as_printed() -> None:
+    """GUM, Table G.2: t_95(4) = 2.78, t_99(16) = 2.92, t_95.45(10) = 2.28, normal 1.960."""
+    assert student_quantile(0.975, 4.0) == pytest.approx(2.78, abs=0.005)
+    assert student_quantile(0.995, 16.0) == pytest.approx(2.92, abs=0.005)
+    assert student_quantile(0.97725, 10.0) == pytest.approx(2.28, abs=0.005)
+    assert student_quantile(0.975, math.inf) == pytest.approx(1.960, abs=0.0005)
