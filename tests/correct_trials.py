@@ -1,7 +1,8 @@
 """How often the 95 % interval of a corrected diameter holds the true one.
 
 Machines as in `machine_trials`, read by a ball bar and fitted by the package; each then measures
-a ring whose true size is known, with a state and repeatabilities of its own.
+a ring whose true size is known, with a state and repeatabilities of its own and a probing noise
+that the machine's readings know nothing of, anew in every repeat.
 """
 
 from __future__ import annotations
@@ -42,7 +43,14 @@ def errors_at(rng: np.random.Generator, drift: Drift, place: Floats) -> Floats:
 
 
 def diameter_coverage(
-    known: LoadedMachine, part: LoadedPart, drift: Drift, machines: int, seed: int
+    known: LoadedMachine,
+    part: LoadedPart,
+    drift: Drift,
+    machines: int,
+    seed: int,
+    *,
+    probing: float = 0.0,
+    repeats: int = 1,
 ) -> tuple[float, float]:
     """Shares of machines whose intervals hold the diameter, and the length of two points."""
     true = ring_places(CENTRE_OF_RING, DIAMETER)
@@ -51,9 +59,10 @@ def diameter_coverage(
     for rng in np.random.default_rng(seed).spawn(machines):
         fit = fit_machine(known, read_machine(rng, drift))
         model = build_model(known, estimates_from_fit(known, fit))
-        measured = true + errors_at(rng, drift, true)
-        points = ring_points(measured, ["ring"])
-        nominal = true.copy()
+        noise = probing * rng.standard_normal((repeats, *true.shape))
+        measured = (true + errors_at(rng, drift, true) + noise).reshape(-1, 3)
+        points = ring_points(measured, ["ring"] * repeats, list(range(1, repeats + 1)))
+        nominal = np.tile(true, (repeats, 1))
         nominal[:, 2] = np.nan
         result = correct(model, part, replace(points, nominal=nominal), Settings())
         (ring,), (found,) = result.of_kind("circle"), result.of_kind("length")

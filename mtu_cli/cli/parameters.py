@@ -258,7 +258,10 @@ KIND: list[Parameter] = [
     (
         "kind",
         Annotated[
-            str, typer.Argument(metavar="KIND", help="machine, part, study, budget or graph.", show_default=False)
+            str,
+            typer.Argument(
+                metavar="KIND", help="machine, part, study, budget or graph.", show_default=False
+            ),
         ],
         inspect.Parameter.empty,
     ),

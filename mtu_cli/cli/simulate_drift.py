@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from mtu_cli.cli.drift_places import by_component, read_at
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import did_you_mean, fault
 from mtu_cli.files.covariates import is_covariate
-from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.model.calibrated_places import growth
 from mtu_cli.model.climate import Climate, as_read, settled
 from mtu_cli.model.drift_simulation import DriftPlan, sensors_for
@@ -21,6 +21,10 @@ from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
 
+ROOMS_DEGC = (-50.0, 200.0)
+"""Rooms that a machine may stand in: a slip of the keyboard beyond."""
+MOST = 1e9
+"""Of any number of the drift test."""
 MAX_MOMENTS = 1_000_000
 """Moments of a whole test, soaking included: a slip of the keyboard beyond."""
 
@@ -49,12 +53,11 @@ def drift_plan(inputs: Inputs, drifts: tuple[ThermalEstimate, ...]) -> DriftPlan
     _check_numbers(options)
     machine = inputs.machine
     names = [drift.component for drift in drifts]
-    low, high = _pair("--room", options.room, "20:26")
-    own = _by_component("--drift-positions", options.drift_positions, names)
-    positions = {
-        drift.component: own.get(drift.component, _positions(machine, drift)) for drift in drifts
-    }
-    asked = _by_component("--settled-drift", options.settled_drift, names)
+    low, high = _pair("--room", options.room, "20:26", (-np.inf, np.inf))
+    check_rooms("--room", [low, high], options.room)
+    check_rooms("--cmm-room", options.cmm_room or [])
+    positions = read_at(options, machine, drifts)
+    asked = by_component("--settled-drift", options.settled_drift, names)
     for name, values in asked.items():
         if len(values) != len(positions[name]):
             raise fault(
@@ -89,7 +92,7 @@ def _climate(options: Options, reference: float, low: float, high: float) -> Cli
         high=high,
         room_lag=options.room_lag_min,
         room_wobble=options.room_wobble_degc,
-        sensor_lag=_pair("--sensor-lag-min", options.sensor_lag_min, "5:25", lowest=0.0),
+        sensor_lag=_pair("--sensor-lag-min", options.sensor_lag_min, "5:25", (0.0, MOST)),
         sensor_spread=options.sensor_spread,
         sensor_wobble=options.sensor_wobble_degc,
         sensor_noise=options.sensor_noise_degc,
@@ -108,11 +111,11 @@ def _check_numbers(options: Options) -> None:
     for name, least in _NUMBERS.items():
         value = options.values[name]
         positive = name == "interval_min"
-        if not np.isfinite(value) or value < least or (positive and value == 0):
+        if not least <= value <= MOST or (positive and value == 0):
             raise fault(
                 f"{option_name(name)} is out of range",
                 value=str(value),
-                expected="a finite number above 0" if positive else "a finite number, 0 or more",
+                expected=f"a number {'above 0' if positive else 'of 0 or more'}, at most {MOST:g}",
             )
 
 
@@ -121,50 +124,41 @@ def option_name(name: str) -> str:
     return f"--{name.replace('_', '-')}".replace("degc", "degC")
 
 
-def _pair(option: str, text: str, example: str, lowest: float = -np.inf) -> tuple[float, float]:
+def check_rooms(option: str, rooms: Sequence[float], text: str = "") -> None:
+    """Refuses temperatures that no machine stands in.
+
+    Raises InputError with the option."""
+    low, high = ROOMS_DEGC
+    for room in rooms:
+        if not low <= room <= high:
+            raise fault(
+                f"{option} is no temperature of a room",
+                value=text or f"{room:g}",
+                expected=f"from {low:g} to {high:g} degC",
+            )
+
+
+def check_cmm_room(options: Options) -> None:
+    """Refuses rooms of a measurement that is not written.
+
+    Raises InputError for --cmm-room without --write-cmm.
+    """
+    if options.cmm_room and options.write_cmm is None:
+        raise fault(
+            "--cmm-room is the room while parts are measured, and none are",
+            value=" ".join(f"{room:g}" for room in options.cmm_room),
+            expected="--write-cmm FILE beside it, or --room LOW:HIGH of the drift test",
+        )
+
+
+def _pair(option: str, text: str, example: str, bounds: tuple[float, float]) -> tuple[float, float]:
     try:
         low, high = (float(item) for item in text.split(":"))
     except ValueError:
         low, high = np.nan, np.nan
-    if not (np.isfinite([low, high]).all() and lowest <= low <= high):
+    if not (np.isfinite([low, high]).all() and bounds[0] <= low <= high <= bounds[1]):
         raise fault(f"{option} is not LOW:HIGH", value=text, expected=f"such as {example}")
     return low, high
-
-
-def _by_component(option: str, texts: list[str] | None, names: list[str]) -> dict[str, FloatArray]:
-    """'NAME: NUMBERS' of several components, in their own units."""
-    found: dict[str, FloatArray] = {}
-    for text in texts or ():
-        name, colon, numbers = (item.strip() for item in text.partition(":"))
-        try:
-            values = np.array([float(item) for item in numbers.replace(",", " ").split()])
-        except ValueError:
-            values = np.empty(0)
-        if not colon or not len(values) or not np.isfinite(values).all():
-            raise fault(f"{option} is not NAME: NUMBERS", value=text, expected="'pos_y: 0 75 200'")
-        if name not in names:
-            raise fault(
-                f"{option} is of a component without a thermal model",
-                value=name,
-                expected=did_you_mean(name, names),
-            )
-        if name in found:
-            raise fault(f"{option} names {name!r} twice", value=text)
-        found[name] = values
-    return found
-
-
-def _positions(machine: LoadedMachine, drift: ThermalEstimate) -> FloatArray:
-    """Where a component is read: the positions of its gradients, else the middle of its axis."""
-    entry = machine.machine.components[drift.component]
-    if entry.thermal is not None and entry.thermal.positions_mm is not None:
-        return np.array(entry.thermal.positions_mm)
-    if drift.of is None:
-        return np.array([np.nan])
-    if drift.position_range is not None:
-        return np.linspace(*drift.position_range, drift.degree + 1)
-    travel = [axis.travel_mm for name, axis in machine.machine.axes.items() if name == drift.of]
-    return np.array([np.mean(travel) if travel else 0.0])
 
 
 def _twins(options: Options, sensors: set[str]) -> tuple[tuple[str, str], ...]:

@@ -77,38 +77,109 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
 
     With the seeded shares a0, gradients G (places, s) and rise R = high - reference the settled
     drifts are R G a. Where one is asked for or exceeds its limit it becomes a target d of
-    a = a0 + G^+ (d/R - G a0), the solution nearest to a0 (G^+ the pseudoinverse).
+    a = a0 + G^+ (d/R - G a0), the solution nearest to a0 (G^+ the pseudoinverse). Limits that
+    the sensors cannot keep beside the other drifts are left alone.
 
     Raises InputError where the sensors cannot give the drifts that are asked for.
     """
     names = tuple(sorted({sensor for drift in drifts for sensor in drift.sensors}))
     found = drawn_sensors(names, plan.climate, plan.twins, seed)
     rise = plan.climate.high - plan.climate.reference
-    if rise == 0:
+    each = [_Target.of(item, plan, names, found.shares, rise) for item in drifts]
+    asked = [item for item in each if item.asked]
+    if rise == 0 and not asked:
         return found
-    scale = np.concatenate([[item.unit.to_internal] * len(_places(item, plan)) for item in drifts])
-    G = np.concatenate([_gradients(item, names, _places(item, plan)) for item in drifts])
-    G = G / scale[:, None]
-    targets = _targets(drifts, plan, rise * G @ found.shares * scale) / scale
-    shares = found.shares + np.linalg.pinv(G) @ (targets / rise - G @ found.shares)
-    missed = np.abs(rise * G @ shares - targets).max()
-    if missed > _REACHED * max(np.abs(targets).max(), 1.0):
-        raise fault(
-            "the sensors' shares of the room's rise cannot give these settled drifts",
-            expected="drifts that differ only where the gradients of the sensors do",
-        )
+    shares, kept = found.shares, _kept(each, found.shares, rise)
+    if kept is None:
+        _check_reached(asked, _nearest(asked, shares, rise), rise)
+        kept = asked
+        # Limits come last: they may give way, and what is within them shall stay so.
+        for item in sorted(each, key=lambda item: item.limited):
+            if not item.asked:
+                kept = _kept([*kept, item], shares, rise) or kept
+    shares = _nearest(kept, shares, rise)
     return Sensors(names=names, lags=found.lags, shares=shares, twins=plan.twins)
 
 
-def _targets(drifts: Sequence[ThermalEstimate], plan: DriftPlan, own: FloatArray) -> FloatArray:
-    """Settled drifts (places,), mm or rad: as asked for, or the own ones within the limits."""
-    targets, at = own.copy(), 0
-    for item in drifts:
-        rows = slice(at, at + len(_places(item, plan)))
-        limit = plan.limits[item.unit.dimension]
-        targets[rows] = plan.settled.get(item.component, np.clip(own[rows], -limit, limit))
-        at = rows.stop
-    return targets
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Target:
+    """Settled drifts `value` (places,) of a component in its own unit, `G` (places, s) per degC.
+
+    `asked` for, else its own ones, which may be `limited`.
+    """
+
+    drift: ThermalEstimate
+    positions: FloatArray
+    G: FloatArray
+    value: FloatArray
+    asked: bool
+    limited: bool
+
+    @classmethod
+    def of(
+        cls,
+        drift: ThermalEstimate,
+        plan: DriftPlan,
+        names: tuple[str, ...],
+        shares: FloatArray,
+        rise: float,
+    ) -> _Target:
+        scale, positions = drift.unit.to_internal, _places(drift, plan)
+        G = _gradients(drift, names, positions) / scale
+        limit = plan.limits[drift.unit.dimension]
+        own = rise * G @ shares * scale
+        asked = plan.settled.get(drift.component)
+        return cls(
+            drift=drift,
+            positions=positions,
+            G=G,
+            value=(np.clip(own, -limit, limit) if asked is None else asked) / scale,
+            asked=asked is not None,
+            limited=asked is None and bool((np.abs(own) > limit).any()),
+        )
+
+    def missed(self, shares: FloatArray, rise: float) -> FloatArray:
+        """How far (places,) the drifts are from it."""
+        return np.abs(rise * self.G @ shares - self.value)
+
+
+def _nearest(targets: Sequence[_Target], shares: FloatArray, rise: float) -> FloatArray:
+    """The shares nearest to `shares` (s,) that come closest to the targets."""
+    if rise == 0 or not targets:
+        return shares
+    G = np.concatenate([item.G for item in targets])
+    value = np.concatenate([item.value for item in targets])
+    moved: FloatArray = shares + np.linalg.pinv(G) @ (value / rise - G @ shares)
+    return moved
+
+
+def _kept(targets: list[_Target], shares: FloatArray, rise: float) -> list[_Target] | None:
+    """The targets, where there are shares that reach all of them."""
+    moved = _nearest(targets, shares, rise)
+    reach = _reach(targets)
+    return targets if all((t.missed(moved, rise) <= reach).all() for t in targets) else None
+
+
+def _reach(targets: Sequence[_Target]) -> float:
+    return _REACHED * max([1.0, *(float(np.abs(item.value).max()) for item in targets)])
+
+
+def _check_reached(asked: Sequence[_Target], shares: FloatArray, rise: float) -> None:
+    """Refuses settled drifts that are asked for and cannot be had, the one missed by most."""
+    if not asked or _kept(list(asked), shares, rise) is not None:
+        return
+    worst = max(asked, key=lambda item: float(item.missed(shares, rise).max()))
+    i = int(np.argmax(worst.missed(shares, rise)))
+    name, unit = worst.drift.component, worst.drift.unit.name
+    at = "" if np.isnan(worst.positions[i]) else f" at {worst.positions[i]:g} mm"
+    nearest = float(rise * worst.G[i] @ shares)
+    raise fault(
+        f"--settled-drift: no shares of the sensors in the room's rise of {rise:g} degC give "
+        f"{name} the settled drift{at}",
+        value=f"{name}: {' '.join(f'{value:g}' for value in worst.value)}",
+        expected=f"instead of {worst.value[i]:g} {unit} about {nearest:.4g} {unit} (nearest for "
+        "all that is asked): drifts differ only where the gradients of the sensors do",
+    )
 
 
 def _places(drift: ThermalEstimate, plan: DriftPlan) -> FloatArray:

@@ -4,6 +4,8 @@
 2.53); null along an axis that is not corrected. Of a size, `u_um` and `interval95_mm` are of the
 corrected size; `u_error_um`, `interval95_um` and `E_n` of its error after, the calibration's
 uncertainty included. `u_um` of a mean over repeats is that of one part, which repeats share.
+`point_scatter` is the scatter of the measured points beyond the machine's model: part of
+`u_corrected_um` and of the sizes' u, not of `u_correction_um`, which the machine alone makes.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ def document(result: CorrectResult) -> dict[str, Any]:
     k = result.coverage_factor
     return {
         "axes": list(result.axes),
+        "point_scatter": _scatter(result),
         "points": [_point(result, i) for i in range(len(result.points))],
         "circles": [_round(item, k) for item in result.of_kind("circle")],
         "spheres": [_round(item, k) for item in result.of_kind("sphere")],
@@ -36,8 +39,16 @@ def document(result: CorrectResult) -> dict[str, Any]:
     }
 
 
+def _scatter(result: CorrectResult) -> dict[str, Any]:
+    found = result.scatter
+    if found is None:
+        return {"s_um": None, "dof": None, "from": None}
+    return {"s_um": um(found.s), "dof": finite(found.dof), "from": found.origin}
+
+
 def _point(result: CorrectResult, i: int) -> dict[str, Any]:
     points = result.points
+    u, dof = result.of_corrected(i)
     return {
         **_labels(result, i),
         "measured": _place(points.measured[i]),
@@ -45,6 +56,8 @@ def _point(result: CorrectResult, i: int) -> dict[str, Any]:
         "u_correction_um": _by_axis(result.u[i]),
         "dof_effective": {a: finite(result.dof[i, k]) for k, a in enumerate(AXES)},
         "corrected": _place(result.corrected[i]),
+        "u_corrected_um": _by_axis(u),
+        "dof_corrected": {a: finite(dof[k]) for k, a in enumerate(AXES)},
     }
 
 
@@ -160,6 +173,7 @@ def csv_rows(result: CorrectResult) -> tuple[list[str], Iterable[list[object]]]:
     for axis in AXES:
         header += [f"correction_{axis}_um", f"u_correction_{axis}_um"]
     header += [f"corrected_{axis}_mm" for axis in AXES]
+    header += [f"u_corrected_{axis}_um" for axis in AXES]
     return header, (_flat(result, i) for i in range(len(result.points)))
 
 
@@ -169,4 +183,4 @@ def _flat(result: CorrectResult, i: int) -> list[object]:
     row += point["measured"].values()
     for axis in AXES:
         row += [point["correction_um"][axis], point["u_correction_um"][axis]]
-    return [*row, *point["corrected"].values()]
+    return [*row, *point["corrected"].values(), *point["u_corrected_um"].values()]

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from mtu_cli.analyses.correct.result import CorrectResult, Size
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.reports.numbers import MISSING, interval, plus_minus, significant
+from mtu_cli.reports.document import listed
+from mtu_cli.reports.numbers import (
+    MISSING,
+    degrees_of_freedom,
+    interval,
+    plus_minus,
+    significant,
+)
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
 
@@ -17,6 +25,8 @@ SHOWN = 40
 SIZES = 60
 """Diameters or lengths listed."""
 ROUNDING_MM = 1e-7
+DETERMINED = {"circle": 3, "sphere": 4, "length": 2}
+"""Points that determine a figure without any residual."""
 SIGN = "corrected = measured + correction; correction = minus the modelled error"
 
 
@@ -29,7 +39,8 @@ def table(result: CorrectResult) -> list[Sheet]:
         ("Lengths", result.of_kind("length")),
     ):
         if items:
-            sheets.append(_sizes(title, items))
+            sheet = _sizes(title, items)
+            sheets.append(replace(sheet, notes=[*sheet.notes, _scattered(result)]))
     sheets.append(_listed(result) if len(result.points) <= SHOWN else _summed(result))
     return sheets
 
@@ -58,11 +69,37 @@ def _sizes(title: str, items: tuple[Size, ...]) -> Sheet:
     ]
     if rounds:
         notes.append("u and 95 % with the calibration's; form: range of radial residuals")
+        notes += _exact(items)
     if any(len(item.repeats) > 1 for item in items):
         notes.append("means over the repeats of a part, which share what the machine did to it")
     if len(items) > SIZES:
         notes.append(f"{len(items) - SIZES} more in the report (-o)")
     return Sheet(title=f"{title} before and after", columns=columns, rows=rows, notes=notes)
+
+
+def _exact(items: tuple[Size, ...]) -> list[str]:
+    """Says whose calibration has no uncertainty."""
+    names = {i.id for i in items if math.isfinite(i.reference) and math.isnan(i.U_reference)}
+    if not names:
+        return []
+    return [f"no U_um of {listed(sorted(names))}: the calibration counts as exact"]
+
+
+def _scattered(result: CorrectResult) -> str:
+    """What u holds of the scatter of the measured points."""
+    found = result.scatter
+    if found is None:
+        return "u: the machine's model only; the probing's own scatter is not known"
+    dof = degrees_of_freedom(found.dof)
+    if found.origin == "repeats":
+        told = f"seen in repeats ({dof} dof)"
+    else:
+        told = f"seen in the rings' residuals ({dof} dof): their form error counts as scatter"
+    if found.variance == 0:
+        return f"points scatter no more than the model says, {told}"
+    return (
+        f"u holds the points' own scatter, {significant(found.s / UM)} um beyond the model, {told}"
+    )
 
 
 def _row(item: Size, *, rounds: bool, warm: bool) -> list[str]:
@@ -106,7 +143,12 @@ def _percent(value: float) -> str:
 
 
 def _form(item: Size) -> str:
-    """Form errors, um; what is below a tenth of a nanometre is rounding."""
+    """Form errors, um; what is below a tenth of a nanometre is rounding.
+
+    Points no more than circle or sphere need lie on it, whatever their form.
+    """
+    if item.points == DETERMINED[item.kind]:
+        return MISSING
     sides = (0.0 if side < ROUNDING_MM else side / UM for side in item.form)
     return " to ".join(significant(side) for side in sides)
 
@@ -122,13 +164,14 @@ def _listed(result: CorrectResult) -> Sheet:
     columns += [Column(title="repeat\n")] if repeated else []
     for axis in result.axes:
         columns += [Column(title=f"{axis} correction\num"), Column(title=f"{axis} corrected\nmm")]
+    u, _ = result.of_corrected()
     rows = []
     for i in range(len(points)):
         row = [points.parts[points.part[i]], points.features[points.feature[i]]]
         row += [str(points.repeat[i]) if points.repeat[i] >= 0 else MISSING] if repeated else []
         for k in axes:
             row.append(plus_minus(-result.error[i, k] / UM, result.u[i, k] / UM))
-            row.append(_mm(result.corrected[i, k], result.u[i, k]))
+            row.append(_mm(result.corrected[i, k], u[i, k]))
         rows.append(row)
     return Sheet(
         title="Points", columns=columns, rows=rows, notes=[f"{SIGN}; ± u; {_kind(result)}"]

@@ -157,6 +157,17 @@ def test_temperatures_that_nobody_gives(folder: Path) -> None:
         (("--settled-drift", "a: 1", "--settled-drift", "a: 2"), "names 'a' twice"),
         (("--twin", "T_c_degC: T_q_degC"), "--twin is not NAME: SENSOR"),
         (("--twin", "T_b_degC: T_a_degC"), "--twin has no name of its own"),
+        (("--room", "20:1e300"), "--room is no temperature of a room"),
+        (("--room", "-51:20"), "from -50 to 200 degC"),
+        (("--cmm-room", "1e300", "--write-cmm", "p.csv"), "--cmm-room is no temperature"),
+        (("--cmm-room", "20"), "expected --write-cmm FILE"),
+        (("--sensor-noise-degC", "1e300"), "--sensor-noise-degC is out of range"),
+        (("--drift-positions", "a: 0 301"), "a at 301 mm is outside the travel of y"),
+        (("--drift-positions", "a: 0 50 0"), "reads a twice at one place"),
+        (
+            ("--drift-positions", "a: 0 300", "--settled-drift", "a: 3 4"),
+            "give a the settled drift at",
+        ),
     ],
 )
 def test_options_that_cannot_be(folder: Path, words: tuple[str, ...], message: str) -> None:
@@ -166,6 +177,17 @@ def test_options_that_cannot_be(folder: Path, words: tuple[str, ...], message: s
     assert message in result.stderr
     assert "Traceback" not in result.stderr
     assert not (folder / "d.csv").exists()
+
+
+def test_defaults_never_fail(folder: Path) -> None:
+    """Drifts beyond the limits that one sensor cannot bring to them stay as they are."""
+    large = MACHINE.replace("T_a_degC: 2.0, T_b_degC: -1.0", "T_b_degC: 20.0")
+    (folder / "machine.yaml").write_text(large)
+    simulate(folder, "--write-drift", "d.csv", *EXACT, "--cycles", 1)
+    found = table(folder / "d.csv")
+    a = found.loc[found["component"] == "a", "error"]
+    # 20 um/K, 6 K at the settled end.
+    assert 40 < a.max() < 200
 
 
 def test_a_machine_without_thermal_models(folder: Path) -> None:

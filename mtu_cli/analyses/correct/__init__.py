@@ -7,8 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from mtu_cli.analyses.correct.covariates import row_covariates
-from mtu_cli.analyses.correct.result import CorrectResult, Size, mean_size
+from mtu_cli.analyses.correct.result import CorrectResult, Size, mean_size, with_scatter
 from mtu_cli.analyses.correct.rows import RowErrors
+from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, Squares, point_scatter
 from mtu_cli.analyses.correct.sizes import sizes_of
 from mtu_cli.analyses.correct.wanted import tasks_of, wanted_of
 from mtu_cli.errors import fault
@@ -33,28 +34,23 @@ def correct(
     """corrected = measured - modelled error, at the measured place and the rows' covariates.
 
     Valdes et al.: measured points minus synthesised error, a circle through the rest. The
-    uncertainty of a corrected point is that of the modelled error of one visit of one future
-    part; that of a diameter or length comes from its gradient in all its points and their full
-    covariance.
+    uncertainty of a corrected point is that of the error of one visit of one future part and
+    the points' scatter beyond it; that of a diameter or length comes from its gradient in all
+    its points and their full covariance.
 
-    Raises InputError for a covariate or coordinate that is missing, points that cannot be what
-    they claim or that the machine has no equation for, or a circle that its points do not
-    determine.
+    Raises InputError for a missing covariate or coordinate, points that cannot be what they
+    claim or that no equation is for, or a circle that its points do not determine.
     """
     checked = check_measured(points)
     _check_axes(model, points)
     at = dict(covariates or {})
-    found = row_covariates(model, points, at)
-    rows = RowErrors(
-        model=model,
-        points=points,
-        places=np.where(np.isnan(points.measured), points.nominal, points.measured),
-        covariates=found.values,
-        independent=settings.independent,
-    )
-    error, u, dof = rows.errors()
+    rows, noted = _rows(model, points, at, independent=settings.independent)
+    error, u, dof, sensors = rows.errors()
     corrected = points.measured - np.nan_to_num(error)
-    sizes, told = _sizes(part, rows, corrected, at)
+    sizes, rings, told = _sizes(part, rows, corrected, at)
+    scatter = point_scatter(points, corrected, sensors, rings)
+    sizes = [with_scatter(size, scatter) for size in sizes]
+    warned = [*checked, *noted, *outside_warnings(rows.all_outside()), *told]
     return CorrectResult(
         points=points,
         axes=tuple(a for i, a in enumerate(AXES) if np.isfinite(error[:, i]).any()),
@@ -62,37 +58,60 @@ def correct(
         u=u,
         dof=dof,
         corrected=corrected,
+        scatter=scatter,
         sizes=tuple(sizes),
         coverage_factor=settings.coverage_factor,
         independent=settings.independent,
-        warnings=(
-            *checked,
-            *found.warnings,
-            *_axis_warnings(model, points),
-            *outside_warnings(rows.all_outside()),
-            *told,
-        ),
+        warnings=(*warned, *_size_warnings(sizes, scatter)),
     )
+
+
+def _rows(
+    model: MachineModel, points: Points, at: Mapping[str, float], *, independent: bool
+) -> tuple[RowErrors, list[Warned]]:
+    """The machine at the measured places under the rows' covariates, and what these lack."""
+    found = row_covariates(model, points, at)
+    rows = RowErrors(
+        model=model,
+        points=points,
+        places=np.where(np.isnan(points.measured), points.nominal, points.measured),
+        covariates=found.values,
+        independent=independent,
+    )
+    return rows, [*found.warnings, *_axis_warnings(model, points)]
 
 
 def _sizes(
     part: LoadedPart | None, rows: RowErrors, corrected: FloatArray, at: Mapping[str, float]
-) -> tuple[list[Size], list[Warned]]:
-    """Diameters and lengths of the part file, and what is to be said of them."""
+) -> tuple[list[Size], list[Squares], list[Warned]]:
+    """Diameters and lengths of the part file by the machine's u alone, the squares of its rings,
+    and what is to be said of them.
+    """
     if part is None:
         text = "no part file: points are corrected, but no circle or length is known"
-        return [], [Warned(code="no-part", message=text)]
+        return [], [], [Warned(code="no-part", message=text)]
     wanted, warned = wanted_of(part, rows.points, at)
     tasks, partial = tasks_of(wanted, rows.points)
-    sizes = sizes_of(tasks, rows, corrected)
+    sizes, rings = sizes_of(tasks, rows, corrected)
     warned += partial
     for item in wanted:
         own = [size for size in sizes if (size.kind, size.id) == (item.kind, item.id)]
         if item.calibration is not None and own:
-            each = [repeat.temperature for size in own for repeat in size.repeats]
-            warned += item.calibration.warnings(each)
+            warned += item.calibration.warnings([one for size in own for one in size.repeats])
+    return sizes, rings, warned
+
+
+def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> list[Warned]:
+    """Of few degrees of freedom, and of a scatter that nothing tells."""
     names = [f"{size.id} of {size.part}" for size in sizes]
-    return sizes, [*warned, *dof_warnings(names, np.array([size.dof for size in sizes]))]
+    found = dof_warnings(names, np.array([size.dof for size in sizes]))
+    if scatter is None:
+        text = (
+            "u holds the machine model only: no repeats and no rings to tell the probing's own "
+            f"scatter (repeats with {FEWEST} degrees of freedom, or a circle of 4 points, would)"
+        )
+        found = [*found, Warned(code="no-point-scatter", message=text)]
+    return found
 
 
 def _check_axes(model: MachineModel, points: Points) -> None:

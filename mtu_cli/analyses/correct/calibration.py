@@ -8,13 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.analyses.correct.covariates import column_of, known_names, numbers_of
-from mtu_cli.errors import InputError, Problem, did_you_mean
+from mtu_cli.analyses.correct.result import Size
+from mtu_cli.errors import InputError, Problem, closest, did_you_mean
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
 SLACK_DEGC = 1e-9
+FAR_MM = 1.0
+"""A ring this far from its calibrated diameter is another one, or in another unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,7 +25,8 @@ class Calibration:
     """Diameters (k,) mm at ascending `degrees` (k,), degC.
 
     `temperature` (n,) of every point, nan where it is not known; `ranged` whether the diameter
-    was stated with a temperature.
+    was stated with a temperature; `missing` says what was to hold the temperature and is not
+    there, "" where nothing is missing.
     """
 
     name: str
@@ -30,6 +34,7 @@ class Calibration:
     diameter: FloatArray
     temperature: FloatArray
     ranged: bool
+    missing: str = ""
 
     def at(self, temperature: float) -> float:
         """The diameter: linear between calibrated temperatures and beyond, constant with one."""
@@ -44,12 +49,25 @@ class Calibration:
         low, high = self.diameter[right - 1 : right + 1]
         return float(low + share * (high - low))
 
-    def warnings(self, temperatures: Sequence[float]) -> list[Warned]:
-        """Of temperatures beyond the calibrated ones, and of a missing calibration."""
+    def warnings(self, sizes: Sequence[Size]) -> list[Warned]:
+        """Of a missing calibration, or one that cannot be that of the `sizes` of single visits."""
         if len(self.degrees) == 0:
             text = f"{self.name} has no calibrated_mm: its errors and their reduction are not known"
             return [Warned(code="not-calibrated", message=text)]
-        known = np.array(temperatures)
+        return [*self._unknown(), *self._beyond(sizes), *self._far(sizes)]
+
+    def _unknown(self) -> list[Warned]:
+        if not self.missing:
+            return []
+        span = f"of {self.degrees[0]:g} degC " if self.ranged else ""
+        text = (
+            f"the temperature of {self.name}, {self.missing}: the calibrated diameter {span}is "
+            "taken as it is"
+        )
+        return [Warned(code="calibrated-temperature-unknown", message=text)]
+
+    def _beyond(self, sizes: Sequence[Size]) -> list[Warned]:
+        known = np.array([size.temperature for size in sizes])
         if not self.ranged or not np.isfinite(known).any():
             return []
         low, high = float(self.degrees[0]), float(self.degrees[-1])
@@ -65,6 +83,18 @@ class Calibration:
         )
         return [Warned(code="outside-calibrated-temperature", message=text)]
 
+    def _far(self, sizes: Sequence[Size]) -> list[Warned]:
+        far = [size for size in sizes if abs(size.error[0]) > FAR_MM]
+        if not far:
+            return []
+        worst = max(far, key=lambda size: abs(size.error[0]))
+        text = (
+            f"{self.name} measures {worst.size[0]:.6g} mm on part {worst.part!r} and is "
+            f"calibrated as {worst.reference:.6g} mm: more than {FAR_MM:g} mm apart, is "
+            "calibrated_mm the diameter of this ring, in mm?"
+        )
+        return [Warned(code="calibrated-far-from-measured", message=text)]
+
 
 def calibration_of(
     part: LoadedPart,
@@ -79,14 +109,23 @@ def calibration_of(
     it among the item's features are empty.
     """
     table = sorted((item.calibrated_mm or {}).items())
+    temperature = _temperature(part, place, item, points, at, needed=len(table) > 1)
+    lost = item.temperature is not None and bool(np.isnan(temperature).all())
     raw = part.document.data[place[0]][place[1]].get("calibrated_mm")
     return Calibration(
         name=f"{place[0].removesuffix('s')} {item.id!r}",
         degrees=np.array([key for key, _ in table]),
         diameter=np.array([value for _, value in table]),
-        temperature=_temperature(part, place, item, points, at, needed=len(table) > 1),
+        temperature=temperature,
         ranged=isinstance(raw, dict),
+        missing=_missing(item.temperature or "", points, at) if lost else "",
     )
+
+
+def _missing(name: str, points: Points, at: Mapping[str, float]) -> str:
+    near = closest(name, known_names(points, at))
+    meant = f" (there is {near!r})" if near else ""
+    return f"{name!r}, is neither a column of the points{meant} nor given by --at"
 
 
 def _temperature(

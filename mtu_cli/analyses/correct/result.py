@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from mtu_cli.analyses.correct.scatter import PointScatter
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import PROBABILITY, Warned
 from mtu_cli.stats.coverage import coverage_factor, welch_satterthwaite
@@ -25,7 +26,8 @@ class Size:
     `reference` is the calibrated diameter or nominal length (nan: none) with expanded
     uncertainty `U_reference` (k = 2, nan: not given), `form` the range of the radial residuals
     (nan for lengths). `u`, `dof` are those of the corrected size. `repeat` is None in a mean
-    over repeats, whose scatter `s_repeats` (after, nan for one) has.
+    over repeats, whose scatter `s_repeats` (after, nan for one) has. `points` is their
+    number, `sensitivity` the sum of the squared gradients of the size in their coordinates.
     """
 
     kind: Kind
@@ -40,6 +42,8 @@ class Size:
     U_reference: float
     u: float
     dof: float
+    points: int
+    sensitivity: float
     s_repeats: float = float("nan")
     repeats: tuple[Size, ...] = ()
 
@@ -86,10 +90,10 @@ class Size:
 def mean_size(repeats: Sequence[Size]) -> Size:
     """The mean over the repeats of one part.
 
-    Its uncertainty is the mean of theirs: what the machine did to a part, its state and each
-    visit, is in every repeated measurement of it (coefficients are in any case), so that no
-    mean over repeats makes it smaller. Where the machine itself repeated the measurement this
-    is an upper bound.
+    Its uncertainty by the machine is the mean of theirs: what the machine did to a part, its
+    state and each visit, is in every repeated measurement of it (coefficients are in any case),
+    so that no mean over repeats makes it smaller. Where the machine itself repeated the
+    measurement this is an upper bound.
     """
     first = repeats[0]
     after = np.array([item.size[1] for item in repeats])
@@ -110,8 +114,26 @@ def mean_size(repeats: Sequence[Size]) -> Size:
         U_reference=first.U_reference,
         u=float(np.mean([item.u for item in repeats])),
         dof=min(item.dof for item in repeats),
+        points=first.points,
+        sensitivity=float(np.mean([item.sensitivity for item in repeats])),
         s_repeats=float(after.std(ddof=1)) if len(after) > 1 else float("nan"),
         repeats=tuple(repeats),
+    )
+
+
+def with_scatter(size: Size, scatter: PointScatter | None) -> Size:
+    """The size with the scatter of its points, which repeats that show it average out; the form
+    of a ring is the same in every repeat.
+    """
+    if scatter is None:
+        return size
+    n = max(len(size.repeats), 1) if scatter.origin == "repeats" else 1
+    u, dof = scatter.added(np.array([size.u]), np.array([size.dof]), size.sensitivity / n)
+    return replace(
+        size,
+        u=float(u[0]),
+        dof=float(dof[0]),
+        repeats=tuple(with_scatter(item, scatter) for item in size.repeats),
     )
 
 
@@ -131,10 +153,18 @@ class CorrectResult:
     u: FloatArray
     dof: FloatArray
     corrected: FloatArray
+    scatter: PointScatter | None
     sizes: tuple[Size, ...]
     coverage_factor: float
     independent: bool
     warnings: tuple[Warned, ...]
+
+    def of_corrected(self, rows: int | slice = slice(None)) -> tuple[FloatArray, FloatArray]:
+        """u and effective degrees of freedom (n, 3) of corrected coordinates, mm; they hold the
+        `scatter` of the measured points, too, where it is known.
+        """
+        u, dof = self.u[rows], self.dof[rows]
+        return (u, dof) if self.scatter is None else self.scatter.added(u, dof)
 
     def of_kind(self, kind: Kind) -> tuple[Size, ...]:
         """The circles, spheres or lengths."""

@@ -68,14 +68,41 @@ class RowErrors:
         found = prediction.variance(padded)
         return found.total, found.dof
 
-    def errors(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Error, standard uncertainty and effective degrees of freedom (n, 3); mm.
+    def covariance(
+        self, prediction: Prediction, where: np.ndarray, along: FloatArray
+    ) -> FloatArray:
+        """Covariance (m, m) of the errors of the points `where` (m,), each along its own
+        direction `along` (m, axes), mm^2.
+        """
+        a = along.shape[1]
+        lines = (where[:, None] * a + np.arange(a)).ravel()
 
-        They are nan along axes that have no equation or were not measured.
+        def projected(columns: FloatArray) -> FloatArray:
+            found: FloatArray = np.einsum(
+                "ma,mac->mc", along, columns[lines].reshape(len(where), a, -1)
+            )
+            return found
+
+        if self.independent:
+            one = prediction.independent_variance[lines].reshape(-1, a)
+            return np.diag((along**2 * one).sum(axis=1))
+        total = np.zeros((len(where), len(where)))
+        for block in prediction.blocks:
+            G = projected(block.G)
+            total += G @ (block.C + block.D) @ G.T
+            total += np.diag((projected(block.noise) ** 2).sum(axis=1))
+        return total
+
+    def errors(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Error, standard uncertainty, effective degrees of freedom and the variance by the
+        noise of the point's own temperature readings (n, 3); mm, mm^2.
+
+        They are nan along axes that have no equation or were not measured, the last one 0.
         """
         n, a = len(self.points), len(self.model.axes)
         columns = [AXES.index(axis) for axis in self.model.axes]
         error, u, dof = (np.full((n, 3), np.nan) for _ in range(3))
+        sensors = np.zeros((n, 3))
         for start in range(0, n, PIECE):
             rows = np.arange(start, min(start + PIECE, n))
             prediction = self.predicted(rows)
@@ -85,9 +112,19 @@ class RowErrors:
             error[place] = prediction.mean[:size].reshape(-1, a)
             u[place] = np.sqrt(variance).reshape(-1, a)
             dof[place] = nu.reshape(-1, a)
+            sensors[place] = self._of_sensors(prediction)[:size].reshape(-1, a)
         for values in (error, u, dof):
             values[np.isnan(self.points.measured)] = np.nan
-        return error, u, dof
+        return error, u, dof, sensors
+
+    def _of_sensors(self, prediction: Prediction) -> FloatArray:
+        """Variance (rows,) by temperature readings that every point has of its own, mm^2."""
+        names = {sensor for drift in self.model.drifts() for sensor in drift.sensors}
+        total = np.zeros(len(prediction.mean))
+        for block in prediction.blocks:
+            if set(block.names) <= names:
+                total += (block.noise**2).sum(axis=1)
+        return total
 
     def all_outside(self) -> Prediction:
         """A prediction that lists what any of them left the measured ranges with."""

@@ -11,25 +11,36 @@ import numpy as np
 
 from mtu_cli.analyses.correct.result import Sides, Size, mean_size
 from mtu_cli.analyses.correct.rows import RowErrors
+from mtu_cli.analyses.correct.scatter import Squares, ring_squares
 from mtu_cli.analyses.correct.wanted import Task
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
 from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.prediction import Prediction
 from mtu_cli.stats.least_squares import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
-    """A size before and after, and its gradient (m, 3) in the corrected points, mm."""
+    """A size before and after, and its gradient (m, 3) in the corrected points, mm.
+
+    Of circles and spheres the `residuals` (m,) after, mm, and the unit vectors `away` (m, 3)
+    from the centre.
+    """
 
     size: Sides
     form: Sides
     reference: float
     gradient: FloatArray
+    residuals: FloatArray | None = None
+    away: FloatArray | None = None
 
 
-def sizes_of(tasks: Sequence[Task], rows: RowErrors, corrected: FloatArray) -> list[Size]:
-    """The sizes of every part: means over its repeats, in the order of the part file.
+def sizes_of(
+    tasks: Sequence[Task], rows: RowErrors, corrected: FloatArray
+) -> tuple[list[Size], list[Squares]]:
+    """The sizes of every part: means over its repeats, in the order of the part file; and what
+    the form of its circles and spheres tells of the scatter of points.
 
     Raises InputError for points that do not determine a circle or sphere, with their row.
     """
@@ -42,12 +53,12 @@ def sizes_of(tasks: Sequence[Task], rows: RowErrors, corrected: FloatArray) -> l
             problems.append(_problem(task, rows, error))
     if problems:
         raise InputError(problems)
-    single = _with_u(tasks, measures, rows)
+    single, rings = _with_u(tasks, measures, rows)
     groups: dict[tuple[int, str, str], list[Size]] = {}
     for task, size in zip(tasks, single, strict=True):
         groups.setdefault((task.order, task.operation, task.part), []).append(size)
     ordered = sorted(groups, key=lambda key: key[0])
-    return [mean_size(groups[key]) for key in ordered]
+    return [mean_size(groups[key]) for key in ordered], rings
 
 
 def _problem(task: Task, rows: RowErrors, error: GeometryError) -> Problem:
@@ -75,14 +86,17 @@ def _measure(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
     else:
         d = 2 if flat else 3
         first, last = fit_circle(before[:, :d]), fit_circle(after[:, :d])
-    gradient = np.zeros((len(after), 3))
+    gradient, away = np.zeros((2, len(after), 3))
     gradient[:, : last.radius_gradient.shape[1]] = 2 * last.radius_gradient
+    away[:, : len(last.centre)] = after[:, : len(last.centre)] - last.centre
     calibration = task.wanted.calibration
     return Measure(
         size=(2 * first.radius, 2 * last.radius),
         form=(first.form, last.form),
         reference=nan if calibration is None else calibration.at(_temperature(task)),
         gradient=gradient,
+        residuals=last.residuals,
+        away=away / np.linalg.norm(away, axis=1, keepdims=True),
     )
 
 
@@ -119,26 +133,44 @@ def _ends(ends: FloatArray, nominal: FloatArray) -> FloatArray:
     return found
 
 
-def _with_u(tasks: Sequence[Task], measures: Sequence[Measure], rows: RowErrors) -> list[Size]:
+def _with_u(
+    tasks: Sequence[Task], measures: Sequence[Measure], rows: RowErrors
+) -> tuple[list[Size], list[Squares]]:
     """Every task as a size: its variance is that of gradient' E over the points of its visit."""
     visits = [list(group) for _, group in groupby(range(len(tasks)), lambda i: tasks[i].visit)]
     points = [np.unique(np.concatenate([tasks[i].rows for i in group])) for group in visits]
     columns = [AXES.index(axis) for axis in rows.model.axes]
     sizes: list[Size] = []
+    rings: list[Squares] = []
     for start, end in rows.together(points):
         chosen = np.concatenate(points[start:end])
         own = [i for group in visits[start:end] for i in group]
         place = {int(row): k for k, row in enumerate(chosen)}
+        prediction = rows.predicted(chosen)
         A = np.zeros((len(own), len(chosen), len(columns)))
         for line, i in enumerate(own):
-            where = [place[int(row)] for row in tasks[i].rows]
+            where = np.array([place[int(row)] for row in tasks[i].rows])
             A[line, where] = measures[i].gradient[:, columns]
-        variance, dof = rows.variances(rows.predicted(chosen), A.reshape(len(own), -1))
+            rings += _squares(tasks[i], measures[i], where, rows, prediction)
+        variance, dof = rows.variances(prediction, A.reshape(len(own), -1))
         sizes += [
             _size(tasks[i], measures[i], float(variance[line]), float(dof[line]))
             for line, i in enumerate(own)
         ]
-    return sizes
+    return sizes, rings
+
+
+def _squares(
+    task: Task, measure: Measure, where: np.ndarray, rows: RowErrors, prediction: Prediction
+) -> list[Squares]:
+    """What a ring tells of the scatter of points, `where` in the prediction its points are."""
+    if measure.residuals is None or measure.away is None:
+        return []
+    columns = [AXES.index(axis) for axis in rows.model.axes]
+    K = rows.covariance(prediction, where, measure.away[:, columns])
+    d = 3 if task.wanted.kind == "sphere" else 2
+    found = ring_squares(measure.residuals, measure.away, K, d)
+    return [] if found is None else [found]
 
 
 def _size(task: Task, measure: Measure, variance: float, dof: float) -> Size:
@@ -155,4 +187,6 @@ def _size(task: Task, measure: Measure, variance: float, dof: float) -> Size:
         U_reference=task.wanted.U_reference,
         u=float(np.sqrt(max(variance, 0.0))),
         dof=dof,
+        points=len(task.rows),
+        sensitivity=float((measure.gradient**2).sum()),
     )

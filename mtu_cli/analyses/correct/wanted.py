@@ -120,7 +120,13 @@ def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list
     return tasks, [_partial(name, parts) for name, parts in partial.items()]
 
 
-def _partial(name: str, parts: list[str]) -> Warned:
+def _partial(name: str, visited: list[str]) -> Warned:
+    """`visited` names the part of every visit: its repeats are no parts of their own."""
+    parts = list(dict.fromkeys(visited))
     more = f" and {len(parts) - 1} more" if len(parts) > 1 else ""
-    text = f"{name} is left out where not all its features were measured: part {parts[0]!r}{more}"
+    times = f", {len(visited)} measurements" if len(visited) > len(parts) else ""
+    text = (
+        f"{name} is left out where not all its features were measured: part {parts[0]!r}"
+        f"{more}{times}"
+    )
     return Warned(code="features-missing", message=text)

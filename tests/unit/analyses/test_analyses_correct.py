@@ -54,7 +54,7 @@ def test_many_points_are_corrected_as_one_by_one(tmp_path: Path) -> None:
     points = ring_points(measured, list("abcdefgh"), None, {"T_scale_degC": temperature})
     model = machine(tmp_path)
     result = correct(model, None, points, SETTINGS)
-    assert codes(result) == ["no-part"]
+    assert codes(result) == ["no-part", "no-point-scatter"]
     for i in (0, 10, 63, 64, 87):
         alone = predict(model, ["p"], measured[i : i + 1], {"T_scale_degC": temperature[i]})
         variance = alone.variance(np.eye(2))
@@ -117,8 +117,16 @@ def test_repeats_are_averaged_and_share_what_the_machine_did(tmp_path: Path) -> 
     assert [item.repeat for item in first.repeats] == [1, 2]
     assert first.size[1] == pytest.approx(DIAMETER + 0.002, abs=1e-10)
     assert first.s_repeats == pytest.approx(0.002 / np.sqrt(2), rel=1e-6)
-    assert first.u == pytest.approx(second.u, rel=1e-4)
     assert np.isnan(second.s_repeats)
+    # Both rings of the part have the same u by the machine; only the points' scatter averages out.
+    scatter = result.scatter
+    assert scatter is not None
+    assert (scatter.origin, scatter.dof) == ("repeats", 22)
+    # Places 0.001 mm apart along the radius: squares of half of it, on two repeats of 11 points.
+    assert scatter.s == pytest.approx(0.001 / np.sqrt(2 * 2), rel=1e-3)
+    machine_alone = second.u**2 - 4 / 11 * scatter.variance
+    assert first.u**2 == pytest.approx(machine_alone + 2 / 11 * scatter.variance, rel=1e-4)
+    assert [item.u for item in first.repeats] == pytest.approx([second.u] * 2, rel=1e-4)
 
 
 @pytest.mark.parametrize(

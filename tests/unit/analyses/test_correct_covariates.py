@@ -117,6 +117,38 @@ def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
     assert codes(correct(model, other, points, SETTINGS)) == ["not-measured", "no-point-scatter"]
 
 
+def test_repeats_are_no_parts_of_their_own(tmp_path: Path) -> None:
+    _, measured, temperature = rings(3)
+    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
+    points = ring_points(measured, ["a", "a", "b"], [1, 2, 1], own)
+    part = ring_part(tmp_path, "lengths: [{from: r0, to: r5}]\n")
+    names = (*points.features[:5], "other", *points.features[6:])
+    found = correct(machine(tmp_path), part, replace(points, features=names), SETTINGS)
+    messages = [item.message for item in found.warnings if item.code == "features-missing"]
+    assert len(messages) == 2
+    assert all(text.endswith("part 'a' and 1 more, 3 measurements") for text in messages)
+
+
+@pytest.mark.parametrize(
+    ("ring", "code", "word"),
+    [
+        ({"calibrated_mm": "{20: 180.0}"}, "calibrated-temperature-unknown", "of 20 degC"),
+        ({"calibrated_mm": "180.0"}, "calibrated-temperature-unknown", "'T_scale_degC'"),
+        ({"calibrated_mm": "178.9", "temperature": ""}, "calibrated-far-from-measured", "178.9"),
+    ],
+)
+def test_calibrations_that_cannot_be_used_as_they_are_meant(
+    tmp_path: Path, ring: dict[str, str], code: str, word: str
+) -> None:
+    _, measured, temperature = rings(1)
+    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
+    points = ring_points(measured, ["a"], None, own)
+    part = ring_part(tmp_path, **({"temperature": "T_scal_degC"} | ring))
+    (warned,) = correct(machine(tmp_path), part, points, SETTINGS).warnings
+    assert warned.code == code
+    assert word in warned.message
+
+
 def test_points_of_which_nothing_can_be_corrected(tmp_path: Path) -> None:
     _, measured, _ = rings(1)
     model = stated(

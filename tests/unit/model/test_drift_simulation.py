@@ -165,5 +165,30 @@ def test_drifts_that_the_sensors_cannot_give() -> None:
     impossible = plan(
         positions={"p": np.array([0.0, 0.0])}, settled={"p": np.array([12e-3, 18e-3])}
     )
-    with pytest.raises(InputError, match="cannot give these settled drifts"):
+    with pytest.raises(InputError) as told:
         sensors_for([drift()], impossible, 1)
+    message = str(told.value)
+    # The nearest to both is halfway between.
+    for word in ("--settled-drift", "give p", "at 0 mm", "'p: 12 18'", "about 15 um"):
+        assert word in message
+
+
+def test_limits_that_the_sensors_cannot_keep_are_left_alone() -> None:
+    """One sensor drives both: what brings the one to its limit takes the other off its own."""
+    one = replace(drift("p"), sensors=(A,), coefficients=np.array([[5e-3], [0.0]]))
+    one = replace(one, time_constants=np.zeros(1), sensor_u=np.zeros(1))
+    other = replace(one, component="q", coefficients=np.array([[1e-3], [0.0]]))
+    places = {"p": np.array([0.0, 200.0]), "q": np.array([0.0])}
+    both = plan(positions=places, limits={1: 10e-3, 0: 1.0})
+    drawn = sensors_for([one, other], replace(both, limits={1: 1.0, 0: 1.0}), 1).shares
+    assert sensors_for([one, other], both, 1).shares == pytest.approx(drawn)
+    assert sensors_for([one], both, 1).shares * 30 == pytest.approx([10])
+    # What is asked for comes before both.
+    asked = replace(both, settled={"q": np.array([3e-3])})
+    assert sensors_for([one, other], asked, 1).shares * 6 == pytest.approx([3])
+
+
+def test_a_room_that_does_not_rise_gives_no_drift() -> None:
+    still = plan(replace(STILL, high=20.0), settled={"p": np.array([12e-3, 18e-3])})
+    with pytest.raises(InputError, match="rise of 0 degC"):
+        sensors_for([drift()], still, 1)

@@ -10,6 +10,7 @@ import pytest
 from correct_examples import error_at, machine, ring_part, ring_places, ring_points, seen
 
 from mtu_cli.analyses.correct import CorrectResult, correct
+from mtu_cli.analyses.correct.scatter import PointScatter
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.correct import csv_rows, document, figure, table, warnings
 from mtu_cli.reports.csv_text import csv_text
@@ -97,6 +98,31 @@ def test_pictures(tmp_path: Path, kind: str) -> None:
             "before", "after",
         ]  # fmt: skip
     assert len(figure_bytes(page, ".png")) > 5000
+
+
+def test_the_scatter_of_points_and_what_is_exact_is_told(tmp_path: Path) -> None:
+    found = result(tmp_path)
+    assert document(found)["point_scatter"] == {"s_um": 0.0, "dof": 16.0, "from": "form"}
+    text = " ".join(plain_text(table(found)).split())
+    assert "points scatter no more than the model says" in text
+    assert "no U_um of ring: the calibration counts as exact" in text
+    wide = replace(found, scatter=PointScatter(variance=4e-6, spread=1e-12, dof=16, origin="form"))
+    assert document(wide)["point_scatter"]["s_um"] == pytest.approx(2)
+    text = " ".join(plain_text(table(wide)).split())
+    assert "2.0 um beyond the model, seen in the rings' residuals (16 dof)" in text
+    assert "their form error counts as scatter" in text
+    point = document(wide)["points"][0]
+    assert point["u_corrected_um"]["x"] == pytest.approx(np.hypot(point["u_correction_um"]["x"], 2))
+    nothing = replace(found, scatter=None)
+    assert set(document(nothing)["point_scatter"].values()) == {None}
+    assert "the probing's own scatter is not known" in " ".join(plain_text(table(nothing)).split())
+
+
+def test_three_points_have_no_form(tmp_path: Path) -> None:
+    found = result(tmp_path)
+    three = replace(found, sizes=tuple(replace(size, points=3) for size in found.sizes))
+    lines = plain_text(table(three)).splitlines()
+    assert [line.split()[-1] for line in lines if line.startswith("ring  part ")] == ["-", "-"]
 
 
 def test_an_error_of_exactly_nothing_cannot_be_reduced(tmp_path: Path) -> None:

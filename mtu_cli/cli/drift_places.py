@@ -1,0 +1,90 @@
+"""Where `mtu simulate` reads the drift of a component, from its options."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.cli.options import Options
+from mtu_cli.errors import did_you_mean, fault
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.stats.least_squares import FloatArray
+
+
+def read_at(
+    options: Options, machine: LoadedMachine, drifts: tuple[ThermalEstimate, ...]
+) -> dict[str, FloatArray]:
+    """Where each component's drift is read, as asked for or as its model says."""
+    asked = by_component(
+        "--drift-positions", options.drift_positions, [drift.component for drift in drifts]
+    )
+    for drift in drifts:
+        if drift.component in asked:
+            _check_positions(machine, drift, asked[drift.component])
+    return {
+        drift.component: asked.get(drift.component, _positions(machine, drift)) for drift in drifts
+    }
+
+
+def _check_positions(machine: LoadedMachine, drift: ThermalEstimate, positions: FloatArray) -> None:
+    """Refuses places that an axis cannot reach, and places read twice."""
+    shown = f"{drift.component}: {' '.join(f'{position:g}' for position in positions)}"
+    if len(np.unique(positions)) < len(positions):
+        raise fault(
+            f"--drift-positions reads {drift.component} twice at one place",
+            value=shown,
+            expected="every position once",
+        )
+    travel = _travel(machine, drift)
+    if travel is None:
+        return
+    low, high = travel
+    outside = positions[(positions < low) | (positions > high)]
+    if len(outside):
+        raise fault(
+            f"--drift-positions: {drift.component} at {outside[0]:g} mm is outside the travel of "
+            f"{drift.of}",
+            value=shown,
+            expected=f"from {low:g} to {high:g} mm",
+        )
+
+
+def _positions(machine: LoadedMachine, drift: ThermalEstimate) -> FloatArray:
+    """Where a component is read: the positions of its gradients, else the middle of its axis."""
+    entry = machine.machine.components[drift.component]
+    if entry.thermal is not None and entry.thermal.positions_mm is not None:
+        return np.array(entry.thermal.positions_mm)
+    if drift.of is None:
+        return np.array([np.nan])
+    if drift.position_range is not None:
+        return np.linspace(*drift.position_range, drift.degree + 1)
+    travel = _travel(machine, drift)
+    return np.array([np.mean(travel) if travel else 0.0])
+
+
+def _travel(machine: LoadedMachine, drift: ThermalEstimate) -> list[float] | None:
+    axes = machine.machine.axes.items()
+    return next((axis.travel_mm for name, axis in axes if name == drift.of), None)
+
+
+def by_component(option: str, texts: list[str] | None, names: list[str]) -> dict[str, FloatArray]:
+    """'NAME: NUMBERS' of several components, in their own units."""
+    found: dict[str, FloatArray] = {}
+    for text in texts or ():
+        name, colon, numbers = (item.strip() for item in text.partition(":"))
+        try:
+            values = np.array([float(item) for item in numbers.replace(",", " ").split()])
+        except ValueError:
+            values = np.empty(0)
+        if not colon or not len(values) or not np.isfinite(values).all():
+            raise fault(f"{option} is not NAME: NUMBERS", value=text, expected="'pos_y: 0 75 200'")
+        if name not in names:
+            raise fault(
+                f"{option} is of a component without a thermal model",
+                value=name,
+                expected=did_you_mean(name, names),
+            )
+        if name in found:
+            raise fault(f"{option} names {name!r} twice", value=text)
+        found[name] = values
+    return found
