@@ -25,6 +25,8 @@ def start(*args: object, cwd: Path) -> subprocess.Popen[bytes]:
     """A call that runs while the test goes on."""
     return subprocess.Popen(
         [MTU, *map(str, args)],
+        # A runner in the background hands an ignored interrupt on to its children.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         cwd=cwd,
         env=environment(),
         stdin=subprocess.DEVNULL,
