@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Callable
 from typing import Annotated
@@ -193,6 +194,8 @@ def main() -> None:
             app()
         finally:
             sys.stdout.flush()
+            # All is written: from here on an interrupt ends the process without a word.
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
     except MtuError as error:
         print(f"mtu: {error}", file=sys.stderr)
         sys.exit(EXIT_INPUT)
