@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -34,7 +35,15 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         rows=lambda: report.csv_rows(result),
         figure=lambda: _figure(result),
         warnings=result.warnings,
+        settings=_with_factor(settings, result),
     )
+
+
+def _with_factor(settings: Settings, result: BudgetResult) -> Settings:
+    """The settings with the factor that was used, where all outputs have the same."""
+    factors = {output.k for output in result.outputs}
+    k = factors.pop()
+    return settings if factors or math.isnan(k) else replace(settings, coverage_factor=k)
 
 
 def _tables(result: BudgetResult, digits: int) -> list[object]:

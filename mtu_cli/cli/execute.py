@@ -27,7 +27,8 @@ STANDARD_OUTPUT = Path("-")
 class Outcome:
     """What a command has to say, each part made only when it is asked for.
 
-    `gate` is None, or the reason why the gate that the user asked for is met.
+    `gate` is None, or the reason why the gate that the user asked for is met. `settings`: those
+    of the report, where the command had to choose some itself.
     """
 
     results: Callable[[], dict[str, Any]]
@@ -36,6 +37,7 @@ class Outcome:
     figure: Callable[[], Figure]
     warnings: Sequence[Warned] = field(default=())
     gate: str | None = None
+    settings: Settings | None = None
 
 
 def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) -> None:
@@ -111,7 +113,7 @@ def _files(
             envelope(
                 options.command,
                 inputs=inputs.sources,
-                settings=settings,
+                settings=settings if outcome.settings is None else outcome.settings,
                 results=outcome.results(),
                 warnings=outcome.warnings,
                 at=inputs.at,

@@ -33,6 +33,10 @@ def varied(options: Options, known: Sequence[str]) -> dict[str, tuple[float, ...
             problems.append(
                 Problem(what="--vary: unknown name", value=name, expected=did_you_mean(name, known))
             )
+        elif equals and _bad_count(listed):
+            what = "--vary: the count of values is out of range"
+            expected = f"LOW:HIGH:COUNT with a count from 2 to {MOST}"
+            problems.append(Problem(what=what, value=text, expected=expected))
         elif values is None:
             problems.append(Problem(what="--vary is not NAME=VALUES", value=text, expected=EXAMPLE))
         elif name in found:
@@ -42,6 +46,14 @@ def varied(options: Options, known: Sequence[str]) -> dict[str, tuple[float, ...
     if problems:
         raise InputError(problems)
     return found
+
+
+def _bad_count(text: str) -> bool:
+    """Whether ``low:high:count`` has a whole count that is too small or too large."""
+    try:
+        return text.count(":") == 2 and not 2 <= int(text.split(":")[2]) <= MOST
+    except ValueError:
+        return False
 
 
 def _values(text: str) -> tuple[float, ...] | None:

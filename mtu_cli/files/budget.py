@@ -9,6 +9,7 @@ from pathlib import Path
 from mtu_cli.errors import did_you_mean
 from mtu_cli.files.budget_checks import check_coverage, check_inputs, check_joint
 from mtu_cli.files.budget_contract import Budget, Contribution, Correlation, Coverage, Input
+from mtu_cli.files.budget_sizes import check_sizes
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings, Notice, check_contract, is_identifier
 from mtu_cli.files.source import Source
@@ -82,6 +83,7 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
 
     def check(budget: Budget, findings: Findings) -> None:
         check_inputs(budget, findings)
+        check_sizes(budget, findings)
         check_joint(budget, findings)
         check_coverage(budget, findings)
         _check_names(findings)

@@ -80,8 +80,10 @@ def _list(value: object) -> object:
     return value if isinstance(value, list) else [value]
 
 
-def _tuple(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value
+def _correlation(value: object) -> object:
+    if not isinstance(value, list) or len(value) != 3:
+        raise told("not a correlation", "[first, second, r]")
+    return tuple(value)
 
 
 Number = Annotated[
@@ -98,8 +100,8 @@ Direction = Annotated[
 Um = Annotated[float, Field(ge=0, le=LARGEST_U_UM)]
 Repeats = Annotated[int, Field(ge=1, le=MAX_REPEATS)]
 Correlation = Annotated[
-    tuple[IdText, IdText, Annotated[float, Field(ge=-1, le=1)]],
-    BeforeValidator(_tuple, json_schema_input_type=list[Any]),
+    tuple[IdText, IdText, float],
+    BeforeValidator(_correlation, json_schema_input_type=list[Any]),
 ]
 
 

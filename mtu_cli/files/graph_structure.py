@@ -9,6 +9,8 @@ from mtu_cli.files.contracts import Findings, duplicates, present
 from mtu_cli.files.graph_contract import Graph, Place
 from mtu_cli.files.graph_steps import Step
 
+SHOWN_REPORT = 6
+"""Reported places above which a hint does not list them again."""
 Makers = dict[str, list[int]]
 Arcs = list[tuple[int, list[str], list[str]]]
 
@@ -190,10 +192,14 @@ def _check_used(graph: Graph, used: set[str], makers: Makers, findings: Findings
         findings.add(("report", index), "the place is reported twice", value=name)
     # Where nothing is listed, the places that end the graph are what it is for.
     ends = set(reported) if reported else _computed(graph, makers)
-    wanted = "an input of a transition" + (", or listed under `report:`" if reported else "")
+    shown = reported or [name for name in graph.places if name in ends - used]
+    listed = [name for name in dict.fromkeys(shown) if name in known]
     for name in graph.places:
         if name not in used and name not in ends:
-            findings.add(("places", name), "leads nowhere", expected=wanted)
+            hint = f"`report: [{', '.join([*listed, name])}]`"
+            hint = hint if len(listed) < SHOWN_REPORT else "listed under `report:`"
+            expected = f"an input of a transition, or {hint}"
+            findings.add(("places", name), "leads nowhere", expected=expected)
 
 
 def _computed(graph: Graph, makers: Makers) -> set[str]:
@@ -230,10 +236,12 @@ def _cycles(arcs: Arcs) -> list[list[str]]:
 
 def _check_correlations(graph: Graph, findings: Findings) -> None:
     seen: set[frozenset[str]] = set()
-    for index, (first, second, _) in present(graph.correlations):
+    for index, (first, second, r) in present(graph.correlations):
         path = ("correlations", index)
         for at, name in enumerate((first, second)):
             _check_correlated(name, (*path, at), graph, findings)
+        if not -1.0 <= r <= 1.0:
+            findings.add((*path, 2), "a correlation beyond 1", value=f"{r:g}", expected="-1 to 1")
         pair = frozenset((first, second))
         if first == second:
             findings.add(path, "a correlation of a constant with itself", value=first)

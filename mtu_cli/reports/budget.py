@@ -16,6 +16,7 @@ import numpy as np
 
 from mtu_cli.analyses.budget import BudgetResult, OutputBudget
 from mtu_cli.analyses.budget.quantities import InputQuantity, Part
+from mtu_cli.analyses.budget.warnings import has_shortest
 from mtu_cli.reports.document import finite, matrix
 
 
@@ -114,11 +115,16 @@ def _monte_carlo(result: BudgetResult, item: OutputBudget, index: int) -> dict[s
 
 
 def ends(result: BudgetResult, index: int, *, shortest: bool = False) -> tuple[float, float]:
-    """The Monte Carlo interval of an output; a single value where nothing varies."""
+    """The Monte Carlo interval of an output; a single value where nothing varies.
+
+    nan for a shortest interval that is none.
+    """
     run = result.run
     if run.u[index] == 0.0:
         # Weights of ordered values leave their rounding on equal ones.
         return float(run.mean[index]), float(run.mean[index])
+    if shortest and not has_shortest(run, index):
+        return math.nan, math.nan
     if shortest:
         return float(run.shortest_low[index]), float(run.shortest_high[index])
     return float(run.low[index]), float(run.high[index])

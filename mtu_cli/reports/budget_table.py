@@ -98,7 +98,7 @@ def _orders(output: OutputBudget, digits: int) -> list[list[str]]:
             MISSING if math.isnan(first.dof) else degrees_of_freedom(first.dof),
             significant(output.k, 3),
             significant(output.expanded, digits),
-            interval(first.value - half, first.value + half, shown, digits),
+            interval(first.value - half, first.value + half, _scale(first.u, 2.0 * half), digits),
             MISSING,
         ],
         [
@@ -114,15 +114,25 @@ def _monte_carlo(result: BudgetResult, index: int, digits: int) -> list[str]:
     run = result.run
     u = float(run.u[index])
     exists = math.isfinite(u)
-    scale = u if exists else 0.25 * float(run.high[index] - run.low[index])
     return [
         "Monte Carlo",
         with_u(float(run.mean[index]), _known(u), digits)[0] if exists else MISSING,
         significant(u, digits),
         *[MISSING] * 3,
-        interval(*ends(result, index), _known(scale), digits),
-        interval(*ends(result, index, shortest=True), _known(scale), digits),
+        *(
+            interval(low, high, _scale(u, high - low), digits)
+            for low, high in (ends(result, index), ends(result, index, shortest=True))
+        ),
     ]
+
+
+def _scale(u: float, width: float) -> float | None:
+    """An uncertainty to round the ends of an interval to.
+
+    A few trials far out give a u to which an interval of 95 % is nothing: then a quarter of the
+    interval's width, which is about u for a normal distribution.
+    """
+    return _known(u if u <= width or width == 0.0 else 0.25 * width)
 
 
 def _known(u: float) -> float | None:

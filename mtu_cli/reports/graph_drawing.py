@@ -9,7 +9,7 @@ import numpy as np
 
 from mtu_cli.reports import figures
 from mtu_cli.reports.graph_layout import INSIDE, RADIUS, Layout, lay_out
-from mtu_cli.reports.graph_net import Net, Node
+from mtu_cli.reports.graph_net import Net, Node, share_percent
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def drawing(net: Net) -> Figure:
         x, y = layout.places[number]
         (_draw_place if node.place else _draw_bar)(panel, node, float(x), float(y))
         if net.shares.get(number, 0.0) >= LEAST_SHARE:
-            text = f"{100 * net.shares[number]:.1f} %"
+            text = f"{share_percent(net.shares[number])} %"
             panel.text(
                 x - RADIUS - 0.04,
                 y - 0.025 - 0.02 * net.shares[number],

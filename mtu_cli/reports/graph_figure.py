@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
-from mtu_cli.analyses.graph.sweep import Sweep
+from mtu_cli.analyses.graph.surface import Formula
+from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
 from mtu_cli.reports import figures
 from mtu_cli.reports.graph_simulate import shares_text, small_unit
 from mtu_cli.reports.numbers import significant, with_u
 from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +23,10 @@ if TYPE_CHECKING:
 
 SHOWN = 9
 """Coordinates drawn on one sheet."""
+CURVE = 200
+"""Points of a formula's curve."""
+HEADROOM = 1.08
+"""The axis over the highest mark, so that none touches the edge."""
 
 
 @figures.styled
@@ -69,7 +76,7 @@ def _histogram(panel: Axes, item: SimulatedCoordinate) -> None:
 @figures.styled
 def swept(result: Sweep) -> Figure:
     """u against the first of what is varied, a line for each value of the rest; dots are Monte
-    Carlo with two standard errors, lines the formula.
+    Carlo with two standard errors, curves the formula.
     """
     factor, unit = small_unit(result.output.unit)
     names = [name for name, values in result.varied.items() if len(values) > 1]
@@ -91,10 +98,13 @@ def swept(result: Sweep) -> Figure:
         y = np.array([item.u for item in points]) * factor
         error = 2 * np.array([item.se_u for item in points]) * factor
         panel.errorbar(x, y, error, fmt="o", ms=4, color=colour, label=label)
-        panel.plot(x, np.array([item.formula_u for item in points]) * factor, color=colour)
+        if result.formula is not None:
+            fine, curve = _curve(result.formula, points, first)
+            panel.plot(fine, curve * factor, color=colour)
     panel.set_xlabel(first)
     panel.set_ylabel(f"u of {result.output}, {unit}")
-    panel.set_ylim(0.0, None)
+    top = max(item.u + 2 * item.se_u for item in result.grid) * factor
+    panel.set_ylim(0.0, HEADROOM * top if top > 0 else None)
     if result.formula is not None:
         numbers = ", ".join(
             f"{name} = {with_u(value, None)[0]}"
@@ -104,3 +114,13 @@ def swept(result: Sweep) -> Figure:
     if rest:
         panel.legend()
     return page
+
+
+def _curve(
+    formula: Formula, points: Sequence[GridPoint], first: str
+) -> tuple[FloatArray, FloatArray]:
+    """The formula between grid points that differ in `first` alone."""
+    x = [item.at[first] for item in points]
+    fine = np.linspace(min(x), max(x), CURVE)
+    at = {name: np.full(CURVE, value) for name, value in points[0].at.items()}
+    return fine, formula.u_at({**at, first: fine}, CURVE)

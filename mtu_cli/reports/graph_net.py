@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 
 from mtu_cli.files.graph_contract import Graph
 
+NOISE = 1e-9
+"""Percent by which rounding may move a share."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Node:
@@ -40,6 +43,11 @@ class Net:
     arcs: tuple[tuple[int, int], ...]
     of: str | None = None
     shares: Mapping[int, float] = field(default_factory=dict)
+
+
+def share_percent(share: float, decimals: int = 1) -> str:
+    """A share in percent, halves up: equal shares differ by rounding noise, and read the same."""
+    return f"{100 * share + NOISE:.{decimals}f}"
 
 
 def net_of(

@@ -9,6 +9,7 @@ from typing import Any
 from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite, listed
+from mtu_cli.reports.graph_net import share_percent
 from mtu_cli.reports.numbers import PLAIN_DIGITS, interval, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.reports.validations import convergence_warnings, validation_warnings
@@ -109,7 +110,7 @@ def table(result: GraphSimulation) -> list[Sheet]:
     ]
     notes = [
         f"{result.trials} Monte Carlo trials; variance from: shares of the first-order variance",
-        "first order valid: its 95 % interval agrees with the Monte Carlo (JCGM 101, clause 8)",
+        _verdicts_explained({_verdict(item) for item in result.coordinates}),
     ]
     rows = [_row(item) for item in result.coordinates]
     title = f"Graph: {result.graph.graph.name}"
@@ -120,7 +121,6 @@ def _row(item: SimulatedCoordinate) -> list[str]:
     factor, unit = small_unit(item.output.unit)
     u = item.u * factor
     low, high = ((end - item.nominal) * factor for end in item.interval)
-    verdict = {True: "yes", False: "no*", None: "not told"}
     return [
         str(item.output),
         significant(item.nominal, PLAIN_DIGITS) if abs(item.nominal) > TINY else "0",
@@ -130,8 +130,30 @@ def _row(item: SimulatedCoordinate) -> list[str]:
         significant(item.first_order_u * factor),
         unit,
         shares_text(item.shares),
-        "-" if item.validation is None else verdict[item.validation.passed],
+        _verdict(item),
     ]
+
+
+VERDICTS = {
+    "yes": "it does",
+    "no*": "it does not, use the Monte Carlo's",
+    "not told": "too few trials to tell",
+    "-": "nothing to compare, the place is fixed or its first-order u is 0",
+}
+
+
+def _verdict(item: SimulatedCoordinate) -> str:
+    names = {True: "yes", False: "no*", None: "not told"}
+    return "-" if item.validation is None else names[item.validation.passed]
+
+
+def _verdicts_explained(shown: set[str]) -> str:
+    """The footnote to the last column: what each verdict in it means."""
+    meant = "; ".join(f"{name}: {text}" for name, text in VERDICTS.items() if name in shown)
+    return (
+        "first order valid: does its 95 % interval agree with the Monte Carlo's (JCGM 101, "
+        f"clause 8)? {meant}"
+    )
 
 
 def small_unit(unit: str) -> tuple[float, str]:
@@ -144,7 +166,7 @@ def shares_text(shares: dict[str, float]) -> str:
     known = [(name, share) for name, share in shares.items() if abs(share) >= LEAST_SHARE]
     known.sort(key=lambda pair: -abs(pair[1]))
     shown = [
-        f"{source_name(name)} {100 * share:.0f}"
+        f"{source_name(name)} {share_percent(share, 0)}"
         for name, share in known[:SHOWN_SHARES]
         if math.isfinite(share)
     ]

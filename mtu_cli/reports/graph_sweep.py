@@ -65,12 +65,7 @@ def warnings(result: Sweep) -> list[Warned]:
     noted = []
     found = result.formula
     if found is None:
-        noted.append(
-            Warned(
-                code="no-formula",
-                message="no formula: nothing varies, u is 0 somewhere, or the grid is too small",
-            )
-        )
+        noted.append(Warned(code="no-formula", message=f"no formula: {result.no_formula}"))
     elif found.p < UNLIKELY and found.max_error_percent > 1.0:
         noted.append(
             Warned(
@@ -83,8 +78,8 @@ def warnings(result: Sweep) -> list[Warned]:
         noted.append(
             Warned(
                 code="first-order-nil",
-                message=f"{result.output}: the first-order uncertainty is 0; the error of the "
-                "formula itself cannot be told from the Monte Carlo's",
+                message=f"{result.output}: the first-order uncertainty is 0, or little of u; the "
+                "error of the formula itself cannot be told from the Monte Carlo's",
             )
         )
     return noted
@@ -134,6 +129,8 @@ def _notes(result: Sweep) -> list[str]:
         f"is {significant(found.monte_carlo_percent)} %, which alone makes "
         f"{significant(found.expected_max_percent)} % the largest of {len(result.grid)}",
     ]
+    if len(result.grid) == len(found.terms):
+        notes[1] = "as many terms as grid points: it meets them all, and nothing checks it"
     if math.isfinite(found.own_max_percent):
         own = found.own_max_percent
         text = "less than 0.001" if own < 0.001 else significant(own)

@@ -10,7 +10,7 @@ from mtu_cli.files.graph_contract import Graph, Place
 from mtu_cli.model.graph.nominal import Values
 from mtu_cli.reports.graph_drawing import COLOURS
 from mtu_cli.reports.graph_layout import lay_out
-from mtu_cli.reports.graph_net import Net, Node
+from mtu_cli.reports.graph_net import Net, Node, share_percent
 
 PIXELS = 96
 """A dot in an inch of the layout, for the paper's coordinates."""
@@ -22,7 +22,7 @@ def dot(net: Net) -> str:
     for number, node in enumerate(net.nodes):
         if node.place:
             share = net.shares.get(number)
-            label = node.label + ("" if share is None else f"\\n{100 * share:.1f} %")
+            label = node.label + ("" if share is None else f"\\n{share_percent(share)} %")
             style = f'shape=circle, style=filled, fillcolor="{COLOURS[node.kind]}"'
             style += ", penwidth=2" if node.reported else ""
             lines.append(f"  {_key(number, net)} [label={_quoted(label)}, {style}];")
@@ -40,7 +40,7 @@ def mermaid(net: Net) -> str:
     lines = ["---", f"title: {_plain(net.title)}", "---", "flowchart LR"]
     for number, node in enumerate(net.nodes):
         key, share = _key(number, net), net.shares.get(number)
-        text = _plain(node.label) + ("" if share is None else f"<br>{100 * share:.1f} %")
+        text = _plain(node.label) + ("" if share is None else f"<br>{share_percent(share)} %")
         shape = f'(("{text}")):::{node.kind}' if node.place else f'["{text}"]:::bar'
         lines.append(f"  {key}{shape}")
     lines += [f"  {_key(a, net)} --> {_key(b, net)}" for a, b in net.arcs]

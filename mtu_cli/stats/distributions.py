@@ -76,6 +76,25 @@ class Distribution:
         return fourth * (1.0 + 2.0 * d + d**2 / 5.0) / (second * (1.0 + d / 3.0)) ** 2 - 3.0
 
     @property
+    def correlated_share(self) -> float:
+        """What a scale S of its own leaves of a coefficient with another input; 1 without one.
+
+        A deviation of standard deviation u times S has the covariance r u u' E(S) and the
+        variance u^2 E(S^2). For the chi of Student's t E(S) = sqrt(nu/2) Gamma((nu - 1)/2)/
+        Gamma(nu/2) and E(S^2) = nu/(nu - 2); for limits that are inexact E(S) = 1. nan where a t
+        has no variance.
+        """
+        if self.bounded:
+            drawn = self.drawn_variance
+            return self.u / math.sqrt(drawn) if drawn > 0.0 else 1.0
+        if self.dof >= NORMAL_DOF:
+            return 1.0
+        if self.dof <= 2.0:
+            return math.nan
+        half = 0.5 * self.dof
+        return math.exp(math.lgamma(half - 0.5) - math.lgamma(half)) * math.sqrt(half - 1.0)
+
+    @property
     def top_share(self) -> float:
         """beta = top/half_width, of a trapezoid."""
         return self.top / self.half_width if self.half_width > 0.0 else 0.0

@@ -108,3 +108,11 @@ def test_json_schema() -> None:
         data = read_yaml(path, "budget").data
         validator.validate(data)
         assert not validator.is_valid(data | {"equatoin": "y"})
+
+
+def test_the_settings_of_the_report_have_the_factor_that_was_used() -> None:
+    """GUM H.1 asks for 99 % at 16 to 17 effective degrees of freedom: k is not 2."""
+    document = report("budget", H1)
+    assert document["settings"]["coverage_factor"] == document["results"]["k"] != 2.0
+    document = report("budget", H1, "--k", "3")
+    assert document["settings"]["coverage_factor"] == 3.0

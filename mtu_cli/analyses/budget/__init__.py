@@ -6,8 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.analyses.budget.copulas import copula_correlations
 from mtu_cli.analyses.budget.correlation import correlation_of, input_covariance
@@ -112,8 +114,9 @@ def evaluate_budget(
 def _joint(first: Sequence[FirstOrder], covariance: FloatArray) -> FloatArray:
     """C V C' of the outputs, its diagonal without the rounding that cancelling leaves."""
     C = np.array([item.sensitivity for item in first])
-    joint: FloatArray = C @ covariance @ C.T
-    np.fill_diagonal(joint, [item.u**2 for item in first])
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        joint: FloatArray = C @ covariance @ C.T
+        np.fill_diagonal(joint, np.square([item.u for item in first]))
     return joint
 
 
@@ -170,28 +173,37 @@ def _run(
     """
 
     def at(fraction: float) -> MonteCarloResult:
-        return monte_carlo(
-            trials,
-            seed=settings.seed,
-            trials=settings.trials,
-            probability=judge.probability,
-            digits=settings.digits,
-            tolerance_fraction=fraction,
-            threads=settings.threads,
-            keep=DRAWN,
-            progress=settings.progress,
-        )
+        # Trials too far apart to be squared leave inf or nan, which a warning of ours reports.
+        with catch_warnings():
+            simplefilter("ignore", RuntimeWarning)
+            run = monte_carlo(
+                trials,
+                seed=settings.seed,
+                trials=settings.trials,
+                probability=judge.probability,
+                digits=settings.digits,
+                tolerance_fraction=fraction,
+                threads=settings.threads,
+                keep=DRAWN,
+                progress=settings.progress,
+            )
+        return trials.in_full(run)
 
     try:
         run = at(1.0)
         if settings.trials is None and run.converged and judge.undecided(run):
-            return at(
-                CONVERGED_TO * min(1.0, _tolerance_ratio(judge.first, run, settings.digits))
-            ), True
+            run = at(CONVERGED_TO * min(1.0, _tolerance_ratio(judge.first, run, settings.digits)))
+            return run, _has_errors(run, trials.u_exists)
     except InputError as error:
         # The engine knows no file: the equation's place makes its message one of the file's.
         raise InputError([_placed(loaded, problem) for problem in error.problems]) from None
-    return run, run.converged
+    return run, run.converged and _has_errors(run, trials.u_exists)
+
+
+def _has_errors(run: MonteCarloResult, u_exists: NDArray[np.bool_]) -> bool:
+    """Whether every statistic has a standard error: nothing else can say that it converged."""
+    errors = np.where(u_exists, run.u + run.se_mean + run.se_u, 0.0) + run.se_low + run.se_high
+    return bool(np.all(np.isfinite(errors)))
 
 
 def _tolerance_ratio(first: Sequence[FirstOrder], run: MonteCarloResult, digits: int) -> float:

@@ -18,6 +18,11 @@ from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 
+EXTREME = 1e50
+"""From here on, and below its reciprocal, an output is divided before it is squared."""
+ROUNDED = 1e-16
+LEAST_EXPONENT = -300
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstOrder:
@@ -26,7 +31,8 @@ class FirstOrder:
     `share` (n,): c_i u_i sum_j r_ij c_j u_j / u^2, sums to 1; below 0 where a correlation
     makes u smaller. `second_value`, `second_u`: to the second order. nan where a derivative
     does not exist; `faults` says at which functions. `curved` (n,): whether the output is not
-    linear in an input.
+    linear in an input. `scale`: a power of ten by which the output is to be divided before
+    anything of it is squared; 1 unless it is very large or very small.
     """
 
     name: str
@@ -39,6 +45,7 @@ class FirstOrder:
     second_u: float
     curved: tuple[bool, ...]
     faults: tuple[EquationError, ...]
+    scale: float = 1.0
 
 
 def first_order(
@@ -57,7 +64,9 @@ def first_order(
         if not math.isfinite(slopes.value):
             problems.append(_no_value(loaded, name, slopes))
             continue
-        found.append(_output(name, tree, slopes, inputs, covariance, sources))
+        # What overflows is inf or nan, and no uncertainty to the first order then exists.
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            found.append(_output(name, tree, slopes, inputs, covariance, sources))
     if problems:
         raise InputError(problems)
     return tuple(found)
@@ -88,6 +97,16 @@ def _derivatives(tree: Node, inputs: Sequence[InputQuantity]) -> Derivatives:
     )
 
 
+def _scale(slopes: Derivatives, inputs: Sequence[InputQuantity]) -> float:
+    """Power of ten near the largest |c_i| u_i, or near the rounding of the value if larger."""
+    sizes = np.abs(slopes.first) * np.array([item.u for item in inputs])
+    known = [float(size) for size in sizes if math.isfinite(size)]
+    size = max([*known, ROUNDED * abs(slopes.value)])
+    if size == 0.0 or 1.0 / EXTREME < size < EXTREME:
+        return 1.0
+    return 10.0 ** max(math.floor(math.log10(size)), LEAST_EXPONENT)
+
+
 def _output(
     name: str,
     tree: Node,
@@ -96,7 +115,8 @@ def _output(
     covariance: FloatArray,
     sources: Sequence[Source],
 ) -> FirstOrder:
-    g = slopes.first
+    scale = _scale(slopes, inputs)
+    g = slopes.first / scale
     joint = g * (covariance @ g)
     # Summed by sources, so that a variance of 0 is 0 and not what rounding leaves.
     variances = [source.variance(g) for source in sources]
@@ -106,19 +126,20 @@ def _output(
         dof = welch_satterthwaite(
             np.array(variances), np.array([source.dof(g) for source in sources])
         )
-    mean, second_variance = _second_order(tree, slopes, inputs, covariance, variance)
+    mean, second_variance = _second_order(tree, slopes, inputs, covariance, variance, scale)
     share = joint / variance if variance > 0.0 else np.full(len(g), math.nan)
     return FirstOrder(
         name=name,
         value=slopes.value,
-        sensitivity=g,
-        u=math.sqrt(variance),
+        sensitivity=slopes.first,
+        u=scale * math.sqrt(variance),
         dof=dof,
         share=share,
-        second_value=slopes.value + mean,
-        second_u=math.sqrt(second_variance) if second_variance >= 0.0 else math.nan,
+        second_value=slopes.value + scale * mean,
+        second_u=scale * math.sqrt(second_variance) if second_variance >= 0.0 else math.nan,
         curved=tuple(bool(row.any()) for row in slopes.second),
         faults=slopes.faults,
+        scale=scale,
     )
 
 
@@ -128,8 +149,9 @@ def _second_order(
     inputs: Sequence[InputQuantity],
     covariance: FloatArray,
     variance: float,
+    scale: float,
 ) -> tuple[float, float]:
-    """Shift of the mean and variance to the second order.
+    """Shift of the mean and variance to the second order, of the output over `scale`.
 
     For jointly normal inputs of covariance V, gradient g, Hessian H:
     shift = tr(HV)/2, variance = g'Vg + tr(HVHV)/2 + sum_j (Vg)_j d/dx_j tr(HV). For independent
@@ -138,13 +160,17 @@ def _second_order(
     fourth moment than a normal one (kappa its fourth cumulant) f_ii^2 kappa/4 + f_i f_iii kappa/3
     is added: x^2 at 0 has u = 0.89 u^2(x) for a rectangle, not 1.41.
     """
-    g, H, V = slopes.first, slopes.second, covariance
+    g, H, V = slopes.first / scale, slopes.second / scale, covariance
     HV = H @ V
     shift = 0.5 * float(np.trace(HV))
     quadratic = 0.5 * float(np.sum(HV * HV.T))
-    kappa = np.array([item.excess * item.u**4 for item in inputs])
-    own = float(np.sum(kappa * (np.diag(H) ** 2 / 4.0 + g * slopes.third / 3.0)))
-    return shift, variance + quadratic + own + _third(tree, inputs, V, V @ g)
+    # Products of small numbers with large ones, in an order in which neither leaves the range.
+    u = np.array([item.u for item in inputs])
+    kappa = np.array([item.excess for item in inputs])
+    bent, twisted = np.diag(H) * u * u, slopes.third / scale * u * u * u
+    own = float(np.sum(kappa * (bent**2 / 4.0 + g * u * twisted / 3.0)))
+    third = _third(tree, inputs, V, V @ g) / scale
+    return shift, variance + quadratic + own + third
 
 
 def _third(

@@ -6,7 +6,8 @@ correlations, and readings that were taken together, are one source each connect
 - all normal or t: jointly normal with their covariance, scaled to a multivariate t where they
   share their degrees of freedom (JCGM 101:2008, 6.4.9; JCGM 102:2011, 6.4), each by a scale of
   its own where they do not;
-- some bounded (rectangular, ...): a Gaussian copula with the stated correlation.
+- some bounded (rectangular, ...): a Gaussian copula with the stated correlation, before inputs of
+  finite degrees of freedom are scaled, each by a scale of its own.
 
 For Welch-Satterthwaite a source is one term with the variance g' V g. Its degrees of freedom
 are those its members share: n - 1 for n simultaneous readings, of which g' V g is a sample

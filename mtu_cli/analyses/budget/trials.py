@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,10 +25,16 @@ from mtu_cli.stats.linear_distribution import (
     linear_distribution,
     rank_map,
 )
+from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.workspace import Workspace
 
 MOMENTS_FROM = 2.0
 """A t distribution needs more degrees of freedom than this for a standard deviation."""
+SCALED = (
+    "mean", "u", "low", "high", "shortest_low", "shortest_high", "se_mean", "se_u", "se_low",
+    "se_high",
+)  # fmt: skip
+"""Fields of a run in the unit of the output."""
 
 
 class BudgetTrials:
@@ -36,7 +43,8 @@ class BudgetTrials:
     The control variate is the first-order form. Where the distribution of that form is known
     (all sources independent, see `linear_distribution`) each draw of it is mapped, rank for
     rank, to a t or normal distribution much like it: the engine then knows its mean, variance
-    and quantiles exactly. A form that is normal or a single t is left as it is.
+    and quantiles exactly. A form that is normal or a single t is left as it is. Every output is
+    divided by its `scale` (outputs,), lest its square overflow or vanish; `in_full` undoes it.
     """
 
     def __init__(
@@ -56,8 +64,10 @@ class BudgetTrials:
         self.value = np.array([item.value for item in inputs])[:, None]
         self.u_exists = np.array([_has_u(tree, inputs) for tree in trees.values()])
         # A form that does not exist is a constant, which controls nothing.
-        self.gradient = np.nan_to_num(np.array([item.sensitivity for item in first]))
-        self.offset = np.array([item.value for item in first])
+        self.scale = np.array([item.scale for item in first])
+        slopes = np.array([item.sensitivity / item.scale for item in first])
+        self.gradient = np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
+        self.offset = np.array([item.value for item in first]) / self.scale
         self.linear_mean: FloatArray | None = self.offset
         # Inputs that cancel leave a scatter that is none and would never converge.
         u = np.array([item.u for item in inputs])
@@ -111,6 +121,8 @@ class BudgetTrials:
         values = self.work.array("values", (len(self.names), m))
         for k, tree in enumerate(self.trees.values()):
             values[k] = evaluate(tree, drawn)
+            if self.scale[k] != 1.0:
+                values[k] /= self.scale[k]
             if np.all(np.abs(values[k] - self.offset[k]) <= self.rounding[k]):
                 values[k] = self.offset[k]
         linear = self.work.array("linear", values.shape)
@@ -120,6 +132,16 @@ class BudgetTrials:
                 linear[k] = known(linear[k])
         linear += self.offset[:, None]
         return Draws(values=values, linear=linear, linear_u=self.linear_u)
+
+    def in_full(self, run: MonteCarloResult) -> MonteCarloResult:
+        """A run's outputs in their own units again."""
+        if np.all(self.scale == 1.0):
+            return run
+        with np.errstate(over="ignore", under="ignore"):
+            scaled = {name: getattr(run, name) * self.scale for name in SCALED}
+            covariance = run.covariance * self.scale * self.scale[:, None]
+            samples = run.samples * self.scale[:, None]
+        return replace(run, covariance=covariance, samples=samples, **scaled)
 
     def _add(
         self,

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 SHOWN = 6
 FEW_DOF = 4.0
 """The square of a t distribution with no more has no variance."""
+NO_WEAKER = 0.9995
+"""A factor of a correlation that shows as 1."""
+SHORTEST = 1.05
+"""More than its own scatter may make the shortest interval longer than the symmetric one."""
 
 
 def budget_warnings(
@@ -43,6 +47,8 @@ def budget_warnings(
             "Carlo can check: its intervals, and those of first order, are for that"
         )
         found.append(Warned(code="coverage-beyond-check", message=message))
+    found += _unsettled(outputs, run)
+    found += _shortest(outputs, run)
     if not converged:
         found.append(
             Warned(
@@ -52,6 +58,43 @@ def budget_warnings(
             )
         )
     return tuple(dict.fromkeys(found))
+
+
+def _unsettled(outputs: Sequence[OutputBudget], run: MonteCarloResult) -> list[Warned]:
+    """Outputs with trials so far out that their squares or fourth powers are beyond numbers."""
+    named = [
+        item.first.name
+        for index, item in enumerate(outputs)
+        if math.isinf(run.u[index])
+        or (math.isfinite(run.u[index]) and not math.isfinite(run.se_u[index]))
+    ]
+    if not named:
+        return []
+    message = (
+        f"{_listed(named)}: the Monte Carlo u has no standard error of its own, its trials are too "
+        "far apart to calculate one: use the interval"
+    )
+    return [Warned(code="no-standard-error", message=message)]
+
+
+def has_shortest(run: MonteCarloResult, index: int) -> bool:
+    """Whether the shortest interval is that: trials too far apart leave one that is longer."""
+    width = float(run.shortest_high[index] - run.shortest_low[index])
+    return 0.0 <= width <= SHORTEST * float(run.high[index] - run.low[index])
+
+
+def _shortest(outputs: Sequence[OutputBudget], run: MonteCarloResult) -> list[Warned]:
+    named = [
+        item.first.name
+        for index, item in enumerate(outputs)
+        if run.u[index] != 0.0 and not has_shortest(run, index)
+    ]
+    if not named:
+        return []
+    message = (
+        f"{_listed(named)}: no shortest interval, the trials are too far apart to tell where it is"
+    )
+    return [Warned(code="no-shortest-interval", message=message)]
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -77,8 +120,8 @@ def _inputs(inputs: Sequence[InputQuantity], sources: Sequence[Source]) -> list[
         if source.how == "copula":
             message = (
                 f"{named} are correlated and not all normal: their joint distribution is not "
-                "determined by that, the Monte Carlo takes a Gaussian copula with the stated "
-                "correlation"
+                "determined by that. The Monte Carlo takes a Gaussian copula, such that they have "
+                f"the stated coefficients{_weaker(source, inputs)}"
             )
             found.append(Warned(code="gaussian-copula", message=message))
         if source.how != "alone" and not source.common_dof:
@@ -86,8 +129,37 @@ def _inputs(inputs: Sequence[InputQuantity], sources: Sequence[Source]) -> list[
                 f"{named} are correlated and differ in degrees of freedom: Welch-Satterthwaite "
                 "takes the smallest for all of them"
             )
+            if source.how == "normal":
+                message += (
+                    ". The Monte Carlo draws jointly normal values that have the stated "
+                    f"coefficients{_weaker(source, inputs)}"
+                )
             found.append(Warned(code="correlated-dof", message=message))
     return found
+
+
+def _weaker(source: Source, inputs: Sequence[InputQuantity]) -> str:
+    """Which coefficients of what is drawn differ from those stated, and by how much."""
+    times = [
+        f"{inputs[row].name} {item.correlated_share:.3g}"
+        for row, item in zip(source.rows, source.members, strict=True)
+        if item.correlated_share < NO_WEAKER
+    ]
+    none = [
+        inputs[row].name
+        for row, item in zip(source.rows, source.members, strict=True)
+        if math.isnan(item.correlated_share)
+    ]
+    said = ""
+    if times:
+        said = (
+            " before each input of finite degrees of freedom is given a random scale of its own; "
+            "what is drawn has a smaller coefficient: the stated one times the factors of both "
+            f"inputs, which are {', '.join(times)} (1 for others)"
+        )
+    if none:
+        said += f"; {_listed(none)}, of two degrees of freedom or fewer: no coefficient exists"
+    return said
 
 
 def _first_order(item: OutputBudget, inputs: Sequence[InputQuantity]) -> list[Warned]:
@@ -134,6 +206,12 @@ def _without_u(item: OutputBudget, inputs: Sequence[InputQuantity]) -> Warned:
     if all(other.u == 0.0 for other in inputs):
         message = f"{first.name}: no input has an uncertainty"
         return Warned(code="no-uncertainty", message=message)
+    if any(c * other.u != 0.0 for c, other in zip(first.sensitivity, inputs, strict=True)):
+        message = (
+            f"{first.name}: the first-order contributions cancel, so that its u is 0; to the "
+            f"second order u is {first.second_u:.4g}"
+        )
+        return Warned(code="first-order-zero", message=message)
     message = (
         f"{first.name}: every sensitivity is 0 at the estimates, so the first-order u is 0 and "
         f"says nothing; to the second order u is {first.second_u:.4g}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,8 @@ from mtu_cli.units import UM
 
 EXACT = 1e-4
 """Relative error of a formula for the first-order u below which it needs no further term."""
+LINEAR = 0.5
+"""Share of u that the first-order u must have to tell which terms a formula needs."""
 LETTERS = "abcdef"
 
 
@@ -20,15 +22,17 @@ LETTERS = "abcdef"
 class Formula:
     """u^2 as a sum of terms, fitted to g grid points.
 
-    `form` in um where the output is a length. `u` (g,) in the unit of the output,
-    `error_percent` (g,) = 100 (formula/Monte Carlo - 1). `monte_carlo_percent`: relative
-    standard error of a Monte Carlo u (root mean square); `expected_max_percent`: the largest of
-    g errors that these alone would make (with the formula true); `own_max_percent`: the largest
-    error of the same formula for the first-order u, which has no random part, nan where that is 0.
-    `p`: of the observed sum of squared errors if the formula is true.
+    `form` in um where the output is a length, with the `terms` of u^2. `u` (g,) in the unit of
+    the output, `error_percent` (g,) = 100 (formula/Monte Carlo - 1). `monte_carlo_percent`:
+    relative standard error of a Monte Carlo u (root mean square); `expected_max_percent`: the
+    largest of g errors that these alone would make (with the formula true); `own_max_percent`: the
+    largest error of the same formula for the first-order u, which has no random part, nan where
+    that is nil. `p`: of the observed sum of squared errors if the formula is true.
     """
 
     form: str
+    terms: tuple[str, ...]
+    scale: float
     coefficients: dict[str, float]
     u: FloatArray
     error_percent: FloatArray
@@ -38,36 +42,44 @@ class Formula:
     own_max_percent: float
     p: float
 
+    def u_at(self, at: Mapping[str, FloatArray], n: int) -> FloatArray:
+        """u (n,) in the unit of the output, also between the grid points; `at` (n,) by name."""
+        X = _columns(self.terms, at, n)
+        found: FloatArray = np.sqrt(np.maximum(X @ list(self.coefficients.values()), 0.0))
+        return found / self.scale
+
 
 def fit_formula(
     at: Mapping[str, FloatArray], u: FloatArray, se_u: FloatArray, linear_u: FloatArray, unit: str
-) -> Formula | None:
+) -> Formula | str:
     """u = sqrt(a probe_um^2 + b axis_um^2 + ...), the form of Stryczek, eq. (31).
 
     Least squares of u^2 with weights 1/u^4, that is, of relative errors. With a varied number of
     probings the probe's term is divided by it. A constant is added, and 1/repeats, where the
-    first-order u cannot do without: for sources that are not varied.
+    first-order u cannot do without: for sources that are not varied. Where the first-order u is
+    nil it tells nothing, and all terms enter.
 
-    None where nothing is varied, u is 0 somewhere, or the grid is too small.
+    A text where there is no formula: why.
     """
     scale = 1.0 / UM if unit == "mm" else 1.0
     varied = {name: values for name, values in at.items() if np.ptp(values) > 0}
-    if not varied or not np.all(u > 0):
-        return None
-    known = bool(np.all(linear_u > 0))
-    for terms in _candidates(varied, len(u)):
-        X = np.column_stack(list(terms.values()))
-        own = _errors(X, _fit(X, linear_u * scale), linear_u * scale) if known else None
-        if own is None or np.max(np.abs(own)) < EXACT:
-            break
-    if len(u) < X.shape[1]:
-        return None
+    if not varied:
+        return "nothing varies"
+    if not np.all(u > 0):
+        return "u is 0 somewhere"
+    n = len(u)
+    terms, own = _chosen(varied, linear_u * scale, bool(np.all(linear_u >= LINEAR * u)))
+    if n < len(terms):
+        return f"{n} grid points are too few for its {len(terms)} terms, {_form(terms, unit)}"
+    X = _columns(terms, varied, n)
     found = _fit(X, u * scale)
     error = _errors(X, found, u * scale)
     relative = se_u / u
     own_max = math.nan if own is None else 100 * float(np.max(np.abs(own)))
     return Formula(
-        form=_form(list(terms), unit),
+        form=_form(terms, unit),
+        terms=terms,
+        scale=scale,
         coefficients=dict(zip(LETTERS, map(float, found), strict=False)),
         u=u * (1 + error),
         error_percent=100 * error,
@@ -79,20 +91,51 @@ def fit_formula(
     )
 
 
-def _candidates(varied: Mapping[str, FloatArray], n: int) -> list[dict[str, FloatArray]]:
-    n_repeats = varied.get("repeats")
-    repeats = np.ones(n) if n_repeats is None else n_repeats
-    terms: dict[str, FloatArray] = {}
-    for name in ("probe_um", "axis_um", "perpendicular_um"):
-        if name in varied:
-            shared = name == "probe_um" and n_repeats is not None
-            label = f"{name}^2" + ("/repeats" if shared else "")
-            terms[label] = varied[name] ** 2 / (repeats if shared else 1.0)
-    if n_repeats is not None and "probe_um" not in varied:
-        terms["1/repeats"] = 1.0 / repeats
-    found = [terms, {**terms, "": np.ones(n)}]
-    if n_repeats is not None and "1/repeats" not in terms:
-        found.append({**terms, "1/repeats": 1.0 / repeats, "": np.ones(n)})
+def _chosen(
+    varied: Mapping[str, FloatArray], linear_u: FloatArray, known: bool
+) -> tuple[tuple[str, ...], FloatArray | None]:
+    """The terms of u^2, and their errors for the first-order u; all terms where that is not
+    `known`.
+    """
+    candidates = _candidates(varied)
+    if not known:
+        return candidates[-1], None
+    for terms in candidates:
+        # As many terms as points always fit, and would prove nothing of fewer.
+        if len(terms) > len(linear_u):
+            break
+        X = _columns(terms, varied, len(linear_u))
+        own = _errors(X, _fit(X, linear_u), linear_u)
+        if np.max(np.abs(own)) < EXACT:
+            break
+    return terms, own
+
+
+def _candidates(varied: Mapping[str, FloatArray]) -> list[tuple[str, ...]]:
+    """Terms of u^2, fewest first; "" is the constant."""
+    repeated = "repeats" in varied
+    terms = [
+        f"{name}^2" + ("/repeats" if repeated and name == "probe_um" else "")
+        for name in ("probe_um", "axis_um", "perpendicular_um")
+        if name in varied
+    ]
+    if repeated and "probe_um" not in varied:
+        terms.append("1/repeats")
+    found = [tuple(terms), (*terms, "")]
+    if repeated and "1/repeats" not in terms:
+        found.append((*terms, "1/repeats", ""))
+    return found
+
+
+def _columns(terms: Sequence[str], at: Mapping[str, FloatArray], n: int) -> FloatArray:
+    """The terms (n, p) at n settings."""
+    found = np.ones((n, len(terms)))
+    for column, term in zip(found.T, terms, strict=True):
+        name, _, divisor = term.partition("/")
+        if name.endswith("^2"):
+            column *= at[name.removesuffix("^2")] ** 2
+        if divisor:
+            column /= at[divisor]
     return found
 
 
@@ -106,7 +149,7 @@ def _errors(X: FloatArray, coefficients: FloatArray, u: FloatArray) -> FloatArra
     return found
 
 
-def _form(terms: list[str], unit: str) -> str:
+def _form(terms: Sequence[str], unit: str) -> str:
     left = {"mm": "u_um", "rad": "u_rad"}.get(unit, "u")
     parts = []
     for letter, term in zip(LETTERS, terms, strict=False):

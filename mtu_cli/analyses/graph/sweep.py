@@ -43,12 +43,13 @@ class GridPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """The grid of one output, and the formula fitted to it."""
+    """The grid of one output, and the formula fitted to it, or why there is none."""
 
     output: Output
     varied: dict[str, tuple[float, ...]]
     grid: tuple[GridPoint, ...]
     formula: Formula | None
+    no_formula: str | None = None
 
 
 def sweep_graph(
@@ -80,14 +81,15 @@ def sweep_graph(
         output=outputs[0],
         varied={name: tuple(map(float, values)) for name, values in varied.items()},
         grid=grid,
-        formula=formula,
+        formula=None if isinstance(formula, str) else formula,
+        no_formula=formula if isinstance(formula, str) else None,
     )
 
 
 def _fitted(
     found: Sequence[GridPoint], varied: Mapping[str, Sequence[float]], output: Output
-) -> tuple[tuple[GridPoint, ...], Formula | None]:
-    """The grid with the formula's values beside it, and the formula."""
+) -> tuple[tuple[GridPoint, ...], Formula | str]:
+    """The grid with the formula's values beside it, and the formula or why there is none."""
     formula = fit_formula(
         {name: np.array([item.at[name] for item in found]) for name in varied},
         np.array([item.u for item in found]),
@@ -95,8 +97,8 @@ def _fitted(
         np.array([item.first_order_u for item in found]),
         output.unit,
     )
-    if formula is None:
-        return tuple(found), None
+    if isinstance(formula, str):
+        return tuple(found), formula
     both = zip(found, formula.u, formula.error_percent, strict=True)
     grid = (
         replace(item, formula_u=float(u), error_percent=float(error)) for item, u, error in both

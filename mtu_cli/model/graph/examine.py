@@ -10,6 +10,7 @@ from mtu_cli.files.graph_contract import Graph
 from mtu_cli.files.graph_file import Rounds
 from mtu_cli.model.graph.nominal import correlation_matrix, nominal_values
 from mtu_cli.model.graph.outputs import Faults, place_units
+from mtu_cli.stats.least_squares import FloatArray
 
 NEGATIVE = -1e-9
 """An eigenvalue of correlations below this is no rounding of 0."""
@@ -37,8 +38,49 @@ def examine(graph: Graph, rounds: Rounds, findings: Findings) -> None:
 def _check_correlations(graph: Graph, findings: Findings) -> None:
     pairs = [item for item in graph.correlations if item is not None]
     names = list(dict.fromkeys(name for item in pairs for name in item[:2]))
-    if len(names) > 2 and len(pairs) == len(graph.correlations):
-        least = float(np.linalg.eigvalsh(correlation_matrix(graph, names))[0])
-        if least < NEGATIVE:
-            what = "the correlations contradict each other: their matrix is not positive"
-            findings.add(("correlations",), what, value=round(least, 6))
+    sound = all(abs(r) <= 1 and first != second for first, second, r in pairs)
+    if len(names) < 3 or len(pairs) < len(graph.correlations) or not sound:
+        return
+    matrix = correlation_matrix(graph, names)
+    if _least(matrix) >= NEGATIVE:
+        return
+    what = "contradicts the other correlations: their matrix is not positive semi-definite"
+    for index, (first, second, r) in reversed(list(enumerate(pairs))):
+        found = _possible(matrix, names.index(first), names.index(second))
+        if found is not None:
+            expected = f"{found[0]:g} to {found[1]:g}, as the others are"
+            value = f"{first}, {second}, {r:g}"
+            findings.add(("correlations", index), what, value=value, expected=expected)
+            return
+    first, second = (names[i] for i in _strongest(matrix))
+    what = "the correlations contradict each other: their matrix is not positive semi-definite"
+    findings.add(("correlations",), what, value=f"{first}, {second} above all")
+
+
+def _least(matrix: FloatArray) -> float:
+    return float(np.linalg.eigvalsh(matrix)[0])
+
+
+def _possible(matrix: FloatArray, i: int, j: int) -> tuple[float, float] | None:
+    """Between which values r_ij makes the matrix positive semi-definite with the others as they
+    are, None for no value: the partial correlation of i and j lies between -1 and 1.
+    """
+    rest = [k for k in range(len(matrix)) if k not in (i, j)]
+    inverse = np.linalg.pinv(matrix[np.ix_(rest, rest)], hermitian=True)
+    b, c = matrix[rest, i], matrix[rest, j]
+    middle = float(b @ inverse @ c)
+    left = (1.0 - float(b @ inverse @ b)) * (1.0 - float(c @ inverse @ c))
+    tried = matrix.copy()
+    tried[i, j] = tried[j, i] = middle
+    if left < 0 or _least(tried) < NEGATIVE:
+        return None
+    low, high = (middle + sign * float(np.sqrt(left)) for sign in (-1, 1))
+    return float(np.ceil(1e3 * low - 1e-6) / 1e3), float(np.floor(1e3 * high + 1e-6) / 1e3)
+
+
+def _strongest(matrix: FloatArray) -> tuple[int, int]:
+    """The pair that takes most from the least eigenvalue v' R v: the most negative v_i r_ij v_j."""
+    v = np.linalg.eigh(matrix)[1][:, 0]
+    parts = np.triu(matrix * np.outer(v, v), 1)
+    i, j = np.unravel_index(np.argmin(parts), parts.shape)
+    return int(i), int(j)

@@ -14,6 +14,7 @@ from mtu_cli.language import Node, evaluate
 from mtu_cli.model.graph import fits
 from mtu_cli.model.graph.constructions import CONSTRUCTIONS, Construction, Outputs
 from mtu_cli.model.graph.degenerate import degenerate
+from mtu_cli.model.graph.not_finite import not_finite
 from mtu_cli.stats.least_squares import FloatArray
 
 Values = dict[str, FloatArray]
@@ -75,6 +76,9 @@ def _prepare(step: Step, values: Values, computed: list[Computed]) -> str | None
     with np.errstate(all="ignore"):
         ready.run(found)
     if not all(np.isfinite(found[name]).all() for name in step.outputs):
+        if step.formula is not None:
+            scalars = {name: float(value[0]) for name, value in found.items() if value.ndim == 1}
+            return not_finite(step.formula, scalars)
         return "no finite value at nominal"
     values.update({name: found[name] for name in step.outputs})
     computed.append(ready)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.analyses.graph.check import check_graph
 from mtu_cli.analyses.graph.simulate import GraphSimulation, simulate_graph
+from mtu_cli.analyses.graph.surface import fit_formula
 from mtu_cli.analyses.graph.sweep import sweep_graph
 from mtu_cli.errors import InputError
 from mtu_cli.model.settings import Settings
@@ -202,6 +203,7 @@ def test_other_sources_are_a_constant_of_the_formula() -> None:
 def test_a_grid_of_one_value_has_no_formula() -> None:
     swept = sweep_graph(shipped("ball-centre"), Settings(trials=2000), "P1.x", {"axis_um": [1.0]})
     assert swept.formula is None
+    assert swept.no_formula == "nothing varies"
     assert swept.grid[0].u == pytest.approx(1e-3, rel=0.1)
 
 
@@ -215,3 +217,56 @@ def test_grid_points_have_random_numbers_of_their_own() -> None:
     grid = {"axis_um": [1.0, 1.0 + 1e-9]}
     swept = sweep_graph(shipped("ball-centre"), settings, "P1.x", grid)
     assert abs(swept.grid[0].u / swept.grid[1].u - 1) > 1e-4
+
+
+OFF_NOMINAL = """
+uncertainty: {axis_um: 1.0, probe_um: 0.5, perpendicular_um: 0.3}
+places:
+  x: {kind: coordinate, axis: x, nominal_mm: 5}
+  y: {kind: coordinate, axis: y, nominal_mm: 7}
+  e: {kind: constant, unit: mm}
+transitions:
+  - {do: meas, out: x}
+  - {do: meas, out: y}
+  - {do: compute, in: [x, y], out: e, formula: sqrt((x - 5)**2 + (y - 7)**2)}
+"""
+
+
+def test_a_formula_without_first_order_has_all_terms(tmp_path: Path) -> None:
+    """A Rayleigh variable: u^2 = (2 - pi/2) (u1^2 + u2^2/n + u3^2)."""
+    grid = {"repeats": [1.0, 2.0, 4.0], "axis_um": [0.5, 1.0]}
+    graph = graph_of(tmp_path, OFF_NOMINAL)
+    found = sweep_graph(graph, Settings(trials=200_000), "e", grid).formula
+    assert found is not None
+    assert found.form == "u_um = sqrt(a*axis_um^2 + b/repeats + c)"
+    share = 2 - np.pi / 2
+    # u has a standard error of about 0.2 %, u^2 of 0.4 %; the terms share it.
+    expected = {"a": share, "b": 0.25 * share, "c": 0.09 * share}
+    assert found.coefficients == pytest.approx(expected, abs=0.01)
+    between = {"repeats": np.array([3.0]), "axis_um": np.array([0.8])}
+    u = 1e-3 * np.sqrt(share * (0.64 + 0.25 / 3 + 0.09))
+    assert found.u_at(between, 1) == pytest.approx([u], rel=0.01)
+
+
+def test_two_points_carry_two_terms(tmp_path: Path) -> None:
+    graph = graph_of(tmp_path, OFF_NOMINAL)
+    swept = sweep_graph(graph, Settings(trials=20_000), "e", {"repeats": [1.0, 4.0]})
+    assert swept.formula is not None
+    assert swept.formula.form == "u_um = sqrt(a/repeats + b)"
+    assert [item.error_percent for item in swept.grid] == pytest.approx([0, 0], abs=1e-9)
+
+
+def test_too_few_points_have_no_formula(tmp_path: Path) -> None:
+    graph = graph_of(tmp_path, OFF_NOMINAL)
+    grid = {"axis_um": [1.0, 2.0], "probe_um": [1.0], "repeats": [1.0]}
+    assert sweep_graph(graph, Settings(trials=1000), "e", grid).formula is not None
+    few = fit_formula(
+        {"axis_um": np.array([1.0, 2.0]), "probe_um": np.array([1.0, 2.0])},
+        np.array([1e-3, 2e-3]),
+        np.array([1e-6, 1e-6]),
+        np.zeros(2),
+        "mm",
+    )
+    assert few == (
+        "2 grid points are too few for its 3 terms, u_um = sqrt(a*probe_um^2 + b*axis_um^2 + c)"
+    )

@@ -246,3 +246,19 @@ def test_an_unused_input_is_a_warning() -> None:
     (notice,) = budget.warnings
     assert notice.code == "unused-input"
     assert notice.message == "b.yaml:6: inputs.b: in no equation"
+
+
+@pytest.mark.parametrize(
+    ("entry", "expected"),
+    [
+        ("{value: 1.0e308, u: 1}", "inputs.a.value: the number is too large"),
+        ("{value: 1, u: 1.0e308}", "inputs.a.u: the number is too large"),
+        ("{readings: [1, 1.0e308]}", "inputs.a.readings[1]: the number is too large"),
+        ("{value: 0, u: 1.0e-172}", "inputs.a.u: the number is too small"),
+        ("{value: 0, U: 1.0e-149, k: 30}", "inputs.a.k: U/k is too small"),
+    ],
+)
+def test_numbers_whose_squares_no_computer_holds(entry: str, expected: str) -> None:
+    with pytest.raises(InputError) as raised:
+        loaded(f"equation: a\ninputs:\n  a: {entry}\n")
+    assert str(raised.value).startswith(f"b.yaml:5: {expected}")

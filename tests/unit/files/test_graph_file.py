@@ -95,7 +95,7 @@ transitions:
         "8: places.S.known: is known, and the transition in line 13 makes it; "
         "expected one of the two",
         "9: places.c.known: a constant is not known; expected a point",
-        "9: places.c: leads nowhere; expected an input of a transition",
+        "9: places.c: leads nowhere; expected an input of a transition, or `report: [M, c]`",
     ]
 
 
@@ -131,3 +131,35 @@ def test_schema_for_editors() -> None:
         info.alias or name for name, info in Graph.model_fields.items()
     }
     assert schema["$defs"]["Transition"]["properties"]["do"]["enum"] == list(TRANSITIONS)
+
+
+def test_a_single_measured_point_is_to_be_reported(tmp_path: Path) -> None:
+    text = """
+places:
+  p0: {kind: point, nominal_mm: [1, 2, 3]}
+transitions:
+  - {do: meas, out: p0, along: x}
+"""
+    assert faults(tmp_path, text) == [
+        "5: places.p0: leads nowhere; expected an input of a transition, or `report: [p0]`"
+    ]
+    assert load(tmp_path, text + "report: [p0]\n").reported == ("p0",)
+
+
+def test_faulty_correlations(tmp_path: Path) -> None:
+    text = """
+places:
+  first: {kind: constant, value: 1, u: 1}
+  second: {kind: constant, value: 1, u: 1}
+  s: {kind: constant}
+transitions:
+  - {do: compute, in: [first, second], out: s, formula: first + second}
+correlations: [[first, secnd, 2], [first], 3, [first, second, much]]
+"""
+    assert faults(tmp_path, text) == [
+        "10: correlations[1]: not a correlation: '[\"first\"]'; expected [first, second, r]",
+        "10: correlations[2]: not a correlation: '3'; expected [first, second, r]",
+        "10: correlations[3][2]: wrong value: 'much'; expected a number",
+        "10: correlations[0][1]: unknown place: 'secnd'; did you mean 'second'?",
+        "10: correlations[0][2]: a correlation beyond 1: '2'; expected -1 to 1",
+    ]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from budget_examples import evaluated
+from budget_examples import evaluated, loaded
 
 from mtu_cli.analyses.budget import BudgetResult
+from mtu_cli.analyses.budget.warnings import budget_warnings
 from mtu_cli.files.json_file import report_bytes
 from mtu_cli.reports.budget import CSV_COLUMNS, csv_rows, document
 from mtu_cli.reports.budget_figure import figure
@@ -140,3 +142,30 @@ def test_figures_are_drawn(text: str) -> None:
     titles = [axes.get_title(loc="left") for axes in page.axes]
     assert titles[0].endswith("shares of the variance")
     assert "by Monte Carlo" in titles[1]
+
+
+def test_intervals_are_rounded_by_their_width_where_u_is_beyond_it() -> None:
+    """1/a with a within two u of 0: the quantiles of 1/a are finite, its u is not."""
+    result = evaluated("equation: 1/a\ninputs:\n  a: {value: 1, u: 0.5}\n", trials=200_000)
+    assert result.run.u[0] > result.run.high[0] - result.run.low[0]
+    shown = f"[{result.run.low[0]:.1f}, {result.run.high[0]:.1f}]"
+    assert shown in plain_text(table(result, 2))
+
+
+def test_no_shortest_interval_that_is_longer_than_the_symmetric_one() -> None:
+    plain = evaluated("equation: a\ninputs:\n  a: {value: 1, u: 0.5}\n", trials=20_000)
+    assert None not in document(plain)["monte_carlo"]["shortest"]
+    width = plain.run.high - plain.run.low
+    for longer in (1.1, -1.0):
+        run = replace(plain.run, shortest_high=plain.run.shortest_low + longer * width)
+        result = replace(plain, run=run)
+        assert document(result)["monte_carlo"]["shortest"] == [None, None]
+        found = budget_warnings(
+            loaded("equation: a\ninputs:\n  a: {value: 1, u: 0.5}\n"),
+            result.inputs,
+            result.sources,
+            result.outputs,
+            run,
+            True,
+        )
+        assert "no-shortest-interval" in {item.code for item in found}

@@ -18,7 +18,7 @@ from mtu_cli.reports import graph_figure, graph_simulate, graph_sweep, graph_tex
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.graph_drawing import drawing
 from mtu_cli.reports.graph_layout import RADIUS, lay_out
-from mtu_cli.reports.graph_net import Net
+from mtu_cli.reports.graph_net import Net, share_percent
 
 OF = {
     "ball-centre": "P1.z",
@@ -137,6 +137,8 @@ def test_report_of_a_simulation() -> None:
     assert all(len(row) == len(header) for row in rows)
     (sheet,) = graph_simulate.table(result)
     assert [row[0] for row in sheet.rows][:2] == ["PA.x", "PA.y"]
+    for verdict in {row[-1] for row in sheet.rows}:
+        assert f" {verdict}: {graph_simulate.VERDICTS[verdict]}" in sheet.notes[1]
     assert figure_bytes(graph_figure.simulated(result), "png").startswith(b"\x89PNG")
 
 
@@ -157,4 +159,20 @@ def test_report_of_a_sweep() -> None:
     assert all(len(row) == len(header) for row in rows)
     notes = graph_sweep.table(result)[0].notes
     assert "Monte Carlo's standard error is 2.2 %" in " ".join(notes)
-    assert figure_bytes(graph_figure.swept(result), "svg").startswith(b"<?xml")
+    figure = graph_figure.swept(result)
+    assert figure_bytes(figure, "svg").startswith(b"<?xml")
+    (panel,) = figure.axes
+    assert panel.get_ylim()[1] > 1.05e3 * max(item.u + 2 * item.se_u for item in result.grid)
+    curves = [item for item in panel.lines if len(item.get_xdata()) > 100]
+    assert len(curves) == 2
+    ends = [[line.get_ydata()[0], line.get_ydata()[-1]] for line in curves]
+    assert ends == [
+        pytest.approx([1e3 * result.grid[i].formula_u for i in (at, at + 4)]) for at in (0, 1)
+    ]
+
+
+@pytest.mark.parametrize("noise", [-1e-15, 0.0, 1e-15])
+def test_halves_are_rounded_up_whatever_the_noise(noise: float) -> None:
+    assert share_percent(0.0625 + noise) == "6.3"
+    assert share_percent(0.125 + noise, 0) == "13"
+    assert share_percent(0.0624) == "6.2"
