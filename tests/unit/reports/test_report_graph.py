@@ -163,9 +163,10 @@ def test_report_of_a_sweep() -> None:
     assert figure_bytes(figure, "svg").startswith(b"<?xml")
     (panel,) = figure.axes
     assert panel.get_ylim()[1] > 1.05e3 * max(item.u + 2 * item.se_u for item in result.grid)
-    curves = [item for item in panel.lines if len(item.get_xdata()) > 100]
+    drawn = [np.asarray(item.get_ydata()) for item in panel.lines]
+    curves = [item for item in drawn if len(item) > 100]
     assert len(curves) == 2
-    ends = [[line.get_ydata()[0], line.get_ydata()[-1]] for line in curves]
+    ends = [[float(item[0]), float(item[-1])] for item in curves]
     assert ends == [
         pytest.approx([1e3 * result.grid[i].formula_u for i in (at, at + 4)]) for at in (0, 1)
     ]
