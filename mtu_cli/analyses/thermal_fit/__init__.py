@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.choice import choose, group_shares
+from mtu_cli.analyses.thermal_fit.columns import Library, library
 from mtu_cli.analyses.thermal_fit.evidence import (
     autocorrelation,
     constant,
     held_out,
     position_test,
 )
-from mtu_cli.analyses.thermal_fit.library import Library, library
 from mtu_cli.analyses.thermal_fit.models import Fitted, Rows, Spec, fit, sum_of_squares
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,

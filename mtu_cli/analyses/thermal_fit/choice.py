@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.library import Library
+from mtu_cli.analyses.thermal_fit.columns import Library
 from mtu_cli.analyses.thermal_fit.models import (
     PENALTIES,
     Fitted,

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from mtu_cli.analyses.thermal_fit.choice import Folds, choose, ordinary
-from mtu_cli.analyses.thermal_fit.library import Library
+from mtu_cli.analyses.thermal_fit.columns import Library
 from mtu_cli.analyses.thermal_fit.models import (
     Fitted,
     Rows,

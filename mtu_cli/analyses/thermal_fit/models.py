@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.library import Library
+from mtu_cli.analyses.thermal_fit.columns import Library
 from mtu_cli.stats.compressed import Compressed
 from mtu_cli.stats.least_squares import FloatArray, LeastSquares, least_squares
 from mtu_cli.stats.ridge import RidgePath, ridge

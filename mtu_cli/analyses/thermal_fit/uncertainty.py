@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import comb, fdtri
 
+from mtu_cli.analyses.thermal_fit.columns import Library, lagged_columns
 from mtu_cli.analyses.thermal_fit.evidence import mean_products, unseen_products
-from mtu_cli.analyses.thermal_fit.library import Library, lagged_columns
 from mtu_cli.analyses.thermal_fit.models import Fitted, Rows, Spec
 from mtu_cli.analyses.thermal_fit.series import Kept, Series
 from mtu_cli.model.thermal import ThermalEstimate

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mtu_cli.analyses.thermal_fit.columns import Library
 from mtu_cli.analyses.thermal_fit.evidence import FEWEST_NESTED
-from mtu_cli.analyses.thermal_fit.library import Library
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.analyses.thermal_fit.series import Series
 from mtu_cli.analyses.thermal_fit.uncertainty import NORMAL_QUARTILE, Rest

@@ -9,7 +9,7 @@ import pytest
 from synthetic_drift import REFERENCE, UM, Plan, rises
 
 from mtu_cli.analyses.thermal_fit import thermal_fit
-from mtu_cli.analyses.thermal_fit.library import Library, library
+from mtu_cli.analyses.thermal_fit.columns import Library, library
 from mtu_cli.analyses.thermal_fit.models import Spec, fit
 from mtu_cli.analyses.thermal_fit.series import read_series
 from mtu_cli.analyses.thermal_fit.uncertainty import _unscaled
