@@ -43,3 +43,24 @@ DIMENSION_NAMES = {LENGTH: "a length (mm)", ANGLE: "an angle or ratio (rad)"}
 def dimension_name(dimension: int) -> str:
     """A dimension in words; `dimension` is the exponent of length."""
     return DIMENSION_NAMES.get(dimension, f"mm^{dimension}")
+
+
+_PER = {
+    "/m": (-1, 1e-3),
+    "/m^2": (-2, 1e-6),
+    "/m^3": (-3, 1e-9),
+    "/K": (0, 1.0),
+    "/m/K": (-1, 1e-3),
+    "/min": (0, 1.0),
+    "/h": (0, 1.0 / 60.0),
+}
+"""Dimension and internal size (mm, degC, min) of what the parameter of an effect may be per."""
+
+PARAMETER_UNITS: dict[str, Unit] = UNITS | {
+    unit.name: unit
+    for base in (UNITS["um"], UNITS["arcsec"], UNITS["urad"])
+    for per, (dimension, size) in _PER.items()
+    if (unit := Unit(base.name + per, base.dimension + dimension, base.to_internal * size)).name
+    not in UNITS
+}
+"""Units of the parameters of effects: those of readings, and these per length, kelvin or time."""

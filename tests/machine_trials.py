@@ -115,6 +115,7 @@ def read_machine(rng: np.random.Generator, drift: Drift, passes: int = 5) -> Rea
         code=np.concatenate(code),
         position_mm=np.concatenate(position),
         error=np.concatenate(error),
+        dimension=np.ones(n, np.int8),
         pass_number=np.concatenate(number),
         has_pass=np.ones(n, bool),
         direction=np.concatenate(direction).astype(np.int8),

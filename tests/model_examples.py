@@ -129,6 +129,7 @@ def readings(segments: Sequence[Segment]) -> Readings:
         code=each([names.index(item.name) for item in segments]).astype(np.int64),
         position_mm=each([np.nan if s.position is None else s.position for s in segments]),
         error=each([item.error for item in segments]),
+        dimension=np.ones(sum(sizes), np.int8),
         pass_number=each([-1 if s.passes is None else s.passes for s in segments]).astype(np.int64),
         has_pass=each([item.passes is not None for item in segments]).astype(bool),
         direction=each([0 if s.direction is None else s.direction for s in segments]).astype(

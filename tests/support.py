@@ -66,6 +66,7 @@ def as_readings(simulated: SimulatedReadings, model: MachineModel) -> Readings:
         code=code,
         position_mm=np.where(known, simulated.position, np.nan),
         error=simulated.error * factor,
+        dimension=np.array([units[name].dimension for name in simulated.component], np.int8),
         pass_number=simulated.pass_number.astype(np.int64),
         has_pass=np.ones(n, bool),
         direction=simulated.direction.astype(np.int8),

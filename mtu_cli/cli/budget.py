@@ -24,6 +24,7 @@ def run(options: Options) -> None:
 
 
 def analyse(inputs: Inputs, settings: Settings) -> Outcome:
+    """The budget of the file, and how it is told."""
     from mtu_cli.reports import budget as report
 
     loaded = load_budget(inputs.options.file)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STANDARD_OUTPUT = Path("-")
+WRITES = "write_"
+"""How the names of options begin that name a file to write beside -o, --csv and --plot."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +30,8 @@ class Outcome:
     """What a command has to say, each part made only when it is asked for.
 
     `gate` is None, or the reason why the gate that the user asked for is met. `settings`: those
-    of the report, where the command had to choose some itself.
+    of the report, where the command had to choose some itself. `files`: what the command writes
+    beside report, table and picture, by path.
     """
 
     results: Callable[[], dict[str, Any]]
@@ -38,6 +41,7 @@ class Outcome:
     warnings: Sequence[Warned] = field(default=())
     gate: str | None = None
     settings: Settings | None = None
+    files: Callable[[], Mapping[Path, bytes]] = dict
 
 
 def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) -> None:
@@ -75,7 +79,8 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
 def check_outputs(options: Options) -> None:
     """Refuses outputs that cannot be made, all at once, before anything is calculated."""
     given = [path for path in (options.out, options.csv, options.plot) if path is not None]
-    if not given:
+    written = written_files(options)
+    if not given and not written:
         return
     from mtu_cli.files.write import check_targets
     from mtu_cli.reports.figures import SUFFIXES
@@ -93,18 +98,34 @@ def check_outputs(options: Options) -> None:
         problems.append(
             Problem(what="-o - and --csv - both want standard output", expected="one of them")
         )
+    problems += [
+        Problem(
+            what=f"--{name.replace('_', '-')} does not go to standard output", expected="a file"
+        )
+        for name, path in written.items()
+        if path == STANDARD_OUTPUT
+    ]
     try:
-        check_targets([path for path in given if path != STANDARD_OUTPUT])
+        check_targets([path for path in (*given, *written.values()) if path != STANDARD_OUTPUT])
     except InputError as error:
         problems += error.problems
     if problems:
         raise InputError(problems)
 
 
+def written_files(options: Options) -> dict[str, Path]:
+    """What a command writes beside report, table and picture: path by name of the option."""
+    return {
+        name: path
+        for name, path in options.values.items()
+        if name.startswith(WRITES) and path is not None
+    }
+
+
 def _files(
     options: Options, inputs: Inputs, settings: Settings, outcome: Outcome
 ) -> dict[Path, bytes]:
-    files: dict[Path, bytes] = {}
+    files = dict(outcome.files())
     if options.out is not None:
         from mtu_cli.files.json_file import report_bytes
         from mtu_cli.reports.document import envelope

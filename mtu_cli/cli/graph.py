@@ -33,6 +33,7 @@ def _loaded(inputs: Inputs) -> MeasurementGraph:
 
 
 def check(inputs: Inputs, settings: Settings) -> Outcome:
+    """Whether the graph is sound, and its firing order."""
     from mtu_cli.analyses.graph.check import check_graph
     from mtu_cli.reports import graph_check as report
 
@@ -47,6 +48,7 @@ def check(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def simulate(inputs: Inputs, settings: Settings) -> Outcome:
+    """The places asked for, by Monte Carlo and to first order."""
     from mtu_cli.analyses.graph.simulate import simulate_graph
     from mtu_cli.reports import graph_simulate as report
 
@@ -61,6 +63,7 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def sweep(inputs: Inputs, settings: Settings) -> Outcome:
+    """One place over the grid of --vary, and as the file has it."""
     from mtu_cli.analyses.graph.simulate import simulate_graph
     from mtu_cli.analyses.graph.sweep import PARAMETERS, sweep_graph
     from mtu_cli.reports import graph_simulate, graph_sweep

@@ -10,11 +10,20 @@ import typer
 
 from mtu_cli.cli.parameters import OUTPUT, Parameter
 
+REQUIRED = inspect.Parameter.empty
+
+
+def _of(kind: object, text: str, default: object = None) -> list[Parameter]:
+    """--of, of one place or of several."""
+    option = typer.Option("--of", metavar="PLACE", help=text, show_default=False)
+    return [("of", Annotated[kind, option], default)]
+
+
 FILE: list[Parameter] = [
     (
         "file",
         Annotated[Path, typer.Argument(metavar="FILE", help="Graph YAML.", show_default=False)],
-        inspect.Parameter.empty,
+        REQUIRED,
     ),
 ]
 TO: list[Parameter] = [
@@ -29,52 +38,14 @@ TO: list[Parameter] = [
                 show_default=False,
             ),
         ],
-        inspect.Parameter.empty,
+        REQUIRED,
     ),
 ]
-OF_ONE: list[Parameter] = [
-    (
-        "of",
-        Annotated[
-            str,
-            typer.Option(
-                "--of",
-                metavar="PLACE",
-                help="A place with one coordinate, or PLACE.coordinate.",
-                show_default=False,
-            ),
-        ],
-        inspect.Parameter.empty,
-    ),
-]
-OF_SHARES: list[Parameter] = [
-    (
-        "of",
-        Annotated[
-            str | None,
-            typer.Option(
-                "--of",
-                metavar="PLACE",
-                help="Show where the variance of this place or PLACE.coordinate comes from.",
-            ),
-        ],
-        None,
-    ),
-]
-OF_MANY: list[Parameter] = [
-    (
-        "of",
-        Annotated[
-            list[str] | None,
-            typer.Option(
-                "--of",
-                metavar="PLACE",
-                help="A place or PLACE.coordinate instead of those reported; repeatable.",
-            ),
-        ],
-        None,
-    ),
-]
+OF_ONE = _of(str, "A place with one coordinate, or PLACE.coordinate.", REQUIRED)
+OF_SHARES = _of(str | None, "Show where the variance of this place or PLACE.coordinate comes from.")
+OF_MANY = _of(
+    list[str] | None, "A place or PLACE.coordinate instead of those reported; repeatable."
+)
 VARY: list[Parameter] = [
     (
         "vary",
@@ -87,7 +58,7 @@ VARY: list[Parameter] = [
                 show_default=False,
             ),
         ],
-        inspect.Parameter.empty,
+        REQUIRED,
     ),
 ]
 WITHOUT_PLOT: list[Parameter] = [item for item in OUTPUT if item[0] != "plot"]

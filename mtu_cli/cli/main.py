@@ -14,6 +14,7 @@ from mtu_cli import __version__
 from mtu_cli.cli import graph_parameters as g
 from mtu_cli.cli import parameters as p
 from mtu_cli.cli.budget_parameters import BUDGET
+from mtu_cli.cli.close_loop_parameters import CLOSE_LOOP
 from mtu_cli.cli.options import Options, register
 from mtu_cli.cli.simulate_parameters import SIMULATE
 from mtu_cli.cli.streams import hush, prepare_streams
@@ -112,6 +113,16 @@ register(
     [p.STUDY, p.PART, p.CMM, p.METHOD, p.DATUM, p.COVERAGE, p.SEED, p.OUTPUT, p.fail_if("unusual")],
     _lazily("anova"),
     "Measured parts: part-to-part and CMM scatter of features, lengths and right angles.",
+)
+register(
+    app,
+    "close-loop",
+    [
+        *[p.STUDY, p.PART, p.COMPONENTS, p.READINGS, p.CMM, p.DRIFT, p.AT],
+        *[p.DATUM, CLOSE_LOOP, p.SEED, p.OUTPUT, p.fail_if("found, unexplained")],
+    ],
+    _lazily("close_loop"),
+    "Measured minus model: effects that the machine does not declare, named and added to it.",
 )
 register(
     app,

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from mtu_cli.cli.inputs import Inputs
+from mtu_cli.model.effect_parameters import effect_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
@@ -37,6 +38,7 @@ def modelled(inputs: Inputs) -> Modelled:
     fit = None
     if report is not None:
         estimates = estimates_from_report(machine, report)
+        warnings += effect_warnings(machine, estimates.effects, report.source.shown)
         if inputs.files("lbb") or inputs.files("laser"):
             warnings.append(
                 Warned(
@@ -51,7 +53,7 @@ def modelled(inputs: Inputs) -> Modelled:
         estimates = estimates_from_fit(machine, fit)
         if fit is not None:
             estimates = _as_reported(machine, fit, estimates)
-    thermal, more = _thermal(inputs)
+    thermal, more = drift_estimates(inputs)
     warnings += more
     model = build_model(machine, replace(estimates, thermal=thermal))
     _expand(inputs.at, model.covariates())
@@ -72,7 +74,7 @@ def _expand(at: dict[str, float], needed: Sequence[str]) -> None:
             at |= {name: value for name in matched if name not in at}
 
 
-def _thermal(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Warned]]:
+def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Warned]]:
     """A thermal-fit report wins over drift readings, those over the machine file."""
     from mtu_cli.model.thermal_estimates import thermal_from_machine_file, thermal_from_report
 
@@ -80,10 +82,11 @@ def _thermal(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Warned]]:
     stated = thermal_from_machine_file(machine)
     if inputs.thermal is not None:
         found = stated | thermal_from_report(machine, inputs.thermal)
+        doubts = [Warned(code=item.code, message=item.message) for item in inputs.thermal.doubts]
         if not inputs.files("drift"):
-            return found, []
+            return found, doubts
         message = f"{inputs.thermal.source.shown} gives the drifts: drift readings are not read"
-        return found, [Warned(code="readings-not-used", message=message)]
+        return found, [*doubts, Warned(code="readings-not-used", message=message)]
     if not inputs.files("drift"):
         return stated, []
     from mtu_cli.cli.thermal_fit import fitted

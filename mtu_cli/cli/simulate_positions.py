@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mtu_cli.cli.inputs import Inputs
@@ -21,6 +23,7 @@ def read_positions(inputs: Inputs, model: MachineModel) -> dict[str, FloatArray]
     needed = {estimate.of for estimate in read if estimate.of is not None}
     text = inputs.options.positions
     given = {} if text is None else _given(text)
+    _check_travel(inputs, {axis: given.get(axis, given.get("")) for axis in needed})
     if "" in given:
         return dict.fromkeys(needed, given[""])
     unknown = [axis for axis in given if axis not in AXES]
@@ -28,6 +31,21 @@ def read_positions(inputs: Inputs, model: MachineModel) -> dict[str, FloatArray]
         raise fault("--positions is of an unknown axis", value=unknown[0], expected="x, y or z")
     rest = needed - set(given)
     return given | (_extents(inputs, model, rest) if rest else {})
+
+
+def _check_travel(inputs: Inputs, asked: Mapping[str, FloatArray | None]) -> None:
+    """Refuses positions that an axis cannot reach."""
+    travels = {str(name): axis.travel_mm for name, axis in inputs.machine.machine.axes.items()}
+    for axis, positions in sorted(asked.items()):
+        if positions is None or axis not in travels:
+            continue
+        low, high = travels[axis]
+        if positions.min() < low or positions.max() > high:
+            raise fault(
+                f"--positions are outside the travel of {axis}",
+                value=f"{positions.min():g} to {positions.max():g} mm",
+                expected=f"from {low:g} to {high:g} mm",
+            )
 
 
 def _extents(inputs: Inputs, model: MachineModel, axes: set[str]) -> dict[str, FloatArray]:

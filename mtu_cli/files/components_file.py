@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.json_file import read_json
+from mtu_cli.files.machine_checks import covariance_fault
 from mtu_cli.files.report_file import (
     Figure,
     Matrix,
@@ -22,6 +23,7 @@ from mtu_cli.files.report_file import (
     validated,
 )
 from mtu_cli.files.source import Source
+from mtu_cli.units import PARAMETER_UNITS
 
 SCHEMA = "mtu/fit-components/1"
 
@@ -70,10 +72,25 @@ class ReportedGroup(BaseModel):
     n_passes: int | None
 
 
+class ReportedEffects(BaseModel):
+    """`results.effects`: parameters of a machine's effects, each in its own unit, together.
+
+    `parameters` are named ``effect.parameter``; `covariance` is over all of them in order.
+    """
+
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+
+    parameters: list[str]
+    units: list[str]
+    values: list[float]
+    covariance: list[list[float]]
+
+
 class _Results(BaseModel):
     model_config = ConfigDict(extra="ignore")
     components: dict[str, ReportedComponent]
     joint_pass_covariance: list[ReportedGroup] = []
+    effects: ReportedEffects | None = None
 
 
 class _Report(BaseModel):
@@ -83,11 +100,13 @@ class _Report(BaseModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentsReport:
-    """A checked fit-components report."""
+    """A checked fit-components report; `document` is the whole of it as it was read."""
 
     source: Source
     components: dict[str, ReportedComponent]
     joint: tuple[ReportedGroup, ...]
+    effects: ReportedEffects | None = None
+    document: dict[str, Any] = field(default_factory=dict)
 
 
 def read_components(path: Path) -> ComponentsReport:
@@ -117,12 +136,16 @@ def components_from(source: Source, document: Any) -> ComponentsReport:
         for i, group in enumerate(report.results.joint_pass_covariance)
         for problem in _group_problems(source, i, group, report.results.components)
     ]
+    if report.results.effects is not None:
+        problems += _effect_problems(source, report.results.effects)
     if problems:
         raise InputError(problems)
     return ComponentsReport(
         source=source,
         components=report.results.components,
         joint=tuple(report.results.joint_pass_covariance),
+        effects=report.results.effects,
+        document=document,
     )
 
 
@@ -197,4 +220,39 @@ def _group_problems(
             what = "a variance is negative"
         if what is not None:
             problems.append(Problem(what=what, file=source.shown, path=f"{path}.{key}"))
+    return problems
+
+
+def _effect_problems(source: Source, effects: ReportedEffects) -> list[Problem]:
+    path = "results.effects"
+    size = len(effects.parameters)
+    problems = [
+        Problem(
+            what=f"{len(values)} entries for {size} parameters",
+            file=source.shown,
+            path=f"{path}.{key}",
+        )
+        for key, values in (("units", effects.units), ("values", effects.values))
+        if len(values) != size
+    ]
+    if len(set(effects.parameters)) < size:
+        problems.append(
+            Problem(what="a parameter twice", file=source.shown, path=f"{path}.parameters")
+        )
+    problems += [
+        Problem(
+            what="unknown unit",
+            file=source.shown,
+            path=f"{path}.units",
+            value=unit,
+            expected=", ".join(PARAMETER_UNITS),
+        )
+        for unit in effects.units
+        if unit not in PARAMETER_UNITS
+    ]
+    what = None if square(effects.covariance, size) else f"not {size} x {size}"
+    if what is None and size:
+        what = covariance_fault(effects.covariance)
+    if what is not None:
+        problems.append(Problem(what=what, file=source.shown, path=f"{path}.covariance"))
     return problems

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Collection
 from types import UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin
 
@@ -156,12 +157,12 @@ def number_expectation(text: str, wanted: str = "a number") -> str:
     return wanted
 
 
-def unit_expectation(text: str) -> str:
+def unit_expectation(text: str, units: Collection[str] = UNITS) -> str:
     """The unit that an unknown one was probably meant to be."""
     plain = text.strip().replace("\u00b5", "u").replace("\u03bc", "u")
-    if plain in UNITS:
+    if plain in units:
         return f"{plain!r}, in plain letters"
-    return did_you_mean(text, UNITS)
+    return did_you_mean(text, units)
 
 
 def _keys_at(model: type[BaseModel], loc: YamlPath) -> list[str]:

@@ -5,12 +5,21 @@ from __future__ import annotations
 import re
 
 COVARIATES = ("dir_x", "dir_y", "dir_z", "time_min", "sequence")
+HOTTEST_DEGC = 1000.0
+"""No sensor of a machine reads more, nor less than minus this."""
 _TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
 
 
 def is_covariate(name: str) -> bool:
     """Whether a name is a covariate of every machine: dir_x, time_min, T_spindle_degC, ..."""
     return name in COVARIATES or is_temperature(name)
+
+
+def looks_like_temperature(name: str) -> bool:
+    """Whether a name seems to mean a temperature but is none: t_oil_degC, T_oil-1_degC, ..."""
+    folded = name.casefold()
+    meant = folded.startswith("t_") and folded.endswith("_degc")
+    return meant and not is_temperature(name)
 
 
 def is_temperature(name: str) -> bool:

@@ -17,6 +17,7 @@ from mtu_cli.files.machine_contract import (
 )
 from mtu_cli.files.machine_equations import Vocabulary, check_equations
 from mtu_cli.files.source import Source
+from mtu_cli.files.thermal_contract import missed_gradient
 from mtu_cli.files.yaml_file import YamlDocument, read_yaml
 from mtu_cli.language import LinearForm
 
@@ -120,4 +121,15 @@ def _warnings(
         if component.coefficients is None and idle:
             message = f"{place}: {', '.join(idle)} without coefficients: not used"
             notices.append(Notice(code="incomplete-component", message=message))
+        missed = None if component.thermal is None else missed_gradient(component.thermal)
+        if component.thermal is not None and missed is not None:
+            sensor, position, away = missed
+            notices.append(
+                Notice(
+                    code="thermal-degree",
+                    message=f"{place}.thermal: a polynomial of degree {component.thermal.degree} "
+                    f"does not pass through the given gradients: that of {sensor} at "
+                    f"{position:g} mm is off by {away:.3g} {component.unit} per degC",
+                )
+            )
     return tuple(notices)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from mtu_cli.files.contracts import Findings, duplicates, is_identifier, present
 from mtu_cli.files.covariates import is_covariate
@@ -83,7 +82,9 @@ def check_components(machine: Machine, findings: Findings) -> None:
                 if getattr(component, key) is not None:
                     findings.add((*path, key), "given beside u_future, which stands for it")
         if component.thermal is not None:
-            check_thermal(component.thermal, component.of, (*path, "thermal"), findings)
+            axis = None if component.of is None else (machine.axes or {}).get(component.of)
+            travel = None if axis is None else axis.travel_mm
+            check_thermal(component.thermal, component.of, travel, (*path, "thermal"), findings)
 
 
 def _check_sizes(component: Component, path: YamlPath, findings: Findings) -> None:
@@ -119,16 +120,16 @@ def _check_matrix(
             path, f"{len(rows)} rows of {widths} numbers", expected=f"{size} rows of {size}"
         )
         return
-    import numpy as np
-
-    fault = _covariance_fault(np.array(rows, dtype=np.float64))
+    fault = covariance_fault(rows)
     if fault is not None:
         findings.add(path, fault, value=rows, expected="a covariance matrix")
 
 
-def _covariance_fault(matrix: Any) -> str | None:
+def covariance_fault(rows: Sequence[Sequence[float]]) -> str | None:
+    """Why a square matrix can be no covariance; None where it can."""
     import numpy as np
 
+    matrix = np.array(rows, dtype=np.float64)
     variances = np.diagonal(matrix)
     if (variances < 0).any():
         return "a variance is negative"

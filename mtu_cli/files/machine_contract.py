@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from mtu_cli.files.contract_errors import told, unit_expectation
 from mtu_cli.files.contracts import MAX_DEGREE, Contract, NonNegative, Positive
 from mtu_cli.files.thermal_contract import Thermal
-from mtu_cli.units import UNITS
+from mtu_cli.units import PARAMETER_UNITS, UNITS
 
 AxisName = Literal["x", "y", "z"]
 EquationName = Literal["Ex", "Ey", "Ez"]
@@ -19,6 +19,12 @@ Matrix = list[list[float]]
 def _known_unit(text: str) -> str:
     if text not in UNITS:
         raise told("unknown unit", unit_expectation(text))
+    return text
+
+
+def _known_parameter_unit(text: str) -> str:
+    if text not in PARAMETER_UNITS:
+        raise told("unknown unit", unit_expectation(text, PARAMETER_UNITS))
     return text
 
 
@@ -37,6 +43,11 @@ def _as_text(value: object) -> object:
 
 UnitName = Annotated[
     str, AfterValidator(_known_unit), Field(json_schema_extra={"enum": list(UNITS)})
+]
+ParameterUnitName = Annotated[
+    str,
+    AfterValidator(_known_parameter_unit),
+    Field(json_schema_extra={"enum": list(PARAMETER_UNITS)}),
 ]
 EquationText = Annotated[str, BeforeValidator(_as_text, json_schema_input_type=str | float)]
 Equations = Annotated[dict[EquationName, EquationText], Field(min_length=1)]
@@ -114,7 +125,7 @@ class Parameter(Contract):
 
     value: float = Field(description="Value in `unit`")
     u: NonNegative = Field(default=0.0, description="Standard uncertainty in `unit`")
-    unit: UnitName
+    unit: ParameterUnitName
 
 
 class Effect(Contract):

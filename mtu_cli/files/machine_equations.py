@@ -14,7 +14,7 @@ from mtu_cli.files.machine_contract import Effect, Machine
 from mtu_cli.files.yaml_file import YamlPath
 from mtu_cli.language import EquationError, LinearForm, Node, check_dimension, linear_form, names
 from mtu_cli.language import parse as parse_equation
-from mtu_cli.units import LENGTH, UNITS
+from mtu_cli.units import LENGTH, PARAMETER_UNITS, UNITS
 
 POSITIONS = ("x", "y", "z")
 
@@ -44,7 +44,9 @@ class Vocabulary:
 
     def with_parameters(self, effect: Effect) -> Vocabulary:
         """These names and the parameters of one effect."""
-        own = {name: UNITS[item.unit].dimension for name, item in effect.parameters.items()}
+        own = {
+            name: PARAMETER_UNITS[item.unit].dimension for name, item in effect.parameters.items()
+        }
         return Vocabulary(self.linear | set(own), {**own, **self.dimensions, **own})
 
 

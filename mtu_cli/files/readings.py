@@ -14,6 +14,7 @@ from mtu_cli.files import doubled, joined
 from mtu_cli.files.contract_errors import unit_expectation
 from mtu_cli.files.csv_file import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
+from mtu_cli.files.drift_cells import ROLE, check_drift
 from mtu_cli.files.row_marks import row_marks
 from mtu_cli.files.source import Source
 from mtu_cli.units import UNITS, dimension_name
@@ -56,7 +57,8 @@ class Readings:
     """Readings of all files, end to end; every array has one entry a reading.
 
     `components[code[i]]` is read; `position_mm` is nan where the component has no axis (a
-    position given there has no meaning and is ignored); `error` in mm or rad;
+    position given there has no meaning and is ignored); `error` in mm or rad, as its
+    `dimension` (the exponent of length) says;
     `pass_number` counts where `has_pass`, else -1; `direction` is +1, -1, or 0 where not
     given; `cycles[cycle[i]]`, -1 where not given; `time_min` in minutes, from the earliest
     time of all files where those are dates, nan where not given; `covariates` are floats
@@ -69,6 +71,7 @@ class Readings:
     code: NDArray[np.int64]
     position_mm: NDArray[np.float64]
     error: NDArray[np.float64]
+    dimension: NDArray[np.int8]
     pass_number: NDArray[np.int64]
     has_pass: NDArray[np.bool_]
     direction: NDArray[np.int8]
@@ -128,6 +131,8 @@ def check_cells(
     joined.check_labels(table, "direction", "unknown direction", _direction_hint, problems)
     for name in ("error", "position_mm"):
         joined.check_magnitude(table, name, problems)
+    if table.source.role == ROLE:
+        check_drift(table, components, problems)
     if components is not None:
         joined.check_labels(
             table, "component", "unknown component",
@@ -192,6 +197,7 @@ def assemble(
         position = np.where(np.array(axisless, bool)[code], np.nan, position)
     units, unit_code = joined.labelled(tables, "unit")
     factors = np.array([UNITS[unit].to_internal if unit in UNITS else np.nan for unit in units])
+    dimensions = np.array([UNITS[unit].dimension if unit in UNITS else -1 for unit in units])
     directions, direction_code = joined.labelled(tables, "direction")
     values = [direction_sign(label) or 0 for label in directions]
     has_pass = ~np.isnan(joined.numbers(tables, "pass"))
@@ -201,6 +207,7 @@ def assemble(
         code=code,
         position_mm=position,
         error=joined.numbers(tables, "error") * factors[unit_code],
+        dimension=dimensions.astype(np.int8)[unit_code],
         pass_number=joined.integers(tables, "pass", problems),
         has_pass=has_pass,
         direction=np.array([*values, 0], np.int8)[direction_code],

@@ -80,3 +80,23 @@ def square(matrix: Matrix, size: int) -> bool:
 def negative(matrix: Matrix) -> bool:
     """Whether a variance on the diagonal is negative."""
     return any(row[i] < 0 for i, row in enumerate(matrix))
+
+
+INDEFINITE = 1e-6
+"""Size of a negative eigenvalue of correlations that rounding of a report may leave."""
+LARGEST_VARIANCE = 1e24
+
+
+def covariance_like(matrix: Matrix) -> bool:
+    """Whether a matrix is symmetric and has no negative variance in any direction."""
+    import numpy as np
+
+    C = np.array(matrix, float).reshape(len(matrix), len(matrix))
+    if not np.abs(C).max(initial=0.0) <= LARGEST_VARIANCE:
+        return False
+    s = np.sqrt(np.diag(C))
+    scale = np.outer(s, s)
+    R = np.divide(C, scale, out=np.where(C == 0, 0.0, np.inf), where=scale > 0)
+    if not np.isfinite(R).all() or np.abs(R - R.T).max(initial=0.0) > INDEFINITE:
+        return False
+    return not len(R) or bool(np.linalg.eigvalsh((R + R.T) / 2)[0] >= -INDEFINITE * len(R))

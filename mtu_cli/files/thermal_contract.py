@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -31,15 +31,21 @@ def _by_sensor(value: object) -> object:
     return value
 
 
+NOT_MISSED = 0.01
+"""Share of the largest gradient by which a polynomial may pass one by without a word."""
 STEEPEST = 1e6
 """Per degC in any unit: beyond it a gradient is a slip, and its square overflows."""
+SensorU = Annotated[float, Field(ge=0, le=100)]
+"""degC; more is no reading of a sensor."""
+TimeConstant = Annotated[float, Field(ge=0, le=1e6)]
+"""min; what is slower has not settled in two years."""
 Gradients = Annotated[
     list[Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)]],
     Field(min_length=1),
     BeforeValidator(_listed, json_schema_input_type=float | list[float]),
 ]
 SensorNoise = Annotated[
-    dict[str, NonNegative],
+    dict[str, SensorU],
     BeforeValidator(_by_sensor, json_schema_input_type=float | dict[str, float]),
 ]
 
@@ -60,7 +66,7 @@ class Thermal(Contract):
     gradients: Annotated[dict[str, Gradients], Field(min_length=1)] = Field(
         description="By sensor (T_<sensor>_degC): unit per degC at each position"
     )
-    time_constants_min: dict[str, NonNegative] = Field(
+    time_constants_min: dict[str, TimeConstant] = Field(
         default={}, description="By sensor: time constant of its first-order lag, min"
     )
     s_leftover: NonNegative = Field(
@@ -87,21 +93,19 @@ class Thermal(Contract):
         return found
 
 
-def check_thermal(thermal: Thermal, of: str | None, path: YamlPath, findings: Findings) -> None:
-    """Positions, degree, sensors and the number of gradients of a drift; `of` is its axis."""
+def check_thermal(
+    thermal: Thermal,
+    of: str | None,
+    travel: Sequence[float] | None,
+    path: YamlPath,
+    findings: Findings,
+) -> None:
+    """Positions, degree, sensors and the number of gradients of a drift.
+
+    `of` is its axis and `travel` that axis's, mm, where the machine states it.
+    """
     positions = thermal.positions_mm
-    if positions is not None and of is None:
-        findings.add(
-            (*path, "positions_mm"),
-            "positions of a component without `of`",
-            expected="`of: x` of the component, or no positions",
-        )
-    for index, value, _ in duplicates(enumerate(str(value + 0.0) for value in positions or ())):
-        findings.add(
-            (*path, "positions_mm", index),
-            "the position stands twice",
-            value=value.removesuffix(".0"),
-        )
+    _check_positions(positions, of, travel, (*path, "positions_mm"), findings)
     count = len(positions) if positions is not None else 1
     if thermal.degree >= count:
         findings.add(
@@ -122,6 +126,55 @@ def check_thermal(thermal: Thermal, of: str | None, path: YamlPath, findings: Fi
             )
     for key in ("time_constants_min", "sensor_u_degC"):
         _check_known(getattr(thermal, key), thermal.gradients, (*path, key), findings)
+
+
+def _check_positions(
+    positions: list[float] | None,
+    of: str | None,
+    travel: Sequence[float] | None,
+    path: YamlPath,
+    findings: Findings,
+) -> None:
+    if positions is not None and of is None:
+        findings.add(
+            path,
+            "positions of a component without `of`",
+            expected="`of: x` of the component, or no positions",
+        )
+    for index, value, _ in duplicates(enumerate(str(value + 0.0) for value in positions or ())):
+        findings.add((*path, index), "the position stands twice", value=value.removesuffix(".0"))
+    if travel is None:
+        return
+    low, high = min(travel), max(travel)
+    for index, position in enumerate(positions or ()):
+        if not low <= position <= high:
+            findings.add(
+                (*path, index),
+                f"outside the travel of {of}",
+                value=f"{position:g}",
+                expected=f"from {low:g} to {high:g} mm",
+            )
+
+
+def missed_gradient(thermal: Thermal) -> tuple[str, float, float] | None:
+    """The sensor and position whose given gradient the polynomial misses most, and by how much.
+
+    None where the degree takes it through all of them, or they lie on it all the same.
+    """
+    positions = thermal.positions_mm
+    if positions is None or thermal.degree >= len(positions) - 1:
+        return None
+    import numpy as np
+
+    place = np.array(positions, float)
+    half = float(np.ptp(place)) / 2
+    powers = np.vander((place - place.mean()) / half, thermal.degree + 1)
+    given = np.array(list(thermal.gradients.values()), float).T
+    left = np.abs(given - powers @ np.linalg.lstsq(powers, given, rcond=None)[0])
+    p, s = np.unravel_index(np.argmax(left), left.shape)
+    if left[p, s] <= NOT_MISSED * np.abs(given).max():
+        return None
+    return list(thermal.gradients)[s], positions[p], float(left[p, s])
 
 
 _WORD = re.compile(r"\w+", re.ASCII)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from mtu_cli.errors import InputError, Problem
-from mtu_cli.files.contracts import duplicates
+from mtu_cli.files.contracts import Notice, duplicates
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.report_file import (
     Matrix,
     NonNegative,
+    covariance_like,
     negative,
     not_a_report,
     schema_of,
@@ -21,8 +22,11 @@ from mtu_cli.files.report_file import (
     validated,
 )
 from mtu_cli.files.source import Source
+from mtu_cli.files.thermal_contract import STEEPEST, SensorU, TimeConstant
 
 SCHEMA = "mtu/thermal-fit/1"
+DOUBTS = ("no-better", "not-held-out")
+"""Warnings that a model carries along: nothing says that it holds for the next warm-up."""
 
 
 class ReportedDrift(BaseModel):
@@ -39,15 +43,21 @@ class ReportedDrift(BaseModel):
     degree: int = Field(ge=0)
     sensors: list[str]
     reference_temperature_degC: float  # noqa: N815  # unit
-    time_constants_min: list[NonNegative]
-    coefficients: list[list[float]]
+    time_constants_min: list[TimeConstant]
+    coefficients: list[list[Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)]]]
     covariance: Matrix
     coefficient_dof: NonNegative | None
     leftover_covariance: Matrix
     leftover_dof: NonNegative | None
-    sensor_u_degC: list[NonNegative]  # noqa: N815  # unit
+    sensor_u_degC: list[SensorU]  # noqa: N815  # unit
     temperature_range_degC: list[tuple[float, float]] | None  # noqa: N815  # unit
     position_range_mm: tuple[float, float] | None
+
+
+class _Warning(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+    code: str
+    message: str
 
 
 class _Results(BaseModel):
@@ -58,14 +68,16 @@ class _Results(BaseModel):
 class _Report(BaseModel):
     model_config = ConfigDict(extra="ignore")
     results: _Results
+    warnings: list[_Warning] = []
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalReport:
-    """A checked thermal-fit report."""
+    """A checked thermal-fit report; `doubts` are those of its warnings that who uses it needs."""
 
     source: Source
     components: dict[str, ReportedDrift]
+    doubts: tuple[Notice, ...] = ()
 
 
 def thermal_from(source: Source, document: Any) -> ThermalReport:
@@ -76,7 +88,8 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
     if schema_of(document) != SCHEMA:
         expected = f"{SCHEMA!r}, as `mtu thermal-fit -o FILE.json` writes it"
         raise not_a_report(source, document, expected)
-    components = validated(source, document, _Report, "thermal-fit").results.components
+    report = validated(source, document, _Report, "thermal-fit")
+    components = report.results.components
     problems = [
         problem
         for name, item in components.items()
@@ -89,7 +102,22 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
     ]
     if problems:
         raise InputError(problems)
-    return ThermalReport(source=source, components=components)
+    return ThermalReport(
+        source=source, components=components, doubts=_doubts(source, report.warnings)
+    )
+
+
+def _doubts(source: Source, warnings: list[_Warning]) -> tuple[Notice, ...]:
+    """One a code and text, with the components that it is told of: "name: text" each."""
+    names: dict[tuple[str, str], list[str]] = {}
+    for item in warnings:
+        if item.code in DOUBTS:
+            name, _, text = item.message.partition(": ")
+            names.setdefault((item.code, text), []).append(name)
+    return tuple(
+        Notice(code=code, message=f"{source.shown}: {', '.join(dict.fromkeys(found))}: {text}")
+        for (code, text), found in names.items()
+    )
 
 
 def _problem(
@@ -157,4 +185,7 @@ def _matrices(source: Source, name: str, item: ReportedDrift) -> list[Problem]:
             problems.append(_problem(source, name, key, what, expected="more readings or cycles"))
         elif negative(matrix):
             problems.append(_problem(source, name, key, "a variance is negative"))
+        elif not covariance_like(matrix):
+            what = "no covariance: not symmetric, or correlations beyond 1"
+            problems.append(_problem(source, name, key, what))
     return problems

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +31,15 @@ class YamlDocument:
     """A YAML file: plain data, and the 1-based line of each value by its path.
 
     The line of a mapping's entry is its key's. `duplicates` are keys that appear twice: faults
-    that `check_contract` raises together with all that it finds itself.
+    that `check_contract` raises together with all that it finds itself. `content` are the bytes
+    of the file, none where the text came from elsewhere.
     """
 
     source: Source
     data: Any
     lines: Mapping[YamlPath, int]
     duplicates: tuple[Problem, ...] = ()
+    content: bytes = b""
 
     def line_of(self, *path: str | int) -> int | None:
         """The line of a value, or of the nearest value around it that the file holds."""
@@ -69,7 +71,7 @@ def read_yaml(path: Path, role: str) -> YamlDocument:
     """
     source, content = read_source(path, role, max_bytes=MAX_BYTES)
     check_text(content, source.shown)
-    return parse_yaml(content.decode("utf-8-sig"), source)
+    return replace(parse_yaml(content.decode("utf-8-sig"), source), content=content)
 
 
 def parse_yaml(text: str, source: Source) -> YamlDocument:
@@ -82,7 +84,7 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     shown = source.shown
     try:
         composer = _Composer(shown)
-        root = composer.compose(_events(text))
+        root = composer.compose(yaml_events(text))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise _unreadable(error, text, shown, None if mark is None else mark.line + 1) from None
@@ -100,7 +102,8 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     )
 
 
-def _events(text: str) -> Iterator[Any]:
+def yaml_events(text: str) -> Iterator[Any]:
+    """The parser's events, whose marks count the characters of `text`."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     events: Iterator[Any] = yaml.parse(text, Loader=loader)
     return events

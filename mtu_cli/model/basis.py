@@ -7,13 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtu_cli.errors import fault
 from mtu_cli.model.thermal import ThermalEstimate
-from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.stats.lag import farthest_at_once, lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import polynomial
 
 Covariates = Mapping[str, FloatArray | float]
 TIME = "time_min"
+AGREE_DEGC = 0.5
+"""Readings of one sensor at one moment differ by less: what differs by more is another time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,21 +56,39 @@ class ThermalBasis:
     def temperatures(self, covariates: Covariates, n: int) -> FloatArray:
         """Temperatures (n, s), lagged where the model says so and the rows tell a history.
 
-        One temperature for all rows, or rows without times, count as settled.
+        One temperature for all rows, or rows without times, count as settled. What lags is the
+        mean over the rows of a moment; a sensor without lag is every row's own.
+
+        Raises InputError for rows of a moment that cannot both be right.
         """
         found = np.empty((n, len(self.estimate.sensors)))
         for s, sensor in enumerate(self.estimate.sensors):
             found[:, s] = covariates[sensor]
-        times = covariates.get(TIME)
-        if times is None or np.ndim(times) == 0 or not self.estimate.time_constants.any():
+        times = row_times(covariates)
+        if times is None or not self.estimate.time_constants.any():
             return found
+        self._check_moments(found, times)
         order = np.argsort(times, kind="stable")
-        # Rows of one moment are one sample: a step of no length would start a new run.
-        moments, first = np.unique(np.asarray(times)[order], return_index=True)
         constants, index = np.unique(self.estimate.time_constants, return_inverse=True)
-        lagged = first_order_lag(found[order][first], moments, constants)
-        place = np.searchsorted(moments, times)
-        return lagged[index, :, np.arange(found.shape[1])].T[place]
+        lagged = lag_of_moments(found[order], times[order], constants)
+        found[order] = lagged[index, :, np.arange(found.shape[1])].T
+        return found
+
+    def _check_moments(self, found: FloatArray, times: FloatArray) -> None:
+        for s in np.flatnonzero(self.estimate.time_constants > 0):
+            i, j, apart = farthest_at_once(found[:, s], times)
+            if apart > AGREE_DEGC:
+                raise fault(
+                    f"{self.estimate.sensors[s]} at {times[i]:g} min reads {found[i, s]:g} and "
+                    f"{found[j, s]:g} degC: the drift of {self.estimate.component} lags behind it",
+                    expected=f"one temperature a moment: {TIME} that runs on over all rows",
+                )
+
+
+def row_times(covariates: Covariates) -> FloatArray | None:
+    """Times (n,) of the rows, min; None where they tell no history."""
+    times = covariates.get(TIME)
+    return None if times is None or np.ndim(times) == 0 else np.asarray(times, float)
 
 
 def _powers(of: str | None, degree: int, place: Mapping[str, FloatArray], n: int) -> FloatArray:

@@ -19,6 +19,7 @@ from mtu_cli.model.climate import Climate, Sensors, as_read, drawn_sensors, foll
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.positive_part import covariance_root
 from mtu_cli.stats.streams import stream
 
 _STREAM = 6
@@ -232,10 +233,9 @@ def _leftover(
     drift: ThermalEstimate, position: float, plan: DriftPlan, seed: int, number: int
 ) -> FloatArray:
     """What the model leaves at a position, one draw a cycle (cycles,)."""
-    values, vectors = np.linalg.eigh(drift.leftover)
-    power = np.nan_to_num(position) ** np.arange(len(values))
-    deviations = power @ vectors * np.sqrt(np.clip(values, 0.0, None))
-    draws = stream(seed, _STREAM, 0, number).standard_normal((plan.cycles, len(values)))
+    power = np.nan_to_num(position) ** np.arange(len(drift.leftover))
+    deviations = power @ covariance_root(drift.leftover)
+    draws = stream(seed, _STREAM, 0, number).standard_normal((plan.cycles, len(power)))
     drawn: FloatArray = draws @ deviations
     return drawn
 

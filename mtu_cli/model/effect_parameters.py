@@ -3,15 +3,142 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from mtu_cli.model.estimates import ComponentEstimate, JointPasses
-from mtu_cli.units import UNITS
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, JointPasses
+from mtu_cli.model.settings import Warned
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import PARAMETER_UNITS, Unit
 
 EFFECT_MARK = "."
 """Stands between an effect and its parameter; no component's name holds it."""
+SAME_VALUE = 1e-9
+"""Relative; less is the rounding of a value that went through a report's unit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectParameters:
+    """The parameters of all effects of a machine, as components that are known.
+
+    `renames` by effect: its parameters' names in equations -> ``effect.parameter``.
+    """
+
+    components: dict[str, ComponentEstimate]
+    joint: tuple[JointPasses, ...]
+    renames: tuple[dict[str, str], ...]
+
+
+def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> EffectParameters:
+    """The parameters of a machine's effects: as the file states them, each effect by itself,
+    or, of effects all of whose parameters are `reported`, with the report's joint covariance.
+    """
+    components: dict[str, ComponentEstimate] = {}
+    joint: list[JointPasses] = []
+    renames = []
+    together: list[str] = []
+    known = {} if reported is None else dict(zip(reported.names, reported.units, strict=True))
+    for effect in machine.machine.effects:
+        rename = {name: f"{effect.name}{EFFECT_MARK}{name}" for name in effect.parameters}
+        own, group = effect_estimates(effect, rename)
+        renames.append(rename)
+        components |= own
+        if all(_knows(known, item) for item in own.values()):
+            together += own
+        else:
+            joint += group
+    if reported is not None and together:
+        rows = [reported.names.index(name) for name in together]
+        C = reported.covariance[np.ix_(rows, rows)]
+        for i, name in enumerate(together):
+            components[name] = _reported(components[name], reported.values[rows[i]], C[i, i])
+        joint.append(_known_together(tuple(together), C))
+    return EffectParameters(components=components, joint=tuple(joint), renames=tuple(renames))
+
+
+def _knows(known: Mapping[str, Unit], stated: ComponentEstimate) -> bool:
+    unit = known.get(stated.name)
+    return unit is not None and unit.dimension == stated.unit.dimension
+
+
+def _reported(stated: ComponentEstimate, value: float, variance: float) -> ComponentEstimate:
+    differ = _differ(stated.coefficients[0], value)
+    coefficients = np.array([value]) if differ else stated.coefficients
+    return replace(stated, coefficients=coefficients, covariance=np.array([[variance]]))
+
+
+def _differ(first: float, second: float) -> bool:
+    return abs(first - second) > SAME_VALUE * max(abs(first), abs(second))
+
+
+def _known_together(names: tuple[str, ...], C: FloatArray) -> JointPasses:
+    return JointPasses(
+        components=names,
+        widths=(1,) * len(names),
+        covariance=C,
+        pass_covariance=np.zeros_like(C),
+        pass_dof=np.inf,
+        n_passes=None,
+    )
+
+
+def all_together(
+    machine: LoadedMachine,
+    reported: EffectEstimates | None,
+    names: tuple[str, ...] = (),
+    covariance: FloatArray | None = None,
+) -> EffectEstimates | None:
+    """All parameters of a machine's effects with one covariance, None where it has no effect.
+
+    That of effects estimated apart is zero between them; `covariance` (k, k), in internal
+    units, is over the parameters `names`, estimated together now.
+    """
+    found = effects_of(machine, reported)
+    order = list(found.components)
+    if not order:
+        return None
+    C = np.diag([item.covariance[0, 0] for item in found.components.values()])
+    for group in found.joint:
+        rows = [order.index(name) for name in group.components]
+        C[np.ix_(rows, rows)] = group.covariance
+    if covariance is not None:
+        rows = [order.index(name) for name in names]
+        C[rows] = C[:, rows] = 0.0
+        C[np.ix_(rows, rows)] = covariance
+    return EffectEstimates(
+        names=tuple(order),
+        units=tuple(item.unit for item in found.components.values()),
+        values=np.array([item.coefficients[0] for item in found.components.values()]),
+        covariance=C,
+    )
+
+
+def effect_warnings(
+    machine: LoadedMachine, reported: EffectEstimates | None, shown: str
+) -> list[Warned]:
+    """Where the report `shown` and the machine file speak of different effects."""
+    if reported is None:
+        return []
+    stated = effects_of(machine, None).components
+    found = effects_of(machine, reported).components
+    warnings = []
+    known = dict(zip(reported.names, reported.units, strict=True))
+    unused = [name for name in known if name not in stated or not _knows(known, stated[name])]
+    if unused:
+        what = f"{shown} knows effects that {machine.source.shown} has not: {', '.join(unused)}"
+        warnings.append(Warned(code="effects-not-used", message=f"{what}; they do not count"))
+    changed = [
+        name
+        for name, item in found.items()
+        if (item.coefficients != stated[name].coefficients).any()
+    ]
+    if changed:
+        what = f"{shown} gives other values than {machine.source.shown} for {', '.join(changed)}"
+        warnings.append(Warned(code="effects-differ", message=f"{what}: those of the report count"))
+    return warnings
 
 
 def effect_estimates(
@@ -22,13 +149,13 @@ def effect_estimates(
     Where the effect states a covariance, it stands for the parameters' own u.
     """
     estimates: dict[str, ComponentEstimate] = {}
-    factors = np.array([UNITS[p.unit].to_internal for p in effect.parameters.values()])
+    factors = np.array([PARAMETER_UNITS[p.unit].to_internal for p in effect.parameters.values()])
     if effect.covariance is None:
         C = np.diag([p.u**2 for p in effect.parameters.values()]) * np.outer(factors, factors)
     else:
         C = np.asarray(effect.covariance, float) * np.outer(factors, factors)
     for i, (name, parameter) in enumerate(effect.parameters.items()):
-        unit = UNITS[parameter.unit]
+        unit = PARAMETER_UNITS[parameter.unit]
         estimates[rename[name]] = ComponentEstimate(
             name=rename[name],
             of=None,
@@ -42,12 +169,4 @@ def effect_estimates(
         )
     if effect.covariance is None:
         return estimates, []
-    group = JointPasses(
-        components=tuple(estimates),
-        widths=(1,) * len(estimates),
-        covariance=C,
-        pass_covariance=np.zeros_like(C),
-        pass_dof=np.inf,
-        n_passes=None,
-    )
-    return estimates, [group]
+    return estimates, [_known_together(tuple(estimates), C)]

@@ -64,12 +64,29 @@ class JointPasses:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EffectEstimates:
+    """Parameters of a machine's effects, estimated together, in internal units.
+
+    `names` (K,) are ``effect.parameter``; `values` (K,), `covariance` (K, K) over all of them.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[Unit, ...]
+    values: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
-    """All components of a machine, which of them were estimated jointly, and their drifts."""
+    """All components of a machine, which of them were estimated jointly, and their drifts.
+
+    `effects`: what a report says of the machine's effects, where it says anything.
+    """
 
     components: dict[str, ComponentEstimate]
     joint: tuple[JointPasses, ...] = ()
     thermal: dict[str, ThermalEstimate] = field(default_factory=dict)
+    effects: EffectEstimates | None = None
 
 
 def from_centre(center: float, k: int, q: int) -> FloatArray:

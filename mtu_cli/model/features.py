@@ -61,7 +61,7 @@ def outside_warnings(prediction: Prediction) -> list[Warned]:
                 code="outside-measured-range",
                 message=f"{names} {'was' if len(members) == 1 else 'were'} measured from "
                 f"{low:g} to {high:g} mm; feature {points[0]!r} at {members[0][1]:g} mm{others} "
-                "is outside: the line is a guess there",
+                "is outside: what was fitted is a guess there",
             )
         )
     return warnings

@@ -11,11 +11,13 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.components_file import (
     ComponentsReport,
     ReportedComponent,
+    ReportedEffects,
     ReportedGroup,
 )
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.model.estimates import (
     ComponentEstimate,
+    EffectEstimates,
     Estimates,
     JointPasses,
     from_centre,
@@ -24,7 +26,7 @@ from mtu_cli.model.estimates import (
 from mtu_cli.model.estimation import ComponentFit, fit_component
 from mtu_cli.model.joint import shared_passes
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import UNITS
+from mtu_cli.units import PARAMETER_UNITS, UNITS
 
 if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
@@ -128,7 +130,11 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     if problems:
         raise InputError(problems)
     found |= {name: _reported(name, item) for name, item in report.components.items()}
-    return Estimates(components=found, joint=tuple(_joint(group, found) for group in report.joint))
+    return Estimates(
+        components=found,
+        joint=tuple(_joint(group, found) for group in report.joint),
+        effects=None if report.effects is None else _effects(report.effects),
+    )
 
 
 def _disagreements(
@@ -196,4 +202,15 @@ def _joint(group: ReportedGroup, found: dict[str, ComponentEstimate]) -> JointPa
         pass_covariance=np.asarray(group.pass_covariance, float) * np.outer(f, f),
         pass_dof=group.pass_dof,
         n_passes=group.n_passes,
+    )
+
+
+def _effects(item: ReportedEffects) -> EffectEstimates:
+    units = tuple(PARAMETER_UNITS[unit] for unit in item.units)
+    f = np.array([unit.to_internal for unit in units])
+    return EffectEstimates(
+        names=tuple(item.parameters),
+        units=units,
+        values=np.asarray(item.values, float) * f,
+        covariance=np.reshape(item.covariance, (len(f), len(f))) * np.outer(f, f),
     )

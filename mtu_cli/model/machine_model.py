@@ -8,18 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.covariates import HOTTEST_DEGC
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.language import LinearForm, Node, names
 from mtu_cli.language.tree import Binary
 from mtu_cli.model.basis import Basis, PolynomialBasis, ThermalBasis
-from mtu_cli.model.effect_parameters import EFFECT_MARK, effect_estimates
+from mtu_cli.model.effect_parameters import effects_of
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.model.thermal_terms import leftover_estimate, temperature_estimate
 
 AXES = ("x", "y", "z")
-HOTTEST = 1000.0
-"""degC that no sensor of a machine reads, nor minus it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,14 +82,13 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     Raises InputError for a component of the equations that has neither readings nor
     coefficients, or too few readings for an uncertainty, with the line of the machine file.
     """
-    parts, joint = [_Part(form=machine.forms, rename={})], list(estimates.joint)
-    found = dict(estimates.components)
-    for effect, form in zip(machine.machine.effects, machine.effect_forms, strict=True):
-        rename = {name: f"{effect.name}{EFFECT_MARK}{name}" for name in effect.parameters}
-        parameters, together = effect_estimates(effect, rename)
-        found |= parameters
-        joint += together
-        parts.append(_Part(form=form, rename=rename))
+    effects = effects_of(machine, estimates.effects)
+    parts = [_Part(form=machine.forms, rename={})]
+    parts += [
+        _Part(form=form, rename=rename)
+        for form, rename in zip(machine.effect_forms, effects.renames, strict=True)
+    ]
+    found = estimates.components | effects.components
     axes = tuple(axis for axis in AXES if any(f"E{axis}" in part.form for part in parts))
     levers = _levers(parts)
     terms = [polynomial_term(found[name], levers[name]) for name in found if name in levers]
@@ -104,7 +102,7 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
             name: (constant.value, constant.u)
             for name, constant in machine.machine.constants.items()
         },
-        joint=tuple(joint),
+        joint=(*estimates.joint, *effects.joint),
     )
 
 
@@ -220,12 +218,14 @@ def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
 
 def _check_temperatures(model: MachineModel, given: Mapping[str, object]) -> None:
     for sensor in sensors_of(model):
-        if sensor in given and not np.abs(np.asarray(given[sensor], float)).max() <= HOTTEST:
+        values = np.atleast_1d(np.asarray(given.get(sensor, 0.0), float))
+        faulty = ~(np.abs(values) <= HOTTEST_DEGC)
+        if faulty.any():
             raise InputError(
                 Problem(
                     what=f"no temperature of a machine: {sensor}",
-                    value=f"{np.asarray(given[sensor], float).flat[0]:g}",
-                    expected=f"degC, at most {HOTTEST:g} in size",
+                    value=f"{values[faulty][0]:g}",
+                    expected=f"degC, at most {HOTTEST_DEGC:g} in size",
                 )
             )
 

@@ -11,7 +11,7 @@ one visit. Gilsinn & Ling 2004, eq. (18), is the case in which all of it counts 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ from mtu_cli.model.design import design, places, theta
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.machine_model import MachineModel, check_covariates
 from mtu_cli.model.temperature_noise import temperature_blocks
+from mtu_cli.model.thermal_terms import told_name
 from mtu_cli.model.variance import (
     Block,
     Variance,
@@ -29,6 +30,7 @@ from mtu_cli.model.variance import (
     drawable_passes,
     joined,
     noise_covariance,
+    of_rows,
 )
 from mtu_cli.stats.coverage import effective_dof
 from mtu_cli.stats.least_squares import FloatArray
@@ -39,7 +41,7 @@ class Prediction:
     """Errors at n points in a axes; rows are (point, axis), points first.
 
     `mean` (n*a,) in mm, `independent_variance` (n*a,) under the papers' independence.
-    `outside` lists (point, component, position, low, high) beyond the measured range.
+    `outside` lists (point, component or its drift, position, low, high) beyond the measured range.
     """
 
     ids: tuple[str, ...]
@@ -62,6 +64,29 @@ class Prediction:
     def drawable(self) -> FloatArray:
         """The same without the negative part of any D: a covariance, somewhat too large."""
         return self._assembled([drawable_passes(block.D, block.C) for block in self.blocks])
+
+    def covariance_of(self, A: FloatArray) -> FloatArray:
+        """Covariance (m, m) of the linear measurands A E, A (m, n*a); as `covariance` has it."""
+        total = np.zeros((len(A), len(A)))
+        for block in self.blocks:
+            g = A @ block.G
+            total += g @ (block.C + block.D) @ g.T
+            for column in block.noise.T:
+                visits = (A * column).reshape(len(A), -1, len(self.axes)).sum(axis=2)
+                total += visits @ visits.T
+        return total
+
+    def first(self, count: int) -> Prediction:
+        """The same of the first `count` points alone."""
+        rows = slice(count * len(self.axes))
+        return replace(
+            self,
+            ids=self.ids[:count],
+            points=self.points[:count],
+            mean=self.mean[rows],
+            blocks=tuple(of_rows(block, rows) for block in self.blocks),
+            independent_variance=self.independent_variance[rows],
+        )
 
     def _assembled(self, passes: Sequence[FloatArray]) -> FloatArray:
         rows = len(self.mean)
@@ -135,7 +160,10 @@ def predict(
         mean=rows.J @ theta(model) + rows.remainder + constants.shift,
         blocks=(*blocks, *noise, *constants.blocks),
         independent_variance=_independent(model, rows.J, rows.levers, rows.columns)
-        + sum(((block.G + block.noise)[:, 0] ** 2 for block in noise), np.zeros(len(rows.J)))
+        + sum(
+            ((block.G**2).sum(axis=1) + (block.noise**2).sum(axis=1) for block in noise),
+            np.zeros(len(rows.J)),
+        )
         + constants.variance,
         outside=_outside(model, ids, points),
     )
@@ -173,7 +201,8 @@ def _outside(
         if estimate.of is None or estimate.position_range is None:
             continue
         low, high = estimate.position_range
+        name = told_name(estimate.name)
         position = place[estimate.of]
         beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9))
-        found += [(ids[int(i)], estimate.name, float(position[i]), low, high) for i in beyond]
+        found += [(ids[int(i)], name, float(position[i]), low, high) for i in beyond]
     return tuple(found)

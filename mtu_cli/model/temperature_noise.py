@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from mtu_cli.model.basis import TIME, Covariates, ThermalBasis
+from mtu_cli.model.basis import Covariates, ThermalBasis, row_times
 from mtu_cli.model.design import places
-from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.machine_model import MachineModel, sensors_of
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.model.variance import Block
+from mtu_cli.stats.lag import lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -35,32 +38,45 @@ def temperature_gradients(
     return found
 
 
+def noise_columns(
+    model: MachineModel, points: FloatArray, levers: FloatArray
+) -> dict[str, FloatArray]:
+    """dE/dT_s u(T_s) (rows,) in mm of every sensor: what one standard uncertainty of a reading
+    does to the errors at `points` (n, 3) once they have settled.
+    """
+    share = {
+        drift.component: dict(zip(drift.sensors, drift.sensor_u.tolist(), strict=True))
+        for _, drift in _drifts(model)
+    }
+    return temperature_gradients(model, points, levers, share)
+
+
 def temperature_blocks(
     model: MachineModel, points: FloatArray, covariates: Covariates, levers: FloatArray
 ) -> list[Block]:
     """What the noise of the temperature readings adds to the errors at `points` (n, 3).
 
-    dE/dT_s times the sensor's u. Points that share one reading of all temperatures share its
-    error; points with readings of their own do not. A lag of time constant tau averages
-    readings that are dt apart: their noise counts with sqrt(dt/(2 tau)) of itself.
+    Rows with the same temperatures share one reading, and its error; other readings are
+    independent. A lag is linear in the readings, u = L T: with times, the noise of earlier
+    readings comes through it as they do, and rows near in time are wrong together. With R
+    (n, K) the readings of the rows, sensor s of noise u_s adds F F', F = diag(dE/dT_s) u_s L R.
     """
-    drifts = [drift for _, drift in _drifts(model)]
-    shared = all(_one_reading(covariates, drift.sensors, len(points)) for drift in drifts)
-    share = {
-        drift.component: {
-            sensor: u * (1.0 if shared else _averaged(tau, covariates))
-            for sensor, u, tau in zip(
-                drift.sensors, drift.sensor_u.tolist(), drift.time_constants, strict=True
-            )
-        }
-        for drift in drifts
-    }
-    columns = temperature_gradients(model, points, levers, share)
-    return [
-        _noise_block(sensor, column, shared=shared)
-        for sensor, column in columns.items()
-        if column.any()
-    ]
+    n, a = len(points), len(levers) // max(len(points), 1)
+    readings = _readings(model, covariates, n)
+    columns: dict[str, dict[float, FloatArray]] = {}
+    for t, drift in _drifts(model):
+        one = replace(model, terms=(model.terms[t],))
+        for sensor, column in noise_columns(one, points, levers[:, [t]]).items():
+            tau = float(drift.time_constants[drift.sensors.index(sensor)])
+            by_lag = columns.setdefault(sensor, {})
+            by_lag[tau] = by_lag.get(tau, np.zeros(len(levers))) + column
+    found = []
+    for sensor, by_lag in columns.items():
+        own = np.ones((n, 1)) if np.ndim(covariates[sensor]) == 0 else readings
+        F = _factor({tau: g for tau, g in by_lag.items() if g.any()}, own, covariates, a)
+        if F is not None:
+            found.append(_noise_block(sensor, F))
+    return found
 
 
 def _drifts(model: MachineModel) -> list[tuple[int, ThermalEstimate]]:
@@ -72,29 +88,50 @@ def _drifts(model: MachineModel) -> list[tuple[int, ThermalEstimate]]:
     ]
 
 
-def _one_reading(covariates: Covariates, sensors: tuple[str, ...], n: int) -> bool:
-    """Whether all points have one and the same temperatures."""
-    return n == 1 or all(np.ptp(np.asarray(covariates[sensor])) == 0 for sensor in sensors)
+def _readings(model: MachineModel, covariates: Covariates, n: int) -> FloatArray:
+    """R (n, K): which of K distinct readings of all sensors each row has."""
+    given = [np.asarray(covariates[s], float) for s in sensors_of(model)]
+    columns = [column for column in given if column.ndim]
+    if not columns:
+        return np.ones((n, 1))
+    _, which = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
+    return np.eye(int(which.max()) + 1)[which.reshape(-1)]
 
 
-def _averaged(time_constant: float, covariates: Covariates) -> float:
-    times = covariates.get(TIME)
-    steps = np.zeros(0) if times is None else np.diff(np.unique(times))
-    if not len(steps) or time_constant <= 0:
-        return 1.0
-    return min(float(np.sqrt(np.median(steps) / (2 * time_constant))), 1.0)
+def _factor(
+    by_lag: dict[float, FloatArray], readings: FloatArray, covariates: Covariates, axes: int
+) -> FloatArray | None:
+    """F (rows, K), or (rows,) where every row has a reading of its own; None without noise."""
+    if not by_lag:
+        return None
+    times = row_times(covariates)
+    n, count = readings.shape
+    if times is None or count == 1 or not any(by_lag):
+        total = np.sum(list(by_lag.values()), axis=0)
+        if count == n > 1:
+            return np.asarray(total)
+        return np.asarray(total[:, None] * np.repeat(readings, axes, axis=0))
+    order = np.argsort(times, kind="stable")
+    lagged = lag_of_moments(readings[order], times[order], np.array(list(by_lag)))
+    through = np.empty_like(lagged)
+    through[:, order] = lagged
+    F = np.zeros((n * axes, count))
+    for g, own in zip(by_lag.values(), through, strict=True):
+        F += g[:, None] * np.repeat(own, axes, axis=0)
+    return F
 
 
-def _noise_block(sensor: str, column: FloatArray, *, shared: bool) -> Block:
-    """A standard normal quantity times `column` (rows,), one for all points or one a point."""
-    nothing = np.zeros_like(column)[:, None]
+def _noise_block(sensor: str, F: FloatArray) -> Block:
+    """Standard normal quantities times F (rows, K), or one a point times F (rows,)."""
+    rows, of_its_own = len(F), F.ndim == 1
+    K = 1 if of_its_own else F.shape[1]
     return Block(
         names=(sensor,),
-        columns=(slice(0, 1),),
-        G=column[:, None] if shared else nothing,
-        C=np.zeros((1, 1)),
-        D=np.eye(1),
-        noise=nothing if shared else column[:, None],
+        columns=(slice(0, K),),
+        G=np.zeros((rows, 1)) if of_its_own else F,
+        C=np.zeros((K, K)),
+        D=np.eye(K),
+        noise=F[:, None] if of_its_own else np.zeros((rows, 1)),
         pass_dof=np.inf,
         repeat_dof=(np.inf,),
     )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
 
 from mtu_cli.model.basis import TIME, Covariates
@@ -12,8 +15,10 @@ from mtu_cli.model.temperature_noise import temperature_gradients
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
 
-OTHERS_MOVE = 0.5
-"""degC by which the other sensors must move for one that stands still to look stuck."""
+OTHERS_MOVE_DEGC = 0.5
+"""By this the other sensors must move (their median) for one that stands still to look stuck."""
+SLACK = 0.05
+"""Share of the fitted range of temperatures that may be exceeded without a word."""
 
 
 def temperature_warnings(
@@ -26,26 +31,51 @@ def temperature_warnings(
     drifts = model.drifts()
     if not drifts:
         return []
-    found = [item for drift in drifts for item in _outside(drift, covariates)]
-    return [*found, *_settled(drifts, covariates), *_stuck(model, points, covariates)]
+
+    @cache
+    def steepest() -> dict[str, float]:
+        levers = design(model, points, covariates).levers
+        gradients = temperature_gradients(model, points, levers)
+        return {sensor: float(np.abs(own).max()) for sensor, own in gradients.items()}
+
+    return [
+        *_outside(drifts, covariates, steepest),
+        *_settled(drifts, covariates),
+        *_stuck(model, covariates, steepest),
+    ]
 
 
-def _outside(drift: ThermalEstimate, covariates: Covariates) -> list[Warned]:
-    if drift.temperature_range is None:
-        return []
+Steepest = Callable[[], dict[str, float]]
+"""The largest |dE/dT| among the points by sensor, mm per degC."""
+
+
+def _outside(
+    drifts: tuple[ThermalEstimate, ...], covariates: Covariates, steepest: Steepest
+) -> list[Warned]:
+    """One a sensor and range, for all drifts that were read in it."""
+    left: dict[tuple[str, float, float], list[str]] = {}
+    for drift in drifts:
+        if drift.temperature_range is None:
+            continue
+        for sensor, (low, high) in zip(
+            drift.sensors, drift.temperature_range.tolist(), strict=True
+        ):
+            given = np.asarray(covariates[sensor], float)
+            if max(low - given.min(), given.max() - high) > max(SLACK * (high - low), 1e-9):
+                left.setdefault((sensor, low, high), []).append(drift.component)
     found = []
-    for sensor, (low, high) in zip(drift.sensors, drift.temperature_range, strict=True):
-        given = np.asarray(covariates[sensor], float)
-        beyond = max(low - given.min(), given.max() - high)
-        if beyond > max(0.05 * (high - low), 1e-9):
-            value = given.min() if low - given.min() == beyond else given.max()
-            found.append(
-                Warned(
-                    code="outside-temperature-range",
-                    message=f"the drift of {drift.component} was read with {sensor} from "
-                    f"{low:.4g} to {high:.4g} degC: at {value:.4g} degC it is a guess",
-                )
+    for (sensor, low, high), names in left.items():
+        given = np.atleast_1d(np.asarray(covariates[sensor], float))
+        beyond = np.maximum(low - given, given - high)
+        worst = int(np.argmax(beyond))
+        wrong = 1e3 * steepest()[sensor] * float(beyond[worst])
+        found.append(
+            Warned(
+                code="outside-temperature-range",
+                message=f"{sensor} is {given[worst]:.4g} degC; the drift of {', '.join(names)} was "
+                f"read from {low:.4g} to {high:.4g} degC: up to {wrong:.2g} um are a guess",
             )
+        )
     return found
 
 
@@ -65,20 +95,16 @@ def _settled(drifts: tuple[ThermalEstimate, ...], covariates: Covariates) -> lis
     ]
 
 
-def _stuck(model: MachineModel, points: FloatArray, covariates: Covariates) -> list[Warned]:
+def _stuck(model: MachineModel, covariates: Covariates, steepest: Steepest) -> list[Warned]:
     """Sensors that stand still while the others move, with what that may cost."""
     sensors = list(sensors_of(model))
     moved = np.array([np.ptp(np.asarray(covariates[sensor], float)) for sensor in sensors])
     found = []
-    gradients: dict[str, FloatArray] | None = None
     for s, sensor in enumerate(sensors):
         others = np.delete(moved, s)
-        if moved[s] > 0 or not len(others) or np.median(others) < OTHERS_MOVE:
+        if moved[s] > 0 or not len(others) or np.median(others) < OTHERS_MOVE_DEGC:
             continue
-        if gradients is None:
-            levers = design(model, points, covariates).levers
-            gradients = temperature_gradients(model, points, levers)
-        wrong = 1e3 * float(np.abs(gradients[sensor]).max() * np.median(others))
+        wrong = 1e3 * steepest()[sensor] * float(np.median(others))
         found.append(
             Warned(
                 code="sensor-stuck",

@@ -50,6 +50,16 @@ class ThermalEstimate:
         """Degree of the polynomial in position; 0: the drift is the same everywhere."""
         return len(self.coefficients) - 1
 
+    def gradient_u(self, sensor: int, position: float) -> float:
+        """Standard uncertainty of a sensor's gradient at `position` (mm): mm or rad per degC.
+
+        u^2 = x' C x with x the powers of the position and C the sensor's block of the covariance.
+        """
+        x = position ** np.arange(self.degree + 1.0)
+        count = len(self.sensors)
+        C = self.covariance[sensor::count, sensor::count]
+        return float(np.sqrt(np.clip(x @ C @ x, 0.0, None)))
+
     def drift(self, position: FloatArray, temperature: Mapping[str, FloatArray]) -> FloatArray:
         """The drift (n,) in mm or rad at `position` (n,) and sensors' temperatures (n,), degC.
 

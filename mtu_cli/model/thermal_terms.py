@@ -11,6 +11,12 @@ TEMPERATURE_MARK = ".temperature"
 LEFTOVER_MARK = ".leftover"
 
 
+def told_name(name: str) -> str:
+    """The name of a term as messages tell it: the drift of its component for a thermal one."""
+    component = name.removesuffix(TEMPERATURE_MARK)
+    return name if component == name else f"the drift of {component}"
+
+
 def temperature_estimate(drift: ThermalEstimate) -> ComponentEstimate:
     """The coefficients of a drift as those of a component, powers first, then sensors."""
     size = drift.coefficients.size

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,6 +64,16 @@ class Variance:
     passes: FloatArray
     repeatability: FloatArray
     squares: MeanSquares
+
+
+def of_rows(block: Block, rows: slice) -> Block:
+    """The block seen from some rows; of more coefficients than rows, only what these can see."""
+    G, noise = block.G[rows], block.noise[rows]
+    if len(block.names) > 1 or block.between is not None or G.shape[1] <= len(G):
+        return replace(block, G=G, noise=noise)
+    Q, R = np.linalg.qr(G.T)
+    C, D = Q.T @ block.C @ Q, Q.T @ block.D @ Q
+    return replace(block, columns=(slice(0, len(R)),), G=R.T, C=C, D=D, noise=noise)
 
 
 def block_variance(block: Block, A: FloatArray, axes: int) -> tuple[FloatArray, MeanSquares]:
@@ -131,7 +141,7 @@ def joined(parts: Sequence[MeanSquares]) -> MeanSquares:
 
 def _quadratic(g: FloatArray, matrix: FloatArray) -> FloatArray:
     """g'M g of every row of g (m, k)."""
-    return np.asarray(np.einsum("mi,ij,mj->m", g, matrix, g))
+    return np.asarray(((g @ matrix) * g).sum(axis=1))
 
 
 def noise_covariance(noise: FloatArray, axes: int) -> FloatArray:

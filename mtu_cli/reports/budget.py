@@ -70,7 +70,7 @@ def row(output: OutputBudget, which: int, item: InputQuantity) -> dict[str, Any]
         "distribution": item.kind,
         "dof": finite(item.dof),
         "sensitivity": finite(c),
-        "contribution": finite(abs(c) * item.u),
+        "contribution": finite(float(first.contribution[which])),
         "share": finite(float(first.share[which])),
         "contributions": [_part(part) for part in item.parts] if len(item.parts) > 1 else [],
     }

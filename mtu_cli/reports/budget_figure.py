@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from mtu_cli.analyses.budget import BudgetResult, OutputBudget
 from mtu_cli.reports import figures
 from mtu_cli.reports.numbers import significant, with_u
+from mtu_cli.stats.distributions import log_density
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -85,11 +85,10 @@ def _histogram(panel: Axes, result: BudgetResult, output: OutputBudget, index: i
         panel.set_ylim(0.0, 1.08 * float(density.max()) or 1.0)
     if first.u > 0.0:
         grid = np.linspace(left, right, 400)
-        curve = _density((grid - first.value) / first.u, first.dof) / first.u
+        curve = np.exp(log_density((grid - first.value) / first.u, first.dof)) / first.u
         panel.plot(grid, curve, color=figures.INK, label="first order")
         panel.set_ylim(0.0, max(panel.get_ylim()[1], 1.08 * float(curve.max())))
-        for sign in (-1, 1):
-            end = first.value + sign * output.k_probability * first.u
+        for end in output.interval:
             panel.axvline(end, color=figures.INK, linewidth=1.0, linestyle=DASHES)
         panel.plot(
             [], [], color=figures.INK, linewidth=1.0, linestyle=DASHES,
@@ -115,14 +114,6 @@ def _frame(
         reach = 1.1 * output.k_probability * output.first.u
         left, right = min(left, output.first.value - reach), max(right, output.first.value + reach)
     return left, right
-
-
-def _density(z: FloatArray, dof: float) -> FloatArray:
-    """Student's t, normal for infinite degrees of freedom, by their logarithm."""
-    if math.isinf(dof):
-        return np.asarray(np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi))
-    top = math.lgamma(0.5 * (dof + 1.0)) - math.lgamma(0.5 * dof) - 0.5 * math.log(dof * math.pi)
-    return np.asarray(np.exp(top - 0.5 * (dof + 1.0) * np.log1p(z**2 / dof)))
 
 
 def _headline(result: BudgetResult, output: OutputBudget, index: int) -> str:

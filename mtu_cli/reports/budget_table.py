@@ -68,7 +68,7 @@ def _row(output: OutputBudget, which: int, item: InputQuantity) -> list[str]:
         kinds,
         MISSING if exact else degrees_of_freedom(item.dof),
         MISSING if exact else significant(c, 4),
-        MISSING if exact else significant(abs(c) * item.u),
+        MISSING if exact else significant(float(output.first.contribution[which])),
         MISSING if exact or math.isnan(share) else f"{100 * share:.1f}",
     ]
 
@@ -88,7 +88,7 @@ def _result(result: BudgetResult, index: int, digits: int) -> Sheet:
 
 def _orders(output: OutputBudget, digits: int) -> list[list[str]]:
     first = output.first
-    half = output.k_probability * first.u
+    low, high = output.interval
     shown = _known(first.u)
     return [
         [
@@ -98,7 +98,7 @@ def _orders(output: OutputBudget, digits: int) -> list[list[str]]:
             MISSING if math.isnan(first.dof) else degrees_of_freedom(first.dof),
             significant(output.k, 3),
             significant(output.expanded, digits),
-            interval(first.value - half, first.value + half, _scale(first.u, 2.0 * half), digits),
+            interval(low, high, _scale(first.u, high - low), digits),
             MISSING,
         ],
         [

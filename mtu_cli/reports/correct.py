@@ -13,8 +13,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-
 from mtu_cli.analyses.correct.result import CorrectResult, Size
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import Warned
@@ -133,7 +131,6 @@ def _head(item: Size) -> dict[str, Any]:
 
 
 def _errors(item: Size, k: float) -> dict[str, Any]:
-    expanded = float(np.hypot(k * item.u, np.nan_to_num(item.U_reference)))
     return {
         "error_um": _sides(*item.error, um),
         "reduction_percent": finite(item.reduction_percent),
@@ -143,7 +140,7 @@ def _errors(item: Size, k: float) -> dict[str, Any]:
         "interval95_mm": [finite(end) for end in item.interval95],
         "u_error_um": um(item.u_error),
         "interval95_um": [um(end) for end in item.error_interval95],
-        "E_n": finite(item.error[1] / expanded) if expanded > 0 else None,
+        "E_n": finite(item.E_n(k)),
         "s_repeats_um": um(item.s_repeats),
     }
 

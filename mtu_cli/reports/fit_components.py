@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
+from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, Estimates, JointPasses
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.model.settings import Warned
@@ -39,13 +39,19 @@ __all__ = ["csv_rows", "document", "figure", "table", "warnings"]
 
 
 def document(
-    machine: str, fit: MachineFit, estimates: Estimates, *, says: Mapping[str, str] | None = None
+    machine: str,
+    fit: MachineFit,
+    estimates: Estimates,
+    *,
+    says: Mapping[str, str] | None = None,
+    effects: EffectEstimates | None = None,
 ) -> dict[str, Any]:
     """`results` of the report, which `files.components_file` reads back.
 
     `estimates` holds the components of the machine file too; `says` their meaning in words.
+    `effects` are parameters of the machine's effects, which close-loop reports beside them.
     """
-    return {
+    results = {
         "machine": machine,
         "components": {
             name: _component(fit.components.get(name), estimate, (says or {}).get(name))
@@ -53,6 +59,18 @@ def document(
         },
         "joint_pass_covariance": [_joint(fit, estimates, group) for group in estimates.joint],
         "observability": [item.fields() for item in observability(fit, estimates)],
+    }
+    return results if effects is None else results | {"effects": effects_document(effects)}
+
+
+def effects_document(effects: EffectEstimates) -> dict[str, Any]:
+    """`results.effects`: every parameter in its unit, the covariance in products of these."""
+    f = np.array([unit.to_internal for unit in effects.units])
+    return {
+        "parameters": list(effects.names),
+        "units": [unit.name for unit in effects.units],
+        "values": matrix(effects.values / f),
+        "covariance": matrix(effects.covariance / np.outer(f, f)),
     }
 
 

@@ -15,6 +15,7 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.graph_simulate import shares_text, small_unit
 from mtu_cli.reports.numbers import significant, with_u
 from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.distributions import log_density
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def _histogram(panel: Axes, item: SimulatedCoordinate) -> None:
     u = item.first_order_u * factor
     if u > 0:
         grid = np.linspace(left, right, 300)
-        curve = np.exp(-0.5 * (grid / u) ** 2) / (u * math.sqrt(2 * math.pi))
+        curve = np.exp(log_density(grid / u, math.inf)) / u
         panel.plot(grid, curve, color=figures.INK, label="first order")
         for sign in (-1, 1):
             panel.axvline(

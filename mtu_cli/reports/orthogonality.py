@@ -138,7 +138,8 @@ def table(result: OrthogonalityResult, coverage_factor: float) -> list[Sheet]:
     notes = [
         f"U = {coverage_factor:g} u; angle from the row's +x to the column's +y in the xy plane, "
         "less its nominal; u indep.: all holes independent (Gilsinn & Ling 2004)",
-        "first order valid: its 95 % interval agrees with the Monte Carlo (JCGM 101, clause 8)",
+        "first order valid: its 95 % interval agrees with the Monte Carlo (JCGM 101, clause 8); "
+        "no*: it does not, use the Monte Carlo's",
     ]
     return [Sheet(title="Orthogonality", columns=columns, rows=rows, notes=notes)]
 

@@ -17,7 +17,7 @@ from mtu_cli.analyses.thermal_fit.result import ComponentDrift, HeldOut, Thermal
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.reports.document import finite, matrix
 from mtu_cli.reports.thermal_figure import figure
-from mtu_cli.reports.thermal_shown import by_share, gradient_u, shown_in, twins
+from mtu_cli.reports.thermal_shown import by_share, shown_in, twins
 from mtu_cli.reports.thermal_table import tables
 
 __all__ = ["document", "figure", "rows", "tables"]
@@ -176,7 +176,7 @@ def _rows(item: ComponentDrift) -> Iterator[list[object]]:
                 sensor,
                 " ".join(twins(item, sensor)),
                 _in(gradients.get(sensor), f),
-                finite(gradient_u(estimate, s, position or 0.0) / f),
+                finite(estimate.gradient_u(s, position or 0.0) / f),
                 _in(item.shares.get(sensor), f),
                 float(estimate.time_constants[s]),
                 finite(item.vif.get(sensor)),

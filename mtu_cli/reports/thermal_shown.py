@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-
+from mtu_cli.analyses.thermal_fit.evidence import FEWEST_NESTED
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
-from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.reports.numbers import significant
 from mtu_cli.units import ARCSEC, LENGTH, UM, Unit
 
 DETAILED = 6
 """Components whose sensors are listed and drawn."""
-
-SEVERAL_CYCLES = 3
-"""With fewer a model chosen on held-out cycles leaves none to judge it on."""
 
 
 def shown_in(unit: Unit) -> tuple[str, float]:
@@ -34,17 +29,6 @@ def twins(item: ComponentDrift, sensor: str) -> tuple[str, ...]:
     return ()
 
 
-def gradient_u(estimate: ThermalEstimate, sensor: int, position: float) -> float:
-    """Standard uncertainty of a sensor's gradient at `position` (mm): mm or rad per degC.
-
-    u^2 = x' C x with x the powers of the position and C the sensor's block of the covariance.
-    """
-    x = position ** np.arange(estimate.degree + 1.0)
-    count = len(estimate.sensors)
-    C = estimate.covariance[sensor::count, sensor::count]
-    return float(np.sqrt(np.clip(x @ C @ x, 0.0, None)))
-
-
 def change(before: float, after: float, size: float) -> str:
     """ "12.3 → 0.352": two root mean squares in units of `size`."""
     return f"{significant(before / size, 3)} → {significant(after / size, 3)}"
@@ -58,7 +42,7 @@ def nothing_held_out(item: ComponentDrift) -> str:
             "all readings are of one cycle, so none is left to test the model on, and how well it "
             "fits says little about another day; a second warm-up or cool-down would"
         )
-    if cycles < SEVERAL_CYCLES:
+    if cycles < FEWEST_NESTED:
         return (
             "both cycles were needed to fit and choose the model, so none is left to judge it; "
             "a third warm-up or cool-down would"

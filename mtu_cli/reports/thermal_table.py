@@ -15,7 +15,6 @@ from mtu_cli.reports.thermal_shown import (
     by_share,
     change,
     cut,
-    gradient_u,
     nothing_held_out,
     shown_in,
     spread,
@@ -181,7 +180,7 @@ def _sensor(item: ComponentDrift, sensor: str, chosen: Sequence[int], lagged: bo
         if value == 0:
             cells.append(MISSING)
         elif len(chosen) <= WITH_U:
-            u = gradient_u(estimate, s, position or 0.0) / size
+            u = estimate.gradient_u(s, position or 0.0) / size
             cells.append(plus_minus(value, u))
         else:
             cells.append(significant(value, 3))

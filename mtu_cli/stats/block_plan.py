@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.stats.coverage import t_quantile
+from mtu_cli.stats.distributions import quantile_curvature
 
 FloatArray = NDArray[np.float64]
 
@@ -28,6 +29,11 @@ def trials_for_tails(probability: float) -> int:
     return math.ceil(round(100.0 / (1.0 - probability), 6))
 
 
+def is_one_block(trials: int | None, probability: float) -> bool:
+    """Whether that many trials are too few for blocks: no control variate is then used."""
+    return trials is not None and trials < LEAST_BLOCKS * trials_for_tails(probability)
+
+
 @dataclass(frozen=True)
 class BlockPlan:
     """Blocks of `size` trials; the first `longer` of them have one trial more.
@@ -44,9 +50,9 @@ class BlockPlan:
     @classmethod
     def fixed(cls, trials: int, probability: float) -> BlockPlan:
         """Exactly `trials`: one block where ten would be too short for their quantiles."""
-        least = trials_for_tails(probability)
-        if trials < LEAST_BLOCKS * least:
+        if is_one_block(trials, probability):
             return cls(probability, trials, 1)
+        least = trials_for_tails(probability)
         blocks = max(LEAST_BLOCKS, trials // max(FIXED_BLOCK, least))
         return cls(probability, trials // blocks, blocks, trials % blocks)
 
@@ -74,13 +80,13 @@ class BlockPlan:
         """Weights (tail,) of the ordered values that give the end of the symmetric interval."""
         return self.weights_at(self.end_probability * (self.size + 1))
 
-    def weights_at(self, rank: float, bias_share: float = 1.0) -> FloatArray:
+    def weights_at(self, rank: float) -> FloatArray:
         """Weights (tail,) of the ordered values that estimate Q(a), a = rank/(m + 1).
 
         E y_(j) = Q(a) + a (1 - a) Q''(a) / (2 (m + 2)) + O(1/m^2) (David & Johnson 1954). The
         second term, 8e-4 u at an end of a normal output and m = 8192, would not average out over
-        blocks. `bias_share` of it is taken off, with Q'' from the ordered values by the central
-        difference of fourth order, which is right to 2 % where the quantile runs as a logarithm.
+        blocks. It is taken off, with Q'' from the ordered values by the central difference of
+        fourth order, which is right to 2 % where the quantile runs as a logarithm.
         """
         at = self._interpolation
         m = self.size
@@ -91,21 +97,29 @@ class BlockPlan:
         near, far = at(rank - step) + at(rank + step), at(rank - 2 * step) + at(rank + 2 * step)
         second_derivative = (16.0 * near - far - 30.0 * at(rank)) / (12.0 * h * h)
         bias: FloatArray = a * (1.0 - a) / (2.0 * (m + 2)) * second_derivative
-        return at(rank) - bias_share * bias
+        return at(rank) - bias
 
     def standard_ends(self, dof: FloatArray | None) -> tuple[FloatArray, FloatArray]:
         """Quantiles of standard normal variables or, with `dof` (outputs,), of Student's t.
 
-        At `end_probability`, (outputs,) or (1,), and at the grid's probabilities j/(m + 1),
-        (outputs, tail) or (1, tail).
+        At `end_probability`, (outputs,) or (1,), and the expected ordered values at the grid's
+        probabilities a = j/(m + 1), (outputs, tail) or (1, tail): Q(a) and the second-order
+        bias of `weights_at`.
         """
-        grid = np.arange(1, self.tail + 1) / (self.size + 1)
-        at = np.concatenate([[self.end_probability], grid])
         listed = [math.inf] if dof is None else [float(value) for value in dof]
         # Outputs that share their degrees of freedom share their quantiles.
-        known = {value: t_quantile(at, value) for value in dict.fromkeys(listed)}
-        quantiles = np.array([known[value] for value in listed])
-        return quantiles[:, 0], quantiles[:, 1:]
+        known = {value: self._standard(value) for value in dict.fromkeys(listed)}
+        return (
+            np.array([known[value][0] for value in listed]),
+            np.array([known[value][1] for value in listed]),
+        )
+
+    def _standard(self, dof: float) -> tuple[float, FloatArray]:
+        grid = np.arange(1, self.tail + 1) / (self.size + 1)
+        quantiles = t_quantile(np.concatenate([[self.end_probability], grid]), dof)
+        ordered = quantiles[1:]
+        bias = grid * (1.0 - grid) / (2.0 * (self.size + 2)) * quantile_curvature(ordered, dof)
+        return float(quantiles[0]), ordered + bias
 
     @property
     def end_probability(self) -> float:

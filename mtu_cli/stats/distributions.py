@@ -232,3 +232,23 @@ def student_quantile(probability: float, dof: float) -> float:
         if abs(step) <= 1e-14 * theta:
             break
     return math.sqrt(dof) * math.tan(theta)
+
+
+def quantile_curvature(t: FloatArray, dof: float) -> FloatArray:
+    """Q''(p) (n,) where Q(p) = `t` (n,), of Student's t; of the normal for infinite `dof`.
+
+    With the density f, Q' = 1/f and Q'' = -f'/f^3; f'/f is -(nu + 1) t/(nu + t^2), or -t.
+    """
+    bend = t if math.isinf(dof) else (dof + 1.0) * t / (dof + t * t)
+    return np.asarray(bend * np.exp(-2.0 * log_density(t, dof)))
+
+
+def log_density(t: FloatArray, dof: float) -> FloatArray:
+    """Logarithm of the density (n,) of Student's t at `t` (n,); of the normal for infinite `dof`.
+
+    f = Gamma((nu + 1)/2)/(sqrt(nu pi) Gamma(nu/2)) (1 + t^2/nu)^(-(nu + 1)/2).
+    """
+    if math.isinf(dof):
+        return np.asarray(-0.5 * t * t - 0.5 * math.log(2.0 * math.pi))
+    top = math.lgamma(0.5 * (dof + 1.0)) - math.lgamma(0.5 * dof) - 0.5 * math.log(dof * math.pi)
+    return np.asarray(top - 0.5 * (dof + 1.0) * np.log1p(t * t / dof))

@@ -36,3 +36,34 @@ def first_order_lag(signal: FloatArray, time: FloatArray, time_constants: FloatA
             state = np.repeat(signal[i : i + 1], len(slow), axis=0)
         result[slow, i] = state
     return result
+
+
+def lag_of_moments(signal: FloatArray, time: FloatArray, time_constants: FloatArray) -> FloatArray:
+    """`first_order_lag` (k, n, s) where rows of one time that follow each other are one sample.
+
+    Their mean counts, because a step of no length would start a new run; tau = 0 gives every
+    row's own signal.
+    """
+    new = np.concatenate([[True], np.diff(time) != 0])
+    if new.all():
+        return first_order_lag(signal, time, time_constants)
+    starts, moment = np.flatnonzero(new), np.cumsum(new) - 1
+    first = signal[starts]
+    # About one of them: equal rows keep their value to the last digit.
+    more = np.add.reduceat(signal - first[moment], starts, axis=0)
+    mean = first + more / np.bincount(moment)[:, None]
+    found = first_order_lag(mean, time[starts], time_constants)[:, moment]
+    found[np.asarray(time_constants) <= 0] = signal
+    return found
+
+
+def farthest_at_once(signal: FloatArray, time: FloatArray) -> tuple[int, int, float]:
+    """Rows i < j of one time, in any order, whose signals (n,) differ most, and by how much."""
+    order = np.lexsort((signal, time))
+    new = np.concatenate([[True], np.diff(time[order]) != 0])
+    first = np.flatnonzero(new)
+    last = np.append(first[1:], len(order)) - 1
+    apart = signal[order[last]] - signal[order[first]]
+    worst = int(np.argmax(apart))
+    i, j = sorted((int(order[first[worst]]), int(order[last[worst]])))
+    return i, j, float(apart[worst])

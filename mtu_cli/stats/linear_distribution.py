@@ -57,8 +57,9 @@ class LinearDistribution:
 class RankMap:
     """A rising map of draws of one distribution to draws of `scale` times Student's t.
 
-    It keeps the ranks. `dof` is infinite where it leads to the normal distribution. `variance`
-    is that of the mapped draws, which the ends of the table bound.
+    It keeps the ranks. `at` (n,): in equal steps, `to` (n,): where they are mapped to. `dof` is
+    infinite where it leads to the normal distribution. `variance` is that of the mapped draws,
+    which the ends of the table bound.
     """
 
     at: FloatArray
@@ -68,7 +69,14 @@ class RankMap:
     variance: float
 
     def __call__(self, deviations: FloatArray) -> FloatArray:
-        mapped: FloatArray = np.interp(deviations, self.at, self.to)
+        # Equal steps need no search, which would take a fifth of a budget's Monte Carlo.
+        last = len(self.at) - 1
+        place = (deviations - self.at[0]) * (last / (self.at[-1] - self.at[0]))
+        np.clip(place, 0.0, last, out=place)
+        below = np.minimum(place.astype(np.intp), last - 1)
+        place -= below
+        low = self.to[below]
+        mapped: FloatArray = low + place * (self.to[below + 1] - low)
         return mapped
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.stats.block_plan import LEAST_BLOCKS, BlockPlan
 from mtu_cli.stats.blocks import BlockSummary
+from mtu_cli.stats.tail_sums import TailSums
 
 FloatArray = NDArray[np.float64]
 
@@ -67,19 +68,17 @@ class Pool:
     _squares: FloatArray
     _count: NDArray[np.int64]
     _sums: FloatArray
-    _lower: FloatArray
-    _upper: FloatArray
-    _linear_lower: FloatArray
-    _linear_upper: FloatArray
+    _lower: TailSums
+    _upper: TailSums
 
     def __init__(self, plan: BlockPlan, u_exists: NDArray[np.bool_]) -> None:
         self.plan = plan
         self.u_exists = u_exists
         self.blocks = 0
         self.trials = 0
-        self.has_linear_tails = False
 
     def add(self, block: BlockSummary) -> None:
+        """Takes in the next block."""
         if self.blocks == 0:
             self._start(block)
         else:
@@ -96,12 +95,8 @@ class Pool:
         group = (self.blocks - 1) % GROUPS
         self._count[group] += 1
         self._sums[:, group] += np.array([away, away * away, c, c * c, away * c])
-        self._lower += block.lower
-        self._upper += block.upper
-        if block.linear_lower is not None and block.linear_upper is not None:
-            self.has_linear_tails = True
-            self._linear_lower += block.linear_lower
-            self._linear_upper += block.linear_upper
+        self._lower.add(block.lower, block.linear_lower)
+        self._upper.add(block.upper, block.linear_upper)
 
     def _start(self, block: BlockSummary) -> None:
         shape = block.statistics.shape
@@ -110,9 +105,7 @@ class Pool:
         self._squares = block.squares.copy()
         self._count = np.zeros(GROUPS, dtype=np.int64)
         self._sums = np.zeros((5, GROUPS, *shape))
-        self._lower, self._upper = np.zeros_like(block.lower), np.zeros_like(block.upper)
-        self._linear_lower = np.zeros_like(block.lower)
-        self._linear_upper = np.zeros_like(block.upper)
+        self._lower, self._upper = TailSums(block.lower), TailSums(block.upper)
 
     def estimates(self) -> Estimates:
         """Estimates and their standard errors from all blocks so far (at least two).
@@ -128,7 +121,7 @@ class Pool:
         u = np.where(self.u_exists, np.sqrt(np.maximum(variance, 0.0)), np.nan)
         se = np.sqrt(fit.variance)
         se_u = np.divide(se[1], 2.0 * u, out=np.zeros_like(u), where=u != 0.0)
-        shortest_low, shortest_high = self._shortest(fit.slope)
+        shortest_low, shortest_high = self._shortest()
         return Estimates(
             mean=mean,
             u=u,
@@ -179,25 +172,19 @@ class Pool:
         value = self._origin + np.where(better, value, total_s / h)
         return _Controlled(value, variance, gain, np.where(better, slope.mean(axis=0), 0.0))
 
-    def _shortest(self, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _shortest(self) -> tuple[FloatArray, FloatArray]:
         """Shortest interval from the block averages of the ordered values.
 
         JCGM 101:2008, 7.7.2: among the intervals from y_(r) to y_(r+q) the one of least width.
         Averages of ordered values stand for y_(r), and p (m + 1) for q, between ranks.
         """
-        plan, h = self.plan, self.blocks
-        lower, upper = self._lower / h, self._upper / h
-        left = np.ones_like(slope)
-        if self.has_linear_tails:
-            # The first-order form has the bias of ranks too: the control takes it out.
-            left -= slope
-            lower -= slope[2][:, np.newaxis] * (self._linear_lower / h)
-            upper -= slope[3][:, np.newaxis] * (self._linear_upper / h)
+        plan = self.plan
+        lower, upper = self._lower.averages(self.blocks), self._upper.averages(self.blocks)
         low, high = np.empty(len(lower)), np.empty(len(upper))
         for i in range(len(lower)):
             rank, partner = _shortest_ranks(lower[i], upper[i], plan)
-            low[i] = lower[i] @ plan.weights_at(rank, left[2, i])
-            high[i] = upper[i] @ plan.weights_at(partner, left[3, i])
+            low[i] = lower[i] @ plan.weights_at(rank)
+            high[i] = upper[i] @ plan.weights_at(partner)
         return low, high
 
 

@@ -23,3 +23,14 @@ def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float =
     whole = (root * np.clip(values - less, 0.0, None)) @ root.T
     D: FloatArray = (whole + whole.T) / 2
     return D
+
+
+def covariance_root(C: FloatArray) -> FloatArray:
+    """F (k, k) with F F' = C, C symmetric; negative eigenvalues, of rounding, count as 0.
+
+    Products F F' keep their variances from turning negative, and F z with standard normal z has
+    the covariance C, which may be singular.
+    """
+    values, vectors = np.linalg.eigh((C + C.T) / 2)
+    root: FloatArray = vectors * np.sqrt(np.clip(values, 0.0, None))
+    return root

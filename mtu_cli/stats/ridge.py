@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray
 
@@ -54,7 +55,7 @@ def ridge(
     U, singular, V = U[:, kept], singular[kept], Vt[kept].T
     gains = singular / (singular**2 + n * np.asarray(penalties, float)[:, None])
     b = (gains * (U.T @ target)) @ (V / divisor[:, None]).T
-    a = np.linalg.lstsq(R, (of_y[:, None] - inside @ b.T), rcond=None)[0].T
+    a = solve_triangular(R, of_y[:, None] - inside @ b.T).T
     return RidgePath(
         coefficients=b,
         intercepts=a,

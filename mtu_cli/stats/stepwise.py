@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 from scipy.special import fdtrc
 
+from mtu_cli.stats.autocorrelation import autocorrelation, effective_number
 from mtu_cli.stats.compressed import Compressed
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 
@@ -14,8 +17,8 @@ ENTER = 0.05
 REMOVE = 0.10
 _NOTHING_LEFT = 1e-12
 """Share of a column, or of the sum of squares, below which only rounding is left."""
-_ROUNDING = 1e-24
-"""The same for residuals, whose cancellation is known."""
+_WELL_CONDITIONED = 1e5
+"""Condition number below which a step needs no refined solution: p keeps ten digits."""
 
 
 def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> tuple[int, ...]:
@@ -28,6 +31,7 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
     the residuals on all columns (Bayley & Hammersley 1946, J. R. Stat. Soc. Suppl. 8,
     184-197): those on few columns hold the drift itself and would let nothing enter.
     """
+    rows = _square(rows)
     chosen: list[int] = []
     everything = range(1, rows.factor.shape[1] - 1)
     number = effective_number(
@@ -46,19 +50,16 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
     return tuple(sorted(chosen))
 
 
-def effective_number(n: int, autocorrelation: float) -> float:
-    """n (1 - r)/(1 + r), between 1 and n: a negative autocorrelation gives no credit."""
-    r = min(max(autocorrelation, 0.0), 1.0)
-    return max(n * (1 - r) / (1 + r), 1.0)
+def _square(rows: Compressed) -> Compressed:
+    """The same rows in a factor of no more rows than columns: steps cost less by it."""
+    if len(rows.factor) <= rows.factor.shape[1]:
+        return rows
+    return replace(rows, factor=np.asarray(np.linalg.qr(rows.factor, mode="r"), np.float64))
 
 
 def residual_autocorrelation(rows: Compressed, weights: FloatArray) -> float:
     """Lag-1 autocorrelation of the residuals Z w, w (k,); 0 where they are rounding alone."""
-    mean_square = float(np.sum((rows.factor @ weights) ** 2)) / rows.n
-    cancelled = float(np.sum((rows.factor * weights) ** 2)) / rows.n
-    if mean_square <= _ROUNDING * cancelled or rows.pairs < 1:
-        return 0.0
-    return float(weights @ rows.lag @ weights) / rows.pairs / mean_square
+    return autocorrelation([(rows, weights)])
 
 
 def fitted_weights(rows: Compressed, chosen: Sequence[int]) -> FloatArray:
@@ -71,33 +72,63 @@ def fitted_weights(rows: Compressed, chosen: Sequence[int]) -> FloatArray:
     return weights
 
 
+def _triangle(rows: Compressed, chosen: Sequence[int], others: Sequence[int]) -> FloatArray:
+    """R of constant, chosen, others, target: what the chosen leave of the rest is below them."""
+    own = rows.factor[:, [0, *chosen, *others, -1]]
+    return np.asarray(np.linalg.qr(own, mode="r"), np.float64)
+
+
 def _best_entry(rows: Compressed, chosen: Sequence[int], number: float, limit: float) -> int | None:
-    k = rows.factor.shape[1]
-    others = [j for j in range(1, k - 1) if j not in chosen]
+    others = [j for j in range(1, rows.factor.shape[1] - 1) if j not in chosen]
     if not others:
         return None
-    Q = np.linalg.qr(rows.factor[:, [0, *chosen]])[0]
-    own = rows.factor[:, others]
-    left = own - Q @ (Q.T @ own)
-    residual = rows.factor[:, -1] - Q @ (Q.T @ rows.factor[:, -1])
+    p = len(chosen) + 1
+    R = _triangle(rows, chosen, others)
+    left, residual = R[p:, p:-1], R[p:, -1]
     squares = np.sum(left**2, axis=0)
-    usable = squares > _NOTHING_LEFT * np.sum(own**2, axis=0)
+    usable = squares > _NOTHING_LEFT * np.sum(R[:, p:-1] ** 2, axis=0)
     gain = np.where(usable, (left.T @ residual) ** 2 / np.where(usable, squares, 1.0), 0.0)
     best = int(np.argmax(gain))
     dof = number - len(chosen) - 2
-    p = _partial_p(rows, dof, float(gain[best]), float(residual @ residual))
-    return others[best] if p < limit else None
+    chance = _partial_p(rows, dof, float(gain[best]), float(residual @ residual))
+    return others[best] if chance < limit else None
 
 
 def _worst(rows: Compressed, chosen: Sequence[int], number: float, limit: float) -> int | None:
     if len(chosen) < 2:
         return None
-    fit = least_squares(rows.factor[:, [0, *chosen]], rows.factor[:, -1])
-    loss = fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:]
+    loss, rss = _losses(rows, chosen)
     least = int(np.argmin(loss))
     dof = number - len(chosen) - 1
-    p = _partial_p(rows, dof, float(loss[least]), fit.rss + float(loss[least]))
+    p = _partial_p(rows, dof, float(loss[least]), rss + float(loss[least]))
     return chosen[least] if p > limit else None
+
+
+def _losses(rows: Compressed, chosen: Sequence[int]) -> tuple[FloatArray, float]:
+    """What leaving out each of the chosen adds to the sum of squares, b_j^2/C_jj, and that sum."""
+    p = len(chosen) + 1
+    R = _triangle(rows, chosen, ())
+    found = _screened(R, p) if len(R) >= p else None
+    if found is not None:
+        return found
+    fit = least_squares(rows.factor[:, [0, *chosen]], rows.factor[:, -1])
+    return fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:], fit.rss
+
+
+def _screened(R: FloatArray, p: int) -> tuple[FloatArray, float] | None:
+    """`_losses` by the triangle alone; None where only the refined solution is to be trusted.
+
+    The condition number of the scaled columns is at most |R| |R^-1| in the Frobenius norm.
+    """
+    scale = np.linalg.norm(R[:, :p], axis=0)
+    if not scale.min() > 0:
+        return None
+    inverse, info = dtrtri(R[:p, :p] / scale)
+    if info != 0 or not np.sqrt(p) * np.linalg.norm(inverse) < _WELL_CONDITIONED:
+        return None
+    b = inverse @ R[:p, -1]
+    loss = b[1:] ** 2 / np.sum(inverse[1:] ** 2, axis=1)
+    return loss, float(np.sum(R[p:, -1] ** 2))
 
 
 def _partial_p(rows: Compressed, dof: float, gain: float, before: float) -> float:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.stats.positive_part import covariance_root
+
 FloatArray = NDArray[np.float64]
 
 
@@ -15,8 +17,5 @@ def stream(seed: int, *key: int) -> np.random.Generator:
 
 def normal_draw(rng: np.random.Generator, covariance: FloatArray) -> FloatArray:
     """One draw (k,) from N(0, covariance), which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    draw: FloatArray = vectors @ (
-        np.sqrt(np.clip(values, 0.0, None)) * rng.standard_normal(len(values))
-    )
+    draw: FloatArray = covariance_root(covariance) @ rng.standard_normal(len(covariance))
     return draw

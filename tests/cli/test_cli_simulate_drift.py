@@ -162,6 +162,7 @@ def test_temperatures_that_nobody_gives(folder: Path) -> None:
         (("--cmm-room", "1e300", "--write-cmm", "p.csv"), "--cmm-room is no temperature"),
         (("--cmm-room", "20"), "expected --write-cmm FILE"),
         (("--sensor-noise-degC", "1e300"), "--sensor-noise-degC is out of range"),
+        (("--positions", "y=-1:300:5", "--write-lbb", "l.csv"), "are outside the travel of y"),
         (("--drift-positions", "a: 0 301"), "a at 301 mm is outside the travel of y"),
         (("--drift-positions", "a: 0 50 0"), "reads a twice at one place"),
         (

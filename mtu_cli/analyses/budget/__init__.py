@@ -21,6 +21,7 @@ from mtu_cli.analyses.budget.warnings import budget_warnings
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
+from mtu_cli.stats.block_plan import is_one_block
 from mtu_cli.stats.coverage import numerical_tolerance
 from mtu_cli.stats.distributions import student_quantile
 from mtu_cli.stats.least_squares import FloatArray
@@ -49,6 +50,12 @@ class OutputBudget:
     def expanded(self) -> float:
         """U = k u."""
         return self.k * self.first.u
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """First-order interval y -+ k u for the coverage probability."""
+        half = self.k_probability * self.first.u
+        return self.first.value - half, self.first.value + half
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +97,9 @@ def evaluate_budget(
     first = first_order(loaded, inputs, covariance, sources)
     k = loaded.budget.coverage.k if coverage_factor is None else coverage_factor
     probability = _probability(loaded, k)
-    trials = BudgetTrials(loaded.trees, inputs, sources, first, rho)
+    trials = BudgetTrials(
+        loaded.trees, inputs, sources, first, rho, not is_one_block(settings.trials, probability)
+    )
     judge = _Judge(first, loaded.units, k, probability, settings.digits)
     run, converged = _run(loaded, trials, judge, settings)
     outputs = judge.outputs(run)

@@ -26,7 +26,8 @@ LEAST_EXPONENT = -300
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstOrder:
-    """One output: `value` y, `sensitivity` c (n,), `u`, effective degrees of freedom `dof`.
+    """One output: `value` y, `sensitivity` c (n,), `contribution` |c| u (n,), `u`, effective
+    degrees of freedom `dof`.
 
     `share` (n,): c_i u_i sum_j r_ij c_j u_j / u^2, sums to 1; below 0 where a correlation
     makes u smaller. `second_value`, `second_u`: to the second order. nan where a derivative
@@ -38,6 +39,7 @@ class FirstOrder:
     name: str
     value: float
     sensitivity: FloatArray
+    contribution: FloatArray
     u: float
     dof: float
     share: FloatArray
@@ -132,6 +134,7 @@ def _output(
         name=name,
         value=slopes.value,
         sensitivity=slopes.first,
+        contribution=np.abs(slopes.first) * np.array([item.u for item in inputs]),
         u=scale * math.sqrt(variance),
         dof=dof,
         share=share,

@@ -4,8 +4,8 @@ A contribution that nothing is correlated with is a source of its own. Inputs wi
 correlations, and readings that were taken together, are one source each connected set:
 
 - all normal or t: jointly normal with their covariance, scaled to a multivariate t where they
-  share their degrees of freedom (JCGM 101:2008, 6.4.9; JCGM 102:2011, 6.4), each by a scale of
-  its own where they do not;
+  share their degrees of freedom (JCGM 102:2011, 5.3.2), which keeps the stated coefficients and
+  gives each input the t of JCGM 101:2008, 6.4.9; each by a scale of its own where they do not;
 - some bounded (rectangular, ...): a Gaussian copula with the stated correlation, before inputs of
   finite degrees of freedom are scaled, each by a scale of its own.
 

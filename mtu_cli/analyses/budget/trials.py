@@ -45,6 +45,7 @@ class BudgetTrials:
     rank, to a t or normal distribution much like it: the engine then knows its mean, variance
     and quantiles exactly. A form that is normal or a single t is left as it is. Every output is
     divided by its `scale` (outputs,), lest its square overflow or vanish; `in_full` undoes it.
+    Where it is not `controlled`, as a single block cannot be, the form is left out.
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class BudgetTrials:
         sources: Sequence[Source],
         first: Sequence[FirstOrder],
         rho: Sequence[FloatArray | None],
+        controlled: bool = True,
     ) -> None:
         self.names = tuple(trees)
         self.trees = trees
@@ -68,11 +70,12 @@ class BudgetTrials:
         slopes = np.array([item.sensitivity / item.scale for item in first])
         self.gradient = np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
         self.offset = np.array([item.value for item in first]) / self.scale
-        self.linear_mean: FloatArray | None = self.offset
+        self.linear_mean: FloatArray | None = self.offset if controlled else None
         # Inputs that cancel leave a scatter that is none and would never converge.
         u = np.array([item.u for item in inputs])
         self.rounding = ROUNDING * (np.abs(self.gradient) @ u)
-        self._control()
+        if controlled:
+            self._control()
 
     def _control(self) -> None:
         """Chooses what the engine may know of the first-order form."""
@@ -111,7 +114,7 @@ class BudgetTrials:
             self.linear_dof, self.linear_u = dof, u[:, None]
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        """Values and first-order values (outputs, m)."""
+        """Values and, where it controls, first-order values (outputs, m)."""
         deviation = self.work.array("deviation", (len(self.inputs), m))
         deviation[:] = 0.0
         for source, factor in zip(self.sources, self.factors, strict=True):
@@ -125,6 +128,8 @@ class BudgetTrials:
                 values[k] /= self.scale[k]
             if np.all(np.abs(values[k] - self.offset[k]) <= self.rounding[k]):
                 values[k] = self.offset[k]
+        if self.linear_mean is None:
+            return Draws(values=values)
         linear = self.work.array("linear", values.shape)
         np.matmul(self.gradient, deviation, out=linear)
         for k, known in enumerate(self.maps):

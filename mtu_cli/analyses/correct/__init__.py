@@ -19,6 +19,7 @@ from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured_checks import check_measured
 from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
 
 __all__ = ["CorrectResult", "Size", "correct", "mean_size"]
@@ -78,7 +79,8 @@ def _rows(
         covariates=found.values,
         independent=independent,
     )
-    return rows, [*found.warnings, *_axis_warnings(model, points)]
+    of_sensors = temperature_warnings(model, rows.places, found.values)
+    return rows, [*found.warnings, *of_sensors, *_axis_warnings(model, points)]
 
 
 def _sizes(

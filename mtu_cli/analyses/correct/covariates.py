@@ -8,15 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.files.covariates import HOTTEST_DEGC, is_temperature
 from mtu_cli.files.points import Points
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
 from mtu_cli.model.measured import MOST_TOLD
+from mtu_cli.model.moments import moment_problem
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
-
-SLACK = 0.05
-"""Share of the fitted range of temperatures that may be exceeded without a word."""
 
 Values = dict[str, FloatArray | float]
 
@@ -66,37 +65,13 @@ def row_covariates(
             problems.append(_missing(model, points, name))
     if any(drift.time_constants.any() for drift in model.drifts()):
         times = column_of(points, TIME)
-        if times is None:
-            what = "the points have no times: every drift that lags behind counts as settled"
-            warnings.append(Warned(code="lag-without-time", message=what))
-        else:
+        if times is not None:
             values[TIME] = numbers_of(points, TIME, times, np.arange(len(points)), problems)
+    if not problems and (problem := moment_problem(model, points, values)) is not None:
+        problems.append(problem)
     if problems:
         raise InputError(problems)
-    warnings += _beyond(model, values)
     return RowCovariates(values=values, warnings=tuple(warnings))
-
-
-def _beyond(model: MachineModel, values: Values) -> list[Warned]:
-    """Sensors that leave the temperatures a drift was fitted on: beyond, the model is a guess."""
-    found: dict[str, tuple[float, float, float, list[str]]] = {}
-    for drift in model.drifts():
-        if drift.temperature_range is None:
-            continue
-        for sensor, (low, high) in zip(drift.sensors, drift.temperature_range, strict=True):
-            value = np.atleast_1d(values[sensor])
-            away = np.maximum(low - value, value - high)
-            if away.max() > SLACK * (high - low):
-                worst = float(value[np.argmax(away)])
-                found.setdefault(sensor, (low, high, worst, []))[3].append(drift.component)
-    return [
-        Warned(
-            code="outside-temperature-range",
-            message=f"{sensor} reads up to {worst:.4g}; the drift of {', '.join(names)} was "
-            f"fitted from {low:.4g} to {high:.4g}",
-        )
-        for sensor, (low, high, worst, names) in found.items()
-    ]
 
 
 def _passed_over(name: str, given: Mapping[str, float]) -> list[Warned]:
@@ -141,6 +116,19 @@ def numbers_of(
         for i in bad[:MOST_TOLD]
     ]
     found: FloatArray = values.astype(np.float64)
+    if is_temperature(name):
+        far = rows[np.isfinite(found[rows]) & (np.abs(found[rows]) > HOTTEST_DEGC)]
+        problems += [
+            Problem(
+                what="no temperature",
+                file=points.sources[points.file_index[i]].shown,
+                row=int(points.row[i]),
+                column=name,
+                value=f"{found[i]:g}",
+                expected=f"degC, at most {HOTTEST_DEGC:g} in size",
+            )
+            for i in far[:MOST_TOLD]
+        ]
     return found
 
 

@@ -80,6 +80,13 @@ class Size:
         half = coverage_factor(PROBABILITY, self.dof_error) * self.u_error
         return self.error[1] - half, self.error[1] + half
 
+    def E_n(self, k: float) -> float:  # ISO 13528
+        """The error after over its expanded uncertainty, k u and that of the calibration; nan
+        where neither is known (ISO 13528, 9.7).
+        """
+        expanded = float(np.hypot(k * self.u, np.nan_to_num(self.U_reference)))
+        return self.error[1] / expanded if expanded > 0 else float("nan")
+
     @property
     def reduction_percent(self) -> float:
         """100 (1 - |after|/|before|) (Valdes et al., Tables 1 and 2); nan without an error."""

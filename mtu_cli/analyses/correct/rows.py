@@ -10,7 +10,7 @@ import numpy as np
 from mtu_cli.analyses.correct.covariates import rows_of
 from mtu_cli.files.points import Points
 from mtu_cli.model.basis import TIME
-from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -42,13 +42,14 @@ class RowErrors:
     outside: Outside = field(default_factory=dict)
 
     def predicted(self, rows: np.ndarray) -> Prediction:
-        """The prediction at `rows` (m,), followed by earlier moments where a drift lags."""
+        """The prediction at `rows` (m,), under the earlier temperatures where a drift lags."""
         every = np.concatenate([rows, self._history(rows)])
         names = [self.points.features[code] for code in self.points.feature[every]]
         places = self.places[every]
         # What was elsewhere tells temperatures, not errors.
         places[len(rows) :] = places[0]
-        prediction = predict(self.model, names, places, rows_of(self.covariates, every))
+        found = predict(self.model, names, places, rows_of(self.covariates, every))
+        prediction = found.first(len(rows))
         for entry in prediction.outside:
             _, _, position, low, high = entry
             if max(low - position, position - high) > SLACK * (high - low):
@@ -56,17 +57,13 @@ class RowErrors:
         return prediction
 
     def variances(self, prediction: Prediction, A: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Variances (m,) of the measurands A E and their effective degrees of freedom (m,).
-
-        A (m, rows) may leave out the history, whose errors are no part of a measurand.
-        """
-        padded = np.zeros((len(A), len(prediction.mean)))
-        padded[:, : A.shape[1]] = A
+        """Variances (m,) of the measurands A E and their effective degrees of freedom (m,)."""
         if self.independent:
-            total: FloatArray = padded**2 @ prediction.independent_variance
+            total: FloatArray = A**2 @ prediction.independent_variance
             return total, np.full(len(A), np.inf)
-        found = prediction.variance(padded)
-        return found.total, found.dof
+        found = prediction.variance(A)
+        # A difference of mean squares may leave a little less than nothing.
+        return np.maximum(found.total, 0.0), found.dof
 
     def covariance(
         self, prediction: Prediction, where: np.ndarray, along: FloatArray
@@ -74,28 +71,17 @@ class RowErrors:
         """Covariance (m, m) of the errors of the points `where` (m,), each along its own
         direction `along` (m, axes), mm^2.
         """
-        a = along.shape[1]
-        lines = (where[:, None] * a + np.arange(a)).ravel()
-
-        def projected(columns: FloatArray) -> FloatArray:
-            found: FloatArray = np.einsum(
-                "ma,mac->mc", along, columns[lines].reshape(len(where), a, -1)
-            )
-            return found
-
+        m, a = along.shape
+        apart = np.zeros((m, len(prediction.points), a))
+        apart[np.arange(m), where] = along
+        A = apart.reshape(m, -1)
         if self.independent:
-            one = prediction.independent_variance[lines].reshape(-1, a)
-            return np.diag((along**2 * one).sum(axis=1))
-        total = np.zeros((len(where), len(where)))
-        for block in prediction.blocks:
-            G = projected(block.G)
-            total += G @ (block.C + block.D) @ G.T
-            total += np.diag((projected(block.noise) ** 2).sum(axis=1))
-        return total
+            return np.diag(A**2 @ prediction.independent_variance)
+        return prediction.covariance_of(A)
 
     def errors(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Error, standard uncertainty, effective degrees of freedom and the variance by the
-        noise of the point's own temperature readings (n, 3); mm, mm^2.
+        """Error, standard uncertainty, effective degrees of freedom and the variance by what
+        no other point has of the noise of temperature readings (n, 3); mm, mm^2.
 
         They are nan along axes that have no equation or were not measured, the last one 0.
         """
@@ -106,25 +92,30 @@ class RowErrors:
         for start in range(0, n, PIECE):
             rows = np.arange(start, min(start + PIECE, n))
             prediction = self.predicted(rows)
-            size = len(rows) * a
-            variance, nu = self.variances(prediction, np.eye(size))
+            variance, nu = self.variances(prediction, np.eye(len(rows) * a))
             place = np.ix_(rows, np.array(columns))
-            error[place] = prediction.mean[:size].reshape(-1, a)
+            error[place] = prediction.mean.reshape(-1, a)
             u[place] = np.sqrt(variance).reshape(-1, a)
             dof[place] = nu.reshape(-1, a)
-            sensors[place] = self._of_sensors(prediction)[:size].reshape(-1, a)
+            sensors[place] = self._of_sensors(prediction)
         for values in (error, u, dof):
             values[np.isnan(self.points.measured)] = np.nan
         return error, u, dof, sensors
 
     def _of_sensors(self, prediction: Prediction) -> FloatArray:
-        """Variance (rows,) by temperature readings that every point has of its own, mm^2."""
-        names = {sensor for drift in self.model.drifts() for sensor in drift.sensors}
-        total = np.zeros(len(prediction.mean))
-        for block in prediction.blocks:
-            if set(block.names) <= names:
-                total += (block.noise**2).sum(axis=1)
-        return total
+        """Variance (points, axes) by temperature readings, mm^2, less what another point has
+        in common with it at most.
+        """
+        names = set(sensors_of(self.model))
+        own = [block for block in prediction.blocks if set(block.names) <= names]
+        n, a = len(prediction.points), len(prediction.axes)
+        E = replace(prediction, blocks=tuple(own)).covariance.reshape(n, a, n, a)
+        found = np.zeros((n, a))
+        for axis in range(a):
+            K = E[:, axis, :, axis]
+            common = np.where(np.eye(n, dtype=bool), 0.0, K).max(axis=1)
+            found[:, axis] = np.clip(np.diag(K) - common, 0.0, None)
+        return found
 
     def all_outside(self) -> Prediction:
         """A prediction that lists what any of them left the measured ranges with."""
@@ -147,15 +138,10 @@ class RowErrors:
         return found
 
     def together(self, groups: list[np.ndarray]) -> Iterator[tuple[int, int]]:
-        """Ranges (start, end) of groups of rows that may be predicted at once.
-
-        Points of one group that share a temperature reading share its noise: such groups go
-        one by one.
-        """
-        alone = any((drift.sensor_u > 0).any() for drift in self.model.drifts())
+        """Ranges (start, end) of groups of rows that are predicted at once."""
         start, size = 0, 0
         for end, rows in enumerate(groups):
-            if end > start and (alone or size + len(rows) > 4 * PIECE):
+            if end > start and size + len(rows) > 4 * PIECE:
                 yield start, end
                 start, size = end, 0
             size += len(rows)

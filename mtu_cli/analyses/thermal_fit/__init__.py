@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.choice import choose, group_shares
-from mtu_cli.analyses.thermal_fit.columns import Library, library
+from mtu_cli.analyses.thermal_fit.columns import Library, Rows, library
 from mtu_cli.analyses.thermal_fit.evidence import (
     autocorrelation,
     constant,
     held_out,
     position_test,
 )
-from mtu_cli.analyses.thermal_fit.models import Fitted, Rows, Spec, fit, sum_of_squares
+from mtu_cli.analyses.thermal_fit.models import Fitted, Spec, fit, sum_of_squares
+from mtu_cli.analyses.thermal_fit.reading import read_series
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,
     Curve,
@@ -24,7 +25,7 @@ from mtu_cli.analyses.thermal_fit.result import (
     Residuals,
     ThermalFit,
 )
-from mtu_cli.analyses.thermal_fit.series import Series, read_series
+from mtu_cli.analyses.thermal_fit.series import Series
 from mtu_cli.analyses.thermal_fit.uncertainty import (
     Conventions,
     Rest,
@@ -35,9 +36,9 @@ from mtu_cli.analyses.thermal_fit.uncertainty import (
 from mtu_cli.analyses.thermal_fit.warnings import component_warnings, sensor_warnings
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.stats.autocorrelation import effective_number
 from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
-from mtu_cli.stats.stepwise import effective_number
-from mtu_cli.units import UNITS
+from mtu_cli.units import LENGTH, UNITS
 
 if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
@@ -58,17 +59,20 @@ def thermal_fit(
     """Thermal models of all components that drift readings were given for.
 
     `components` are (axis, unit) of the machine's, None without a machine: then positions are
-    taken as they stand and the unit follows from the readings. `reference` in degC; `method` one
-    of METHODS. Valdes et al., eqs. (4)-(8), (13), and beyond: whole cycles are held out.
+    taken as they stand, and readings of lengths are told in um, of angles in arcsec. `reference`
+    in degC; `method` one of METHODS. Valdes et al., eqs. (4)-(8), (13), and beyond: whole cycles
+    are held out.
 
-    Raises InputError without sensors, or where a temperature is not given.
+    Raises InputError without sensors, where a temperature is not given, or where the readings
+    of a component are not of one kind.
     """
     series, sensors = read_series(blocks, reference)
     found: dict[str, ComponentDrift] = {}
     shares = [1.0]
     warnings: list[Warned] = []
     for name, own in series.items():
-        of, unit = (None, "um") if components is None else components[name]
+        told = "um" if own.dimension == LENGTH else "arcsec"
+        of, unit = (None, told) if components is None else components[name]
         lib = library(own, sensors, reference, lagged=method in ("auto", "lagged"))
         conventions = Conventions(of=of, unit=UNITS[unit], sensors=sensors, reference=reference)
         drift, rest = _component(own, lib, conventions, method)
@@ -100,7 +104,7 @@ def _component(
     rest = residuals(series, lib, spec, found, conventions.reference)
     model = estimate(series, lib, spec, found, rows, rest, conventions)
     evidence, candidates = held_out(lib, method)
-    r2, rms_before, rms_after = _explained(series.n, lib, rows, spec, found)
+    r2, rms_before, rms_after = _explained(series, lib, rows, spec, found)
     condition, vif = _collinearity(lib, rows, spec, found)
     drift = ComponentDrift(
         name=series.name,
@@ -139,12 +143,13 @@ def _spec(lib: Library, rows: Rows, method: str) -> tuple[Spec, PositionTest | N
 
 
 def _explained(
-    n: int, lib: Library, rows: Rows, spec: Spec, found: Fitted
+    series: Series, lib: Library, rows: Rows, spec: Spec, found: Fitted
 ) -> tuple[float, float, float]:
     """r^2 of the fit, and the readings' rms about their means without and with the model."""
     before = sum_of_squares(lib, rows, spec, constant(lib, rows, spec))
     after = sum_of_squares(lib, rows, spec, found)
-    r2 = 1 - after / before if before > 0 else float("nan")
+    n = series.n
+    r2 = 1 - after / before if not series.still else float("nan")
     return r2, float(np.sqrt(before / n)), float(np.sqrt(after / n))
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.columns import Library
+from mtu_cli.analyses.thermal_fit.columns import Library, Rows
 from mtu_cli.analyses.thermal_fit.models import (
     PENALTIES,
     Fitted,
-    Rows,
     Spec,
     fit,
     path_losses,
@@ -26,8 +25,12 @@ WORTH = 0.02
 """A further power of the position must lower the held-out sum of squares by this share ..."""
 LAG_WORTH = 0.1
 """... and a lag of its own by this: the search tries many, and the best of many flatters itself."""
+ROUNDING = 1e-20
+"""Share of the readings' squares below which held-out sums are rounding, and all alike."""
 SENSORS_SEARCHED = 8
 """Groups, largest share of the drift first, that get a time constant of their own."""
+MOST_DEGREES = 2
+"""Degrees in position at which time constants are searched for."""
 MOST_SWEEPS = 1
 """Rounds of the search for them; more of them fit the cycles that choose, not the next ones."""
 
@@ -51,6 +54,16 @@ class Folds:
             (lib.rows([other for other in cycles if other != cycle]), lib.rows([cycle]))
             for cycle in (cycles if len(cycles) > 1 else ())
         ]
+
+    @cached_property
+    def rounding(self) -> float:
+        """What of a held-out sum of squares is rounding."""
+        squares = [
+            float(np.sum(item.factor[:, -1] ** 2))
+            for _, held in self._rows
+            for item in held.values()
+        ]
+        return ROUNDING * sum(squares)
 
     def scores(self, spec: Spec, penalties: FloatArray) -> FloatArray:
         """Held-out sums of squares, one a penalty; nan with a single cycle."""
@@ -89,10 +102,7 @@ def choose(lib: Library, cycles: Sequence[int], method: str) -> tuple[Scored, tu
     if len(cycles) < 2:
         return tried[0], tuple(tried)
     best = min(tried, key=lambda item: item.score)
-    simplest = [
-        item for item in tried if item.kind == best.kind and item.score <= best.score * (1 + WORTH)
-    ]
-    return min(simplest, key=lambda item: item.spec.degree), tuple(tried)
+    return _simplest([item for item in tried if item.kind == best.kind], folds), tuple(tried)
 
 
 def ordinary(lib: Library) -> Spec:
@@ -122,25 +132,53 @@ def _best(kind: str, spec: Spec, scores: FloatArray, penalties: FloatArray) -> S
 def _lagged(lib: Library, folds: Folds) -> list[Scored]:
     """Time constants by coordinate search, from none at all and from one for all groups.
 
-    The degree is the one that ridge without lags prefers.
+    Without its lags a model may prefer another degree in position: the search begins with that
+    of ridge and, where the lags that it finds prefer another, does so once more with that.
     """
     if len(folds.cycles) < 2:
         return []
+    degree = _simplest(_by_degree(lib, folds, "ridge"), folds).spec.degree
+    found: dict[int, Scored] = {}
+    while degree not in found:
+        found[degree] = _searched_at(lib, folds, degree)
+        lags = found[degree].spec.lags
+        others = [
+            found[degree] if other == degree else _scored(folds, other, lags)
+            for other in range(lib.most_degree + 1)
+        ]
+        degree = _simplest(others, folds).spec.degree
+        if len(found) == MOST_DEGREES:
+            break
+    return list(found.values())
+
+
+def _simplest(tried: Sequence[Scored], folds: Folds) -> Scored:
+    """The lowest degree that is as good as the best."""
+    least = min(item.score for item in tried)
+    most = max(least * (1 + WORTH), folds.rounding)
+    kept = [item for item in tried if item.score <= most]
+    return min(kept, key=lambda item: item.spec.degree)
+
+
+def _scored(folds: Folds, degree: int, lags: tuple[int, ...]) -> Scored:
+    """The best penalty for some lags."""
+    spec = Spec(kind="ridge", degree=degree, lags=lags)
+    return _best("lagged", spec, folds.scores(spec, PENALTIES), PENALTIES)
+
+
+def _searched_at(lib: Library, folds: Folds, degree: int) -> Scored:
+    """The best lags that are found at one degree in position."""
     g = len(lib.groups)
-    plain = _by_degree(lib, folds, "ridge")
-    least = min(item.score for item in plain)
-    degree = next(item.spec.degree for item in plain if item.score <= least * (1 + WORTH))
 
     @cache
     def scored(lags: tuple[int, ...]) -> Scored:
-        spec = Spec(kind="ridge", degree=degree, lags=lags)
-        return _best("lagged", spec, folds.scores(spec, PENALTIES), PENALTIES)
+        return _scored(folds, degree, lags)
 
     common = [scored((c,) * g) for c in range(len(lib.time_constants))]
     # Sensors that warm together hide whose the lag is: single changes alone may get stuck.
     starts = dict.fromkeys((0, int(np.argmin([item.score for item in common]))))
     found = [_searched(lib, folds, common[c], scored) for c in starts]
-    return [min(found, key=lambda item: item.score)]
+    return min(found, key=lambda item: item.score)
 
 
 def _searched(

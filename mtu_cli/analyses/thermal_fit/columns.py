@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.series import Series
 from mtu_cli.stats.compressed import Compressed, compress, together
-from mtu_cli.stats.lag import first_order_lag
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.lag import lag_of_moments
+from mtu_cli.stats.least_squares import FloatArray, LeastSquares
 from mtu_cli.stats.mixed import polynomial
 
 ALIKE = 0.999
@@ -19,12 +19,35 @@ ALIKE = 0.999
 MOST_LAGS = 7
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rows(Mapping[int, Compressed]):
+    """Compressed rows of some `cycles` by position index."""
+
+    cycles: frozenset[int]
+    by_position: dict[int, Compressed]
+
+    def __getitem__(self, position: int) -> Compressed:
+        return self.by_position[position]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.by_position)
+
+    def __len__(self) -> int:
+        return len(self.by_position)
+
+
+Selection = tuple[list[int], LeastSquares]
+"""Groups of sensors that were selected, and their fit."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Library:
     """Compressed rows 1, columns, reading by (position index, cycle index).
 
     `groups` are tuples of sensors, `average` (s, g) their means; column 1 + c*g + j is group j
-    with the time constant `time_constants[c]`, of which the first is 0.
+    with the time constant `time_constants[c]`, of which the first is 0. `selections`
+    by (position index, cycles, columns) are those already made: held-out cycles in turn and the
+    degrees in position ask for the same ones again and again.
     """
 
     positions: tuple[float | None, ...]
@@ -33,6 +56,9 @@ class Library:
     average: FloatArray
     time_constants: FloatArray
     pieces: dict[tuple[int, int], Compressed]
+    selections: dict[tuple[int, frozenset[int], tuple[int, ...]], Selection] = field(
+        default_factory=dict
+    )
 
     @property
     def most_degree(self) -> int:
@@ -59,14 +85,17 @@ class Library:
         """Powers (positions, degree + 1) of the position scaled to -1 ... 1."""
         return self._powers[:, : degree + 1]
 
-    def rows(self, cycles: Iterable[int]) -> dict[int, Compressed]:
+    def rows(self, cycles: Iterable[int]) -> Rows:
         """All rows of some cycles by position index."""
-        wanted = set(cycles)
+        wanted = frozenset(cycles)
         found: dict[int, list[Compressed]] = {}
         for (position, cycle), piece in self.pieces.items():
             if cycle in wanted:
                 found.setdefault(position, []).append(piece)
-        return {position: together(found[position]) for position in sorted(found)}
+        return Rows(
+            cycles=wanted,
+            by_position={position: together(found[position]) for position in sorted(found)},
+        )
 
     def columns(self, lags: Sequence[int]) -> list[int]:
         """Constant, one column a group with the time constant of index lags[j], reading."""
@@ -78,10 +107,11 @@ class Library:
 def library(series: Series, sensors: Sequence[str], reference: float, *, lagged: bool) -> Library:
     """The columns of one component, lagged ones too where `lagged` is asked for and time is known.
 
-    Sensors that never move hold no information: they are left out.
+    Sensors that never move hold no information: they are left out, and so are all of them
+    where the readings differ by rounding only.
     """
     span = series.range()
-    moving = [s for s in range(len(sensors)) if span[s, 1] > span[s, 0]]
+    moving = [s for s in range(len(sensors)) if span[s, 1] > span[s, 0] and not series.still]
     groups = _groups(series, moving)
     average = np.zeros((len(sensors), len(groups)))
     for j, group in enumerate(groups):
@@ -90,7 +120,7 @@ def library(series: Series, sensors: Sequence[str], reference: float, *, lagged:
     constants = _time_constants(series) if lagged else np.zeros(1)
     pieces = (
         _lagged_pieces(series, average, constants, reference)
-        if len(constants) > 1
+        if len(constants) > 1 or (series.complete and series.shuffled)
         else _plain_pieces(series, average)
     )
     return Library(
@@ -167,8 +197,10 @@ def _lagged_pieces(
 
 
 def lagged_columns(group: FloatArray, time: FloatArray, constants: FloatArray) -> FloatArray:
-    """Groups (n, g) with each time constant, (n, k*g), constants first."""
-    lagged = first_order_lag(group, time, constants)
+    """Groups (n, g) with each time constant, (n, k*g), constants first; rows of one time that
+    follow each other are one moment.
+    """
+    lagged = lag_of_moments(group, time, constants)
     found: FloatArray = np.moveaxis(lagged, 0, 1).reshape(len(group), -1)
     return found
 

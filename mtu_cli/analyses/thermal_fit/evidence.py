@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.special import fdtrc
 
 from mtu_cli.analyses.thermal_fit.choice import Folds, choose, ordinary
-from mtu_cli.analyses.thermal_fit.columns import Library
+from mtu_cli.analyses.thermal_fit.columns import Library, Rows
 from mtu_cli.analyses.thermal_fit.models import (
     Fitted,
-    Rows,
     Spec,
     fit,
     sum_of_squares,
     weights,
 )
 from mtu_cli.analyses.thermal_fit.result import Candidate, HeldOut, PositionTest
+from mtu_cli.stats import autocorrelation as following
+from mtu_cli.stats.autocorrelation import effective_number
+from mtu_cli.stats.compressed import Compressed
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.stepwise import effective_number
 
 FEWEST_NESTED = 3
 """Cycles from which on one can be held out of fit and choice, and the choice still hold one out."""
@@ -41,12 +44,12 @@ def constant(lib: Library, rows: Rows, spec: Spec) -> Fitted:
 def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate, ...]]:
     """Every cycle predicted by a model chosen and fitted on the others alone.
 
-    None with fewer than three cycles. The candidates' figures are of the best of their kind
-    and degree on each fold's other cycles, so that they are held out as well; None for what was
-    not tried in every fold, because other cycles are another measure.
+    None with fewer than three cycles, or without a sensor. The candidates' figures are of the
+    best of their kind and degree on each fold's other cycles, so that they are held out as well;
+    None for what was not tried in every fold, because other cycles are another measure.
     """
     cycles = range(len(lib.cycles))
-    if len(lib.cycles) < FEWEST_NESTED:
+    if len(lib.cycles) < FEWEST_NESTED or not lib.groups:
         return None, ()
     before, after, least = 0.0, 0.0, 0.0
     by_cycle: list[tuple[str, float, float]] = []
@@ -122,20 +125,20 @@ def position_test(lib: Library, spec: Spec, rows: Rows) -> PositionTest | None:
 
 def autocorrelation(lib: Library, rows: Rows, spec: Spec, found: Fitted) -> float:
     """Lag-1 autocorrelation of the residuals, pooled over positions."""
-    square, product = mean_products(lib, rows, spec, found)
-    return product / square if square > 0 else 0.0
+    return following.autocorrelation(_residuals(lib, rows, spec, found))
 
 
 def mean_products(lib: Library, rows: Rows, spec: Spec, found: Fitted) -> tuple[float, float]:
     """Mean e_i^2 and mean e_i e_(i+1) of the residuals of any cycles."""
-    squares = products = 0.0
-    n = pairs = 0
+    return following.mean_products(_residuals(lib, rows, spec, found))
+
+
+def _residuals(
+    lib: Library, rows: Rows, spec: Spec, found: Fitted
+) -> Iterator[tuple[Compressed, FloatArray]]:
+    """Rows and weights by position, whose products are the residuals."""
     for position, item in rows.items():
-        w = weights(lib, spec, found, position)
-        squares += float(np.sum((item.factor @ w) ** 2))
-        products += float(w @ item.lag @ w)
-        n, pairs = n + item.n, pairs + item.pairs
-    return squares / n, products / pairs if pairs else 0.0
+        yield item, weights(lib, spec, found, position)
 
 
 def unseen_products(lib: Library, spec: Spec) -> tuple[float, float, float] | None:

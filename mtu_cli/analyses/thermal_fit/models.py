@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.columns import Library
+from mtu_cli.analyses.thermal_fit.columns import Library, Rows, Selection
 from mtu_cli.stats.compressed import Compressed
-from mtu_cli.stats.least_squares import FloatArray, LeastSquares, least_squares
+from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.ridge import RidgePath, ridge
 from mtu_cli.stats.stepwise import stepwise
-
-Rows = Mapping[int, Compressed]
-"""Compressed rows by position index."""
 
 PENALTIES = np.concatenate([[0.0], 10.0 ** np.arange(-8.0, 0.6, 0.5)])
 """Ridge penalties that are tried; 0 is ordinary least squares."""
@@ -101,12 +97,12 @@ def _fit_stepwise(lib: Library, rows: Rows, spec: Spec) -> Fitted:
     g, m = len(lib.groups), spec.degree + 1
     places = list(rows)
     V = lib.powers(spec.degree)[places]
-    W = np.linalg.pinv(V)
+    W = through_places(V)
     gradients = np.zeros((len(places), g))
     unit = np.zeros((m, g, m, g))
     used = float(len(places))
     for i, position in enumerate(places):
-        selected, found = _selected(rows[position], chosen)
+        selected, found = _selected(lib, rows, position, chosen)
         gradients[i, selected] = found.coefficients[1:]
         covariance = np.zeros((g, g))
         covariance[np.ix_(selected, selected)] = found.unscaled_covariance[1:, 1:]
@@ -124,8 +120,22 @@ def _fit_stepwise(lib: Library, rows: Rows, spec: Spec) -> Fitted:
     )
 
 
-def _selected(rows: Compressed, chosen: list[int]) -> tuple[list[int], LeastSquares]:
+def through_places(V: FloatArray) -> FloatArray:
+    """W (m, p) such that W y are the m powers of the least-squares polynomial through values y
+    at p places, V (p, m) their powers.
+    """
+    return np.column_stack([least_squares(V, unit).coefficients for unit in np.eye(len(V))])
+
+
+def _selected(lib: Library, rows: Rows, position: int, chosen: list[int]) -> Selection:
     """Groups of sensors that stepwise selection takes at one position, and their fit."""
+    key = (position, rows.cycles, tuple(chosen))
+    if key not in lib.selections:
+        lib.selections[key] = _selection(rows[position], chosen)
+    return lib.selections[key]
+
+
+def _selection(rows: Compressed, chosen: list[int]) -> Selection:
     own = Compressed(
         factor=rows.factor[:, chosen],
         n=rows.n,

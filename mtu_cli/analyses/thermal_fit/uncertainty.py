@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import comb, fdtri
 
-from mtu_cli.analyses.thermal_fit.columns import Library, lagged_columns
+from mtu_cli.analyses.thermal_fit.columns import Library, Rows, lagged_columns
 from mtu_cli.analyses.thermal_fit.evidence import mean_products, unseen_products
-from mtu_cli.analyses.thermal_fit.models import Fitted, Rows, Spec
+from mtu_cli.analyses.thermal_fit.models import Fitted, Spec, through_places
 from mtu_cli.analyses.thermal_fit.series import Kept, Series
 from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.stats.autocorrelation import effective_number
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.positive_part import positive_part
-from mtu_cli.stats.stepwise import effective_number
+from mtu_cli.stats.positive_part import covariance_root, positive_part
 from mtu_cli.units import Unit
 
 NORMAL_QUARTILE = 0.6744897501960817
@@ -89,7 +89,7 @@ def estimate(
     T = _unscaled(lib, spec.degree)
     kept = np.concatenate([used + m * len(lib.groups) for m in range(spec.degree + 1)])
     scale, coefficient_dof = _coefficient_scale(lib, spec, found, rows)
-    root = np.kron(T, spread) @ _root(found.unit_covariance[np.ix_(kept, kept)])
+    root = np.kron(T, spread) @ covariance_root(found.unit_covariance[np.ix_(kept, kept)])
     slow, leftover_dof = _slow(lib, rest, spec, found)
     constants = lib.time_constants[np.asarray(spec.lags, int)]
     places = [position for position in lib.positions if position is not None]
@@ -109,13 +109,6 @@ def estimate(
         temperature_range=series.range()[members],
         position_range=(min(places), max(places)) if places else None,
     )
-
-
-def _root(matrix: FloatArray) -> FloatArray:
-    """F with F F' = matrix (k, k): products of it keep their variances from turning negative."""
-    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-    root: FloatArray = vectors * np.sqrt(np.clip(values, 0.0, None))
-    return root
 
 
 def _unscaled(lib: Library, degree: int) -> FloatArray:
@@ -206,7 +199,7 @@ def _as_polynomial(lib: Library, degree: int, slow: FloatArray) -> FloatArray:
     it then carries the mean variance of the positions all the same.
     """
     V = lib.powers(degree)
-    W = np.linalg.pinv(V)
+    W = through_places(V)
     D = positive_part(W @ slow @ W.T)
     wanted, carried = float(np.trace(slow)), float(np.einsum("pi,ij,pj->", V, D, V))
     if carried > _NOTHING * wanted:

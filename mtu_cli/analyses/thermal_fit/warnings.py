@@ -12,16 +12,16 @@ from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.analyses.thermal_fit.series import Series
 from mtu_cli.analyses.thermal_fit.uncertainty import NORMAL_QUARTILE, Rest
 from mtu_cli.model.settings import Warned
+from mtu_cli.model.temperature_warnings import OTHERS_MOVE_DEGC
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.residuals import FEWEST_FOR_NORMALITY
 
 OVER_FIT = 2.0
 COLLINEAR = 30.0
 """Condition number from which on single coefficients are not to be trusted (Belsley, Kuh &
 Welsch 1980, ch. 3)."""
 STUCK_SHARE = 0.5
-"""A sensor counts as stuck where one value fills this share of a cycle ..."""
-OTHERS_MOVE = 0.5
-"""... while the other sensors move by this many degC (their median)."""
+"""A sensor counts as stuck where one value fills this share of a cycle, half or more."""
 FEWEST_ROWS = 10
 FAR = 1.0
 """degC beyond the reference from which on it counts as not read."""
@@ -56,9 +56,38 @@ def component_warnings(
             )
         )
     found += _of_reference(drift)
+    if method == "lagged" and len(lib.time_constants) > 1 and len(lib.cycles) < 2:
+        found.append(
+            ("no-lags", "lags are chosen on held-out cycles, and there is one: the model is ridge")
+        )
+    found += _of_files(series)
     if not drift.estimate.sensors:
-        found.append(("no-sensor", "no sensor explains the drift"))
+        why = "the readings do not differ, r2 cannot be had: " if series.still else ""
+        found.append(("no-sensor", f"{why}no sensor explains the drift"))
+    if drift.residuals.normality_p is None:
+        number = drift.residuals.effective
+        why = f"{number:.3g} independent ones" if number < FEWEST_FOR_NORMALITY else "they are 0"
+        found.append(("normality-not-tested", f"the residuals are not tested: {why}"))
     return [Warned(code=code, message=f"{drift.name}: {text}") for code, text in found]
+
+
+def _of_files(series: Series) -> Iterator[tuple[str, str]]:
+    """Rows whose order or cycle is not what the files say at first sight."""
+    if series.shuffled and not series.complete:
+        yield (
+            "rows-out-of-order",
+            "readings of one cycle are not in the order of their times, and too many to be "
+            "sorted: their autocorrelation is that of the file's order",
+        )
+    several = {cycle: names for (_, cycle), names in series.files.items() if len(names) > 1}
+    if several:
+        cycle, names = next(iter(several.items()))
+        what = f"cycle {cycle!r}" if cycle else "what no column 'cycle' tells apart"
+        yield (
+            "cycle-in-two-files",
+            f"{what} stands in {' and '.join(sorted(names))} and counts as one warm-up or "
+            "cool-down: different ones need different names in the column 'cycle'",
+        )
 
 
 def _no_lags(series: Series) -> str:
@@ -124,14 +153,6 @@ def sensor_warnings(
     found += _gross(rest, drift)
     for c, cycle in enumerate(series.cycles):
         rows = rest.kept.at(series.positions[0], c)
-        if (np.diff(rest.kept.time[rows]) < 0).any():
-            found.append(
-                Warned(
-                    code="rows-out-of-order",
-                    message=f"{drift.name}: the readings of cycle {cycle!r} are not in the order "
-                    "of their times: lags and autocorrelation are taken in the file's order",
-                )
-            )
         for s in _stuck(rest.kept.temperature[rows]):
             if sensors[s] in still:
                 continue
@@ -184,13 +205,17 @@ def _stuck(temperature: FloatArray) -> list[int]:
     if len(temperature) < FEWEST_ROWS:
         return []
     found = []
+    # What fills half the rows is in the middle of them all.
+    middle = sorted({(len(temperature) - 1) // 2, len(temperature) // 2})
+    values = np.partition(temperature, middle, axis=0)[middle]
+    alike = np.array([(temperature == value).sum(axis=0) for value in values])
     for s in range(temperature.shape[1]):
-        values, counts = np.unique(temperature[:, s], return_counts=True)
-        if counts.max() < STUCK_SHARE * len(temperature):
+        most = int(np.argmax(alike[:, s]))
+        if alike[most, s] < STUCK_SHARE * len(temperature):
             continue
-        still = temperature[:, s] == values[np.argmax(counts)]
+        still = temperature[:, s] == values[most, s]
         others = np.delete(np.ptp(temperature[still], axis=0), s)
-        if len(others) and np.median(others) > OTHERS_MOVE:
+        if len(others) and np.median(others) >= OTHERS_MOVE_DEGC:
             found.append(s)
     return found
 

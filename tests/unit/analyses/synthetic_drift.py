@@ -76,6 +76,7 @@ def readings(runs: Sequence[Run], order: NDArray[np.int64] | None = None) -> Rea
         code=codes([names.index(run.name) for run in runs]),
         position_mm=numbers([np.nan if run.position is None else run.position for run in runs]),
         error=numbers([run.error for run in runs]),
+        dimension=np.ones(n, np.int8),
         pass_number=np.full(n, -1),
         has_pass=np.zeros(n, bool),
         direction=np.zeros(n, np.int8),
@@ -102,7 +103,7 @@ def rises(found: Readings, sensors: int) -> FloatArray:
 def reordered(found: Readings, order: NDArray[np.int64]) -> Readings:
     """Some rows of readings, in another order."""
     arrays = ("code", "position_mm", "error", "pass_number", "has_pass", "direction", "cycle",
-              "time_min", "file_index", "row")  # fmt: skip
+              "time_min", "file_index", "row", "dimension")  # fmt: skip
     return replace(
         found,
         covariates={name: values[order] for name, values in found.covariates.items()},

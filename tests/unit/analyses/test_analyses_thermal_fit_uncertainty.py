@@ -11,7 +11,7 @@ from synthetic_drift import REFERENCE, UM, Plan, rises
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.columns import Library, library
 from mtu_cli.analyses.thermal_fit.models import Spec, fit
-from mtu_cli.analyses.thermal_fit.series import read_series
+from mtu_cli.analyses.thermal_fit.reading import read_series
 from mtu_cli.analyses.thermal_fit.uncertainty import _unscaled
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray, least_squares

@@ -11,6 +11,8 @@ from correct_examples import codes, error_at, machine, ring_part, ring_places, r
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import CorrectResult, correct
+from mtu_cli.errors import InputError
+from mtu_cli.files.points import Points
 from mtu_cli.model.basis import ThermalBasis
 from mtu_cli.model.machine_model import MachineModel, Term
 from mtu_cli.model.settings import Settings
@@ -70,7 +72,7 @@ def test_a_drift_that_lags_sees_the_history_of_all_parts(tmp_path: Path) -> None
     # It matters: a drift that began anew with every part would be far off.
     assert np.abs(2e-3 * (shuffled[1] - lagged[0])).max() > 3e-3
     still = ring_points(place, parts, None, own)
-    assert "lag-without-time" in codes(correct(model, None, still, SETTINGS))
+    assert "settled-temperatures" in codes(correct(model, None, still, SETTINGS))
     hot = ring_points(place, parts, None, own | {"T_a_degC": sensor + 2}, time=time)
     assert "outside-temperature-range" in codes(correct(model, None, hot, SETTINGS))
 
@@ -92,3 +94,61 @@ def test_a_shared_reading_is_wrong_by_the_same_for_all_points_of_a_ring(tmp_path
     each = replace(points, covariates=own | {"T_a_degC": 22 + 0.1 * np.arange(22.0)})
     apart = correct(lagging(model, (0.0, 0.0), sensor_u=0.5), part, each, SETTINGS)
     assert machine_u(apart) > 1.05 * machine_u(without)
+
+
+def lagging_points(times: list[float], temperatures: list[float]) -> Points:
+    """Two rings, each of 11 points at its times and temperatures."""
+    own: Columns = {
+        "T_scale_degC": np.full(22, 20.0), "T_a_degC": np.repeat(temperatures, 11)
+    }  # fmt: skip
+    time = np.concatenate([start + 2.0 * np.arange(11) for start in times])
+    return ring_points(np.tile(ring_places(), (2, 1)), ["a", "b"], None, own, time=time)
+
+
+def test_parts_that_each_count_their_times_from_0(tmp_path: Path) -> None:
+    """The second part of 26 degC must not take the temperatures of the first one."""
+    model = lagging(machine(tmp_path), (40.0, 0.0))
+    with pytest.raises(InputError) as raised:
+        correct(model, None, lagging_points([0.0, 0.0], [20.0, 26.0]), SETTINGS)
+    (problem,) = raised.value.problems
+    assert (problem.file, problem.row, problem.column) == ("cmm.csv", 13, "T_a_degC")
+    assert "the same time as in row 2, where T_a_degC reads 20 degC" in problem.what
+    found = correct(model, None, lagging_points([0.0, 1000.0], [20.0, 26.0]), SETTINGS)
+    assert found.error[11:, 1] - found.error[:11, 1] == pytest.approx(np.full(11, 0.012), rel=1e-9)
+
+
+def test_unlike_rows_do_not_change_what_the_noise_of_a_lag_does(tmp_path: Path) -> None:
+    """Rows a day later are no part of a ring's history, before or behind it in the file."""
+    model, part = lagging(machine(tmp_path), (40.0, 15.0), sensor_u=0.5), ring_part(tmp_path)
+    two = correct(model, part, lagging_points([0.0, 1440.0], [20.0, 20.01]), SETTINGS)
+    other = correct(model, part, lagging_points([0.0, 2880.0], [20.0, 20.01]), SETTINGS)
+    assert two.u[:11] == pytest.approx(other.u[:11], rel=1e-9, nan_ok=True)
+    # Temperatures are lines between readings: the first one after a night has tau/dt of the last.
+    for found in (two, other):
+        assert found.u[11:] == pytest.approx(found.u[:11], rel=40 / 1440, nan_ok=True)
+
+
+def test_a_sensor_that_is_stuck_is_told(tmp_path: Path) -> None:
+    points = lagging_points([0.0, 1000.0], [20.0, 26.0])
+    terms = lagging(machine(tmp_path), (0.0, 0.0)).terms
+    second = lagging(machine(tmp_path), (0.0, 0.0)).terms[-1]
+    assert isinstance(second.basis, ThermalBasis)
+    other = replace(second.basis.estimate, sensors=("T_b_degC",), temperature_range=None)
+    model = replace(
+        machine(tmp_path),
+        terms=(*terms[:-1], replace(second, basis=ThermalBasis(estimate=other))),
+    )
+    stuck: Columns = {"T_b_degC": np.full(22, 20.0)}
+    found = correct(model, None, replace(points, covariates=points.covariates | stuck), SETTINGS)
+    (warned,) = [item for item in found.warnings if item.code == "sensor-stuck"]
+    assert "T_b_degC stands still while the other sensors move by 6 degC" in warned.message
+    assert "wrong by up to 12 um" in warned.message
+
+
+@pytest.mark.parametrize("value", [1e4, -1e4, np.inf])
+def test_temperatures_that_no_sensor_reads(tmp_path: Path, value: float) -> None:
+    points = lagging_points([0.0, 1000.0], [20.0, 26.0])
+    points.covariates["T_a_degC"][[6, 9]] = value
+    with pytest.raises(InputError) as raised:
+        correct(lagging(machine(tmp_path), (40.0, 0.0)), None, points, SETTINGS)
+    assert [(p.row, p.column) for p in raised.value.problems] == [(8, "T_a_degC"), (11, "T_a_degC")]

@@ -91,6 +91,30 @@ def test_two_of_a_kind_and_neither_kind(tmp_path: Path) -> None:
     ]
 
 
+def test_doubts_of_a_thermal_report(tmp_path: Path) -> None:
+    """One a code and text, with all components that it is told of; other warnings stay behind."""
+    path = written(tmp_path, "t.json", "thermal-fit", DRIFT)
+    document = json.loads(path.read_text())
+    no_cycles = "no cycles are told apart: no cycle can be held out"
+    warned = [
+        ("not-held-out", f"a: {no_cycles}"),
+        ("collinear", "a: the sensors move together"),
+        ("not-held-out", f"b: {no_cycles}"),
+        ("no-better", "b: on held-out cycles the temperatures make it worse"),
+    ]
+    document["warnings"] = [{"code": code, "message": text} for code, text in warned]
+    path.write_text(json.dumps(document))
+    found = read_report(path)
+    assert isinstance(found, ThermalReport)
+    assert [(item.code, item.message) for item in found.doubts] == [
+        ("not-held-out", f"t.json: a, b: {no_cycles}"),
+        ("no-better", "t.json: b: on held-out cycles the temperatures make it worse"),
+    ]
+    document["warnings"] = [{"code": "no-better"}]
+    path.write_text(json.dumps(document))
+    assert "t.json: warnings.0.message: is missing" in told(path)[0]
+
+
 def test_a_drift_without_sensors(tmp_path: Path) -> None:
     empty = DRIFT | {
         "sensors": [], "coefficients": [[], []], "covariance": [], "time_constants_min": [],
@@ -114,6 +138,15 @@ def test_a_drift_without_sensors(tmp_path: Path) -> None:
         ({"covariance": [[1]]}, "a.covariance: covariance is not 4 x 4"),
         ({"leftover_covariance": [[1]]}, "a.leftover_covariance: leftover_covariance is not 2 x 2"),
         ({"leftover_covariance": [[-1, 0], [0, 1]]}, "a.leftover_covariance: a variance is negati"),
+        ({"leftover_covariance": [[1, 1e-3], [0, 1]]}, "no covariance: not symmetric, or correl"),
+        (
+            {"leftover_covariance": [[1, 2], [2, 1]]},
+            "no covariance: not symmetric, or correlations",
+        ),
+        (
+            {"leftover_covariance": [[0, 1], [1, 1]]},
+            "no covariance: not symmetric, or correlations",
+        ),
         ({"leftover_covariance": [[None, 0], [0, 1]]}, "null: the drift readings do not determine"),
         ({"leftover_dof": -1}, "a.leftover_dof: input should be greater than or equal to 0"),
         ({"time_constants_min": [0]}, "a.time_constants_min: 1 entries for 2 sensors"),

@@ -59,7 +59,7 @@ SOUND = {
         + "dx_x;1;1,5;um;20,5\n" * 20
     ],
     "quoted": [table("pass,note", "{i}", '"line {i}\n# {i}, ""next"""')],
-    "empty-cells": [table("pass,T_a_degC,note", "{i}", "", "{h}").replace(",1\n", ",\n")],
+    "empty-cells": [table("pass,dir_x,note", "{i}", "", "{h}").replace(",1\n", ",\n")],
     "dates": [
         table("time,n", "2024-05-03T10:00:00.{i:03d}", "x"),
         table("time", "2024-05-03T09:00:00.{i:03d}"),
@@ -181,6 +181,8 @@ NEARLY = table("pass,load", "{i}", "{i}").replace("119,119", "119,nan")
 FAULTY = {
     "cell": [TIMED.replace("20.97", "20,97")],
     "first-cell": [TIMED.replace("axy,0,0.0", "axy,0,x", 1)],
+    "temperatures": [TIMED.replace("20.97", "").replace(",20.98", ",2098").replace("21.0", "-")],
+    "name-of-a-temperature": [TIMED.replace("T_b_degC", "T_öl_degC")],
     "component": [TIMED.replace("dx_x,1", "dx_y,1")],
     "unit": [TIMED.replace("14.5,arcsec", "14.5,arcsecs")],
     "kind-of-unit": [TIMED.replace("14.5,arcsec", "14.5,um")],
@@ -190,7 +192,7 @@ FAULTY = {
     "long-row": [TIMED.replace(",c1,20.99", ",c1,20.99,")],
     "doubled-row": [TIMED + "\n" + TIMED.splitlines()[7] + "\n"],
     "doubled-row-written-differently": [
-        table("pass,T_a_degC,note", "{i}", "", '"a,{i}"') + '\n"axy",0.0,0,arcsec,0.0,," a,0 "\n'
+        table("pass,dir_x,note", "{i}", "", '"a,{i}"') + '\n"axy",0.0,0,arcsec,0.0,," a,0 "\n'
     ],
     "open-quote": [TIMED.replace("c1,20.70", '"c1,20.70')],
     "no-text": [TIMED.replace("c1,20.80", "c\0,20.80")],

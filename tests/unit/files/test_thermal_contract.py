@@ -56,6 +56,42 @@ def test_a_lower_degree_and_noise_by_sensor(tmp_path: Path) -> None:
     assert found.sensor_u_degC == {"T_b_degC": 0.1}
 
 
+def notices(tmp_path: Path, thermal: str) -> list[str]:
+    path = tmp_path / "m.yaml"
+    path.write_text(f"{HEAD}  a: {{of: x, unit: um, thermal: {{{thermal}}}}}\n")
+    return [item.message for item in load_machine(path).warnings if item.code == "thermal-degree"]
+
+
+def test_a_degree_that_does_not_follow_the_gradients(tmp_path: Path) -> None:
+    """1, 2, 6 at 0, 1, 2: the line of least squares is 0.5 + 2.5 p, off by 1 in the middle."""
+    bent = "positions_mm: [0, 1, 2], gradients: {T_a_degC: [1, 2, 3], T_b_degC: [1, 2, 6]}"
+    (message,) = notices(tmp_path, f"{bent}, degree: 1")
+    assert message == (
+        "m.yaml:5: components.a.thermal: a polynomial of degree 1 does not pass through the given "
+        "gradients: that of T_b_degC at 1 mm is off by 1 um per degC"
+    )
+    (message,) = notices(tmp_path, f"{bent}, degree: 0")
+    assert "that of T_b_degC at 2 mm is off by 3 um per degC" in message
+    assert notices(tmp_path, bent) == []
+    line = "positions_mm: [0, 1, 2], degree: 1, gradients: {T_a_degC: [1, 2, 3.01]}"
+    assert notices(tmp_path, line) == []
+
+
+@pytest.mark.parametrize("travel", ["[10, 300]", "[10, 74.9]", "[10, 75]"])
+def test_positions_that_the_axis_does_not_reach(tmp_path: Path, travel: str) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(f"axes: {{x: {{travel_mm: {travel}}}}}\n{HEAD}  a: {{{PLACED}}}}}\n")
+    with pytest.raises(InputError) as caught:
+        load_machine(path)
+    high = travel.split(", ")[1].removesuffix("]")
+    outside = [(0, "0")] + [(1, "75")] * (float(high) < 75)
+    assert [str(problem) for problem in caught.value.problems] == [
+        f"m.yaml:6: components.a.thermal.positions_mm[{index}]: outside the travel of x: '{value}';"
+        f" expected from 10 to {high} mm"
+        for index, value in outside
+    ]
+
+
 PLACED = "of: x, unit: um, thermal: {positions_mm: [0, 75], gradients: {T_a_degC: [1, 2]}"
 PLAIN = "unit: um, thermal: {gradients: {T_a_degC: 1}"
 FAULTS = [

@@ -142,6 +142,7 @@ def two_instruments(p: FloatArray, errors: list[FloatArray]) -> Readings:
         code=np.zeros(n, np.int64),
         position_mm=np.tile(p, 2 * passes),
         error=np.concatenate([item.ravel() for item in errors]) * 1e-3,
+        dimension=np.ones(n, np.int8),
         pass_number=np.tile(np.repeat(np.arange(1, passes + 1), len(p)), 2),
         has_pass=np.ones(n, bool),
         direction=np.zeros(n, np.int8),

@@ -176,6 +176,28 @@ def test_lags_follow_the_times_of_the_rows() -> None:
     assert rows[:, 2:] == pytest.approx(place["x"][:, None] * rise, rel=1e-10, abs=1e-12)
 
 
+def test_a_sensor_without_lag_is_every_rows_own() -> None:
+    """Also beside one that lags, and where two rows share a moment."""
+    at = {
+        "T_a_degC": np.array([20.0, 20.4, 22.0]), "T_b_degC": np.array([20.0, 26.0, 21.0]),
+        "time_min": np.array([0.0, 0.0, 30.0]),
+    }  # fmt: skip
+    found = lagged_basis().temperatures(at, 3)
+    assert (found[:, 1] == at["T_b_degC"]).all()
+    assert found[0, 0] == found[1, 0] == pytest.approx(20.2, rel=1e-15)
+
+
+def test_two_parts_that_both_count_their_time_from_0_are_refused() -> None:
+    """A part of 26 degC must not take the temperatures of one of 20 degC."""
+    part, time = np.full(3, 20.0), np.array([0.0, 2.0, 4.0])
+    at = {
+        "T_a_degC": np.append(part, part + 6), "T_b_degC": np.full(6, 20.0),
+        "time_min": np.append(time, time),
+    }  # fmt: skip
+    with pytest.raises(InputError, match="T_a_degC at 0 min reads 20 and 26 degC"):
+        lagged_basis().temperatures(at, 6)
+
+
 def test_without_times_all_temperatures_count_as_settled() -> None:
     a, b = np.linspace(20.0, 26.0, 6), np.full(6, 21.0)
     untimed: dict[str, FloatArray | float] = {"T_a_degC": a, "T_b_degC": b}

@@ -12,7 +12,6 @@ from mtu_cli.model.design import design
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.temperature_noise import temperature_blocks, temperature_gradients
-from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
 
 U = {"T_a_degC": 0.1, "T_b_degC": 0.2, "T_c_degC": 0.05}
@@ -135,29 +134,73 @@ def test_variance_of_a_length_is_that_of_its_covariance(
     assert measurand(found) == pytest.approx(C[2, 2] + C[4, 4] - 2 * C[2, 4], rel=1e-9)
 
 
-def test_a_lag_averages_the_noise_of_readings(tmp_path: Path) -> None:
-    """Readings dt apart, tau = 40 dt: sqrt(dt/(2 tau)) of the noise is left, by drawn histories.
+def lagged(covariates: dict[str, FloatArray], taus: dict[str, float]) -> dict[str, FloatArray]:
+    """First-order lags by a loop, in the order of time."""
+    order = np.argsort(covariates["time_min"], kind="stable")
+    found = {}
+    for name, tau in taus.items():
+        T, t = covariates[name][order], covariates["time_min"][order]
+        u = T.copy()
+        for i in range(1, len(t)):
+            g = (T[i] - T[i - 1]) * tau / (t[i] - t[i - 1])
+            u[i] = T[i] - g + (u[i - 1] - T[i - 1] + g) * np.exp(-(t[i] - t[i - 1]) / tau)
+        found[name] = np.empty_like(u)
+        found[name][order] = u
+    return found
 
-    A lag that is linear between readings keeps 1 part in 2 (tau/dt)^2 less: nothing here.
-    """
-    n, dt, tau, u = 400, 0.5, 20.0, 0.3
-    time = dt * np.arange(n, dtype=np.float64)
-    draws = first_order_lag(np.random.default_rng(54).normal(size=(n, 4000)) * u, time,
-                            np.array([tau]))[0, -1]  # fmt: skip
-    left = np.sqrt(dt / (2 * tau))
-    assert draws.std() == pytest.approx(u * left, rel=5 / np.sqrt(2 * 4000) + 1e-3)
-    model = machine(tmp_path, line(time_constants=(tau, 0.0), sensor_u=(u, 0.0)))
-    plain = machine(tmp_path, line(sensor_u=(u, 0.0)))
-    points = np.tile(POINTS[1], (n, 1))
-    at = {"T_a_degC": 20 + 0.01 * time, "T_b_degC": np.full(n, 21.0), "time_min": time}
-    variances = []
-    for item in (model, plain):
-        rows = design(item, points, at)
-        (block,) = temperature_blocks(item, points, at, rows.levers)
-        assert not block.G.any()
-        variances.append(block.noise[:, 0] ** 2)
-    assert variances[0] == pytest.approx(variances[1] * left**2, rel=1e-9)
-    steep = machine(tmp_path, line(time_constants=(0.1, 0.0), sensor_u=(u, 0.0)))
-    (block,) = temperature_blocks(steep, points, at, design(steep, points, at).levers)
-    # A lag shorter than the step averages nothing.
-    assert block.noise[:, 0] ** 2 == pytest.approx(variances[1], rel=1e-12)
+
+@pytest.mark.parametrize("time", [
+    [1000.0, 0.0, 1005.0, 5.0], [0.0, 2.0, 4.0, 6.0], [0.0, 500.0, 1000.0, 1500.0]
+])  # fmt: skip
+def test_noise_comes_through_a_lag_as_drawn_histories_have_it(
+    tmp_path: Path, time: list[float]
+) -> None:
+    """Uneven steps, a cold start, and steps far longer than the lag: all but independent."""
+    tau = {"T_a_degC": 60.0, "T_b_degC": 15.0}
+    drifts = (line(time_constants=tuple(tau.values()), sensor_u=(0.1, 0.2)),
+              angle(time_constants=(15.0, 0.0), sensor_u=(0.2, 0.05)))  # fmt: skip
+    at = EACH | {"time_min": np.array(time)}
+    found = added(machine(tmp_path, *drifts), dict(at), tmp_path)
+    rng = np.random.default_rng(57)
+    # The machine without lags is given the lagged readings.
+    settled = machine(tmp_path, line(), angle())
+    base = predict(settled, IDS, POINTS, lagged(at, tau) | {"T_c_degC": at["T_c_degC"]}).mean
+    draws = np.zeros((400, 8))
+    for k in range(len(draws)):
+        noisy = {name: at[name] + U[name] * rng.normal(size=4) for name in SENSORS}
+        seen = lagged(at | noisy, tau) | {"T_c_degC": noisy["T_c_degC"]}
+        draws[k] = predict(settled, IDS, POINTS, seen).mean - base
+    check(found, draws)
+
+
+def test_lagged_noise_of_a_cold_start_is_shared_by_neighbours(tmp_path: Path) -> None:
+    """u_0 = T_0, u_1 = w T_0 + (1 - w) T_1 with w = (1 - exp(-k))/k, k = dt/tau."""
+    model = machine(tmp_path, line(time_constants=(40.0, 0.0), sensor_u=(0.3, 0.0)))
+    quiet = machine(tmp_path, line(time_constants=(40.0, 0.0)))
+    at: dict[str, FloatArray | float] = {
+        "T_a_degC": np.array([20.0, 20.5]), "T_b_degC": 21.0, "time_min": np.array([0.0, 2.0])
+    }  # fmt: skip
+    points = np.tile(POINTS[1], (2, 1))
+    found, less = (predict(m, IDS[:2], points, at).covariance for m in (model, quiet))
+    w = (1 - np.exp(-2 / 40)) / (2 / 40)
+    one = (0.3 * (1.5 + 0.01 * POINTS[1, 0]) * 1e-3) ** 2
+    own = (found - less)[np.ix_([0, 2], [0, 2])]
+    assert own == pytest.approx(one * np.array([[1, w], [w, w**2 + (1 - w) ** 2]]), rel=1e-9)
+
+
+def test_rows_with_the_same_temperatures_share_one_reading(tmp_path: Path) -> None:
+    """Two of four points do: each of the others has a noise of its own."""
+    model, quiet = noisy(tmp_path), machine(tmp_path, line(), angle())
+    at = {name: values[[0, 1, 1, 3]] for name, values in EACH.items()}
+    found = predict(model, IDS, POINTS, dict(at)).covariance
+    found -= predict(quiet, IDS, POINTS, dict(at)).covariance
+    base = predict(quiet, IDS, POINTS, dict(at)).mean
+    expected = np.zeros((4, 4))
+    for name, u in U.items():
+        moved = at[name] + u * np.array([0.0, 1.0, 1.0, 0.0])
+        step = (predict(quiet, IDS, POINTS, at | {name: moved}).mean - base)[2:6]
+        expected += np.outer(step, step)
+    assert found[2:6, 2:6] == pytest.approx(expected, rel=1e-6, abs=1e-15)
+    assert abs(found[2, 4]) > 0.1 * np.sqrt(found[2, 2] * found[4, 4])
+    assert np.abs(found[0:2, 2:]).max() < 1e-20
+    assert np.abs(found[6:8, :6]).max() < 1e-20

@@ -25,7 +25,7 @@ from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.reports.tables import plain_text
 from mtu_cli.reports.thermal_fit import CSV_COLUMNS, document, rows, tables
-from mtu_cli.reports.thermal_shown import cut, gradient_u, nothing_held_out, spread
+from mtu_cli.reports.thermal_shown import cut, nothing_held_out, spread
 from mtu_cli.units import UNITS
 
 CONTRACT = {
@@ -169,7 +169,7 @@ def test_uncertainty_of_a_gradient_is_propagated_with_covariances() -> None:
     variance = 0.0
     for m, other in product(range(4), range(4)):
         variance += p ** (m + other) * float(estimate.covariance[5 * m + s, 5 * other + s])
-    assert gradient_u(estimate, s, p) == pytest.approx(variance**0.5, rel=1e-12)
+    assert estimate.gradient_u(s, p) == pytest.approx(variance**0.5, rel=1e-12)
     # The same by drawing coefficients: 4 standard errors of a standard deviation.
     n = 20_000
     drawn = root @ rng.normal(size=(20, n))

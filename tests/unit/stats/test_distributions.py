@@ -6,13 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import betainc, stdtrit
+from numpy.typing import NDArray
+from scipy.special import betainc, ndtri, stdtrit
 
 from mtu_cli.stats.distributions import (
     Distribution,
     Kind,
     dof_of_inexact,
     inexact_of,
+    quantile_curvature,
     shape_moments,
     student_quantile,
     t_scales,
@@ -20,6 +22,7 @@ from mtu_cli.stats.distributions import (
 from mtu_cli.stats.workspace import Workspace
 
 M = 400_000
+FloatArray = NDArray[np.float64]
 
 
 def drawn(item: Distribution, seed: int = 1) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -126,3 +129,22 @@ def test_students_quantile_as_printed() -> None:
     assert student_quantile(0.995, 16.0) == pytest.approx(2.92, abs=0.005)
     assert student_quantile(0.97725, 10.0) == pytest.approx(2.28, abs=0.005)
     assert student_quantile(0.975, math.inf) == pytest.approx(1.960, abs=0.0005)
+
+
+@pytest.mark.parametrize("dof", [1.0, 3.0, 40.0, math.inf])
+def test_curvature_of_quantiles(dof: float) -> None:
+    """Against second differences of the quantiles themselves."""
+    p, h = np.array([0.001, 0.02, 0.3, 0.9]), 1e-5
+
+    def quantile(at: FloatArray) -> FloatArray:
+        return np.asarray(ndtri(at) if math.isinf(dof) else stdtrit(dof, at))
+
+    second = (quantile(p + h) - 2.0 * quantile(p) + quantile(p - h)) / h**2
+    assert quantile_curvature(quantile(p), dof) == pytest.approx(second, rel=1e-3)
+
+
+def test_curvature_of_cauchys_quantile() -> None:
+    """Q = -cot(pi p): Q'' = -2 pi^2 cot(pi p) / sin(pi p)^2."""
+    p = np.array([0.01, 0.2, 0.7])
+    t = -1.0 / np.tan(np.pi * p)
+    assert quantile_curvature(t, 1.0) == pytest.approx(2 * np.pi**2 * t / np.sin(np.pi * p) ** 2)

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
-from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.stats.lag import farthest_at_once, first_order_lag, lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -119,3 +119,36 @@ def test_the_given_signal_is_left_alone() -> None:
     before = signal.copy()
     first_order_lag(signal, time, np.array([0.0, 5.0]))
     assert (signal == before).all()
+
+
+def test_rows_of_one_moment_are_one_sample() -> None:
+    """Their mean, as if it had been read once; without lag every row keeps its own."""
+    rng = np.random.default_rng(9)
+    time = np.sort(rng.uniform(0, 100, 12))
+    signal, tau = rng.normal(size=(12, 2)), np.array([0.0, 7.0])
+    count = rng.integers(1, 4, 12)
+    off = [0.1 * (np.arange(k) - (k - 1) / 2) for k in count]
+    rows = np.concatenate([signal[i] + own[:, None] for i, own in enumerate(off)])
+    found = lag_of_moments(rows, np.repeat(time, count), tau)
+    assert (found[0] == rows).all()
+    once = np.repeat(first_order_lag(signal, time, tau)[1], count, axis=0)
+    assert found[1] == pytest.approx(once, rel=1e-12, abs=1e-12)
+    equal = lag_of_moments(np.repeat(signal, count, axis=0), np.repeat(time, count), tau)
+    assert (equal[1] == once).all()
+
+
+def test_a_run_that_starts_anew_does_so_with_rows_of_one_moment() -> None:
+    rng = np.random.default_rng(10)
+    time = np.repeat([0.0, 5.0, 9.0, 0.0, 4.0], 2)
+    signal, tau = rng.normal(size=(10, 1)), np.array([6.0])
+    found = lag_of_moments(signal, time, tau)
+    for run in (slice(0, 6), slice(6, 10)):
+        alone = lag_of_moments(signal[run], time[run], tau)
+        assert found[:, run] == pytest.approx(alone, rel=1e-14)
+
+
+def test_the_farthest_readings_of_one_moment() -> None:
+    time = np.array([3.0, 1.0, 3.0, 2.0, 1.0, 3.0])
+    signal = np.array([5.0, 0.0, 7.5, 40.0, 1.0, 6.0])
+    assert farthest_at_once(signal, time) == (0, 2, 2.5)
+    assert farthest_at_once(signal, np.arange(6.0))[2] == 0

@@ -91,6 +91,7 @@ def test_mapped_draws_follow_t(dof: float) -> None:
     mapped = rank_map(known(*MIXED), dof)
     x = simulated(5, m)
     z = mapped(x)
+    assert z == pytest.approx(np.interp(x, mapped.at, mapped.to), abs=1e-9 * mapped.scale)
     assert np.all(np.diff(z[np.argsort(x)]) >= 0.0)
     assert mapped.dof == (dof if dof < 12 else math.inf)
     for p in P:

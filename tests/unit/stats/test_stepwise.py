@@ -10,6 +10,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
+from mtu_cli.stats import stepwise as stepwise_module
 from mtu_cli.stats.compressed import Compressed, compress
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.stepwise import (
@@ -86,6 +87,62 @@ def test_against_full_refits_with_an_effective_number() -> None:
         assert chosen == by_full_refits(Z, number, 0.05, 0.10)
         differ += chosen != by_full_refits(Z, 200, 0.05, 0.10)
     assert differ > 0
+
+
+def sensors_alike(seed: int, apart: float, n: int = 300) -> FloatArray:
+    """Eight sensors that follow one room with lags of their own; two more repeat one nearly.
+
+    What the repeats hold beyond it, `apart` of its size, counts in the reading as much as it.
+    """
+    rng = np.random.default_rng(seed)
+    time = np.arange(n)[:, None]
+    X = 6 * (1 - np.exp(-time / rng.uniform(40, 120, 8))) + 0.3 * rng.normal(size=(n, 8))
+    own = rng.normal(size=(n, 2))
+    X = np.column_stack([X, X[:, :1] + apart * own])
+    y = X[:, :4] @ rng.normal(size=4) + own[:, 0] + 0.5 * rng.normal(size=n)
+    return np.column_stack([np.ones(n), X, y])
+
+
+@pytest.mark.parametrize("apart", [1e-1, 1e-3, 3e-5])
+def test_sensors_that_are_nearly_one(apart: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps by the triangle alone, or refined where sensors are too much alike for it."""
+    screen = stepwise_module._screened
+    trusted: list[bool] = []
+
+    def watched(R: FloatArray, p: int) -> tuple[FloatArray, float] | None:
+        trusted.append((found := screen(R, p)) is not None)
+        return found
+
+    monkeypatch.setattr(stepwise_module, "_screened", watched)
+    several = 0
+    for seed in range(15):
+        Z = sensors_alike(seed, apart)
+        expected = by_full_refits(Z, len(Z), 0.05, 0.10)
+        assert list(stepwise(independent(Z))) == expected
+        several += len({1, 9, 10} & set(expected)) > 1
+    assert several > 5
+    assert all(trusted) if apart > 1e-4 else not all(trusted)
+
+
+@pytest.mark.parametrize("apart", [1.0, 1e-2, 1e-3])
+def test_a_screened_step_is_the_refined_one(apart: float) -> None:
+    for seed in range(5):
+        Z = sensors_alike(seed, apart)
+        rows, chosen = compress(Z), [9, 1, 4, 7, 10]
+        found = stepwise_module._screened(stepwise_module._triangle(rows, chosen, ()), 6)
+        assert found is not None
+        full = rss(Z, chosen)
+        plain = [rss(Z, [i for i in chosen if i != j]) - full for j in chosen]
+        assert found[0] == pytest.approx(plain, rel=1e-7, abs=1e-9 * full)
+        assert found[1] == pytest.approx(full, rel=1e-9)
+
+
+def test_a_factor_of_more_rows_than_columns() -> None:
+    """Columns picked from many leave a factor taller than wide."""
+    for seed in range(5):
+        Z = collinear_data(seed)
+        rows = independent(Z)
+        assert stepwise(replace(rows, factor=Z)) == stepwise(rows)
 
 
 def test_limits_that_would_go_round_for_ever() -> None:

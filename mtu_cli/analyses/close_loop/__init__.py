@@ -1,0 +1,98 @@
+"""What does the model lack? The residual traced to effects, with error rates that hold."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.fitted import beside_polynomial
+from mtu_cli.analyses.close_loop.one_table import LoopResult, loop_on
+from mtu_cli.analyses.close_loop.result import (
+    VERDICTS,
+    CloseLoopResult,
+    Experiment,
+    FoundEffect,
+    Judged,
+    Scores,
+    TableResult,
+    Verdict,
+)
+from mtu_cli.analyses.close_loop.warnings import loop_warnings
+from mtu_cli.model.effect_library import EffectLibrary, candidates
+from mtu_cli.model.residual_table import ResidualTable
+
+__all__ = [
+    "VERDICTS",
+    "CloseLoopResult",
+    "Experiment",
+    "FoundEffect",
+    "Judged",
+    "Scores",
+    "TableResult",
+    "Verdict",
+    "close_loop",
+]
+WORST: tuple[Verdict, ...] = ("unexplained", "class", "named", "none")
+
+
+def close_loop(
+    tables: Sequence[ResidualTable],
+    library: EffectLibrary,
+    *,
+    alpha: float,
+    max_effects: int,
+    exclude: Collection[str] = (),
+    seed: int,
+) -> CloseLoopResult:
+    """Searches residuals for undeclared effects at the family-wise rate `alpha`.
+
+    One table of points, or one a component of readings: these share the rate (Bonferroni).
+    The verdict is the weakest of all tables.
+
+    Raises InputError for a name in `exclude` that the library does not have.
+    """
+    rate = alpha / len(tables)
+    found = []
+    for table in tables:
+        own = beside_polynomial(table, candidates(table, library, exclude))
+        found.append(loop_on(table, own, library, alpha=rate, most=max_effects, seed=seed))
+    results = tuple(_adjusted(item.result, len(tables)) for item in found)
+    return CloseLoopResult(
+        verdict=min((item.verdict for item in results), key=WORST.index),
+        tables=results,
+        alpha=alpha,
+        datum=tables[0].datum,
+        covariance=_joint(found),
+        warnings=loop_warnings(results),
+    )
+
+
+def _adjusted(result: TableResult, tables: int) -> TableResult:
+    """Family-wise p over all tables (Bonferroni)."""
+    if tables == 1:
+        return result
+
+    def p(value: float) -> float:
+        return min(1.0, value * tables)
+
+    return replace(
+        result,
+        effects=tuple(replace(e, p_familywise=p(e.p_familywise)) for e in result.effects),
+        checks=tuple((name, p(value)) for name, value in result.checks),
+        candidates=tuple(
+            c if c.p_familywise is None else replace(c, p_familywise=p(c.p_familywise))
+            for c in result.candidates
+        ),
+    )
+
+
+def _joint(found: Sequence[LoopResult]) -> np.ndarray:
+    sizes = [len(item.covariance) for item in found]
+    total = np.zeros((sum(sizes), sum(sizes)))
+    start = 0
+    for item, size in zip(found, sizes, strict=True):
+        total[start : start + size, start : start + size] = item.covariance
+        start += size
+    return total

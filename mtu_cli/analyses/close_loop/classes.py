@@ -1,0 +1,128 @@
+"""The classes of a search with their effects as fitted, and the experiment for each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.added import Added
+from mtu_cli.analyses.close_loop.estimate import estimate
+from mtu_cli.analyses.close_loop.experiment import ALIAS, NO_RIVALS, Choice, choice
+from mtu_cli.analyses.close_loop.follow_up import Travel, as_it_is
+from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.search import Search
+from mtu_cli.analyses.close_loop.separation import sight_of
+from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.model.effect_library import EffectLibrary
+from mtu_cli.stats.column_groups import MemberColumns
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.profile_ratio import member_ratios, ratios
+
+MOST = 6
+"""Effects of a class that an experiment is sought for, the most probable ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectClass:
+    """Candidates (by index) that explain the same: their best `members`, coefficients and
+    posterior, beside the effects `beside` (members) that were found as well.
+    """
+
+    members: dict[int, int]
+    beta: dict[int, FloatArray]
+    posterior: dict[int, float]
+    beside: tuple[int, ...]
+
+
+def experiments(
+    effects: Added,
+    found: Search,
+    *,
+    library: EffectLibrary | None = None,
+    travel: Travel | None = None,
+) -> tuple[Choice, ...]:
+    """For each effect of a search, in the order found, what would tell its class apart."""
+    chosen = []
+    for step in found.steps:
+        if step.member < 0:
+            chosen.append(Choice(experiment=None, reason=NO_RIVALS))
+            continue
+        own = class_of(effects.prepared, found, step)
+        chosen.append(
+            choice(
+                effects.prepared,
+                own.beta,
+                own.posterior,
+                own.members,
+                beside=own.beside,
+                library=library,
+                travel=travel,
+            )
+        )
+    return tuple(chosen)
+
+
+def class_of(prepared: Prepared, found: Search, step: Step) -> EffectClass:
+    """The credible set of a step that has columns, and, where it is alone, its aliases.
+
+    Members and coefficients are the best beside all other effects of the search.
+    """
+    scan, flat = prepared.scan, prepared.flat()
+    F = len(scan.columns)
+    beside = tuple(m for m in found.members if m != step.member)
+    pack = scan.pack(_taken_out(prepared, beside))
+    left = pack.without_found(prepared.y)[None]
+    LR = member_ratios(pack, left)[0][0]
+    judged = ratios(pack, left, F)
+    members = {i: int(judged.best[0, i]) for i in _first(step, F)}
+    members[step.index] = step.member
+    if len(members) == 1:
+        for m in _aliases(prepared, step, beside):
+            family = int(pack.family[m])
+            if family not in members or LR[m] > LR[members[family]]:
+                members[family] = m
+    members = {i: m for i, m in members.items() if m >= 0}
+    beta = {}
+    for i, m in members.items():
+        fit = estimate(scan, prepared.y, [*(flat[b] for b in beside), flat[m]])
+        beta[i] = fit.beta[-len(flat[m]) :]
+    scores = np.array([judged.log_bayes[0, i] for i in members])
+    weight = np.exp(scores - scores.max())
+    posterior = dict(zip(members, (weight / weight.sum()).tolist(), strict=True))
+    return EffectClass(members=members, beta=beta, posterior=posterior, beside=beside)
+
+
+def _first(step: Step, columns: int) -> list[int]:
+    """The step's own candidate and those that come nearest to it."""
+    others = [i for i in step.credible if i < columns and i != step.index]
+    return [step.index, *others[: MOST - 1]]
+
+
+def _taken_out(prepared: Prepared, members: tuple[int, ...]) -> list[MemberColumns]:
+    flat = prepared.flat()
+    found = []
+    for m in members:
+        found.append(flat[m])
+        if m in prepared.tangents:
+            found.append(prepared.tangents[m])
+    return found
+
+
+def _aliases(prepared: Prepared, step: Step, beside: tuple[int, ...]) -> list[int]:
+    """Members of other candidates that hold all columns of the step's."""
+    flat, own = prepared.flat(), prepared.members[step.member]
+    sight = sight_of(prepared, as_it_is(prepared.table), beside)
+    effects = dict(enumerate(sight.columns(own.columns)))
+    whole = sight.left(effects)
+    lies_in = {index for column in flat[step.member] for index in column}
+    found, start = [], 0
+    for family, members in enumerate(prepared.scan.columns):
+        for m in range(start, start + len(members)):
+            if family == step.index or not lies_in <= {i for c in flat[m] for i in c}:
+                continue
+            left = sight.left(effects, sight.columns(prepared.members[m].columns))
+            if all(left[j] < (1 - ALIAS) * whole[j] for j in effects):
+                found.append(m)
+        start += len(members)
+    return found

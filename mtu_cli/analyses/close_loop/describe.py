@@ -1,0 +1,276 @@
+"""What a search found, in the terms of a report: parameters, classes, intervals, shares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtrit
+
+from mtu_cli.analyses.close_loop.added import Added
+from mtu_cli.analyses.close_loop.estimate import raw_design
+from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.result import DRIFT, FIELD, Experiment, FoundEffect
+from mtu_cli.analyses.close_loop.search import Search
+from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.stats.column_groups import MemberColumns, whitened
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.profile_ratio import member_ratios
+
+ALIAS = 0.999
+"""Share of a found column that another candidate describes, from which on they are the same."""
+SUPPORT = 3.841458820694124
+"""Drop of the likelihood ratio that bounds a 95 % interval (chi^2, one degree of freedom)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Described:
+    """The search of a table with what its effects are estimated as."""
+
+    prepared: Prepared
+    found: Search
+    effects: Added
+    chosen: tuple[frozenset[str], ...]
+
+
+def found_effects(
+    told: Described, experiments: Sequence[Experiment | None]
+) -> tuple[FoundEffect, ...]:
+    """The effects of all steps, in the order found."""
+    place = 0
+    found = []
+    for step, experiment in zip(told.found.steps, experiments, strict=True):
+        found.append(_effect(told, step, place, experiment))
+        place += step.member >= 0
+    return tuple(found)
+
+
+def candidate_name(prepared: Prepared, index: int) -> str:
+    """The name of a candidate, or of a drift or field without one."""
+    n, axes = len(prepared.candidates), prepared.table.axes
+    if index < n:
+        return prepared.candidates[index].name
+    kind, axis = divmod(index - n, len(axes))
+    return f"{FIELD if kind else DRIFT}-{axes[axis]}"
+
+
+def _effect(told: Described, step: Step, place: int, experiment: Experiment | None) -> FoundEffect:
+    prepared = told.prepared
+    candidate = prepared.candidates[step.index]
+    member = prepared.members[step.member] if step.member >= 0 else None
+    figures = _figures(told, step, place)
+    aliases = () if member is None else _aliases(told, step)
+    names = [candidate_name(prepared, i) for i in step.credible]
+    names = [candidate.name, *(n for n in names if n != candidate.name)]
+    return FoundEffect(
+        name=candidate.name,
+        family=candidate.family,
+        axis=candidate.axis,
+        component=prepared.table.component,
+        covariate=None if member is None else member.covariate,
+        says=candidate.says,
+        separates=candidate.separates,
+        kind=candidate.kind,
+        chosen=None if member is None else member.chosen,
+        equations=_equations(told, step, place),
+        parameters=figures.parameters,
+        intervals=figures.intervals,
+        covariance=figures.covariance,
+        searched={} if member is None else _searched(told, step, place),
+        p_familywise=step.p,
+        log_bayes_factor=step.log_bayes,
+        posterior=step.posterior,
+        explained_share=_share(told, step, place),
+        class_names=tuple(names),
+        aliases=aliases,
+        experiment=experiment,
+        folds=sum(not own.isdisjoint(names) for own in told.chosen),
+        of_folds=len(told.chosen),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Figures:
+    parameters: tuple[tuple[str, str, float, float], ...]
+    intervals: tuple[tuple[float, float, float], ...]
+    covariance: FloatArray
+
+
+def indices_of(told: Described, step: Step, place: int) -> list[int]:
+    """Where the parameters of a step stand among the fitted coefficients."""
+    prepared = told.prepared
+    if step.member >= 0:
+        return told.effects.coefficients(place)
+    if step.index < prepared.scan.tested:
+        axis = prepared.scan.offsets[step.index - len(prepared.scan.columns)]
+        return [told.effects.offset(axis)]
+    return []
+
+
+def _figures(told: Described, step: Step, place: int) -> _Figures:
+    """Parameters with u and 95 % intervals by Student's t."""
+    own, fit = indices_of(told, step, place), told.effects.fit
+    if fit is None or not own:
+        return _Figures((), (), np.zeros((0, 0)))
+    names = _parameters(told, step, place)
+    values, covariance = fit.beta[own], fit.covariance[np.ix_(own, own)]
+    u_all = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    t = stdtrit(np.maximum(fit.dof[own], 1.0), 0.975)
+    return _Figures(
+        tuple(
+            (name, unit, float(v), float(u))
+            for (name, unit), v, u in zip(names, values, u_all, strict=True)
+        ),
+        tuple(
+            (float(v - k * u), float(v + k * u), float(nu))
+            for v, u, k, nu in zip(values, u_all, t, fit.dof[own], strict=True)
+        ),
+        covariance,
+    )
+
+
+def _parameters(told: Described, step: Step, place: int) -> list[tuple[str, str]]:
+    """Names and units of a step's parameters, levels last."""
+    unit = told.prepared.table.unit
+    if step.member < 0:
+        return [("shift", unit)]
+    levels = [f"level_{axis}" for axis in _level_axes(told, place)]
+    return [
+        *told.prepared.members[step.member].parameters,
+        *((name, unit) for name in (levels if len(levels) != 1 else ["level"])),
+    ]
+
+
+def _level_axes(told: Described, place: int) -> list[str]:
+    axes = told.prepared.table.axes
+    return [axes[level.axis] for level in told.effects.levels if level.owner == place]
+
+
+def _equations(told: Described, step: Step, place: int) -> dict[str, str]:
+    prepared = told.prepared
+    if step.member < 0:
+        if step.index >= prepared.scan.tested:
+            return {}
+        axis = prepared.scan.offsets[step.index - len(prepared.scan.columns)]
+        return {f"E{prepared.table.axes[axis]}": "shift"}
+    found = dict(prepared.members[step.member].equations)
+    levels = _level_axes(told, place)
+    for letter in levels if found else ():
+        name = "level" if len(levels) == 1 else f"level_{letter}"
+        found[f"E{letter}"] = f"{found[f'E{letter}']} + {name}"
+    return found
+
+
+def _others(told: Described, place: int) -> list[MemberColumns]:
+    """The columns and tangents of the other effects."""
+    flat = told.prepared.flat()
+    found = []
+    for i, member in enumerate(told.effects.members):
+        if i != place:
+            found.append(flat[member])
+            if member in told.prepared.tangents:
+                found.append(told.prepared.tangents[member])
+    return found
+
+
+def _searched(told: Described, step: Step, place: int) -> dict[str, tuple[float, float, float]]:
+    """What was searched, with its 95 % interval by the profile of the likelihood ratio, beside
+    the other effects; between the values of the grid it is taken as far as the next one.
+    """
+    prepared = told.prepared
+    member = prepared.members[step.member]
+    if not member.searched:
+        return {}
+    scan = told.effects.prepared.scan
+    pack = scan.pack(_others(told, place))
+    LR = member_ratios(pack, pack.without_found(prepared.y)[None])[0][0]
+    found = {}
+    for name, value in member.searched.items():
+        family = np.flatnonzero(pack.family == step.index)
+        same = [
+            i
+            for i in family
+            if name in prepared.members[i].searched
+            and prepared.members[i].covariate == member.covariate
+        ]
+        grid = np.array([prepared.members[i].searched[name] for i in same])
+        order = np.argsort(grid)
+        grid, own = grid[order], LR[np.array(same)][order]
+        at = int(np.argmin(np.abs(grid - value)))
+        inside = own >= own[at] - SUPPORT
+        low = high = at
+        while low > 0 and inside[low - 1]:
+            low -= 1
+        while high < len(grid) - 1 and inside[high + 1]:
+            high += 1
+        low, high = max(low - 1, 0), min(high + 1, len(grid) - 1)
+        found[name] = (float(value), float(grid[low]), float(grid[high]))
+    return found
+
+
+def _share(told: Described, step: Step, place: int) -> float:
+    """Share of the table's mean square that this effect's columns hold."""
+    table, prepared = told.prepared.table, told.prepared
+    there = table.there
+    total = float(np.sum(np.where(there[:, :, None], table.errors, 0.0) ** 2))
+    if step.member < 0:
+        figures = _figures(told, step, place)
+        if not figures.parameters:
+            return 0.0
+        return min(1.0, figures.parameters[0][2] ** 2 * int(there.sum()) / total)
+    if told.effects.fit is None or total == 0:
+        return 0.0
+    beta = told.effects.fit.beta[told.effects.coefficients(place)]
+    own = np.zeros(table.errors.shape)
+    for value, column in zip(beta, prepared.members[step.member].columns, strict=False):
+        for axis, lever in column.items():
+            own[:, :, axis] += value * (lever - np.broadcast_to(lever, there.shape)[there].mean())
+    return min(1.0, float(np.sum(own[there] ** 2)) / total)
+
+
+def _aliases(told: Described, step: Step) -> tuple[str, ...]:
+    """Other candidates that hold the found columns, whatever the data say."""
+    prepared = told.prepared
+    scan, flat = prepared.scan, prepared.flat()
+    w = np.concatenate(
+        [
+            np.full(s.size, weight)
+            for s, weight in zip(scan.frame.strata.all, _weights(told), strict=True)
+        ]
+    )
+    root = np.sqrt(w)[:, None]
+
+    def columns(member: MemberColumns) -> FloatArray:
+        found: FloatArray = root * whitened(
+            scan.frame.strata, scan.whitening, raw_design(scan, [member])
+        )
+        return found
+
+    own = columns(flat[step.member])
+    found: list[str] = []
+    first = 0
+    for candidate, members in zip(prepared.candidates, scan.columns, strict=False):
+        ids = range(first, first + len(members))
+        first += len(members)
+        if candidate.name == prepared.candidates[step.index].name:
+            continue
+        if any(_holds(columns(flat[i]), own) for i in ids if _overlap(flat[i], flat[step.member])):
+            found.append(candidate.name)
+    return tuple(found)
+
+
+def _overlap(a: MemberColumns, b: MemberColumns) -> bool:
+    """Whether two members lie in the same strata."""
+    return {i for column in a for i in column} >= {i for column in b for i in column}
+
+
+def _holds(X: FloatArray, own: FloatArray) -> bool:
+    Q = np.linalg.qr(X)[0]
+    left = own - Q @ (Q.T @ own)
+    return bool((left**2).sum() < (1 - ALIAS) * (own**2).sum())
+
+
+def _weights(told: Described) -> FloatArray:
+    fit = told.effects.fit
+    return np.ones(len(told.prepared.scan.dof)) if fit is None else fit.weights

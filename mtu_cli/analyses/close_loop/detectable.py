@@ -1,0 +1,66 @@
+"""The smallest effects that a table would show."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.estimate import raw_design
+from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.stats.column_groups import whitened
+from mtu_cli.stats.family_gate import Gate
+
+POWER_DEVIATE = 0.8416212335729143
+"""Normal deviate of a power of 80 %."""
+
+
+def minimum_detectable(prepared: Prepared, gate: Gate, alpha: float) -> dict[str, float]:
+    """Root mean square (mm, rad) over the cells of the smallest effect of each candidate that
+    passes the gate four times in five; the median over its members.
+
+    The likelihood ratio of an effect with signal-to-noise z is about (z + N(0, 1))^2: it passes
+    a limit T with a probability of 80 % at z = sqrt(T) + 0.84.
+    """
+    scan = prepared.scan
+    strata = scan.frame.strata
+    limit = float(np.quantile(gate.largest, 1 - alpha))
+    weights = _weights(prepared)
+    found = {}
+    first = 0
+    for f, members in enumerate(scan.columns):
+        needed = np.sqrt(gate.statistic_of(limit, f)) + POWER_DEVIATE
+        amplitudes = []
+        for i, member in enumerate(members):
+            X = whitened(strata, scan.whitening, raw_design(scan, [member]))
+            information = np.einsum("ni,n,nj->ij", X, weights, X)
+            squares = _mean_squares(prepared, first + i)
+            k = len(squares)
+            unit = np.full(k, 1 / np.sqrt(k)) / np.sqrt(np.maximum(squares, 1e-300))
+            z2 = float(unit @ information @ unit)
+            if z2 > 0:
+                amplitudes.append(needed / np.sqrt(z2))
+        first += len(members)
+        if amplitudes:
+            found[scan.names[f]] = float(np.median(amplitudes))
+    return found
+
+
+def _weights(prepared: Prepared) -> np.ndarray:
+    scan = prepared.scan
+    y = whitened(scan.frame.strata, scan.whitening, prepared.y)
+    found = np.zeros(len(y))
+    for s, n in zip(scan.frame.strata.all, scan.dof, strict=True):
+        square = float(y[s.slice] @ y[s.slice])
+        found[s.slice] = n / square if square > 0 else 0.0
+    return found
+
+
+def _mean_squares(prepared: Prepared, index: int) -> np.ndarray:
+    """Mean square of each column over the cells of the axes that it affects."""
+    P, H = prepared.table.there.shape
+    found = []
+    for column in prepared.members[index].columns:
+        means = [
+            float(np.mean((np.broadcast_to(v, (P, H)) - np.mean(v)) ** 2)) for v in column.values()
+        ]
+        found.append(float(np.mean(means)))
+    return np.array(found)

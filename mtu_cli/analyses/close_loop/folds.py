@@ -1,0 +1,90 @@
+"""Some of the parts, or of the columns, of a table and of its candidates' columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.model.effect_library import Candidate
+from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.least_squares import FloatArray
+
+SHOWN = 0.2
+"""Share of a column's variance that a fold must keep: what it hardly shows it cannot foretell."""
+
+
+def only_parts(table: ResidualTable, kept: NDArray[np.bool_]) -> ResidualTable:
+    """The table of some of its parts, columns that none of them has left out by the caller."""
+
+    def cut(values: FloatArray) -> FloatArray:
+        return values[kept] if len(values) == len(kept) and len(kept) > 1 else values
+
+    return replace(
+        table,
+        parts=tuple(name for name, keep in zip(table.parts, kept, strict=True) if keep),
+        errors=table.errors[kept],
+        repeats=table.repeats[kept],
+        places=table.places[kept],
+        covariates={name: cut(values) for name, values in table.covariates.items()},
+        common=cut(table.common),
+        of_part=cut(table.of_part),
+    )
+
+
+def only_columns(table: ResidualTable, kept: NDArray[np.bool_]) -> ResidualTable:
+    """The table of some of its columns."""
+
+    def cut(values: FloatArray) -> FloatArray:
+        return values[:, kept] if values.shape[1] == len(kept) and len(kept) > 1 else values
+
+    return replace(
+        table,
+        features=tuple(name for name, keep in zip(table.features, kept, strict=True) if keep),
+        errors=table.errors[:, kept],
+        repeats=table.repeats[:, kept],
+        places=table.places[:, kept],
+        operation=table.operation[kept],
+        covariates={name: cut(values) for name, values in table.covariates.items()},
+        common=cut(table.common),
+        of_part=cut(table.of_part),
+    )
+
+
+def cut_candidates(
+    candidates: Sequence[Candidate], kept: NDArray[np.bool_], dimension: int
+) -> tuple[Candidate, ...]:
+    """The candidates' columns at some of the parts (dimension 0) or columns (1).
+
+    Members that what is kept hardly shows are left out: a warm-up without the first parts.
+    """
+
+    def cut(values: FloatArray) -> FloatArray:
+        if values.shape[dimension] != len(kept) or len(kept) == 1:
+            return values
+        return values[kept] if dimension == 0 else values[:, kept]
+
+    def cut_all(
+        columns: Sequence[Mapping[int, FloatArray]],
+    ) -> tuple[dict[int, FloatArray], ...]:
+        return tuple({a: cut(v) for a, v in column.items()} for column in columns)
+
+    def shown(columns: Sequence[Mapping[int, FloatArray]]) -> bool:
+        """Whether what is kept shows enough of every column to say something of the rest."""
+        return all(
+            float(np.var(cut(v))) >= SHOWN * float(np.var(v)) for c in columns for v in c.values()
+        )
+
+    return tuple(
+        replace(
+            candidate,
+            members=tuple(
+                replace(m, columns=cut_all(m.columns), tangent=cut_all(m.tangent))
+                for m in candidate.members
+                if shown(m.columns)
+            ),
+        )
+        for candidate in candidates
+    )

@@ -1,0 +1,186 @@
+"""Before and after on data that took no part: the whole search, without it, again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.analyses.close_loop.added import Added, added, contribution
+from mtu_cli.analyses.close_loop.folds import cut_candidates, only_columns, only_parts
+from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.result import Scores
+from mtu_cli.analyses.close_loop.scan import calibrated
+from mtu_cli.analyses.close_loop.search import search
+from mtu_cli.model.effect_library import Candidate, Member
+from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.family_gate import Gate
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.loop_null import NullModel
+from mtu_cli.stats.strata import Strata
+
+FOLDS = 7
+FEWEST_PARTS = 4
+FEWEST_COLUMNS = 10
+SAMPLES = 599
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fold:
+    """What is `kept` to search in, of parts (dimension 0) or columns (1); its preparation and
+    gate, that serve all data of the same design.
+    """
+
+    dimension: int
+    kept: NDArray[np.bool_]
+    prepared: Prepared
+    gate: Gate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldOut:
+    """Residuals (P, H, A) of held-out cells before and after what was found without them, and
+    `chosen` the names that each fold chose.
+    """
+
+    before: FloatArray
+    after: FloatArray
+    variance: FloatArray
+    chosen: tuple[frozenset[str], ...]
+    by: str
+
+
+def folds_of(
+    table: ResidualTable,
+    candidates: Sequence[Candidate],
+    seed: int,
+    pass_dof: float = np.inf,
+    count: int = FOLDS,
+) -> tuple[Fold, ...]:
+    """Blocks of consecutive parts, so that drifts do not leak; of few parts, every n-th column.
+
+    Empty where there are too few of both.
+    """
+    P, H = table.there.shape
+    if P >= FEWEST_PARTS:
+        count = min(count, P)
+        dimension, number = 0, np.minimum(np.arange(P) * count // P, count - 1)
+    elif H >= FEWEST_COLUMNS:
+        dimension, number = 1, np.arange(H) % count
+    else:
+        return ()
+    found = []
+    for fold in range(count):
+        kept = number != fold
+        cut = only_parts(table, kept) if dimension == 0 else only_columns(table, kept)
+        if not (cut.there.any(axis=0).all() and cut.there.any(axis=1).all()):
+            continue
+        own = cut_candidates(candidates, kept, dimension)
+        prepared = prepare(cut, own, pass_dof)
+        gate = calibrated(prepared.scan, SAMPLES, seed + 1 + fold)
+        found.append(Fold(dimension=dimension, kept=kept, prepared=prepared, gate=gate))
+    return tuple(found)
+
+
+def held_out(
+    table: ResidualTable,
+    candidates: Sequence[Candidate],
+    folds: Sequence[Fold],
+    *,
+    alpha: float,
+    most: int,
+) -> HeldOut | None:
+    """Searches every fold's kept part of `table` and scores what it left out; None without
+    folds.
+    """
+    if not folds:
+        return None
+    whole = _by_identity(candidates)
+    before = np.full(table.errors.shape, np.nan)
+    after, variance = before.copy(), before.copy()
+    chosen: list[frozenset[str]] = []
+    for fold in folds:
+        cut = only_parts if fold.dimension == 0 else only_columns
+        prepared = fold.prepared.with_table(cut(table, fold.kept))
+        found = search(prepared, fold.gate, alpha=alpha, most=most)
+        effects = added(prepared, found)
+        chosen.append(frozenset(prepared.candidates[step.index].name for step in found.steps))
+        members = tuple(whole[_identity(prepared, m)] for m in effects.members)
+        predicted = contribution(effects, table, members)
+        out = ~fold.kept
+        place = (out,) if fold.dimension == 0 else (slice(None), out)
+        before[place] = table.errors[place]
+        after[place] = table.errors[place] - predicted[place]
+        variance[place] = _cell_variance(effects, prepared.scan.frame.strata)
+    return HeldOut(
+        before=before,
+        after=after,
+        variance=variance,
+        chosen=tuple(chosen),
+        by="parts" if folds[0].dimension == 0 else "columns",
+    )
+
+
+Identity = tuple[object, ...]
+
+
+def _by_identity(candidates: Sequence[Candidate]) -> dict[Identity, Member]:
+    return {
+        _key(candidate.name, member): member
+        for candidate in candidates
+        for member in candidate.members
+    }
+
+
+def _key(name: str, member: Member) -> Identity:
+    return (
+        name,
+        tuple(sorted(member.equations.items())),
+        tuple(sorted(member.searched.items())),
+        member.chosen,
+        member.parameters,
+    )
+
+
+def _identity(prepared: Prepared, index: int) -> Identity:
+    family = int(np.searchsorted(_ends(prepared), index, side="right"))
+    return _key(prepared.candidates[family].name, prepared.members[index])
+
+
+def _ends(prepared: Prepared) -> NDArray[np.int64]:
+    return np.cumsum([len(members) for members in prepared.scan.columns])
+
+
+def _cell_variance(effects: Added, strata: Strata) -> FloatArray:
+    """Variance (A,) of one entry by the null of what the effects leave."""
+    return entry_variance(effects.prepared.scan.null, strata)
+
+
+def entry_variance(null: NullModel, strata: Strata) -> FloatArray:
+    """Variance (A,) of one entry: interaction, column, and the mean share of part and model."""
+    _, H, A = strata.shape
+    k = strata.lines
+    smooth = (np.diag(null.part) + (null.common**2).sum(axis=1)).reshape(A, 1 + k).sum(axis=1)
+    found: FloatArray = null.interaction + null.column + smooth / H
+    return found
+
+
+def scores(errors: FloatArray, axes: Sequence[str], variance: FloatArray | None = None) -> Scores:
+    """Scores of errors (P, H, A); cells that are nan do not count."""
+    there = np.isfinite(errors).all(axis=2)
+    own = errors[there]
+    length = np.sqrt((own**2).sum(axis=1))
+    chi2 = None
+    if variance is not None:
+        known = np.broadcast_to(variance, errors.shape)[there]
+        if (known > 0).all():
+            chi2 = float(np.mean(own**2 / known))
+    return Scores(
+        rms=float(np.sqrt(np.mean(own**2))),
+        rms_by_axis={axis: float(np.sqrt(np.mean(own[:, i] ** 2))) for i, axis in enumerate(axes)},
+        p95=float(np.quantile(length, 0.95)),
+        largest=float(length.max()),
+        chi2_per_dof=chi2,
+    )

@@ -1,0 +1,228 @@
+"""The loop on one table: search, estimates, held-out scores, verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.added import added, contribution
+from mtu_cli.analyses.close_loop.classes import experiments
+from mtu_cli.analyses.close_loop.describe import Described, found_effects, indices_of
+from mtu_cli.analyses.close_loop.detectable import minimum_detectable
+from mtu_cli.analyses.close_loop.fitted import refitted
+from mtu_cli.analyses.close_loop.gross import Gross, set_aside
+from mtu_cli.analyses.close_loop.held_out import (
+    HeldOut,
+    entry_variance,
+    folds_of,
+    held_out,
+    scores,
+)
+from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.result import (
+    FoundEffect,
+    Judged,
+    Scores,
+    TableResult,
+    Verdict,
+)
+from mtu_cli.analyses.close_loop.scan import calibrated
+from mtu_cli.analyses.close_loop.search import Search, search
+from mtu_cli.model.effect_library import Candidate, EffectLibrary
+from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.family_gate import Gate
+from mtu_cli.stats.least_squares import FloatArray
+
+SAMPLES = 1999
+LARGE = 20_000
+"""Entries from which on the gate is drawn from fewer tables."""
+SAMPLES_LARGE = 999
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopResult:
+    """The result of a table with the covariance of its effects' parameters, internal units."""
+
+    result: TableResult
+    covariance: FloatArray
+
+
+def loop_on(
+    given: ResidualTable,
+    candidates: Sequence[Candidate],
+    library: EffectLibrary,
+    *,
+    alpha: float,
+    most: int,
+    seed: int,
+) -> LoopResult:
+    """Closes the loop on one table at the family-wise rate `alpha`."""
+    first = _searched(given, candidates, alpha, most, seed)
+    out = _held_out(first.table, candidates, alpha, most, seed)
+    told = Described(
+        prepared=first.prepared,
+        found=first.found,
+        effects=added(first.prepared, first.found, seed),
+        chosen=() if out is None else out.chosen,
+    )
+    scored, found, fired = _scored(told, out), first.found, first.found.fired(alpha)
+    described = _described(told, library)
+    result = TableResult(
+        table=first.table,
+        verdict=_verdict(found, described, fired),
+        effects=described,
+        candidates=_judged(first, candidates, alpha),
+        checks=found.checks,
+        fired=fired,
+        without_name=found.without_name,
+        gross=first.gross,
+        explained=scored.explained,
+        before=scored.before,
+        after=scored.after,
+        in_sample_before=scored.in_sample_before,
+        in_sample_after=scored.in_sample_after,
+        held_out_by=None if out is None else out.by,
+        folds=len(told.chosen),
+        floor=_floor(told.effects.prepared),
+        unexplained_rms=_unexplained(found, scored, alpha),
+    )
+    return LoopResult(result=result, covariance=_joint_covariance(told))
+
+
+def _held_out(
+    table: ResidualTable, candidates: Sequence[Candidate], alpha: float, most: int, seed: int
+) -> HeldOut | None:
+    folds = folds_of(table, candidates, seed, table.pass_dof)
+    return held_out(table, candidates, folds, alpha=alpha, most=most)
+
+
+def _described(told: Described, library: EffectLibrary) -> tuple[FoundEffect, ...]:
+    planned = experiments(told.effects, told.found, library=library)
+    return found_effects(told, [choice.experiment for choice in planned])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Searched:
+    table: ResidualTable
+    gross: tuple[Gross, ...]
+    prepared: Prepared
+    gate: Gate
+    found: Search
+
+
+def _searched(
+    given: ResidualTable, candidates: Sequence[Candidate], alpha: float, most: int, seed: int
+) -> _Searched:
+    """The search without gross entries; what an effect explains was none, and is taken back."""
+    table, gross = set_aside(given)
+    table = refitted(table) if gross else table
+    prepared = prepare(table, candidates, table.pass_dof)
+    samples = SAMPLES_LARGE if table.errors.size > LARGE else SAMPLES
+    gate = calibrated(prepared.scan, samples, seed)
+    found = search(prepared, gate, alpha=alpha, most=most)
+    if gross and found.members:
+        effects = added(prepared, found)
+        said = contribution(effects, given, tuple(prepared.members[m] for m in effects.members))
+        left, still = set_aside(replace(given, errors=given.errors - said))
+        if not np.array_equal(left.there, table.there):
+            errors = np.where(left.there[:, :, None], given.errors, np.nan)
+            table, gross = replace(left, errors=errors), still
+            table = refitted(table) if gross else table
+            prepared = prepared.with_table(table)
+            found = search(prepared, gate, alpha=alpha, most=most)
+    return _Searched(table=table, gross=gross, prepared=prepared, gate=gate, found=found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Scored:
+    explained: FloatArray
+    before: Scores
+    after: Scores
+    in_sample_before: Scores
+    in_sample_after: Scores
+
+
+def _scored(told: Described, out: HeldOut | None) -> _Scored:
+    """Scores held out where they can be had, and in sample."""
+    prepared, effects = told.prepared, told.effects
+    table = prepared.table
+    members = tuple(prepared.members[m] for m in effects.members)
+    explained = contribution(effects, table, members)
+    strata = prepared.scan.frame.strata
+    plain = entry_variance(prepared.scan.null, strata)
+    left = entry_variance(effects.prepared.scan.null, strata)
+    before = scores(table.errors, table.axes, plain)
+    after = scores(table.errors - explained, table.axes, left)
+    return _Scored(
+        explained=explained,
+        before=before if out is None else scores(out.before, table.axes, out.variance),
+        after=after if out is None else scores(out.after, table.axes, out.variance),
+        in_sample_before=before,
+        in_sample_after=after,
+    )
+
+
+def _unexplained(found: Search, scored: _Scored, alpha: float) -> float | None:
+    left = found.fired(alpha) or found.without_name
+    return scored.in_sample_after.rms if left else None
+
+
+def _verdict(found: Search, effects: Sequence[FoundEffect], fired: Sequence[str]) -> Verdict:
+    if fired or found.without_name:
+        return "unexplained"
+    if not effects:
+        return "none"
+    lone = all(len(effect.class_names) == 1 and not effect.aliases for effect in effects)
+    return "named" if lone else "class"
+
+
+def _judged(first: _Searched, candidates: Sequence[Candidate], alpha: float) -> tuple[Judged, ...]:
+    """Every candidate of the library as the first look judged it."""
+    prepared, found = first.prepared, first.found
+    index = {candidate.name: i for i, candidate in enumerate(prepared.candidates)}
+    smallest = minimum_detectable(prepared, first.gate, alpha)
+    judged = []
+    for candidate in candidates:
+        i = index.get(candidate.name)
+        seen = i is not None
+        reason = candidate.unavailable or (None if seen else "this data cannot tell it apart")
+        judged.append(
+            Judged(
+                name=candidate.name,
+                family=candidate.family,
+                component=prepared.table.component,
+                p_familywise=float(found.p[i]) if i is not None else None,
+                log_bayes_factor=float(found.log_bayes[i]) if i is not None else None,
+                posterior=float(found.posterior[i]) if i is not None else None,
+                minimum_detectable=smallest.get(candidate.name),
+                unavailable=reason,
+                notes=candidate.notes,
+            )
+        )
+    return tuple(judged)
+
+
+def _floor(prepared: Prepared) -> float | None:
+    """Repeatability of one entry: the interaction, or what repeats tell where parts are few."""
+    table, null = prepared.table, prepared.scan.null
+    if len(table.parts) > 1 and (null.interaction > 0).any():
+        return float(np.sqrt(np.mean(null.interaction)))
+    if table.repeat_dof > 0 and np.isfinite(table.repeat_variance).all():
+        count = float(np.mean(1 / table.repeats[table.there]))
+        return float(np.sqrt(np.mean(table.repeat_variance) * count))
+    return None
+
+
+def _joint_covariance(told: Described) -> FloatArray:
+    """Over the parameters of all effects in their order."""
+    rows: list[int] = []
+    place = 0
+    for step in told.found.steps:
+        rows += indices_of(told, step, place)
+        place += step.member >= 0
+    if told.effects.fit is None:
+        return np.zeros((0, 0))
+    found: FloatArray = told.effects.fit.covariance[np.ix_(rows, rows)]
+    return found

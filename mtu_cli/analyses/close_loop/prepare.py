@@ -1,0 +1,281 @@
+"""From a table of residuals and its candidates to what the search works on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.directions import (
+    reversal_pairs,
+    scatter_directions,
+    smooth_directions,
+)
+from mtu_cli.analyses.close_loop.scan import Scan
+from mtu_cli.model.effect_library import Candidate, Member
+from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.column_groups import MemberColumns
+from mtu_cli.stats.crossed import completion
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.loop_frame import Frame, Freeing
+from mtu_cli.stats.loop_null import KnownScatter, NullModel, null_of, whitening_of
+from mtu_cli.stats.remainder import remainder_of
+from mtu_cli.stats.strata import Strata, strata_of
+
+FEWEST_FOR_OFFSET = 3
+"""Parts from whose scatter a common offset can be told."""
+FEWEST_FOR_SCATTER = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """A table ready to be searched.
+
+    `candidates` in the scan's order, those that cannot be tested left out; `members` all
+    members of the mean candidates end to end, `means` (k, A) the grand means of their columns,
+    `tangents` their derivatives by what was searched. `scan` belongs to the errors `y` (N,),
+    `grand` (A,).
+    """
+
+    table: ResidualTable
+    source: tuple[Candidate, ...]
+    candidates: tuple[Candidate, ...]
+    members: tuple[Member, ...]
+    means: Mapping[int, FloatArray]
+    tangents: Mapping[int, MemberColumns]
+    scan: Scan
+    y: FloatArray
+    grand: FloatArray
+    known: KnownScatter
+
+    def with_table(self, table: ResidualTable) -> Prepared:
+        """The same parts, columns and covariates with other errors: null and whitening are
+        theirs. What is missing may differ.
+        """
+        if not np.array_equal(table.there, self.table.there):
+            return prepare(table, self.source, self.known.dof)
+        errors = np.where(np.isfinite(table.errors), table.errors, 0.0)
+        y, grand = self.scan.frame.coordinates(errors)
+        return self.with_null_of(y, replace(self, table=table, y=y, grand=grand))
+
+    def with_null_of(self, left: FloatArray, other: Prepared | None = None) -> Prepared:
+        """With the null, and so the whitening, that coordinates `left` (N,) give."""
+        scan = self.scan
+        null = null_of(scan.frame, left, scan.dof, self.known)
+        return replace(other or self, scan=scan_with_null(scan, self.table, null))
+
+    def flat(self) -> list[MemberColumns]:
+        """The coordinates of all members, end to end."""
+        return [member for members in self.scan.columns for member in members]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Seen:
+    """The mean candidates of which the data can see members, with their coordinates."""
+
+    columns: tuple[tuple[MemberColumns, ...], ...]
+    members: tuple[Member, ...]
+    means: dict[int, FloatArray]
+    tangents: dict[int, MemberColumns]
+    candidates: tuple[Candidate, ...]
+
+
+def prepare(
+    table: ResidualTable, candidates: Sequence[Candidate], pass_dof: float = np.inf
+) -> Prepared:
+    """Strata, null and the candidates' columns of a table; see `Prepared`.
+
+    `pass_dof` are the degrees of freedom of the predicted scatter of parts.
+    """
+    P, _, A = table.errors.shape
+    strata = strata_of(P, smooth_directions(table), A, reversal_pairs(table))
+    freeing = None if table.datum == "none" else _freeing(table)
+    frame = Frame(strata=strata, completion=completion(table.there), freeing=freeing)
+    known = KnownScatter(*_factors(table, strata), pass_dof)
+    chosen = _testable(table, candidates, strata)
+    seen = _columns(table, frame, chosen)
+    y, grand = frame.coordinates(np.where(np.isfinite(table.errors), table.errors, 0.0))
+    scan, ordered = _scan(table, frame, known, chosen, seen, y)
+    return Prepared(
+        table=table,
+        source=tuple(candidates),
+        candidates=ordered,
+        members=seen.members,
+        means=seen.means,
+        tangents=seen.tangents,
+        scan=scan,
+        y=y,
+        grand=grand,
+        known=known,
+    )
+
+
+def _scan(
+    table: ResidualTable,
+    frame: Frame,
+    known: KnownScatter,
+    chosen: Sequence[Candidate],
+    seen: _Seen,
+    y: FloatArray,
+) -> tuple[Scan, tuple[Candidate, ...]]:
+    """The scan of coordinates `y`, and all its candidates in their order."""
+    strata, dof = frame.strata, _degrees(table, frame.strata)
+    offsets = [c for c in chosen if c.kind == "offset"]
+    scatters = [c for c in chosen if c.kind == "scatter"]
+    ordered = (*seen.candidates, *offsets, *scatters)
+    null = null_of(frame, y, dof, known)
+    whitening = whitening_of(strata, null)
+    scan = Scan(
+        frame=frame,
+        dof=dof,
+        whitening=whitening,
+        names=tuple(c.name for c in ordered),
+        columns=seen.columns,
+        base=_fitted(table, frame),
+        offsets=tuple(table.axes.index(c.axis or table.axes[0]) for c in offsets),
+        scatters=tuple(c.name for c in scatters),
+        remainder=remainder_of(strata, whitening, _places(table)),
+        null=null,
+        operation=table.operation,
+        directions=scatter_directions(table, strata),
+        predicted_dof=known.dof,
+    )
+    return scan, ordered
+
+
+def scan_with_null(scan: Scan, table: ResidualTable, null: NullModel) -> Scan:
+    """The scan with another null: its whitening, and the kernels in it, follow."""
+    strata = scan.frame.strata
+    whitening = whitening_of(strata, null)
+    remainder = remainder_of(strata, whitening, _places(table))
+    return replace(scan, null=null, whitening=whitening, remainder=remainder)
+
+
+def _freeing(table: ResidualTable) -> Freeing:
+    def freeing(tables: FloatArray) -> FloatArray:
+        flat = tables.reshape(-1, *tables.shape[-3:])
+        freed = table.freed(np.moveaxis(flat, 0, -1))
+        found: FloatArray = np.moveaxis(freed, -1, 0).reshape(tables.shape)
+        return found
+
+    return freeing
+
+
+def _places(table: ResidualTable) -> FloatArray:
+    """Mean places (H, d) of the columns along the coordinates that are known."""
+    places = table.places.mean(axis=0)
+    found: FloatArray = places[:, np.isfinite(places).all(axis=0)]
+    return found
+
+
+def _degrees(table: ResidualTable, strata: Strata) -> FloatArray:
+    """Degrees of freedom (S,): sizes, less what is missing, less what the datum takes."""
+    missing = int((~table.there).sum())
+    found = []
+    for stratum in strata.all:
+        size = float(stratum.size)
+        if stratum.kind == "interaction":
+            size -= missing
+        if stratum.kind == "part" and table.datum != "none":
+            size = 0.0
+        found.append(max(size, 0.0))
+    return np.array(found)
+
+
+def _factors(table: ResidualTable, strata: Strata) -> tuple[FloatArray, FloatArray]:
+    """The predicted covariance of a part's coordinates, and the factor of the coefficients'."""
+    P, _, A = strata.shape
+    k = strata.lines
+    basis = strata.columns[:, : 1 + k]
+
+    def coordinates(factor: FloatArray) -> FloatArray:
+        turned = np.einsum("hj,phar->pajr", basis, factor)
+        found: FloatArray = turned.reshape(len(factor), A * (1 + k), factor.shape[3])
+        return found
+
+    parts = coordinates(table.of_part)
+    predicted: FloatArray = np.einsum("pir,pjr->ij", parts, parts) / len(parts)
+    common: FloatArray = coordinates(table.common).mean(axis=0) * np.sqrt(P)
+    return predicted, common
+
+
+def _fitted(table: ResidualTable, frame: Frame) -> tuple[MemberColumns, ...]:
+    """The polynomial that was fitted to the readings themselves, taken out of everything."""
+    if table.fitted_degree < 1:
+        return ()
+    places = _places(table)
+    if not places.shape[1]:
+        return ()
+    position = places[:, 0] - places[:, 0].mean()
+    position = position / max(float(np.abs(position).max()), 1e-300)
+    powers = [frame.column({0: position[None] ** n}) for n in range(1, table.fitted_degree + 1)]
+    return (tuple(column for column in powers if column),)
+
+
+def _testable(
+    table: ResidualTable, candidates: Sequence[Candidate], strata: Strata
+) -> list[Candidate]:
+    P = len(table.parts)
+    found = []
+    for candidate in candidates:
+        if candidate.unavailable is not None:
+            continue
+        if candidate.kind == "offset" and (
+            P < FEWEST_FOR_OFFSET or table.datum != "none" or table.fitted_degree >= 0
+        ):
+            continue
+        if candidate.kind == "scatter" and not _scatter_testable(candidate.name, table, strata):
+            continue
+        found.append(candidate)
+    return found
+
+
+def _scatter_testable(name: str, table: ResidualTable, strata: Strata) -> bool:
+    if len(table.parts) < FEWEST_FOR_SCATTER or strata.find("interaction", 0) is None:
+        return False
+    if name == "operation-scatter":
+        return len(table.operations) > 1
+    if name == "rotation-scatter" and table.datum == "offset,rotation":
+        return False
+    return {"x", "y"} <= set(table.axes) and strata.lines >= 2
+
+
+def _columns(table: ResidualTable, frame: Frame, candidates: Sequence[Candidate]) -> _Seen:
+    """Coordinates of the members that the data can see, with their means and tangents."""
+    columns: list[tuple[MemberColumns, ...]] = []
+    members: list[Member] = []
+    means: dict[int, FloatArray] = {}
+    tangents: dict[int, MemberColumns] = {}
+    kept: list[Candidate] = []
+    for candidate in candidates:
+        own: list[MemberColumns] = []
+        for member in candidate.members:
+            coordinates = tuple(frame.column(column) for column in member.columns)
+            if not all(coordinates):
+                continue
+            index = len(members)
+            members.append(member)
+            own.append(coordinates)
+            means[index] = np.array([_means(column, table) for column in member.columns])
+            turned = tuple(c for c in (frame.column(t) for t in member.tangent) if c)
+            if turned:
+                tangents[index] = turned
+        if own:
+            columns.append(tuple(own))
+            kept.append(candidate)
+    return _Seen(
+        columns=tuple(columns),
+        members=tuple(members),
+        means=means,
+        tangents=tangents,
+        candidates=tuple(kept),
+    )
+
+
+def _means(column: Mapping[int, FloatArray], table: ResidualTable) -> FloatArray:
+    found = np.zeros(len(table.axes))
+    for axis, values in column.items():
+        whole = np.broadcast_to(values, table.there.shape)
+        found[axis] = whole[table.there].mean() if min(values.shape) > 1 else values.mean()
+    return found

@@ -1,0 +1,146 @@
+"""What closing the loop found, as one frozen result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from mtu_cli.analyses.close_loop.gross import Gross
+from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.model.settings import Warned
+from mtu_cli.stats.least_squares import FloatArray
+
+Verdict = Literal["none", "named", "class", "unexplained"]
+VERDICTS: tuple[Verdict, ...] = ("none", "named", "class", "unexplained")
+DRIFT, FIELD = "unnamed-drift", "unnamed-field"
+"""Rivals of every named effect: smooth over the parts, or over the columns."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Experiment:
+    """What to do to tell a class apart, and `predicted_d`, the rivals' separation by then in
+    standard deviations; `now_d` without it.
+    """
+
+    do: str
+    predicted_d: float
+    now_d: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundEffect:
+    """An effect that passed the gate.
+
+    `parameters` are (name, unit, value, u), value and standard uncertainty in internal units,
+    `unit` to show them in; `intervals` (low, high, effective degrees of freedom) at 95 %;
+    `covariance` (k, k) of the parameters, internal units. `equations` are empty where the
+    equation language cannot say it: `chosen` is then the feature, part or operation.
+    `searched` holds the value and 95 % interval of what was searched. `class_names` are the
+    candidates that this data cannot tell apart (95 % credible set), itself first; `aliases`
+    those that are the same on these points whatever the data. `folds` counts the held-out folds
+    that chose it, or another of its class, of `of_folds`.
+    """
+
+    name: str
+    family: str
+    axis: str | None
+    component: str | None
+    covariate: str | None
+    says: str
+    separates: str | None
+    kind: str
+    chosen: str | None
+    equations: dict[str, str]
+    parameters: tuple[tuple[str, str, float, float], ...]
+    intervals: tuple[tuple[float, float, float], ...]
+    covariance: FloatArray
+    searched: dict[str, tuple[float, float, float]]
+    p_familywise: float
+    log_bayes_factor: float
+    posterior: float
+    explained_share: float
+    class_names: tuple[str, ...]
+    aliases: tuple[str, ...]
+    experiment: Experiment | None
+    folds: int
+    of_folds: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """A candidate at the first look: `minimum_detectable` amplitude (root mean square over the
+    cells, mm or rad) that would be found four times in five; `unavailable` says why it could
+    not be tested.
+    """
+
+    name: str
+    family: str
+    component: str | None
+    p_familywise: float | None
+    log_bayes_factor: float | None
+    posterior: float | None
+    minimum_detectable: float | None
+    unavailable: str | None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scores:
+    """Errors (mm, rad): root mean square over all coordinates, by axis, 95th percentile and
+    largest of the error vector's length, and chi^2 a degree of freedom against the null model.
+    """
+
+    rms: float
+    rms_by_axis: dict[str, float]
+    p95: float
+    largest: float
+    chi2_per_dof: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableResult:
+    """One table (all points, or one component): its residuals (P, H, A) before and after the
+    effects, the effects' contribution `explained` (P, H, A), scores held out and in sample.
+
+    `without_name`: a smooth drift or field explained more than any name.
+    `held_out_by` says what was left out in turn; None where nothing could be. `floor` is the
+    repeatability of one averaged coordinate, None where the data do not tell it.
+    `unexplained_rms` is what is left in sample where something stays without a name.
+    """
+
+    table: ResidualTable
+    verdict: Verdict
+    effects: tuple[FoundEffect, ...]
+    candidates: tuple[Judged, ...]
+    checks: tuple[tuple[str, float], ...]
+    fired: tuple[str, ...]
+    without_name: bool
+    gross: tuple[Gross, ...]
+    explained: FloatArray
+    before: Scores
+    after: Scores
+    in_sample_before: Scores
+    in_sample_after: Scores
+    held_out_by: str | None
+    folds: int
+    floor: float | None
+    unexplained_rms: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CloseLoopResult:
+    """The verdict over all tables; `effects` of all, with their joint `covariance` in the order
+    of their parameters, internal units. `first` is the table that the shown scores are of.
+    """
+
+    verdict: Verdict
+    tables: tuple[TableResult, ...]
+    alpha: float
+    datum: str
+    covariance: FloatArray
+    warnings: tuple[Warned, ...] = field(default=())
+
+    @property
+    def effects(self) -> tuple[FoundEffect, ...]:
+        """The effects of all tables, in the order found."""
+        return tuple(effect for table in self.tables for effect in table.effects)

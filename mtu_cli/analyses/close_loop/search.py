@@ -1,0 +1,180 @@
+"""The search: what passes the gate, ranked, taken out, and again until nothing passes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.scan import CHECKS, Evidence, Scan
+from mtu_cli.analyses.close_loop.state import State, Step
+from mtu_cli.stats.family_gate import Gate
+from mtu_cli.stats.least_squares import FloatArray
+
+CREDIBLE = 0.95
+RIVAL = 0.25
+"""Posterior of drifts and fields without a name from which on they are a likely rival."""
+HALF = 0.49
+"""Of a column that lies evenly in two axes each holds this share."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """The steps in the order found; of the first look, family-wise `p`, `log_bayes` and
+    `posterior` (F,) by candidate; `checks` (name, family-wise p) of what is left in the end.
+
+    `without_name`: smooth drifts and fields explain more than all names together.
+    """
+
+    steps: tuple[Step, ...]
+    p: FloatArray
+    log_bayes: FloatArray
+    posterior: FloatArray
+    checks: tuple[tuple[str, float], ...]
+    without_name: bool
+
+    def fired(self, alpha: float) -> tuple[str, ...]:
+        """The checks that say that something is left."""
+        return tuple(name for name, p in self.checks if p < alpha)
+
+    @property
+    def members(self) -> tuple[int, ...]:
+        """The members of the effects that have columns, in the order found."""
+        return tuple(step.member for step in self.steps if step.member >= 0)
+
+
+def posterior_of(log_bayes: FloatArray) -> FloatArray:
+    """Posterior (F,) of candidates that are equally likely before."""
+    weight = np.exp(log_bayes - log_bayes.max())
+    found: FloatArray = weight / weight.sum()
+    return found
+
+
+def search(prepared: Prepared, gate: Gate, *, alpha: float, most: int) -> Search:
+    """Searches a table for at most `most` effects at the family-wise rate `alpha`.
+
+    What was found is projected out of data and candidates, with the derivative by what was
+    searched: a grid value beside the true one must not look like a second effect.
+    """
+    state = State(prepared, gate)
+    start = state.look()
+    looked = start
+    steps: list[Step] = []
+    while len(steps) < most:
+        step = _step(prepared.scan, looked, state.p, alpha, state.done)
+        if step is None:
+            break
+        steps.append(step)
+        state.take_out(step)
+        looked = state.look()
+    steps = _beside_others(prepared, steps)
+    return Search(
+        steps=tuple(steps),
+        p=state.first_p,
+        log_bayes=start.log_bayes,
+        posterior=posterior_of(start.log_bayes),
+        checks=tuple(zip(CHECKS, state.checks.tolist(), strict=True)),
+        without_name=bool(steps) and _nameless(start, steps),
+    )
+
+
+def _nameless(start: Evidence, steps: list[Step]) -> bool:
+    """Whether drifts and fields without a name say as much as the names found.
+
+    Either all of them explain the first look better than all names together, or one of them
+    is a likely rival of a name, or parts drift along every axis: parts that wander look like a
+    trend, a step, a warm-up.
+    """
+    unnamed = np.maximum(start.unnamed, 0.0).sum()
+    named = sum(max(step.log_bayes, 0.0) for step in steps)
+    if unnamed > named or any(step.unnamed > RIVAL for step in steps):
+        return True
+    drifts = start.unnamed[: len(start.unnamed) // 2]
+    return bool(len(drifts) > 1 and drifts.min() > 0)
+
+
+def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
+    """The steps with their classes as they are beside all other effects."""
+    if sum(step.member >= 0 for step in steps) < 2:
+        return steps
+    found = []
+    for own in steps:
+        if own.member < 0:
+            found.append(own)
+            continue
+        state = State(prepared, None)
+        for step in steps:
+            if step is not own:
+                state.take_out(step)
+        scores = _scores(state.look(), state.done)
+        scores[prepared.scan.tested :] = -np.inf
+        found.append(_ranked(prepared.scan, own, scores, state.looked.unnamed))
+    return found
+
+
+def _ranked(scan: Scan, step: Step, scores: FloatArray, unnamed: FloatArray) -> Step:
+    """The step with the posterior and the credible set that these scores give.
+
+    A drift or field without a name is a rival of effects that lie where it would.
+    """
+    rivals = np.where(_same_place(scan, step), unnamed, -np.inf)
+    posterior = posterior_of(np.concatenate([scores, rivals]))
+    order = np.argsort(-posterior, kind="stable")
+    count = int(np.searchsorted(np.cumsum(posterior[order]), CREDIBLE)) + 1
+    credible = [int(i) for i in order[:count]]
+    if step.index not in credible:
+        credible.insert(0, step.index)
+    return replace(
+        step,
+        log_bayes=float(scores[step.index]),
+        posterior=float(posterior[step.index]),
+        credible=tuple(credible),
+        unnamed=float(posterior[len(scores) :].sum()),
+    )
+
+
+def _same_place(scan: Scan, step: Step) -> np.ndarray:
+    """Whether an effect lies (by half of its columns at least) in the part stratum of each
+    axis, then in the column stratum of each.
+    """
+    A = scan.frame.strata.shape[2]
+    squares = {"part": np.zeros(A), "column": np.zeros(A)}
+    total = 0.0
+    if step.member >= 0:
+        flat = [member for members in scan.columns for member in members]
+        for column in flat[step.member]:
+            for index, values in column.items():
+                stratum = scan.frame.strata.all[index]
+                size = float(values @ values)
+                total += size
+                if stratum.kind in squares:
+                    squares[stratum.kind][stratum.axis] += size
+    return np.concatenate([squares["part"], squares["column"]]) > HALF * total
+
+
+def _scores(looked: Evidence, done: set[int]) -> FloatArray:
+    scores = looked.log_bayes.copy()
+    scores[list(done)] = -np.inf
+    return scores
+
+
+def _step(scan: Scan, looked: Evidence, p: FloatArray, alpha: float, done: set[int]) -> Step | None:
+    passing = [i for i in range(len(p)) if p[i] < alpha and i not in done]
+    if not passing:
+        return None
+    scores = _scores(looked, done)
+    # A covariate that explains why parts grow or turn says more than that they do.
+    if any(i < scan.tested for i in passing):
+        scores[scan.tested :] = -np.inf
+        passing = [i for i in passing if i < scan.tested]
+    index = max(passing, key=lambda i: scores[i])
+    step = Step(
+        index=index,
+        member=int(looked.best[index]) if index < len(scan.columns) else -1,
+        p=float(p[index]),
+        log_bayes=float(scores[index]),
+        posterior=1.0,
+        credible=(),
+    )
+    return _ranked(scan, step, scores, looked.unnamed)

@@ -1,0 +1,204 @@
+"""How far apart effects are in parts that do not exist yet, in standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.directions import reversal_pairs
+from mtu_cli.analyses.close_loop.further_parts import FollowUp
+from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.language import evaluate, linear_form, parse
+from mtu_cli.model.effect_candidate import Column, Member
+from mtu_cli.model.effect_data import POSITIONS
+from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.crossed import completion
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.loop_frame import Frame
+from mtu_cli.stats.loop_null import NullModel, whitening_of
+from mtu_cli.stats.strata import Strata, strata_of
+
+RANK = 1e-10
+"""Directions in which columns hold less than this of their squares are rounding."""
+
+Seen = dict[int, FloatArray]
+"""The coordinates of a column, by the number of the stratum that they lie in."""
+
+
+def member_columns(
+    member: Member, table: ResidualTable, plan: FollowUp, *, new_tool: bool = False
+) -> tuple[Column, ...]:
+    """The levers of a member's parameters over the table and the further parts.
+
+    Evaluated from its equations; without any, features and operations keep theirs, and a part
+    that stands out does so again where it is measured again. `new_tool`: effects of a tool
+    begin again with it, whatever counts for it.
+    """
+    if not member.equations:
+        return tuple(
+            {axis: _kept(lever, table, plan) for axis, lever in column.items()}
+            for column in member.columns
+        )
+    values = {**plan.values, **plan.new_tool} if new_tool else plan.values
+    found: dict[str, Column] = {name: {} for name, _ in member.parameters}
+    for key, text in member.equations.items():
+        form = linear_form(parse(text), found)
+        for name, node in form.coefficients.items():
+            lever = np.atleast_2d(np.asarray(evaluate(node, values), float))
+            found[name][table.axes.index(key[1:])] = lever
+    return tuple(found.values())
+
+
+def _kept(lever: FloatArray, table: ResidualTable, plan: FollowUp) -> FloatArray:
+    if len(table.parts) == 1 or len(lever) == 1:
+        return lever
+    new = np.zeros((plan.count, lever.shape[1]))
+    if plan.copied:
+        new = lever[list(plan.copied)]
+    return np.concatenate([lever, new])
+
+
+def has_new_tool(member: Member, plan: FollowUp) -> bool:
+    """Whether a new tool begins this member again: not where it is a step that was searched."""
+    return member.covariate in plan.new_tool and not member.searched
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sight:
+    """Coordinates of columns over a follow-up's parts, in standard deviations of the null.
+
+    Inner products are those of generalised least squares with a free mean of each axis; `root`
+    (S,) are one over the standard deviations of the strata. `nuisance` is what is fitted beside
+    all columns: what was found, and the polynomial of readings.
+    """
+
+    frame: Frame
+    whitening: FloatArray
+    root: FloatArray
+    nuisance: tuple[Seen, ...]
+
+    def columns(self, member: Sequence[Column]) -> tuple[Seen, ...]:
+        """The columns of a member."""
+        return tuple(self._seen(column) for column in member)
+
+    def _seen(self, column: Column) -> Seen:
+        found = {}
+        for index, values in self.frame.column(column).items():
+            stratum = self.frame.strata.all[index]
+            own = values * self.root[index]
+            if stratum.lead:
+                lead = np.array(stratum.lead) - 1
+                W = self.whitening[stratum.axis][np.ix_(lead, lead)]
+                own[: len(lead)] = W @ own[: len(lead)]
+            found[index] = own
+        return found
+
+    def left(self, effects: Mapping[int, Seen], columns: Sequence[Seen] = ()) -> dict[int, float]:
+        """The squares that `columns`, fitted beside the nuisances, leave of each effect."""
+        X = [*self.nuisance, *columns]
+        found = {i: _inner(e, e) for i, e in effects.items()}
+        size = np.sqrt([_inner(c, c) for c in X])
+        kept = [j for j in range(len(X)) if size[j] > 0]
+        if not kept:
+            return found
+        size = size[kept]
+        G = np.array([[_inner(X[i], X[j]) for j in kept] for i in kept]) / np.outer(size, size)
+        inverse = np.linalg.pinv(G, rcond=RANK, hermitian=True)
+        for i, e in effects.items():
+            b = np.array([_inner(X[j], e) for j in kept]) / size
+            found[i] = max(found[i] - float(b @ inverse @ b), 0.0)
+        return found
+
+
+def combined(columns: Sequence[Seen], beta: FloatArray) -> Seen:
+    """The sum of columns times their coefficients (k,)."""
+    found: Seen = {}
+    for value, column in zip(beta, columns, strict=True):
+        for index, own in column.items():
+            found[index] = found.get(index, 0.0) + value * own
+    return found
+
+
+def _inner(a: Seen, b: Seen) -> float:
+    return float(sum(a[index] @ b[index] for index in a.keys() & b.keys()))
+
+
+def sight_of(prepared: Prepared, plan: FollowUp, beside: Sequence[int] = ()) -> Sight:
+    """The view of a follow-up's parts, under the null of `prepared`.
+
+    Variances of the strata follow from those of parts, their smooth directions, columns and
+    single entries, and from the number of parts.
+    """
+    table, old = prepared.table, prepared.scan.frame.strata
+    P = len(table.parts)
+    column = old.find("column", 0)
+    smooth = old.columns[:, 1 : 1 + (len(column.lead) if column else 0)]
+    strata = strata_of(P + plan.count, smooth, old.shape[2], reversal_pairs(table))
+    grown = (P + plan.count) / P
+    null = replace(prepared.scan.null, common=prepared.scan.null.common * np.sqrt(grown))
+    whole = longer(table, plan)
+    # Where whole parts are free, their means tell nothing.
+    offsets = 0.0 if table.datum != "none" else 1.0
+    weights = [
+        _weight(strata, null, i) * (offsets if s.kind == "part" else 1.0)
+        for i, s in enumerate(strata.all)
+    ]
+    frame = Frame(
+        strata=strata,
+        completion=completion(whole.there),
+        freeing=None if table.datum == "none" else _freeing(whole),
+    )
+    plain = Sight(
+        frame=frame,
+        whitening=whitening_of(strata, null),
+        root=np.sqrt(weights),
+        nuisance=(),
+    )
+    known = [member_columns(prepared.members[m], table, plan) for m in beside]
+    columns = [*_fitted(table), *(column for member in known for column in member)]
+    return replace(plain, nuisance=plain.columns(columns))
+
+
+def _weight(strata: Strata, null: NullModel, index: int) -> float:
+    """One over the variance of a coordinate of a stratum; 0 where there is none."""
+    s = strata.all[index]
+    variance = float(null.interaction[s.axis])
+    if s.kind in ("column", "reversal"):
+        variance += strata.shape[0] * null.of_columns(s.kind, s.axis)
+    elif s.kind != "interaction":
+        own = s.axis * (1 + strata.lines) + s.line
+        variance += float(null.part[own, own])
+    return 1 / variance if variance > 0 else 0.0
+
+
+def longer(table: ResidualTable, plan: FollowUp) -> ResidualTable:
+    """The table with the further parts, all of them measured: all but their errors."""
+    P, H, A = table.errors.shape
+    return replace(
+        table,
+        parts=(*table.parts, *(f"+{i + 1}" for i in range(plan.count))),
+        errors=np.zeros((P + plan.count, H, A)),
+        repeats=np.concatenate([table.repeats, np.ones((plan.count, H), np.int64)]),
+        places=plan.places,
+        covariates={n: v for n, v in plan.values.items() if n not in POSITIONS},
+    )
+
+
+def _freeing(table: ResidualTable):  # type: ignore[no-untyped-def]  # see Frame.freeing
+    def freeing(tables: FloatArray) -> FloatArray:
+        return table.freed(tables[..., None])[..., 0]
+
+    return freeing
+
+
+def _fitted(table: ResidualTable) -> list[Column]:
+    """Powers of the position that were fitted to the readings themselves."""
+    places = table.places.mean(axis=0)
+    known = places[:, np.isfinite(places).all(axis=0)]
+    if table.fitted_degree < 1 or not known.shape[1]:
+        return []
+    position = known[:, 0] - known[:, 0].mean()
+    position = position / max(float(np.abs(position).max()), 1e-300)
+    return [{0: position[None] ** n} for n in range(1, table.fitted_degree + 1)]

@@ -1,0 +1,139 @@
+"""What a search has found so far, and what is left of the data beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
+from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.scan import Evidence, Scan, evidence
+from mtu_cli.stats.column_groups import Column, MemberColumns
+from mtu_cli.stats.family_gate import Gate
+from mtu_cli.stats.least_squares import FloatArray
+
+COUNTS = 0.1
+"""Share of a column's information from which on a stratum is freed of it."""
+CENTRED = 1e-6
+"""Share of a column's size below which its mean is none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One effect: candidate `index` and its best `member` (-1 for offsets and scatters),
+    family-wise `p`, log Bayes factor, posterior among the candidates, and the candidates of
+    the 95 % credible set, the best first. Indices beyond the candidates are drifts (by axis)
+    and fields (by axis) without a name; `unnamed` is the posterior of these together.
+    """
+
+    index: int
+    member: int
+    p: float
+    log_bayes: float
+    posterior: float
+    credible: tuple[int, ...]
+    unnamed: float = 0.0
+
+
+def family_p(scan: Scan, gate: Gate, found: Evidence) -> tuple[FloatArray, FloatArray]:
+    """Family-wise p of all candidates (F,) and of the checks (C,)."""
+    drawn = gate.family_p(gate.minus_log_p(found.statistics))
+    closed = gate.family_p(found.closed)
+    F, S = scan.tested, len(scan.scatters)
+    return np.concatenate([drawn[:F], closed[:S]]), np.concatenate([drawn[F:], closed[S:]])
+
+
+class State:
+    """What has been found, and what is left of the data beside it."""
+
+    looked: Evidence
+
+    def __init__(self, prepared: Prepared, gate: Gate | None) -> None:
+        self.prepared, self.gate = prepared, gate
+        self.flat = [member for members in prepared.scan.columns for member in members]
+        self.found: list[MemberColumns] = []
+        self.members: list[int] = []
+        self.done: set[int] = set()
+        self.offsets: set[int] = set()
+        self.p = self.first_p = self.checks = np.zeros(0)
+
+    def look(self) -> Evidence:
+        scan, y = self.prepared.scan, self.prepared.y
+        grand = self.prepared.grand.copy()
+        if self.members:
+            columns = [self.flat[m] for m in self.members]
+            fit = estimate(scan, y, columns)
+            y = y - raw_design(scan, columns) @ fit.beta
+            grand -= fit.beta @ np.concatenate([self.prepared.means[m] for m in self.members])
+            self.found = [
+                tuple(_where_it_counts(scan, column, fit.weights) for column in member)
+                for member in self._with_tangents()
+            ]
+        grand[list(self.offsets)] = 0.0
+        pack = scan.pack(self.found)
+        looked = evidence(scan, pack, y, grand, self._aside())
+        first = not self.p.size
+        self.looked = looked
+        if self.gate is not None:
+            self.p, self.checks = family_p(scan, self.gate, looked)
+            if first:
+                self.first_p = self.p
+        return looked
+
+    def take_out(self, step: Step) -> None:
+        """Takes an effect out of all that follows."""
+        scan = self.prepared.scan
+        if step.member >= 0:
+            self.members.append(step.member)
+            self._own_levels(step.member)
+            return
+        self.done.add(step.index)
+        offset = step.index - len(scan.columns)
+        if offset < len(scan.offsets):
+            self.offsets.add(scan.offsets[offset])
+
+    def _own_levels(self, member: int) -> None:
+        """A level along an axis that the effect has a mean of belongs to the effect."""
+        scan, columns = self.prepared.scan, self.prepared.members[member].columns
+        means = self.prepared.means[member]
+        for i, axis in enumerate(scan.offsets):
+            sizes = [float(np.sqrt(np.mean(c[axis] ** 2))) for c in columns if axis in c]
+            if sizes and np.abs(means[:, axis]).max() > CENTRED * max(sizes):
+                self.done.add(len(scan.columns) + i)
+
+    def _aside(self) -> frozenset[str]:
+        """Scatters that were found: the checks must not find them again."""
+        scan = self.prepared.scan
+        return frozenset(scan.names[i] for i in self.done if i >= scan.tested)
+
+    def _with_tangents(self) -> list[MemberColumns]:
+        found = []
+        for member in self.members:
+            found.append(self.flat[member])
+            if member in self.prepared.tangents:
+                found.append(self.prepared.tangents[member])
+        return found
+
+
+def _where_it_counts(scan: Scan, column: Column, weights: FloatArray) -> Column:
+    """The column in the strata that hold a good share of what it can be told by.
+
+    Elsewhere its estimate is taken off, without a coefficient of its own: a growth with
+    temperature has a little of a plain scale in it, which it must not hide.
+    """
+    shares = {}
+    for index, values in column.items():
+        lead = len(scan.frame.strata.all[index].lead)
+        own = whitened_column(scan, index, values) if lead else values
+        shares[index] = float(weights[index] * (own @ own))
+    least = COUNTS * sum(shares.values())
+    return {index: column[index] for index, share in shares.items() if share >= least}
+
+
+def whitened_column(scan: Scan, index: int, values: FloatArray) -> FloatArray:
+    """Coordinates (n,) of a column in a stratum, whitened."""
+    stratum = scan.frame.strata.all[index]
+    lead = np.array(stratum.lead, int) - 1
+    W = scan.whitening[stratum.axis][np.ix_(lead, lead)]
+    return np.concatenate([W @ values[: len(lead)], values[len(lead) :]])

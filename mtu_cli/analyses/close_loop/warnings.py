@@ -1,0 +1,62 @@
+"""What a user has to know about how the loop was closed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mtu_cli.analyses.close_loop.result import TableResult
+from mtu_cli.model.settings import Warned
+
+FEW_PARTS = 5
+ALL = 0.999
+MOST_NAMED = 6
+FREES = {
+    "offset": "offsets of whole parts: drift, trend, step, warm-up",
+    "offset,rotation": "offsets of whole parts (drift, trend, step, warm-up), rotation, and the "
+    "difference between squareness and rotation",
+}
+
+
+def loop_warnings(tables: Sequence[TableResult]) -> tuple[Warned, ...]:
+    """Warnings on all tables."""
+    found: list[Warned] = []
+    for table in tables:
+        found += _of_table(table)
+    datum = tables[0].table.datum
+    if datum in FREES:
+        text = f"the datum {datum!r} is free in every part: unseen are {FREES[datum]}"
+        found.append(Warned(code="datum-freed", message=text))
+    return tuple(dict.fromkeys(found))
+
+
+def _of_table(result: TableResult) -> list[Warned]:
+    table, found = result.table, []
+    parts, of = len(table.parts), "" if table.component is None else f" of {table.component}"
+    what = "part" if table.component is None else "pass"
+    if parts < FEW_PARTS:
+        text = (
+            f"{parts} {what}{'' if parts == 1 else 's' if what == 'part' else 'es'}{of}: effects "
+            f"that change from {what} to {what} can hardly be told from its scatter"
+        )
+        found.append(Warned(code="few-parts", message=text))
+    if result.held_out_by is None:
+        text = f"too few {what}s and columns{of} to hold any out: before and after are in sample"
+        found.append(Warned(code="not-held-out", message=text))
+    if result.gross:
+        names = ", ".join(f"{g.feature} of {g.part}" for g in result.gross[:MOST_NAMED])
+        beyond = len(result.gross) - MOST_NAMED
+        more = f" and {beyond} more" if beyond > 0 else ""
+        text = f"far off whatever the rest does, and set aside: {names}{more}"
+        found.append(Warned(code="outliers-set-aside", message=text))
+    for effect in result.effects:
+        if effect.family == "covariate" and effect.explained_share > ALL:
+            text = (
+                f"{effect.covariate} explains all of the errors{of}: it seems to be the "
+                f"measurement itself under another name (--exclude {effect.name})"
+            )
+            found.append(Warned(code="covariate-is-the-error", message=text))
+    missing = table.there.size - int(table.there.sum()) - len(result.gross)
+    if missing > table.there.size / 2:
+        text = "more than half of the cells were not measured: the search has little power"
+        found.append(Warned(code="sparse-table", message=text))
+    return found

@@ -1,0 +1,115 @@
+"""`mtu close-loop`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from mtu_cli.cli.close_loop_choices import FOUND, UNEXPLAINED, Choices, read_choices
+from mtu_cli.cli.close_loop_files import Known, check_written, written
+from mtu_cli.cli.execute import Outcome, execute
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.modelling import drift_estimates, modelled
+from mtu_cli.cli.options import Options
+from mtu_cli.errors import fault
+from mtu_cli.model.effect_parameters import effect_warnings
+from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
+from mtu_cli.model.reading_tables import reading_tables
+from mtu_cli.model.residual_table import ResidualTable, residual_table
+from mtu_cli.model.settings import Settings, Warned
+
+if TYPE_CHECKING:
+    from mtu_cli.analyses.close_loop import CloseLoopResult
+
+NONE = "none"
+
+
+def run(options: Options) -> None:
+    """Asks measured data what the model lacks, and adds it to the machine."""
+    execute(options, analyse)
+
+
+def analyse(inputs: Inputs, settings: Settings) -> Outcome:
+    from mtu_cli.analyses.close_loop import close_loop
+    from mtu_cli.model.effect_library import effect_library
+    from mtu_cli.reports import close_loop as report
+
+    choices = read_choices(inputs)
+    check_written(inputs)
+    library = effect_library(inputs.files("effects"))
+    tables, found, warnings = _tables(inputs, choices)
+    inputs.sources.extend(library.sources)
+    result = close_loop(
+        tables,
+        library,
+        alpha=choices.alpha,
+        max_effects=choices.max_effects,
+        exclude=choices.exclude,
+        seed=settings.seed,
+    )
+    results = report.document(result)
+    worth = _worth(result, results)
+    files = written(inputs, found, settings, result.effects, result.covariance, worth)
+    return Outcome(
+        results=lambda: results,
+        tables=lambda: report.table(result),
+        rows=lambda: report.csv_rows(result),
+        figure=lambda: report.figure(result),
+        warnings=[*warnings, *result.warnings, *files.warnings],
+        gate=_gate(result.verdict, choices),
+        files=lambda: files.files,
+    )
+
+
+def _worth(result: CloseLoopResult, results: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Of each effect the error before and after, of its own component where there are several.
+
+    It is in sample where `by` is None: nothing could be held out.
+    """
+    found = []
+    for item, scored in zip(result.tables, results["tables"] or [results], strict=True):
+        rms = f"rms_{item.table.unit}"
+        own = {key: {rms: scored[key][rms]} for key in ("before", "after")}
+        found += [{"by": item.held_out_by, **own}] * len(item.effects)
+    return found
+
+
+def _tables(
+    inputs: Inputs, choices: Choices
+) -> tuple[tuple[ResidualTable, ...], Known, list[Warned]]:
+    """Measured minus predicted, what it was predicted from, and what to warn of.
+
+    Where points are measured, readings are what the components are fitted to; else they are
+    what is judged, against a components report or the machine file.
+    """
+    if inputs.files("cmm"):
+        found = modelled(inputs)
+        table, more = residual_table(found.model, inputs.points, inputs.at, choices.datum)
+        return (table,), Known(estimates=found.estimates, fit=found.fit), [*found.warnings, *more]
+    readings = inputs.readings
+    if readings is None:
+        raise fault(
+            "nothing measured is given",
+            expected="--cmm FILE, or --lbb or --laser FILE, or a study that names one",
+        )
+    machine = inputs.machine
+    warnings = [Warned(code=item.code, message=item.message) for item in machine.warnings]
+    report = inputs.components
+    if report is not None:
+        before = estimates_from_report(machine, report)
+        warnings += effect_warnings(machine, before.effects, report.source.shown)
+        known = Known(estimates=before, fit=None)
+    else:
+        before = estimates_from_fit(machine, None)
+        fit = fit_machine(machine, readings)
+        known = Known(estimates=estimates_from_fit(machine, fit), fit=fit)
+    thermal, doubts = drift_estimates(inputs)
+    tables, odd = reading_tables(machine, replace(before, thermal=thermal), readings)
+    return tables, known, [*warnings, *doubts, *odd]
+
+
+def _gate(verdict: str, choices: Choices) -> str | None:
+    """Undeclared effects, named or not, meet `found`; a remainder without a name the other."""
+    met = {FOUND: verdict != NONE, UNEXPLAINED: verdict == UNEXPLAINED}
+    return f"verdict {verdict}" if any(met[gate] for gate in choices.gates) else None

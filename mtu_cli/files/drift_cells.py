@@ -1,0 +1,74 @@
+"""What drift readings must hold beside other readings: a temperature in every sensor's cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.errors import Problem
+from mtu_cli.files.covariates import HOTTEST_DEGC, is_temperature, looks_like_temperature
+from mtu_cli.units import UNITS, dimension_name
+
+if TYPE_CHECKING:
+    from mtu_cli.files.csv_table import ProblemList, Table
+
+ROLE = "drift"
+TEMPERATURE_EXPECTED = (
+    f"a number in degC, at most {HOTTEST_DEGC:g} in size: leave out the column, or the rows"
+)
+
+
+def check_drift(
+    table: Table, components: Mapping[str, object] | None, problems: ProblemList
+) -> None:
+    """Names and cells of the sensors; without a machine also what it would have told of the
+    components, that all their readings are of one kind.
+    """
+    for name in table.header:
+        if looks_like_temperature(name):
+            problems.add(
+                Problem(
+                    what="not the name of a temperature",
+                    file=table.source.shown,
+                    row=table.header_row,
+                    column=name,
+                    expected="T_<sensor>_degC with letters a to z, digits and _ alone",
+                )
+            )
+    for name, values in table.columns.numbers.items():
+        if not is_temperature(name):
+            continue
+        empty = np.flatnonzero(np.isnan(values))
+        problems.add_cells(table, empty, name, "empty cell", [""], TEMPERATURE_EXPECTED)
+        far = np.flatnonzero(np.abs(values) > HOTTEST_DEGC)
+        cells = values[far].tolist()
+        if cells:
+            problems.add_cells(table, far, name, "no temperature", cells, TEMPERATURE_EXPECTED)
+    if components is None:
+        _check_kinds(table, problems)
+
+
+def _check_kinds(table: Table, problems: ProblemList) -> None:
+    """Units of two dimensions, and positions of some readings only, in one component."""
+    column, units = table.columns.texts["component"], table.columns.texts["unit"]
+    positions = table.columns.numbers.get("position_mm")
+    dimension = np.array([UNITS[u].dimension if u in UNITS else -1 for u in units.labels] + [-1])
+    of_row = dimension[units.codes]
+    for code, label in enumerate(column.labels):
+        inside = np.flatnonzero(column.codes == code)
+        known = inside[of_row[inside] >= 0]
+        usual = int(np.bincount(of_row[known]).argmax()) if len(known) else 0
+        other = known[of_row[known] != usual]
+        cells = [units.labels[units.codes[i]] for i in other]
+        if cells:
+            expected = f"{dimension_name(usual)}, as in most readings of it"
+            what = f"wrong kind of unit for {label!r}"
+            problems.add_cells(table, other, "unit", what, cells, expected)
+        if positions is None:
+            continue
+        empty = inside[np.isnan(positions[inside])]
+        if 0 < len(empty) < len(inside):
+            expected = f"a position in all readings of {label!r}, or in none"
+            problems.add_cells(table, empty, "position_mm", "empty cell", [""], expected)

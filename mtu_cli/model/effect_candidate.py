@@ -1,0 +1,53 @@
+"""A candidate effect on a table of residuals, and its members with their columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.files.effects_contract import Kind
+
+FloatArray = NDArray[np.float64]
+Column = dict[int, FloatArray]
+"""Lever of one parameter by index of the axis, in the smallest shape that broadcasts to (P, H)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """One concrete set of columns: one covariate, one value of the searched parameter, ...
+
+    `columns` hold one lever a parameter in mm (rad for angular components) per internal unit of
+    the parameter. `parameters` are (name, unit). `equations` are final text, linear in the
+    parameters; evaluated, they give the columns back. They are empty where the equation language
+    cannot say the effect: `chosen` then is the feature, part or operation. `tangent` holds the
+    derivatives of the columns with respect to log(searched), where that is continuous.
+    """
+
+    columns: tuple[Column, ...]
+    parameters: tuple[tuple[str, str], ...]
+    equations: dict[str, str]
+    searched: dict[str, float]
+    covariate: str | None
+    tangent: tuple[Column, ...] = ()
+    chosen: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A candidate effect by name (``backlash-x``) with all its members.
+
+    `unavailable` says why this data cannot test it; it has no members then. `notes` tell what
+    was left out, and which columns are copies of others.
+    """
+
+    name: str
+    family: str
+    axis: str | None
+    says: str
+    separates: str | None
+    members: tuple[Member, ...]
+    kind: Kind
+    unavailable: str | None = None
+    notes: tuple[str, ...] = ()

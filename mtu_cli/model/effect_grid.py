@@ -1,0 +1,75 @@
+"""Grids of searched parameters: pitches, time constants, the part at which something jumped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mtu_cli.files.effects_contract import Search
+from mtu_cli.language import evaluate, parse
+from mtu_cli.model.effect_candidate import FloatArray
+
+DEFAULT_COUNT = 40
+PER_SPAN = 4.0
+"""Frequencies a span: halfway between two of them the phase is off by an eighth of a period at
+each end of the data at most."""
+LARGEST = 2_000_000
+"""Numbers that the columns of one parameter may take."""
+FEWEST = 24
+
+
+def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
+    """The searched values (G,); empty where the data gives none.
+
+    `values` are those of the position or column searched along, `size` the entries of one
+    column. A frequency grid runs from the longest to the shortest value, so that of two that
+    the data cannot tell apart the longer one stands first.
+    """
+    distinct = np.zeros(0) if values is None else np.unique(values)
+    if search.grid == "between":
+        middles = (distinct[1:] + distinct[:-1]) / 2.0
+        return middles[search.margin - 1 : len(middles) - search.margin + 1]
+    known = _known(distinct)
+    low = max(_bounds(search.from_, known), default=math.nan)
+    high = min(_bounds(search.to, known), default=math.nan)
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        return np.zeros(0)
+    count = min(search.count or DEFAULT_COUNT, max(FEWEST, LARGEST // size))
+    if search.grid == "linear":
+        return np.linspace(low, high, count)
+    if low <= 0.0:
+        return np.zeros(0)
+    if search.grid == "log":
+        return np.geomspace(low, high, count)
+    ends = 1.0 / high, 1.0 / low
+    needed = math.ceil((ends[1] - ends[0]) * PER_SPAN * known["span"]) + 1
+    return 1.0 / np.linspace(*ends, max(2, min(needed, count)))
+
+
+def is_continuous(search: Search) -> bool:
+    """Whether the columns have a derivative with respect to what is searched."""
+    return search.grid != "between"
+
+
+def _known(distinct: FloatArray) -> dict[str, float]:
+    if len(distinct) < 2:
+        return {}
+    return {
+        "low": float(distinct[0]),
+        "high": float(distinct[-1]),
+        "span": float(distinct[-1] - distinct[0]),
+        "spacing": float(np.median(np.diff(distinct))),
+    }
+
+
+def _bounds(texts: Sequence[str], known: dict[str, float]) -> list[float]:
+    found = []
+    for text in texts:
+        tree = parse(text)
+        if known or not any(name in text for name in ("span", "spacing", "low", "high")):
+            found.append(float(evaluate(tree, known)))
+        else:
+            found.append(math.nan)
+    return found

@@ -1,0 +1,214 @@
+"""Members of candidates: columns over a table, and equations with all numbers in place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.files.effect_templates import CHOSEN, Template
+from mtu_cli.files.effect_text import equation_text, with_number
+from mtu_cli.files.effects_contract import Family
+from mtu_cli.language import evaluate, names
+from mtu_cli.model.effect_binding import Binding, filled, resolved
+from mtu_cli.model.effect_candidate import Column, FloatArray, Member
+from mtu_cli.model.effect_data import POSITIONS, TableData, indicators, labels
+from mtu_cli.model.effect_grid import grid_of, is_continuous
+
+STEP = 1e-5
+"""Of the logarithm of a searched value, for its derivative: errors of order STEP^2."""
+
+
+class NoMember(Exception):  # noqa: N818  # no fault: it says why the data has no such member
+    """Why the data has no such member; empty where it could not have one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Batch:
+    """Members that differ in the searched value alone, or in what is chosen.
+
+    `columns` are those of k parameters: by axis an array (G or 1, P or 1, H or 1). `used` are
+    the columns of the data in the equations.
+    """
+
+    members: tuple[Member, ...]
+    columns: tuple[Column, ...]
+    used: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoundTemplate:
+    """A template of a family whose names are bound to a table's axes and columns."""
+
+    family: Family
+    template: Template
+    binding: Binding
+    data: TableData
+
+    def batch(self) -> Batch:
+        """All its members.
+
+        Raises NoMember where the data has none.
+        """
+        used = self.checked_names()
+        searched = self.searched()
+        columns = self.columns(searched)
+        search = self.template.search
+        tangent: tuple[Column, ...] = ()
+        if searched is not None and search is not None and is_continuous(search):
+            above = self.columns(searched * np.exp(STEP))
+            below = self.columns(searched * np.exp(-STEP))
+            tangent = tuple(
+                {axis: (up[axis] - down[axis]) / (2.0 * STEP) for axis in up}
+                for up, down in zip(above, below, strict=True)
+            )
+        members = tuple(self.members(columns, tangent, searched, used))
+        return Batch(members=members, columns=columns, used=used)
+
+    def equations(self) -> Iterator[tuple[str, int, str, Binding]]:
+        """Key in the file, index and name of the axis, binding of each equation."""
+        axes = self.data.table.axes
+        for key in self.template.forms:
+            own = axes if "{each}" in key else (filled(key, self.binding)[1:],)
+            for axis in own:
+                if axis not in axes:
+                    raise NoMember
+                yield key, axes.index(axis), axis, {**self.binding, "each": axis}
+
+    def checked_names(self) -> tuple[str, ...]:
+        """The columns of the data that the equations and `needs` name."""
+        wanted = {
+            resolved(raw, bound).name
+            for _, _, _, bound in self.equations()
+            for raw in self.template.raw_names
+        }
+        wanted |= {filled(raw, self.binding) for raw in self.family.needs}
+        for name in sorted(wanted):
+            check_column(name, self.data)
+        return tuple(sorted(wanted - {*POSITIONS}))
+
+    def searched(self) -> FloatArray | None:
+        """The grid of the searched parameter, (G,)."""
+        if self.template.search is None:
+            return None
+        of = self.template.search.of
+        along = None
+        if of is not None:
+            name = resolved(of, self.binding).name
+            check_column(name, self.data)
+            along = self.data.values[name]
+        size = 1
+        for _, _, _, bound in self.equations():
+            found = [self.value(raw, bound) for raw in self.template.raw_names]
+            size = max(size, np.broadcast(*found, 0.0).size)
+        grid = grid_of(self.template.search, along, size)
+        if not len(grid):
+            raise NoMember(f"too few values of {of} to search {self.template.searched}")
+        return grid
+
+    def value(self, raw: str, bound: Binding) -> FloatArray | float:
+        """The value of a name of the file: a column of the data, or a number of it."""
+        found = resolved(raw, bound)
+        if found.kind is not None:
+            return self.data.number(found.name, found.kind)
+        return self.data.values[found.name]
+
+    def parameters(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each parameter; for angular components um is arcsec."""
+        angular = self.data.table.unit == "arcsec"
+        found: dict[str, str] = {}
+        for name, unit in self.template.units.items():
+            raw = self.template.braced.get(name, name)
+            shown = re.sub("^um", "arcsec", unit) if angular else unit
+            axes = self.data.table.axes if "{each}" in raw else ("",)
+            found |= {filled(raw, {**self.binding, "each": axis}): shown for axis in axes}
+        return tuple(found.items())
+
+    def columns(self, searched: FloatArray | None) -> tuple[Column, ...]:
+        """Levers of the parameters by axis, each (G or 1, P or 1, H or 1)."""
+        found: dict[str, Column] = {name: {} for name, _ in self.parameters()}
+        braced = self.template.braced
+        for key, index, _, bound in self.equations():
+            values: dict[str, FloatArray | float] = {}
+            for name in names(self.template.trees[key]):
+                if name == self.template.searched and searched is not None:
+                    values[name] = searched[:, None, None]
+                elif name == CHOSEN and self.family.over is not None:
+                    values[name] = indicators(self.data.table, self.family.over)
+                elif name not in self.template.units:
+                    values[name] = self.value(braced.get(name, name), bound)
+            for name, node in self.template.forms[key].coefficients.items():
+                lever = np.asarray(evaluate(node, values), float)
+                if not np.isfinite(lever).all():
+                    raise NoMember("its equation has no finite value in some places")
+                full = lever.reshape((1,) * (3 - lever.ndim) + lever.shape)
+                found[filled(braced.get(name, name), bound)][index] = full
+        return tuple(found.values())
+
+    def members(
+        self,
+        columns: tuple[Column, ...],
+        tangent: tuple[Column, ...],
+        searched: FloatArray | None,
+        used: tuple[str, ...],
+    ) -> Iterator[Member]:
+        """One member for each value of the grid, or for each that may be chosen."""
+        over, name = self.family.over, self.template.searched
+        chosen = None if over is None else labels(self.data.table, over)
+        texts = {} if over is not None else self.texts()
+        parameters, covariate = self.parameters(), self.covariate(used)
+        count = len(chosen) if chosen is not None else 1 if searched is None else len(searched)
+        for g in range(count):
+            at = None if searched is None or name is None else float(searched[g])
+            yield Member(
+                columns=_taken(columns, g),
+                parameters=parameters,
+                equations=texts if at is None else with_number(texts, str(name), at),
+                searched={} if at is None else {str(name): at},
+                covariate=covariate,
+                tangent=_taken(tangent, g),
+                chosen=None if chosen is None else chosen[g],
+            )
+
+    def texts(self) -> dict[str, str]:
+        """Equations by key (``Ex``) with all numbers but the searched one."""
+        found = {}
+        for key, _, axis, bound in self.equations():
+            numbers: dict[str, float | str] = {}
+            for name in names(self.template.trees[key]):
+                raw = self.template.braced.get(name, name)
+                own = resolved(raw, bound)
+                if own.kind is not None:
+                    numbers[name] = self.data.number(own.name, own.kind)
+                else:
+                    numbers[name] = own.name
+            found[f"E{axis}"] = equation_text(self.template.trees[key], numbers)
+        return found
+
+    def covariate(self, used: tuple[str, ...]) -> str | None:
+        """The column that the effect goes with: that of {T}, {c} or {v}, else the first used."""
+        bound = [self.binding[mark] for mark in ("T", "c", "v") if mark in self.binding]
+        return next(iter([*bound, *used]), None)
+
+
+def check_column(name: str, data: TableData) -> None:
+    """Raises NoMember, with the reason, unless a column or position is there and changes."""
+    if name in data.values:
+        if name not in data.changing:
+            raise NoMember(f"{name} does not change")
+        return
+    if name in data.table.axes and name not in POSITIONS:
+        # A component without an axis: no position of it is missing.
+        raise NoMember
+    if name in POSITIONS:
+        raise NoMember(f"the position along {name} is not known")
+    raise NoMember(f"{name} has gaps" if name in data.table.covariates else f"no column {name}")
+
+
+def _taken(columns: tuple[Column, ...], g: int) -> tuple[Column, ...]:
+    return tuple(
+        {axis: value[g if len(value) > 1 else 0] for axis, value in column.items()}
+        for column in columns
+    )

@@ -1,0 +1,244 @@
+"""Readings of components less what was known of them, as tables of passes and targets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.language import parse
+from mtu_cli.model.basis import TIME, ThermalBasis
+from mtu_cli.model.estimates import ComponentEstimate, Estimates
+from mtu_cli.model.fit import from_machine_file
+from mtu_cli.model.machine_model import AXES, MachineModel, Term, polynomial_term
+from mtu_cli.model.reading_layout import ReadingLayout, reading_layout
+from mtu_cli.model.residual_cells import IntArray, filled
+from mtu_cli.model.residual_covariates import table_covariates
+from mtu_cli.model.residual_factors import CellModel, Values, cell_model
+from mtu_cli.model.residual_table import ResidualTable, within
+from mtu_cli.model.settings import Warned
+from mtu_cli.model.temperature_warnings import temperature_warnings
+from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.model.thermal_estimates import thermal_from_machine_file
+from mtu_cli.model.thermal_terms import leftover_estimate, temperature_estimate
+from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.mixed import polynomial
+from mtu_cli.units import ANGLE, UNITS
+
+if TYPE_CHECKING:
+    from mtu_cli.files.machine import LoadedMachine
+    from mtu_cli.files.readings import Readings
+
+Found = tuple[ResidualTable, list[Warned]]
+
+
+def reading_tables(
+    machine: LoadedMachine, known: Estimates | MachineModel | None, readings: Readings
+) -> tuple[tuple[ResidualTable, ...], tuple[Warned, ...]]:
+    """One table a component that was read: readings minus what was known of it before them.
+
+    `known` are estimates that these readings took no part in, a components report's; None:
+    the machine file's coefficients and drifts. A component of which nothing was known is taken
+    less its own least-squares polynomial of these readings, whose degree is `fitted_degree`:
+    then neither factor has a column, and what the polynomial may hold cannot be seen.
+
+    A pass takes the place of a part, a target and direction that of a feature. Forward and
+    reverse of a pass draw their D independently, as the fit takes them.
+    """
+    estimates = _estimates(machine, known)
+    tables, warned = [], []
+    for code, name in enumerate(readings.components):
+        rows = np.flatnonzero(readings.code == code)
+        if not len(rows):
+            continue
+        entry = machine.machine.components[name]
+        reader = _Reader(
+            name=name,
+            of=entry.of,
+            degree=entry.degree if entry.of is not None else 0,
+            readings=readings,
+            rows=rows,
+            layout=reading_layout(readings, rows, entry.of, name),
+        )
+        table, told = reader.table(estimates)
+        angular = UNITS[entry.unit].dimension == ANGLE
+        tables.append(replace(table, unit="arcsec" if angular else "um"))
+        warned += told
+    return tuple(tables), tuple(warned)
+
+
+def _estimates(machine: LoadedMachine, known: Estimates | MachineModel | None) -> Estimates:
+    if isinstance(known, Estimates):
+        return known
+    if known is None:
+        return Estimates(
+            components=from_machine_file(machine), thermal=thermal_from_machine_file(machine)
+        )
+    own = [term for term in known.terms if term.estimate.name in machine.machine.components]
+    return Estimates(
+        components={term.estimate.name: term.estimate for term in own},
+        joint=known.joint,
+        thermal={drift.component: drift for drift in known.drifts()},
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Reader:
+    """The readings `rows` (n,) of one component."""
+
+    name: str
+    of: str | None
+    degree: int
+    readings: Readings
+    rows: IntArray
+    layout: ReadingLayout
+
+    def table(self, estimates: Estimates) -> Found:
+        """The table less what `estimates` know of the component."""
+        columns = self._columns()
+        shown, gaps = table_covariates(columns, self.layout.cells)
+        shapes = {name: value.shape for name, value in shown.items()}
+        estimate = estimates.components.get(self.name)
+        drift, told = self._drift(estimates.thermal.get(self.name), columns)
+        warned = [*self._instruments(), *gaps, *told]
+        if estimate is None and drift is None:
+            return self._fitted(shown), warned
+        model = _alone(self.name, self.of or AXES[0], estimate, drift)
+        values: Values = {
+            name: columns[name]
+            for name in {*model.covariates(), *((TIME,) if drift is not None else ())}
+            if name in columns
+        }
+        warned += temperature_warnings(model, self._places(), values)
+        found = cell_model(model, self._places(), values, self.layout.cells, shapes)
+        errors = self.readings.error[self.rows, None] - found.predicted
+        if estimate is None:
+            return self._fitted(shown, errors[:, 0], found), warned
+        return self._made(errors, shown, found.common, self._by_direction(found.of_part)), warned
+
+    def _fitted(
+        self,
+        shown: dict[str, FloatArray],
+        errors: FloatArray | None = None,
+        found: CellModel | None = None,
+    ) -> ResidualTable:
+        """The table less the polynomial that the readings themselves give."""
+        y = self.readings.error[self.rows] if errors is None else errors
+        position = np.zeros(len(y)) if self.of is None else self._places()[:, AXES.index(self.of)]
+        degree = min(self.degree, len(self.layout.columns) - 1, len(np.unique(position)) - 1)
+        # A residual does not depend on where the powers are counted from; its digits do.
+        fit = least_squares(polynomial(position - position.mean(), degree), y)
+        nothing = np.zeros((1, len(self.layout.columns), 1, 0))
+        common = nothing if found is None else found.common
+        of_part = nothing if found is None else self._by_direction(found.of_part)
+        return replace(
+            self._made(fit.residuals[:, None], shown, common, of_part), fitted_degree=degree
+        )
+
+    def _made(
+        self,
+        errors: FloatArray,
+        shown: dict[str, FloatArray],
+        common: FloatArray,
+        of_part: FloatArray,
+    ) -> ResidualTable:
+        cells = self.layout.cells
+        variance, dof = within(cells, errors)
+        return ResidualTable(
+            axes=(self.name if self.of is None else self.of,),
+            component=self.name,
+            unit="um",
+            parts=self.layout.passes,
+            features=self.layout.columns,
+            errors=cells.table(cells.means(errors)),
+            repeats=cells.repeats,
+            repeat_variance=variance,
+            repeat_dof=dof,
+            places=filled(cells.table(cells.means(self._places())), cells.repeats > 0),
+            operations=("",),
+            operation=np.zeros(len(self.layout.columns), np.int64),
+            covariates=shown,
+            common=common,
+            of_part=of_part,
+        )
+
+    def _by_direction(self, of_part: FloatArray) -> FloatArray:
+        """The factor with columns of its own for each direction."""
+        signs = self.layout.direction
+        apart = [
+            np.where((signs == sign)[None, :, None, None], of_part, 0.0)
+            for sign in np.unique(signs)
+        ]
+        return np.concatenate(apart, axis=3)
+
+    def _places(self) -> FloatArray:
+        """Places (n, 3) mm: the positions along the axis, nan beside it."""
+        places = np.full((len(self.rows), 3), np.nan)
+        if self.of is not None:
+            places[:, AXES.index(self.of)] = self.readings.position_mm[self.rows]
+        return places
+
+    def _columns(self) -> dict[str, np.ndarray]:
+        """Columns of the readings (n,) by their names in equations; `sequence` counts passes."""
+        found: dict[str, np.ndarray] = {"sequence": self.layout.cells.part + 1.0}
+        sign = self.readings.direction[self.rows].astype(np.float64)
+        if self.of is not None and sign.any():
+            found[f"dir_{self.of}"] = np.where(sign == 0, np.nan, sign)
+        times = self.readings.time_min[self.rows]
+        if not np.isnan(times).all():
+            found[TIME] = times
+        for name, column in self.readings.covariates.items():
+            own = column[self.rows]
+            if own.dtype == object or not np.isnan(own).all():
+                found.setdefault(name, own)
+        return found
+
+    def _drift(
+        self, drift: ThermalEstimate | None, columns: dict[str, np.ndarray]
+    ) -> tuple[ThermalEstimate | None, list[Warned]]:
+        """The known drift if the readings have its temperatures, and its times where it lags."""
+        if drift is None:
+            return None, []
+        needed = [*drift.sensors, *((TIME,) if drift.time_constants.any() else ())]
+        lost = [
+            name
+            for name in needed
+            if name not in columns
+            or columns[name].dtype == object
+            or not np.isfinite(columns[name]).all()
+        ]
+        if not lost:
+            return drift, []
+        text = (
+            f"the readings of {self.name} do not have {', '.join(lost)} in every row: its known "
+            "drift with temperature stays in them"
+        )
+        return None, [Warned(code="drift-not-removed", message=text)]
+
+    def _instruments(self) -> list[Warned]:
+        roles = dict.fromkeys(self.readings.roles[i] for i in self.readings.file_index[self.rows])
+        if len(roles) < 2:
+            return []
+        text = f"{self.name} was read by {' and '.join(roles)}: their passes stand in one table"
+        return [Warned(code="instruments-together", message=text)]
+
+
+def _alone(
+    name: str, axis: str, estimate: ComponentEstimate | None, drift: ThermalEstimate | None
+) -> MachineModel:
+    """A machine whose only error, along `axis`, is that of one component."""
+    lever = {axis: parse("1")}
+    terms = [] if estimate is None else [polynomial_term(estimate, lever)]
+    if drift is not None:
+        basis = ThermalBasis(estimate=drift)
+        terms.append(Term(estimate=temperature_estimate(drift), basis=basis, levers=lever))
+        terms.append(polynomial_term(leftover_estimate(drift), lever))
+    return MachineModel(
+        name=name,
+        axes=(axis,),
+        terms=tuple(terms),
+        remainders={axis: ()},
+        constants={},
+        joint=(),
+    )

@@ -1,0 +1,215 @@
+"""The report of close-loop: the verdict, what was found, and what it is worth on held-out data.
+
+`before` and `after` are held out (`held_out.by` says what was left out in turn; null: nothing
+could be, and they are in sample); `rms` pools all coordinates, `p95` and `max` are of the error
+vector's length. The keys of an angular component end in `_arcsec`, all others in `_um`. With
+several components, `component` names the one whose scores stand at the top, `tables` hold all.
+A `minimum_detectable` is the root mean square over the cells of an effect that would have been
+found four times in five. The `rms` of an effect is over all coordinates, `explained_share` the
+share of their mean square. Fields of a candidate are of the first look at the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from mtu_cli.analyses.close_loop.gross import Gross
+from mtu_cli.analyses.close_loop.result import (
+    CloseLoopResult,
+    FoundEffect,
+    Judged,
+    Scores,
+    TableResult,
+)
+from mtu_cli.reports.close_loop_figure import figure
+from mtu_cli.reports.close_loop_shown import (
+    class_of,
+    effect_rms,
+    first_table,
+    improvement_percent,
+    parameters_of,
+    size_of,
+    something_left,
+    unit_of,
+)
+from mtu_cli.reports.close_loop_table import table
+from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.reports.document import finite
+
+__all__ = ["csv_rows", "document", "figure", "table"]
+
+UNITS = ("um", "arcsec")
+
+
+def document(result: CloseLoopResult) -> dict[str, Any]:
+    """`results` of the report."""
+    first = first_table(result)
+    several = len(result.tables) > 1
+    return {
+        "verdict": result.verdict,
+        "undeclared_effect_found": result.verdict != "none",
+        "verdict_text": [verdict_text(item, result) for item in result.tables],
+        "alpha": float(result.alpha),
+        "datum": result.datum,
+        "component": first.table.component,
+        **_scored(first),
+        "effects": [_effect(e, t) for t in result.tables for e in t.effects],
+        "candidates": [_candidate(c, t) for t in result.tables for c in t.candidates],
+        "unexplained": {
+            "found": any(something_left(item) for item in result.tables),
+            "checks": [check for item in result.tables for check in _checks(item)],
+            f"rms_{first.table.unit}": size_of(first, first.unexplained_rms),
+        },
+        "outliers": [_outlier(g, t) for t in result.tables for g in t.gross],
+        "tables": [_table(item) for item in result.tables] if several else [],
+    }
+
+
+def _scored(item: TableResult) -> dict[str, Any]:
+    return {
+        "before": _scores(item, item.before),
+        "after": _scores(item, item.after),
+        f"floor_{item.table.unit}": size_of(item, item.floor),
+        "in_sample": {
+            "before": _scores(item, item.in_sample_before),
+            "after": _scores(item, item.in_sample_after),
+        },
+        "improvement_percent": finite(improvement_percent(item)),
+        "held_out": {
+            "by": item.held_out_by,
+            "folds": item.effects[0].of_folds if item.effects else None,
+        },
+    }
+
+
+def _scores(item: TableResult, scores: Scores) -> dict[str, Any]:
+    unit = item.table.unit
+    return {
+        f"rms_{unit}": size_of(item, scores.rms),
+        **{f"rms_{a}_{unit}": size_of(item, rms) for a, rms in scores.rms_by_axis.items()},
+        f"p95_{unit}": size_of(item, scores.p95),
+        f"max_{unit}": size_of(item, scores.largest),
+        "chi2_per_dof": finite(scores.chi2_per_dof),
+    }
+
+
+def _effect(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
+    return {
+        "name": effect.name,
+        "family": effect.family,
+        "axis": effect.axis,
+        "component": effect.component,
+        "kind": effect.kind,
+        "says": effect.says,
+        "covariate": effect.covariate,
+        "chosen": effect.chosen,
+        "equations": dict(effect.equations),
+        "parameters": _parameters(effect),
+        "searched": {
+            name: {"value": finite(value), "interval95": [finite(low), finite(high)]}
+            for name, (value, low, high) in effect.searched.items()
+        },
+        "p_familywise": finite(effect.p_familywise),
+        "log_bayes_factor": finite(effect.log_bayes_factor),
+        "posterior": finite(effect.posterior),
+        "explained_share": finite(effect.explained_share),
+        f"rms_{item.table.unit}": size_of(item, effect_rms(effect, item)),
+        "class": list(effect.class_names),
+        "aliases": list(effect.aliases),
+        "folds": {"chose_it": effect.folds, "of": effect.of_folds},
+        "separates": effect.separates,
+        "experiment": None
+        if effect.experiment is None
+        else {
+            "do": effect.experiment.do,
+            "predicted_d": finite(effect.experiment.predicted_d),
+            "now_d": finite(effect.experiment.now_d),
+        },
+    }
+
+
+def _parameters(effect: FoundEffect) -> dict[str, Any]:
+    return {
+        shown.name: {
+            "value": finite(shown.value),
+            "u": finite(shown.u),
+            "unit": shown.unit,
+            "interval95": [finite(end) for end in shown.interval],
+            "dof_effective": finite(shown.dof),
+        }
+        for shown in parameters_of(effect)
+    }
+
+
+def _candidate(judged: Judged, item: TableResult) -> dict[str, Any]:
+    return {
+        "name": judged.name,
+        "family": judged.family,
+        "component": judged.component,
+        "p_familywise": finite(judged.p_familywise),
+        "log_bayes_factor": finite(judged.log_bayes_factor),
+        "posterior": finite(judged.posterior),
+        f"minimum_detectable_{item.table.unit}": size_of(item, judged.minimum_detectable),
+        "unavailable": judged.unavailable,
+        "notes": list(judged.notes),
+    }
+
+
+def _checks(item: TableResult) -> list[dict[str, Any]]:
+    return [
+        {"name": name, "p": finite(p), "fired": name in item.fired}
+        | ({} if item.table.component is None else {"component": item.table.component})
+        for name, p in item.checks
+    ]
+
+
+def _outlier(gross: Gross, item: TableResult) -> dict[str, Any]:
+    axes = zip(item.table.axes, gross.deviation, strict=True)
+    return {
+        "part": gross.part,
+        "feature": gross.feature,
+        "component": item.table.component,
+        f"deviation_{item.table.unit}": {axis: size_of(item, value) for axis, value in axes},
+        "score": finite(gross.score),
+    }
+
+
+def _table(item: TableResult) -> dict[str, Any]:
+    return {
+        "component": item.table.component,
+        "verdict": item.verdict,
+        "effects": [effect.name for effect in item.effects],
+        **_scored(item),
+        "unexplained": {
+            "found": something_left(item),
+            "checks": _checks(item),
+            f"rms_{item.table.unit}": size_of(item, item.unexplained_rms),
+        },
+    }
+
+
+def csv_rows(result: CloseLoopResult) -> tuple[list[str], Iterable[list[object]]]:
+    """One row a candidate, those that could not be tested too."""
+    units = [unit for unit in UNITS if any(t.table.unit == unit for t in result.tables)]
+    header = ["component", "candidate", "family", "p_familywise", "log_bayes_factor", "posterior"]
+    header += [f"minimum_detectable_{unit}" for unit in units]
+    header += ["found", "in_class", "unavailable", "notes"]
+    return header, (_row(c, t, units) for t in result.tables for c in t.candidates)
+
+
+def _row(judged: Judged, item: TableResult, units: list[str]) -> list[object]:
+    smallest = size_of(item, judged.minimum_detectable)
+    return [
+        judged.component,
+        judged.name,
+        judged.family,
+        finite(judged.p_familywise),
+        finite(judged.log_bayes_factor),
+        finite(judged.posterior),
+        *(smallest if unit == unit_of(item).name else None for unit in units),
+        any(effect.name == judged.name for effect in item.effects),
+        any(judged.name in class_of(effect) for effect in item.effects),
+        judged.unavailable,
+        "; ".join(judged.notes),
+    ]

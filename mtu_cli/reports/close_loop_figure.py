@@ -1,0 +1,279 @@
+"""The picture of close-loop: errors before and after, each effect over what it depends on, and
+the candidates' ranking.
+"""
+
+from __future__ import annotations
+
+from textwrap import shorten
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, TableResult
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.residual_cells import IntArray
+from mtu_cli.reports import figures
+from mtu_cli.reports.arrows import Plane, View, common_view, draw_plane, scale_arrow
+from mtu_cli.reports.close_loop_curves import Curve, Series, curves
+from mtu_cli.reports.close_loop_shown import (
+    class_of,
+    first_table,
+    in_words,
+    ranked,
+    things,
+    unit_of,
+)
+from mtu_cli.reports.numbers import p_value
+from mtu_cli.stats.least_squares import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+WIDTH = 12.0
+CANDIDATES = 12
+"""Candidates in the ranking."""
+LEAST = -6.0
+"""The ranking starts here: what is less likely is all the same."""
+BINS = 24
+"""Means that residuals are drawn as where they lie at more places."""
+SERIES = (figures.BLUE, figures.RED)
+TITLE = 115
+"""Characters of the title."""
+FEW = 4
+"""Of so few distinct places cells are spread out beside one another."""
+CHARACTERS = 40
+"""Of names that fit beside one another below a panel."""
+TICKS = 30
+"""More columns than this are drawn without their names."""
+SIDES = (("before", figures.ORANGE), ("after", figures.BLUE))
+
+
+@figures.styled
+def figure(result: CloseLoopResult) -> Figure:
+    """Mean errors before and after as arrows (or column by column where they are not in a
+    plane), residuals over the covariate of each effect with the effect, and the ranking.
+
+    Of several components the one that gave the verdict is drawn.
+    """
+    item = first_table(result)
+    planes = _planes(item)
+    view = common_view(planes, (5.0, 4.6)) if planes else None
+    above = 3.4 if view is None else float(view.high[1] - view.low[1]) / view.inch + 1.1
+    shown = curves(item)
+    page = figures.blank(WIDTH, above + 4.3)
+    grid = page.add_gridspec(2, 1, height_ratios=[above, 4.1])
+    top, bottom = page.add_subfigure(grid[0]), page.add_subfigure(grid[1])
+    if view is None:
+        _columns(top, item)
+    else:
+        _arrows(top, planes, view, bool(item.effects))
+    _lower(bottom, item, shown, result.alpha / len(result.tables))
+    page.suptitle(_title(result, item), x=0.012, ha="left", fontsize=10.5, fontweight="bold")
+    return page
+
+
+def _title(result: CloseLoopResult, item: TableResult) -> str:
+    names = ", ".join(" or ".join(map(in_words, class_of(effect))) for effect in item.effects)
+    component = item.table.component
+    of = "" if component is None else f" of {component}"
+    if len(result.tables) > 1:
+        of += f" (one of {len(result.tables)} components)"
+    text = {
+        "none": "none found",
+        "named": names,
+        "class": names,
+        "unexplained": f"unexplained{'; as a hint: ' if names else ''}{names}",
+    }[item.verdict]
+    return shorten(f"Undeclared effects{of}: {text}", TITLE, placeholder=" ...")
+
+
+def _means(item: TableResult) -> tuple[FloatArray, FloatArray]:
+    """Mean errors (H, A) of the columns before and after, in the unit shown."""
+    there = item.table.there[:, :, None]
+    count = np.maximum(there.sum(axis=0), 1)
+    scale = unit_of(item).to_internal
+
+    def mean(values: FloatArray) -> FloatArray:
+        found: FloatArray = np.where(there, values, 0.0).sum(axis=0) / count / scale
+        return found
+
+    return mean(item.table.errors), mean(item.table.errors - item.explained)
+
+
+def _planes(item: TableResult) -> list[Plane]:
+    """Errors before and after in the xy plane, empty where there is none."""
+    table = item.table
+    if table.component is not None or not {"x", "y"} <= set(table.axes):
+        return []
+    axes = [table.axes.index("x"), table.axes.index("y")]
+    places = table.places[:, :, :2].mean(axis=0)
+    ids = tuple(name.rpartition(" ")[2] for name in table.features)
+    ids = ids if len(set(ids)) == len(ids) else table.features
+    return [Plane(ids=ids, places=places, errors=mean[:, axes]) for mean in _means(item)]
+
+
+def _arrows(page: SubFigure, planes: list[Plane], view: View, changed: bool) -> None:
+    """Two planes beside one another; one where nothing was taken out."""
+    panels = page.subplots(1, 2 if changed else 1, squeeze=False)[0]
+    for panel, plane, (title, colour) in zip(panels, planes, SIDES, strict=False):
+        draw_plane(panel, plane, view, colour)
+        panel.set_title(
+            f"{title if changed else 'mean errors'} ({len(plane.ids)} features)", pad=22
+        )
+        scale_arrow(panel, view, colour, rise=11.0)
+        panel.set_xlabel("x, mm")
+        panel.set_ylabel("y, mm")
+
+
+def _columns(page: SubFigure, item: TableResult) -> None:
+    """Mean errors column by column, a panel an axis; of readings over the position."""
+    axes, unit = item.table.axes, item.table.unit
+    panels = page.subplots(1, len(axes), squeeze=False)[0]
+    sides = SIDES if item.effects else (("", figures.ORANGE),)
+    column = things(item)[1]
+    x, runs = _runs(item)
+    for a, panel in enumerate(panels):
+        panel.axhline(0.0, color=figures.GREY, linewidth=0.9)
+        for (side, colour), mean in zip(sides, _means(item), strict=False):
+            for (direction, own), style in zip(runs.items(), ("-", "--"), strict=False):
+                panel.plot(
+                    x[own], mean[own, a], f"o{style}", color=colour, markersize=3.5,
+                    linewidth=0.9, label=", ".join(filter(None, (side, direction))),
+                )  # fmt: skip
+        if not runs.keys() - {""}:
+            every = max(1, -(-len(x) // TICKS))
+            panel.set_xticks(x[::every], item.table.features[::every], rotation=90, fontsize=7)
+        else:
+            panel.set_xlabel(f"{axes[a]}, mm")
+        panel.set_title(f"mean errors of the {column}s" + (f", {axes[a]}" if len(axes) > 1 else ""))
+        panel.set_ylabel(f"measured minus predicted, {unit}")
+    if len(sides) * len(runs) > 1:
+        panels[0].legend(ncols=2)
+
+
+def _runs(item: TableResult) -> tuple[FloatArray, dict[str, IntArray]]:
+    """Where columns stand, and those of each direction of readings, in order of position."""
+    table, axis = item.table, item.table.axes[0]
+    H = len(table.features)
+    direction = table.covariates.get(f"dir_{axis}")
+    if table.component is None or direction is None or direction.shape != (1, H):
+        return np.arange(float(H)), {"": np.arange(H)}
+    x = table.places[:, :, AXES.index(axis)].mean(axis=0)
+    order = np.argsort(x, kind="stable")
+    ways = (("forward", 1.0), ("reverse", -1.0))
+    return x, {name: order[direction[0, order] == way] for name, way in ways}
+
+
+def _lower(page: SubFigure, item: TableResult, shown: list[Curve], alpha: float) -> None:
+    widths = [1.0] * len(shown) + [0.85]
+    panels = page.subplots(1, len(widths), width_ratios=widths, squeeze=False)[0]
+    for panel, curve in zip(panels, shown, strict=False):
+        draw_curve(panel, curve)
+    _ranking(panels[-1], item, alpha)
+
+
+def draw_curve(panel: Axes, curve: Curve) -> None:
+    """Cells as pale dots, their means as dots, the effect as a line."""
+    from matplotlib.ticker import MaxNLocator
+
+    panel.axhline(0.0, color=figures.GREY, linewidth=0.9)
+    several = len(curve.series) > 1
+    for series, colour in zip(curve.series, SERIES, strict=False):
+        _draw_series(panel, series, colour, labelled=several)
+    if curve.ticks:
+        panel.set_xticks(curve.ticks)
+    if curve.names:
+        panel.set_xticks(
+            range(len(curve.names)), curve.names, rotation=90 * _crowded(curve.names), fontsize=7.5
+        )
+    if curve.xlabel.endswith("in order"):
+        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+    panel.set_title(curve.title)
+    panel.set_xlabel(curve.xlabel)
+    panel.set_ylabel(curve.ylabel)
+    if several:
+        panel.legend(ncols=2, loc="upper left")
+
+
+def _crowded(names: tuple[str, ...]) -> bool:
+    return sum(map(len, names)) + len(names) > CHARACTERS
+
+
+def _draw_series(panel: Axes, series: Series, colour: str, labelled: bool) -> None:
+    panel.plot(
+        _spread(series.x), series.y, ".", color=colour, alpha=0.18, markersize=4, markeredgewidth=0
+    )
+    x, y, fitted = _binned(series)
+    panel.plot(x, y, "o", color=colour, markersize=4.5, label=series.name if labelled else None)
+    if series.fine is not None:
+        panel.plot(*series.fine, color=figures.ORANGE, linewidth=1.8, zorder=4)
+    elif fitted is not None:
+        panel.plot(x, fitted, color=colour if labelled else figures.ORANGE, linewidth=1.8, zorder=4)
+
+
+def _spread(x: FloatArray) -> FloatArray:
+    """Cells of a few places side by side in their order, which says nothing else."""
+    places = np.unique(x)
+    if not 1 < len(places) <= FEW:
+        return x
+    beside = np.linspace(-0.5, 0.5, len(x)) * 0.25 * float(np.diff(places).min())
+    found: FloatArray = x + beside
+    return found
+
+
+def _binned(series: Series) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Means of x, of residuals and of the effect at each x, or in bins of many."""
+    places, group = np.unique(np.round(series.x, 9), return_inverse=True)
+    if len(places) > BINS:
+        edges = np.quantile(series.x, np.linspace(0, 1, BINS + 1)[1:-1])
+        group = np.searchsorted(edges, series.x, side="right")
+    count = np.bincount(group)
+    there = count > 0
+
+    def mean(values: FloatArray) -> FloatArray:
+        found: FloatArray = np.bincount(group, values)[there] / count[there]
+        return found
+
+    fitted = None if series.fitted is None else mean(series.fitted)
+    return mean(series.x), mean(series.y), fitted
+
+
+def _ranking(panel: Axes, item: TableResult, alpha: float) -> None:
+    """Log Bayes factors, solid beyond the gate; the class in orange."""
+    from matplotlib.patches import Patch
+
+    best = ranked(item)[:CANDIDATES]
+    marked = {name for effect in item.effects for name in class_of(effect)}
+    for row, judged in enumerate(best):
+        factor = judged.log_bayes_factor or 0.0
+        passed = judged.p_familywise is not None and judged.p_familywise < alpha
+        colour = figures.ORANGE if judged.name in marked else figures.GREY
+        panel.barh(
+            row,
+            max(factor, LEAST),
+            color=colour if passed else "none",
+            edgecolor=colour,
+            height=0.66,
+        )
+        panel.text(
+            1.01, row, f"p {p_value(judged.p_familywise)}",
+            transform=panel.get_yaxis_transform(), va="center", fontsize=7.5,
+        )  # fmt: skip
+    panel.axvline(0.0, color=figures.INK, linewidth=0.9)
+    panel.set_yticks(range(len(best)), [judged.name for judged in best])
+    panel.set_ylim(max(len(best), 1) - 0.4, -0.6)
+    panel.set_xlabel("natural log of the Bayes factor")
+    panel.set_title("candidates at the first look")
+    panel.grid(axis="y", visible=False)
+    handles = [
+        Patch(
+            facecolor=figures.GREY,
+            edgecolor=figures.GREY,
+            label=f"past the gate, {100 * alpha:.2g} %",
+        ),
+        Patch(facecolor="none", edgecolor=figures.GREY, label="not"),
+    ]
+    if marked:
+        handles.insert(0, Patch(facecolor=figures.ORANGE, label="found, or its class"))
+    panel.legend(handles=handles, loc="lower right")

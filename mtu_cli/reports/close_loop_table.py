@@ -1,0 +1,231 @@
+"""The tables of close-loop: the verdict first, then what was found and what it is worth."""
+
+from __future__ import annotations
+
+from rich.text import Text
+
+from mtu_cli.analyses.close_loop.result import (
+    CloseLoopResult,
+    FoundEffect,
+    Judged,
+    Scores,
+    TableResult,
+)
+from mtu_cli.reports.close_loop_effects import searched_text
+from mtu_cli.reports.close_loop_shown import (
+    class_of,
+    effect_rms,
+    first_table,
+    improvement_percent,
+    parameters_of,
+    plural,
+    ranked,
+    size_of,
+    things,
+)
+from mtu_cli.reports.close_loop_words import left_text, untested, verdict_text
+from mtu_cli.reports.document import finite, listed
+from mtu_cli.reports.numbers import MISSING, interval, p_value, plus_minus, significant, with_u
+from mtu_cli.reports.tables import Column, Sheet
+
+BEST = 5
+"""Candidates listed."""
+COMPONENTS = 20
+"""Components listed."""
+OUTLIERS = 6
+"""Entries set aside that are listed."""
+
+
+def table(result: CloseLoopResult) -> list[object]:
+    """The verdict in words; effects; before and after; the likeliest candidates; notes."""
+    sheets: list[object] = [_verdict(result)]
+    if result.effects:
+        sheets.append(_effects(result))
+    if len(result.tables) > 1:
+        sheets.append(_components(result))
+    else:
+        sheets.append(_before_after(result.tables[0]))
+    sheets.append(_candidates(first_table(result), several=len(result.tables) > 1))
+    rest = _rest(result)
+    return [*sheets, rest] if rest is not None else sheets
+
+
+def _verdict(result: CloseLoopResult) -> Text:
+    """Components without an undeclared effect take one line together."""
+    text = Text(f"Undeclared effects: {result.verdict}\n", style="bold")
+    found = [item for item in result.tables if item.verdict != "none"]
+    shown = found or [result.tables[0]]
+    lines = [verdict_text(item, result) for item in shown]
+    silent = [
+        item.table.component or ""
+        for item in result.tables
+        if item.verdict == "none" and item not in shown
+    ]
+    if silent:
+        lines.append(f"Nothing undeclared in {listed(silent, 8)}.")
+    return text.append("\n".join([*lines, ""]), style="not bold")
+
+
+def _effects(result: CloseLoopResult) -> Sheet:
+    """One line a parameter, and one for what was searched."""
+    rows = [row for item in result.tables for e in item.effects for row in _effect(e, item)]
+    columns = [
+        Column(title="effect\n", text=True, folds=True),
+        Column(title="parameter\n", text=True),
+        Column(title="value ± u\n"),
+        Column(title="unit\n", text=True),
+        Column(title="95 %\ninterval"),
+        Column(title="p family-\nwise"),
+        Column(title="its rms\n"),
+        Column(title="chosen in\nfolds"),
+    ]
+    return Sheet(title="Effects", columns=columns, rows=rows)
+
+
+def _effect(effect: FoundEffect, item: TableResult) -> list[list[str]]:
+    component = item.table.component
+    plain = component is None or effect.name.endswith(f"-{component}")
+    name = effect.name if plain else f"{component} {effect.name}"
+    folds = f"{effect.folds} of {effect.of_folds}" if effect.of_folds else MISSING
+    size = size_of(item, effect_rms(effect, item))
+    rms = f"{significant(size)} {item.table.unit}" if size else MISSING
+    lines = [
+        [p.name, plus_minus(p.value, p.u), p.unit, interval(*p.interval, p.u)]
+        for p in parameters_of(effect)
+    ]
+    for name_searched, value in effect.searched.items():
+        best, ends = searched_text(value)
+        lines.append([name_searched, best, "", ends])
+    lines = lines or [[MISSING, MISSING, "", MISSING]]
+    first = [p_value(effect.p_familywise), rms, folds]
+    return [
+        [name if i == 0 else "", *line, *(first if i == 0 else ["", "", ""])]
+        for i, line in enumerate(lines)
+    ]
+
+
+def _before_after(item: TableResult) -> Sheet:
+    unit, axes = item.table.unit, list(item.before.rms_by_axis)
+    row, column = things(item)
+    rows = []
+    if item.held_out_by is not None:
+        by = plural(row if item.held_out_by == "parts" else column)
+        rows += [
+            [f"held-out {by}, before", *_scores(item, item.before)],
+            [f"held-out {by}, after", *_scores(item, item.after)],
+        ]
+    rows += [
+        ["all data, before", *_scores(item, item.in_sample_before)],
+        ["all data, after", *_scores(item, item.in_sample_after)],
+    ]
+    if not item.effects:
+        rows = rows[::2]
+    columns = [
+        Column(title=f"errors, {unit}", text=True),
+        Column(title="rms"),
+        *[Column(title=f"rms {axis}") for axis in axes],
+        Column(title="95 %"),
+        Column(title="largest"),
+        Column(title="chi2/dof"),
+    ]
+    notes = []
+    if item.floor is not None:
+        notes.append(
+            f"repeatability {significant(size_of(item, item.floor))} {unit}; 95 % and "
+            "largest: of the error vector's length"
+        )
+    left = left_text(item)
+    return Sheet(
+        title="Before and after" if item.effects else "Measured minus predicted",
+        columns=columns,
+        rows=rows,
+        notes=[*notes, *([left] if left is not None else [])],
+    )
+
+
+def _scores(item: TableResult, scores: Scores) -> list[str]:
+    values = [scores.rms, *scores.rms_by_axis.values(), scores.p95, scores.largest]
+    return [
+        *(with_u(size_of(item, value), size_of(item, scores.rms))[0] for value in values),
+        significant(scores.chi2_per_dof),
+    ]
+
+
+def _components(result: CloseLoopResult) -> Sheet:
+    rows = [
+        [
+            item.table.component or MISSING,
+            item.verdict,
+            listed([effect.name for effect in item.effects], 3) or MISSING,
+            *(
+                significant(size_of(item, value), 3)
+                for value in (item.before.rms, item.after.rms, item.floor)
+            ),
+            item.table.unit,
+            significant(finite(improvement_percent(item))),
+        ]
+        for item in result.tables[:COMPONENTS]
+    ]
+    columns = [
+        Column(title="component\n", text=True, folds=True),
+        Column(title="verdict\n", text=True),
+        Column(title="effects\n", text=True, folds=True),
+        Column(title="rms\nbefore"),
+        Column(title="rms\nafter"),
+        Column(title="repeat-\nability"),
+        Column(title="unit\n", text=True),
+        Column(title="better\nby, %"),
+    ]
+    by = dict.fromkeys(item.held_out_by for item in result.tables)
+    notes = ["rms held out" if None not in by else "rms held out where the data allow it"]
+    if len(result.tables) > COMPONENTS:
+        notes.append(f"{COMPONENTS} of {len(result.tables)} components")
+    return Sheet(title="Components", columns=columns, rows=rows, notes=notes)
+
+
+def _candidates(item: TableResult, several: bool) -> Sheet:
+    marked = {name for effect in item.effects for name in class_of(effect)}
+    best = ranked(item)
+    rows = [_candidate(judged, item, marked) for judged in best[:BEST]]
+    columns = [
+        Column(title="candidate\n", text=True),
+        Column(title="ln Bayes\nfactor"),
+        Column(title="posterior\n%"),
+        Column(title="p family-\nwise"),
+        Column(title=f"would be found\nfrom rms {item.table.unit}"),
+    ]
+    of = f" of {item.table.component}" if several else ""
+    notes = [f"{len(best)} candidates tested at the first look"]
+    if marked:
+        notes[0] += "; *: found, or in the class of what was"
+    return Sheet(title=f"Likeliest candidates{of}", columns=columns, rows=rows, notes=notes)
+
+
+def _candidate(judged: Judged, item: TableResult, marked: set[str]) -> list[str]:
+    factor = judged.log_bayes_factor
+    return [
+        judged.name + ("*" if judged.name in marked else ""),
+        MISSING if factor is None else f"{round(factor, 1) + 0.0:.1f}",
+        MISSING if judged.posterior is None else f"{100 * judged.posterior:.1f}",
+        p_value(judged.p_familywise),
+        significant(size_of(item, judged.minimum_detectable)),
+    ]
+
+
+def _rest(result: CloseLoopResult) -> Text | None:
+    """What was set aside, and what could not be tested."""
+    lines = [text for text in (_outliers(item) for item in result.tables) if text]
+    item = first_table(result)
+    lines += [f"not tested: {text}" for text in untested(item)]
+    return Text("\n".join(lines), style="dim") if lines else None
+
+
+def _outliers(item: TableResult) -> str | None:
+    if not item.gross:
+        return None
+    unit, named = item.table.unit, []
+    for gross in item.gross:
+        sizes = zip(item.table.axes, gross.deviation, strict=True)
+        off = ", ".join(f"{a} {significant(size_of(item, value))}" for a, value in sizes)
+        named.append(f"{gross.feature} of {gross.part} ({off} {unit})")
+    return f"set aside as far off whatever the rest does: {listed(named, OUTLIERS)}"

@@ -1,0 +1,182 @@
+"""What close-loop found, in the words of a machinist: the verdict on a table."""
+
+from __future__ import annotations
+
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.reports.close_loop_effects import effect_text
+from mtu_cli.reports.close_loop_shown import (
+    class_of,
+    in_words,
+    plural,
+    ranked,
+    size_of,
+    something_left,
+    things,
+)
+from mtu_cli.reports.document import listed
+from mtu_cli.reports.numbers import p_value, significant, with_u
+
+MEANINGS = {
+    "interaction-pattern": "the {columns} share a pattern that some {rows} have more of",
+    "serial-correlation": "{rows} follow one another too smoothly to be scatter",
+    "serial-shape": "the shape of the {rows} (scale, turn, squareness) changes smoothly in time",
+    "spatial-correlation": "{columns} near one another err alike",
+    "column-variance": "{columns} differ from one another by more than single entries scatter",
+    "part-variance": "{rows} differ from one another by more than single entries scatter",
+}
+"""What a check of the remainder says where it fires."""
+
+
+def verdict_text(item: TableResult, result: CloseLoopResult) -> str:
+    """The verdict on a table in a few sentences, its component in front."""
+    said = {
+        "none": _none,
+        "named": _named,
+        "class": _class,
+        "unexplained": _unexplained,
+    }[item.verdict](item, result)
+    return said if item.table.component is None else f"{item.table.component}: {said}"
+
+
+def _named(item: TableResult, result: CloseLoopResult) -> str:
+    """Such as "X loses 8.2 ± 0.6 um at reversal (backlash-x); taking it out brings ..."."""
+    found = "; ".join(f"{effect_text(e, item)} ({e.name})" for e in item.effects)
+    return f"{_sentence(found, item)}. {_before_after(item)}"
+
+
+def _sentence(text: str, item: TableResult) -> str:
+    """With a capital, where no component's name stands in front."""
+    return text if item.table.component is not None else text[:1].upper() + text[1:]
+
+
+def _class(item: TableResult, result: CloseLoopResult) -> str:
+    sentences = []
+    for effect in item.effects:
+        names = class_of(effect)
+        said = effect_text(effect, item)
+        if len(names) == 1:
+            sentences.append(_sentence(f"{said} ({effect.name}).", item))
+        else:
+            sentences.append(f"{_either(names)}: this data cannot tell.")
+            sentences.append(f"If {effect.name}: {said}.")
+            sentences += _experiment(effect)
+    return " ".join([*sentences, _before_after(item)])
+
+
+def _either(names: tuple[str, ...]) -> str:
+    known = [in_words(name) for name in names]
+    return f"{', '.join(known[:-1])} or {known[-1]}"
+
+
+def _experiment(effect: FoundEffect) -> list[str]:
+    """What to do to tell the class apart, where anything is known of it."""
+    planned = effect.experiment
+    if planned is not None:
+        return [
+            f"To tell: {planned.do} (predicted to set them {significant(planned.predicted_d)} "
+            f"standard deviations apart; now {significant(planned.now_d)})."
+        ]
+    return [] if effect.separates is None else [f"To tell: {effect.separates}."]
+
+
+def _unexplained(item: TableResult, result: CloseLoopResult) -> str:
+    row, column = things(item)
+    mass = {"rows": plural(row), "columns": plural(column)}
+    p = dict(item.checks)
+    fired = [
+        f"{MEANINGS.get(name, name).format(**mass)} ({name}, p {_of_p(p[name])})"
+        for name in item.fired
+    ]
+    if item.without_name:
+        fired.append("a smooth drift or field explains more than any named effect")
+    rest, floor = _together(item, item.unexplained_rms, item.floor)
+    left = f"What is left has an rms of {rest} {item.table.unit}"
+    left += f"; repeatability is {floor} {item.table.unit}." if item.floor is not None else "."
+    said = f"Something is there that no effect of the library describes: {'; '.join(fired)}."
+    return " ".join([said, _hint(item), left])
+
+
+def _hint(item: TableResult) -> str:
+    """The nearest name, which is not to be trusted where something is left."""
+    if item.effects:
+        named = "; ".join(
+            f"{' or '.join(in_words(n) for n in class_of(e))} ({effect_text(e, item)})"
+            for e in item.effects
+        )
+        return f"As a hint only: {named}."
+    best = ranked(item)
+    if not best:
+        return "No effect comes near it."
+    return f"As a hint only: of the named effects {best[0].name} comes nearest."
+
+
+def _none(item: TableResult, result: CloseLoopResult) -> str:
+    unit = item.table.unit
+    rms, floor = _together(item, item.before.rms, item.floor)
+    said = [
+        f"Nothing undeclared was found (at {100 * result.alpha:g} % false alarms in all): "
+        f"the rms of {rms} {unit} is scatter"
+        + (f", repeatability is {floor} {unit}." if item.floor is not None else ".")
+    ]
+    known = [c for c in item.candidates if c.minimum_detectable is not None]
+    if known:
+        low = min(known, key=lambda c: c.minimum_detectable or 0.0)
+        high = max(known, key=lambda c: c.minimum_detectable or 0.0)
+        small, large = (significant(size_of(item, c.minimum_detectable)) for c in (low, high))
+        said.append(
+            f"Four times in five, an effect of {small} {unit} rms ({low.name}) "
+            f"to {large} {unit} ({high.name}) would have been found."
+        )
+    return " ".join(said)
+
+
+def _before_after(item: TableResult) -> str:
+    """What taking the effects out is worth on data that took no part in finding them."""
+    unit = item.table.unit
+    if all(effect.kind == "scatter" for effect in item.effects):
+        rms, floor = _together(item, item.before.rms, item.floor)
+        said = f"This is scatter, which no equation takes out: the rms stays at {rms} {unit}"
+        return f"{said}; repeatability is {floor} {unit}." if item.floor is not None else f"{said}."
+    before, after, floor = _together(item, item.before.rms, item.after.rms, item.floor)
+    row, column = things(item)
+    of = {"parts": f"held-out {plural(row)}", "columns": f"held-out {plural(column)}"}.get(
+        item.held_out_by or "", "all data (none could be held out)"
+    )
+    it = "it" if len(item.effects) == 1 else "them"
+    verb = "brings" if item.after.rms <= item.before.rms else "moves"
+    said = f"Taking {it} out {verb} the rms of {of} from {before} to {after} {unit}"
+    return f"{said}; repeatability is {floor} {unit}." if item.floor is not None else f"{said}."
+
+
+def _together(item: TableResult, *values: float | None) -> list[str]:
+    """Sizes beside one another to the same place: two digits of the smallest, as long as the
+    largest has no more than four.
+    """
+    shown = [size_of(item, value) for value in values]
+    known = [value for value in shown if value]
+    last = max(min(known, default=1.0), 0.01 * max(known, default=0.0))
+    return [with_u(value, last)[0] for value in shown]
+
+
+def _of_p(p: float) -> str:
+    shown = p_value(p)
+    return shown if shown.startswith("<") else f"= {shown}"
+
+
+def left_text(item: TableResult) -> str | None:
+    """The checks that what is left passed, None where they did not all."""
+    if something_left(item) or not item.checks:
+        return None
+    least = min(p for _, p in item.checks)
+    return f"nothing is left that {len(item.checks)} checks would see (smallest p {_of_p(least)})"
+
+
+def untested(item: TableResult, most: int = 4) -> list[str]:
+    """Candidates that could not be tested, by the reason."""
+    reasons: dict[str, list[str]] = {}
+    for judged in item.candidates:
+        if judged.unavailable is not None:
+            reasons.setdefault(judged.unavailable, []).append(judged.name)
+    texts = [f"{listed(names, 5)}: {reason}" for reason, names in reasons.items()]
+    more = len(texts) - most
+    return texts[:most] + ([f"and {more} more reasons: -o FILE.json"] if more > 0 else [])

@@ -1,0 +1,82 @@
+"""Tables of errors in the coordinates in which candidate effects are tested."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.stats.column_groups import NOTHING
+from mtu_cli.stats.crossed import Completion
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.strata import Strata
+
+MINOR = 2e-3
+"""Share of a column below which it leaves a stratum alone, where filling or freeing smears it."""
+
+Freeing = Callable[[FloatArray], FloatArray]
+"""Takes the freedoms of the part's coordinate system out of tables (..., P, H, A)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """From tables (..., P, H, A) to coordinates by stratum: completed, freed, rotated."""
+
+    strata: Strata
+    completion: Completion
+    freeing: Freeing | None
+
+    def coordinates(self, tables: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coordinates (..., N), and grand means (..., A) before any freedom is taken out."""
+        freed = tables if self.freeing is None else self.freeing(tables)
+        return self.strata.coordinates(self.completion.fill(freed))
+
+    def column(self, parts: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
+        """A column's coordinates by stratum, from its tables by axis.
+
+        Each is as large as it needs to be: (P, 1), (1, H), (P, H), or (1, 1), which is in no
+        stratum.
+        """
+        P, H, _ = self.strata.shape
+        if self.freeing is not None or self._needs_filling(parts):
+            return self._of_table(parts)
+        found: dict[int, FloatArray] = {}
+        for axis, values in parts.items():
+            if values.shape == (P, H) and P > 1 and H > 1:
+                found |= self._of_table({axis: values})
+            elif values.shape[0] == P and P > 1:
+                turned = self.strata.rows[:, 1:].T @ values[:, 0] * np.sqrt(H)
+                found |= self._of_parts(turned, axis)
+            elif values.shape[-1] == H and H > 1:
+                found |= self.strata.of_columns(values[0], axis)
+        return self._significant(found, parts)
+
+    def _needs_filling(self, parts: Mapping[int, FloatArray]) -> bool:
+        if self.completion.complete:
+            return False
+        return any(min(values.shape) > 1 for values in parts.values())
+
+    def _of_parts(self, turned: FloatArray, axis: int) -> dict[int, FloatArray]:
+        part = self.strata.find("part", axis)
+        return {} if part is None else {self.strata.all.index(part): turned}
+
+    def _of_table(self, parts: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
+        table = np.zeros(self.strata.shape)
+        for axis, values in parts.items():
+            table[:, :, axis] = values
+        y, _ = self.coordinates(table)
+        found = {index: y[stratum.slice] for index, stratum in enumerate(self.strata.all)}
+        return self._significant(found, parts)
+
+    def _significant(
+        self, found: dict[int, FloatArray], parts: Mapping[int, FloatArray]
+    ) -> dict[int, FloatArray]:
+        """Without the strata in which a column is the rounding of a rotation alone."""
+        P, H, _ = self.strata.shape
+        total = sum(float(np.mean(values**2)) for values in parts.values()) * P * H
+        squares = {index: float(values @ values) for index, values in found.items()}
+        least = max(NOTHING * total, 1e-300)
+        if self.freeing is not None or not self.completion.complete:
+            least = max(least, MINOR * sum(squares.values()))
+        return {index: found[index] for index, size in squares.items() if size > least}

@@ -1,0 +1,236 @@
+"""What the errors of a table are when nothing is missing in the model: fitted and drawn.
+
+    Y_pha = part effect + smooth directions of the part + column effect + model's own error + e
+
+per axis a: the part's offset and smooth directions have one covariance T over axes and
+directions, the columns a variance of their own, e the variance of the interaction; the model's
+coefficients are uncertain along directions that they share with the columns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.loop_frame import Frame
+from mtu_cli.stats.strata import Strata
+
+TRUST = 3.0
+"""Degrees of freedom that the predicted scatter of parts counts for beside the measured one."""
+FEWEST = 4
+"""Columns beyond the smooth directions that tell their scatter by themselves."""
+CORRECTIONS = 3
+DRAWS = 160
+FEW_PARTS = 10
+"""Up to so many parts the machine's own prediction of their scatter counts beside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownScatter:
+    """What the model says of itself: `part` the covariance of a part's coordinates, `common` the
+    factor of the coefficients' covariance in them, `dof` the degrees of freedom that both were
+    estimated with.
+    """
+
+    part: FloatArray
+    common: FloatArray
+    dof: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NullModel:
+    """`interaction`, `column`, `reversal` (A,) variances of one entry of the table, of a column
+    effect, and of what differs between the two directions of approach of a column;
+    `part` ((1 + k) A,) x2 the covariance of the part's coordinates, offset first, then the k
+    smooth directions, axis by axis; `predicted_part` what the model says of it; `common`
+    (A (1 + k), K) the factor of the coefficients' covariance along them, times P; `model_dof`
+    the degrees of freedom that the model's own figures were estimated with.
+    """
+
+    interaction: FloatArray
+    column: FloatArray
+    reversal: FloatArray
+    part: FloatArray
+    common: FloatArray
+    predicted_part: FloatArray
+    model_dof: float
+
+    def of_columns(self, kind: str, axis: int) -> float:
+        """Variance of a column effect in a stratum of kind column or reversal."""
+        return float((self.column if kind == "column" else self.reversal)[axis])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeanSquares:
+    """By axis: `interaction`; `rest` and `turned` (A,) of the columns and of their reversals
+    beyond the directions of whole parts; `part` the sample covariance of the part's
+    coordinates. nan where there are no degrees of freedom.
+    """
+
+    interaction: FloatArray
+    rest: FloatArray
+    turned: FloatArray
+    part: FloatArray
+
+
+def mean_squares(strata: Strata, y: FloatArray, dof: FloatArray) -> MeanSquares:
+    """Mean squares of coordinates `y` (B, N), averaged over the B tables; `dof` (S,)."""
+    P, _, A = strata.shape
+    k = strata.lines
+    interaction, rest, turned = (np.full(A, np.nan) for _ in range(3))
+    together = np.zeros((len(y), P - 1, A, 1 + k))
+    for s, stratum in enumerate(strata.all):
+        own = y[:, stratum.slice]
+        if stratum.kind == "interaction" and dof[s] > 0:
+            interaction[stratum.axis] = np.sum(own**2) / (dof[s] * len(y))
+        elif stratum.kind in ("column", "reversal") and stratum.size > len(stratum.lead):
+            found = rest if stratum.kind == "column" else turned
+            found[stratum.axis] = np.mean(own[:, len(stratum.lead) :] ** 2)
+        elif stratum.kind in ("part", "line"):
+            together[:, :, stratum.axis, stratum.line] = own
+    flat = together.reshape(len(y) * (P - 1), A * (1 + k))
+    part = flat.T @ flat / len(flat) if P > 1 else np.full((A * (1 + k),) * 2, np.nan)
+    return MeanSquares(interaction=interaction, rest=rest, turned=turned, part=part)
+
+
+def null_of(frame: Frame, y: FloatArray, dof: FloatArray, known: KnownScatter) -> NullModel:
+    """Fits the null to coordinates `y` (N,).
+
+    In an incomplete table the
+    mean squares are biased by the filling: the components are corrected by what drawn tables
+    of known components give.
+    """
+    strata = frame.strata
+    wanted = mean_squares(strata, y[None], dof)
+    model = _components(strata, wanted, known)
+    if frame.completion.complete and frame.freeing is None:
+        return model
+    aim = wanted
+    for step in range(CORRECTIONS):
+        rng = np.random.default_rng(step)
+        drawn, _ = draw(frame, model, DRAWS, rng)
+        got = mean_squares(strata, drawn, dof)
+        aim = MeanSquares(
+            interaction=aim.interaction * _ratio(wanted.interaction, got.interaction),
+            rest=aim.rest * _ratio(wanted.rest, got.rest),
+            turned=aim.turned * _ratio(wanted.turned, got.turned),
+            part=aim.part + wanted.part - got.part,
+        )
+        model = _components(strata, aim, known)
+    return model
+
+
+def _ratio(wanted: FloatArray, got: FloatArray) -> FloatArray:
+    found: FloatArray = np.where(got > 0, wanted / np.where(got > 0, got, 1.0), 1.0)
+    return found
+
+
+def _components(strata: Strata, squares: MeanSquares, known: KnownScatter) -> NullModel:
+    P = strata.shape[0]
+    k = strata.lines
+    interaction = np.where(np.isfinite(squares.interaction), squares.interaction, 0.0)
+    if P == 1:
+        # One part: its entries scatter as the columns do, and no two can be told apart.
+        interaction = np.where(np.isfinite(squares.rest), squares.rest, 0.0)
+    noise = np.repeat(interaction, 1 + k)
+    excess = known.part
+    if P > 1:
+        excess = squares.part - np.diag(noise)
+        if known.part.any() and P <= FEW_PARTS:
+            excess = ((P - 1) * excess + TRUST * known.part) / (P - 1 + TRUST)
+    return NullModel(
+        interaction=interaction,
+        column=_column_variance(strata, squares.rest, interaction, "column"),
+        reversal=_column_variance(strata, squares.turned, interaction, "reversal"),
+        part=_psd(excess, noise),
+        common=known.common,
+        predicted_part=known.part,
+        model_dof=known.dof,
+    )
+
+
+def _column_variance(
+    strata: Strata, square: FloatArray, interaction: FloatArray, kind: str
+) -> FloatArray:
+    """Variance (A,) of column effects from their mean square, which few columns tell badly."""
+    P = strata.shape[0]
+    if P == 1 and kind == "column":
+        return np.zeros(len(interaction))
+    beyond = min((s.size - len(s.lead) for s in strata.all if s.kind == kind), default=0)
+    known = np.where(np.isfinite(square), square, interaction)
+    weight = min(beyond, FEWEST) / FEWEST
+    blended = weight * known + (1 - weight) * interaction
+    found: FloatArray = np.maximum(blended - interaction, 0.0) / P
+    return found
+
+
+def _psd(excess: FloatArray, noise: FloatArray) -> FloatArray:
+    """The positive part, relative to the noise of each coordinate."""
+    scale = np.sqrt(np.maximum(noise, 1e-300))
+    values, vectors = np.linalg.eigh(excess / np.outer(scale, scale))
+    found: FloatArray = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    scaled: FloatArray = found * np.outer(scale, scale)
+    return scaled
+
+
+def whitening_of(strata: Strata, model: NullModel) -> FloatArray:
+    """(A, k, k): makes the column coordinates along the smooth directions as uncertain as the
+    others, axis by axis; what the axes have in common is left to the drawn null.
+    """
+    P, _, A = strata.shape
+    k = strata.lines
+    found = np.broadcast_to(np.eye(k), (A, k, k)).copy()
+    C = model.common @ model.common.T
+    for stratum in strata.all:
+        a, lead = stratum.axis, np.array(stratum.lead, int)
+        level = model.interaction[a]
+        if not len(lead) or level <= 0:
+            continue
+        level = level + P * model.of_columns(stratum.kind, a)
+        own = np.ix_(a * (1 + k) + lead, a * (1 + k) + lead)
+        total = level * np.eye(len(lead)) + model.part[own] + C[own]
+        found[a][np.ix_(lead - 1, lead - 1)] = np.linalg.inv(np.linalg.cholesky(total / level))
+    return found
+
+
+def draw(
+    frame: Frame, model: NullModel, samples: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Coordinates (samples, N) and grand means (samples, A) of tables of the null."""
+    strata = frame.strata
+    P, H, A = strata.shape
+    k = strata.lines
+    # Along the smooth directions a coordinate is one draw a part; the last one is of their mean.
+    parts = rng.standard_normal((samples, P, A * (1 + k))) @ _root(model.part).T
+    common = rng.standard_normal((samples, model.common.shape[1])) @ model.common.T
+    if np.isfinite(model.model_dof):
+        # The coefficients' covariance is an estimate: their errors follow Student's t.
+        common *= np.sqrt(model.model_dof / rng.chisquare(model.model_dof, samples))[:, None]
+    parts = parts.reshape(samples, P, A, 1 + k)
+    common = common.reshape(samples, A, 1 + k)
+    y = rng.standard_normal((samples, strata.size))
+    grand = rng.standard_normal((samples, A)) * np.sqrt(model.interaction + P * model.column)
+    grand += parts[:, -1, :, 0] + common[:, :, 0]
+    for stratum in strata.all:
+        a, own = stratum.axis, y[:, stratum.slice]
+        if stratum.kind in ("column", "reversal"):
+            own *= np.sqrt(model.interaction[a] + P * model.of_columns(stratum.kind, a))
+            lead = list(stratum.lead)
+            own[:, : len(lead)] += parts[:, -1, a, lead] + common[:, a, lead]
+        else:
+            own *= np.sqrt(model.interaction[a])
+        if stratum.kind in ("part", "line"):
+            own += parts[:, : P - 1, a, stratum.line]
+    grand /= np.sqrt(P * H)
+    if frame.completion.complete and frame.freeing is None:
+        return y, grand
+    tables = strata.tables(y) + grand[:, None, None, :]
+    return frame.coordinates(tables)
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    values, vectors = np.linalg.eigh(covariance)
+    found: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
+    return found

@@ -1,0 +1,148 @@
+"""Likelihood ratios of many candidate effects at once, each stratum's variance profiled out.
+
+For coordinates y_s of stratum s with n_s degrees of freedom and variance lambda_s of its own,
+
+    LR = sum_s n_s log(R_s(0) / R_s(beta)),  R_s(beta) = |y_s - X_s beta|^2,
+
+beta the estimate that weights the strata by n_s / R_s. Where a column lies in one stratum
+alone that is n_s log(1 / (1 - r^2)): no variance of another stratum enters. Bayes factors are
+Schwarz's approximation for a prior of unit information: Zellner's g-prior with g = n has the
+same limit for weak effects, but stays finite however strong an effect is, and then tells no
+rivals apart (the information paradox of Liang et al., J. Am. Stat. Assoc. 103 (2008) 410).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.stats.column_groups import ManyStrata, OneStratum, Packed
+from mtu_cli.stats.least_squares import FloatArray
+
+REWEIGHTED = 3
+MOST_EXPLAINED = 1 - 1e-12
+NEVER = -1e6
+"""Logarithm of the Bayes factor of a member that cannot be tested."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ratios:
+    """Of B samples and F candidates: `ratio` (B, F) the largest LR of each candidate's members,
+    `log_bayes` (B, F) the logarithm of its Bayes factor, the mean over its members, `best`
+    (B, F) the member of the largest Bayes factor, -1 where none can be tested.
+    """
+
+    ratio: FloatArray
+    log_bayes: FloatArray
+    best: NDArray[np.int64]
+
+
+def ratios(pack: Packed, y: FloatArray, candidates: int) -> Ratios:
+    """Likelihood ratios and Bayes factors of `candidates` for coordinates `y` (B, N).
+
+    `y` has the found columns projected out (`Packed.without_found`).
+    """
+    return _by_candidate(pack, *member_ratios(pack, y), candidates)
+
+
+def member_ratios(pack: Packed, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Likelihood ratios and log Bayes factors (B, M) of all members; -1 and `NEVER` for those
+    of which too little is left beside what was found.
+    """
+    B, M = len(y), len(pack.family)
+    LR, log_bayes = np.zeros((B, M)), np.zeros((B, M))
+    squares = sums_of_squares(pack, y)
+    for one in pack.one:
+        _add_one(pack, one, y, squares, LR, log_bayes)
+    for many in pack.many:
+        _add_many(pack, many, y, squares, LR, log_bayes)
+    LR[:, ~pack.usable] = -1.0
+    log_bayes[:, ~pack.usable] = NEVER
+    return LR, log_bayes
+
+
+def sums_of_squares(pack: Packed, y: FloatArray) -> FloatArray:
+    """R_s(0) (B, S); never quite 0."""
+    starts = [stratum.start for stratum in pack.strata.all]
+    found: FloatArray = np.add.reduceat(y**2, starts, axis=1)
+    return np.maximum(found, 1e-300)
+
+
+def _add_one(
+    pack: Packed,
+    one: OneStratum,
+    y: FloatArray,
+    squares: FloatArray,
+    LR: FloatArray,
+    log_bayes: FloatArray,
+) -> None:
+    own = y[:, pack.strata.all[one.index].slice]
+    explained = ((own @ one.Q) ** 2).reshape(len(y), len(one.members), one.g).sum(axis=2)
+    r2 = np.minimum(explained / squares[:, one.index, None], MOST_EXPLAINED)
+    n = pack.dof[one.index]
+    LR[:, one.members] -= n * np.log1p(-r2)
+    log_bayes[:, one.members] += unit_information(-n * np.log1p(-r2), n, one.g)
+
+
+def unit_information(ratio: FloatArray, n: FloatArray | float, k: int) -> FloatArray:
+    """log Bayes factor of k columns with this likelihood ratio on n degrees of freedom."""
+    found: FloatArray = 0.5 * ratio * np.maximum(n - k, 0.0) / n - 0.5 * k * np.log1p(n)
+    return found
+
+
+def _add_many(
+    pack: Packed,
+    many: ManyStrata,
+    y: FloatArray,
+    squares: FloatArray,
+    LR: FloatArray,
+    log_bayes: FloatArray,
+) -> None:
+    b = cross_products(pack, many, y)
+    n, R0 = pack.dof, squares[:, None, :]
+    R = np.broadcast_to(R0, (*b.shape[:2], len(n)))
+    for _ in range(REWEIGHTED):
+        w = n / R
+        A = np.einsum("bms,msij->bmij", w, many.G)
+        A += 1e-12 * np.trace(A, axis1=2, axis2=3)[..., None, None] * np.eye(many.k) + 1e-300
+        beta = np.linalg.solve(A, np.einsum("bms,bmsi->bmi", w, b)[..., None])[..., 0]
+        R = R0 - 2 * np.einsum("bmi,bmsi->bms", beta, b)
+        R = R + np.einsum("bmi,msij,bmj->bms", beta, many.G, beta)
+        R = np.maximum(R, (1 - MOST_EXPLAINED) * R0)
+    found = (n * np.log(R0 / R)).sum(axis=2)
+    share = w * np.einsum("msii->ms", many.G)
+    share /= np.maximum(share.sum(axis=2, keepdims=True), 1e-300)
+    effective = (share * n).sum(axis=2)
+    LR[:, many.members] = found
+    log_bayes[:, many.members] = unit_information(np.maximum(found, 0.0), effective, many.k)
+
+
+def cross_products(pack: Packed, many: ManyStrata, y: FloatArray) -> FloatArray:
+    """X_s' y_s (B, M, S, k)."""
+    b = np.zeros((len(y), len(many.members), len(pack.strata.all), many.k))
+    for s, stratum in enumerate(pack.strata.all):
+        block = many.X[stratum.slice]
+        flat = y[:, stratum.slice] @ block.reshape(stratum.size, -1)
+        b[:, :, s] = flat.reshape(len(y), len(many.members), many.k)
+    return b
+
+
+def _by_candidate(pack: Packed, LR: FloatArray, log_bayes: FloatArray, candidates: int) -> Ratios:
+    B = len(LR)
+    ratio = np.zeros((B, candidates))
+    bayes = np.full((B, candidates), NEVER)
+    best = np.full((B, candidates), -1)
+    ends = np.searchsorted(pack.family, np.arange(candidates + 1))
+    for f in range(candidates):
+        own = slice(int(ends[f]), int(ends[f + 1]))
+        if not pack.usable[own].any():
+            continue
+        ratio[:, f] = np.maximum(LR[:, own].max(axis=1), 0.0)
+        # Of nested members the largest has the largest ratio whatever the data say.
+        best[:, f] = log_bayes[:, own].argmax(axis=1) + own.start
+        mine = log_bayes[:, own][:, pack.usable[own]]
+        top = mine.max(axis=1)
+        bayes[:, f] = top + np.log(np.exp(mine - top[:, None]).mean(axis=1))
+    return Ratios(ratio=ratio, log_bayes=bayes, best=best)

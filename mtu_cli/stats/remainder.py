@@ -1,0 +1,230 @@
+"""What no named effect describes: omnibus statistics of what is left of a table.
+
+Each is large where the rest is not what the null says: a pattern that parts and columns share,
+parts that follow each other too smoothly, columns whose neighbours agree, columns or parts
+that scatter more than single entries do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import fdtrc, ndtr, ndtri
+
+from mtu_cli.stats.kernel_ratio import Kernel, kernel_log_bayes, kernel_of, kernel_ratios
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.strata import Strata
+
+MANY = 1e6
+"""Degrees of freedom of what is known exactly."""
+CLIPPED = 2.5
+"""Standard deviations beyond which an entry pulls no further: heavy tails are no pattern."""
+REACH = (0.12, 0.3)
+"""Correlation lengths of smooth fields over the extent of the columns' places."""
+LARGEST = 1.0
+"""Effects of single columns or parts up to the scatter of one entry are what they may have."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remainder:
+    """The kernels of smooth effects: `serial` over parts (None with fewer than five), `spatial`
+    by axis and reach.
+    """
+
+    strata: Strata
+    serial: Kernel | None
+    spatial: tuple[tuple[Kernel, ...], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The checks that are calibrated by drawing."""
+        return ("interaction-pattern", "serial-correlation", "serial-shape", "spatial-correlation")
+
+    def statistics(self, y: FloatArray, dof: FloatArray) -> FloatArray:
+        """The checks (B, 4) of coordinates `y` (B, N); 0 where one cannot be had."""
+        return np.stack(
+            [
+                self._pattern(y),
+                self._serial(y, ("part",)),
+                self._serial(y, ("line",)),
+                self._spatial(y),
+            ],
+            axis=1,
+        )
+
+    def _pattern(self, y: FloatArray) -> FloatArray:
+        """Largest squared singular value over the mean: one pattern of columns that parts have
+        in different strength, as bending by heat would give.
+        """
+        P, H, A = self.strata.shape
+        if P < 4 or H < 4:
+            return np.zeros(len(y))
+        only = np.zeros_like(y)
+        for stratum in self.strata.all:
+            if stratum.kind == "interaction":
+                own = y[:, stratum.slice]
+                sd = np.sqrt(np.mean(own**2, axis=1, keepdims=True))
+                only[:, stratum.slice] = own / np.maximum(sd, 1e-300)
+        tables = self.strata.tables(only)
+        spread = 1.4826 * np.median(np.abs(tables), axis=(1, 2), keepdims=True)
+        limit = CLIPPED * np.maximum(spread, 1e-12)
+        tables = np.clip(tables, -limit, limit)
+        flat = tables.reshape(len(y), P, H * A)
+        flat = flat - flat.mean(axis=1, keepdims=True)
+        small = flat if P <= H * A else np.swapaxes(flat, 1, 2)
+        gram = small @ np.swapaxes(small, 1, 2)
+        values = np.linalg.eigvalsh(gram)
+        found: FloatArray = values[:, -1] / np.maximum(values.mean(axis=1), 1e-300)
+        return found
+
+    def _serial(self, y: FloatArray, kinds: Sequence[str]) -> FloatArray:
+        total = np.zeros(len(y))
+        if self.serial is None:
+            return total
+        for stratum in self.strata.all:
+            if stratum.kind in kinds:
+                total += _largest(kernel_ratios(self.serial, y[:, stratum.slice]))
+        return total
+
+    def _spatial(self, y: FloatArray) -> FloatArray:
+        totals = np.zeros((max(len(REACH), 1), len(y)))
+        for stratum in self.strata.all:
+            if stratum.kind == "column" and self.spatial:
+                for i, kernel in enumerate(self.spatial[stratum.axis]):
+                    totals[i] += _largest(kernel_ratios(kernel, y[:, stratum.slice]))
+        found: FloatArray = totals.max(axis=0)
+        return found
+
+    def unnamed(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """log Bayes factors (A,) of a drift over the parts and of a field over the columns
+        that have no name, of coordinates `y` (N,).
+        """
+        A = self.strata.shape[2]
+        drift, field = np.full(A, -np.inf), np.full(A, -np.inf)
+        for stratum in self.strata.all:
+            own = y[None, stratum.slice]
+            if stratum.kind == "part" and self.serial is not None:
+                drift[stratum.axis] = kernel_log_bayes(kernel_ratios(self.serial, own))[0]
+            elif stratum.kind == "column" and self.spatial:
+                ratios = [kernel_ratios(item, own) for item in self.spatial[stratum.axis]]
+                if ratios:
+                    field[stratum.axis] = kernel_log_bayes(np.concatenate(ratios))[0]
+        return drift, field
+
+
+def _largest(ratios: FloatArray) -> FloatArray:
+    found: FloatArray = np.maximum(ratios.max(axis=0), 0.0)
+    return found
+
+
+def remainder_of(strata: Strata, whitening: FloatArray, places: FloatArray) -> Remainder:
+    """The kernels for columns at `places` (H, d), mm."""
+    P, H, A = strata.shape
+    serial = None
+    if P >= 5:
+        steps = np.arange(P)
+        walk = np.minimum.outer(steps + 1, steps + 1).astype(float)
+        serial = kernel_of(strata.rows[:, 1:].T @ walk @ strata.rows[:, 1:])
+    spatial: list[tuple[Kernel, ...]] = []
+    extent = np.ptp(places, axis=0).max(initial=0.0) if len(places) else 0.0
+    if H >= 6 and extent > 0:
+        distance2 = ((places[:, None] - places) ** 2).sum(axis=2)
+        B = strata.columns[:, strata.even]
+        for axis in range(A):
+            own = []
+            for reach in REACH:
+                K = B.T @ np.exp(-0.5 * distance2 / (reach * extent) ** 2) @ B
+                k = len(strata.find("column", axis).lead)  # type: ignore[union-attr]  # H >= 6
+                W = np.eye(B.shape[1])
+                W[:k, :k] = whitening[axis][:k, :k]
+                kernel = kernel_of(W @ K @ W.T)
+                if kernel is not None:
+                    own.append(kernel)
+            spatial.append(tuple(own))
+    return Remainder(strata=strata, serial=serial, spatial=tuple(spatial))
+
+
+def scatter_p(
+    strata: Strata, y: FloatArray, dof: FloatArray, predicted: FloatArray, predicted_dof: float
+) -> tuple[float, float]:
+    """p of `column-variance` and `part-variance` (1 where they cannot be had) of y (N,).
+
+    Tested is that single columns, or parts, have effects of their own that scatter more than
+    `LARGEST` times what one entry does: less than that is ordinary (fixed errors of single
+    holes, setting up). Where the machine's own scatter from pass to pass is known, `predicted`
+    (A,) the variance of a part's coordinate by it with `predicted_dof` degrees of freedom,
+    parts are held against that. F tests, Bonferroni over the axes.
+    """
+    P, H, A = strata.shape
+    p: list[float] = [1.0]
+    part = _PartScatter()
+    for axis in range(A):
+        noise = strata.find("interaction", axis)
+        n = 0.0 if noise is None else float(dof[strata.all.index(noise)])
+        if noise is None or n < 3:
+            continue
+        level = float(np.sum(y[noise.slice] ** 2)) / n
+        for stratum in strata.all:
+            own = y[stratum.slice][len(stratum.lead) :]
+            if stratum.axis != axis or not len(own) or level <= 0:
+                continue
+            if stratum.kind in ("column", "reversal"):
+                ratio = float(np.mean(own**2)) / (level * (1 + LARGEST**2 * P))
+                p.append(float(fdtrc(len(own), n, ratio)))
+            elif stratum.kind == "part" and predicted[axis] > 0:
+                part.add(
+                    float(np.mean(own**2)) / (level + predicted[axis]), len(own), predicted_dof
+                )
+            elif stratum.kind == "part":
+                part.add(float(np.mean(own**2)) / (level * (1 + LARGEST**2 * H)), len(own), n)
+    return min(1.0, max(len(p) - 1, 1) * min(p)), part.p()
+
+
+class _PartScatter:
+    """Ratios of the parts' mean squares to what they may be: each axis, and all together."""
+
+    def __init__(self) -> None:
+        self.ratios: list[tuple[float, int, float]] = []
+
+    def add(self, ratio: float, n: int, expected_dof: float) -> None:
+        self.ratios.append((ratio, n, min(expected_dof, MANY)))
+
+    def p(self) -> float:
+        if not self.ratios:
+            return 1.0
+        single = [float(fdtrc(n, m, ratio)) for ratio, n, m in self.ratios]
+        total = sum(n for _, n, _ in self.ratios)
+        mean = sum(n * ratio for ratio, n, _ in self.ratios) / total
+        together = float(fdtrc(total, min(m for _, _, m in self.ratios), mean))
+        tests = len(single) + (len(single) > 1)
+        return min(1.0, tests * min(*single, together))
+
+
+def variance_ratio_p(square: float, expected: float, n: float, n_expected: float) -> float:
+    """p (one-sided) of a mean square with n degrees of freedom against an expected one."""
+    if square <= 0 or expected <= 0 or n <= 0 or n_expected <= 0:
+        return 1.0
+    return float(fdtrc(n, min(n_expected, MANY), square / expected))
+
+
+def two_scatters_p(a: FloatArray, b: FloatArray, share: float) -> tuple[float, float]:
+    """p (two-sided) and log ratio of the variances of entries a and b, zero-mean residuals.
+
+    `share` is the degrees of freedom an entry. The variance of log s^2 is (2 + excess
+    kurtosis) / n (Box, Biometrika 40 (1953) 318): heavy tails make variances differ by chance.
+    """
+    va, vb = float(np.mean(a**2)), float(np.mean(b**2))
+    if va <= 0 or vb <= 0:
+        return 1.0, 0.0
+    z = np.concatenate([a.ravel() / np.sqrt(va), b.ravel() / np.sqrt(vb)])
+    excess = max(float(np.mean(z**4)) - 3.0, 0.0)
+    se = np.sqrt((2 + excess) / share * (1 / a.size + 1 / b.size))
+    log_ratio = float(np.log(va / vb))
+    return float(2 * ndtr(-abs(log_ratio) / se)), log_ratio
+
+
+def score_of(p: float) -> float:
+    """The squared normal deviate of a two-sided p: a likelihood ratio of one parameter."""
+    return float(ndtri(max(p, 1e-300) / 2) ** 2)

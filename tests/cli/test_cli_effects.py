@@ -1,0 +1,418 @@
+"""Machines with effects in every command, and the files that close-loop adds to its report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli_runner import prepared
+from model_examples import run_command
+from numpy.typing import NDArray
+
+from mtu_cli.cli.close_loop_choices import read_choices
+from mtu_cli.cli.close_loop_files import Known, check_written, written
+from mtu_cli.cli.execute import Outcome, execute
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.modelling import modelled
+from mtu_cli.cli.options import Options
+from mtu_cli.errors import InputError
+from mtu_cli.files.components_file import read_components
+from mtu_cli.files.machine import load_machine
+from mtu_cli.files.machine_write import WrittenEffect, extended_machine
+from mtu_cli.model.settings import Settings
+
+EFFECTS = [
+    WrittenEffect(
+        name="backlash-x",
+        parameters={"lost_motion": (4.0, 0.3, "um")},
+        equations={"Ex": "lost_motion*dir_x"},
+    ),
+    WrittenEffect(
+        name="trend-y",
+        parameters={"slope": (0.5, 0.1, "um")},
+        equations={"Ey": "slope*(tool_parts - 3)"},
+    ),
+]
+PREDICTIONS = ("predict-points", "lengths", "orthogonality")
+AT = ("--at", "dir_x=1", "--at", "tool_parts=5")
+PLACES = {"A": (0, 0), "B": (100, 0), "C": (200, 0), "D": (0, 80), "E": (0, 160)}
+
+
+def cmm(columns: str = "dir_x,tool_parts") -> str:
+    """Five parts whose holes are where they should be, half of them after a reversal."""
+    wanted = columns.split(",") if columns else []
+    rows = [",".join(["part", "feature", "x_mm", "y_mm", *wanted])]
+    for part in range(5):
+        for i, (name, (x, y)) in enumerate(PLACES.items()):
+            moved = 0.002 * ((part * i) % 3) + 0.0007 * part
+            values = {"dir_x": str((-1) ** i), "tool_parts": str(part)}
+            own = [str(part), name, f"{x + moved:.4f}", f"{y - moved:.4f}"]
+            rows.append(",".join([*own, *(values[column] for column in wanted)]))
+    return "\n".join(rows) + "\n"
+
+
+@pytest.fixture
+def work(tmp_path: Path) -> Path:
+    """The small study, whose machine has two effects; the machine as it was beside it."""
+    folder = prepared(tmp_path / "work")
+    (folder / "before.yaml").write_bytes((folder / "machine.yaml").read_bytes())
+    content = extended_machine(load_machine(folder / "machine.yaml"), EFFECTS).content
+    (folder / "machine.yaml").write_bytes(content)
+    (folder / "cmm.csv").write_text(cmm())
+    (folder / "bare.csv").write_text(cmm(""))
+    return folder
+
+
+@pytest.mark.parametrize("command", PREDICTIONS)
+def test_predictions_need_the_covariates(
+    command: str, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code, _, told = run_command(monkeypatch, work, command)
+    assert code == 2
+    for name in ("dir_x", "tool_parts"):
+        assert f"need the covariate '{name}'; expected --at {name}=VALUE" in told
+    code, report, _ = run_command(monkeypatch, work, command, *AT)
+    assert code == 0
+    assert report["settings"]["at"] == {"dir_x": 1.0, "tool_parts": 5.0}
+
+
+def test_what_an_effect_adds(work: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    call = ("predict-points", "-p", "part.yaml", "--lbb", "lbb.csv")
+    _, old, _ = run_command(monkeypatch, work, *call, "-m", "before.yaml")
+    _, new, _ = run_command(monkeypatch, work, *call, "-m", "machine.yaml", *AT)
+    for before, after in zip(old["results"]["points"], new["results"]["points"], strict=True):
+        assert after["Ex_um"] - before["Ex_um"] == pytest.approx(4.0)
+        assert after["Ey_um"] - before["Ey_um"] == pytest.approx(0.5 * 2)
+        assert after["var_x_um2"] - before["var_x_um2"] == pytest.approx(0.09)
+        assert after["var_y_um2"] - before["var_y_um2"] == pytest.approx(0.01 * 4)
+
+
+@pytest.mark.parametrize("command", [*PREDICTIONS, "fit-components"])
+def test_without_the_block_the_old_results_are_back(
+    command: str, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the last byte; a fit knows nothing of effects anyway."""
+    text = (work / "machine.yaml").read_text()
+    start = text.index("effects:")
+    (work / "taken.yaml").write_text(text[:start])
+    assert (work / "taken.yaml").read_bytes() == (work / "before.yaml").read_bytes()
+    call = [command, "--lbb", "lbb.csv"]
+    call += [] if command == "fit-components" else ["-p", "part.yaml"]
+    names = ["before.yaml", "taken.yaml"]
+    names += ["machine.yaml"] if command == "fit-components" else []
+    found = []
+    for name in names:
+        code, report, _ = run_command(monkeypatch, work, *call, "-m", name)
+        assert code == 0
+        found.append(json.dumps(report["results"]))
+    assert set(found) == {found[0]}
+
+
+@pytest.mark.parametrize("command", ["correct", "compare"])
+def test_measured_points_bring_their_covariates(
+    command: str, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code, report, told = run_command(monkeypatch, work, command, "--cmm", "cmm.csv")
+    assert code == 0, told
+    assert report["results"]
+    code, _, told = run_command(monkeypatch, work, command, "--cmm", "bare.csv")
+    assert code == 2
+    assert "dir_x" in told
+    assert "tool_parts" in told
+    code, _, told = run_command(monkeypatch, work, command, "--cmm", "bare.csv", *AT)
+    assert code == 0, told
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What close-loop finds, in internal units."""
+
+    name: str
+    parameters: tuple[tuple[str, str, float, float], ...]
+    covariance: NDArray[np.float64]
+    equations: dict[str, str]
+    covariate: str | None = None
+    family: str = "family"
+    axis: str | None = "x"
+    says: str = "what it is"
+    searched: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    p_familywise: float = 0.001
+    class_names: Sequence[str] = ("only",)
+    component: str | None = None
+
+
+JOINT = np.array([[0.09, 0.02, 0.001], [0.02, 0.25, 0.03], [0.001, 0.03, 0.04]])
+FACTORS = np.array([1e-3, np.pi / 648000, 1e-6])
+FOUND = [
+    Effect(
+        "backlash-x",
+        (("lost_motion", "um", 2e-3, 0.3e-3),),
+        JOINT[:1, :1] * 1e-6,
+        {"Ex": "lost_motion*dir_x"},
+        "dir_x",
+        class_names=("backlash-x", "trend-x"),
+    ),
+    Effect(
+        "turn",
+        (
+            ("angle", "arcsec", 3 * FACTORS[1], 0.5 * FACTORS[1]),
+            ("scale", "um/m", 7e-6, 0.2e-6),
+        ),
+        JOINT[1:, 1:] * np.outer(FACTORS, FACTORS)[1:, 1:],
+        {"Ex": "-angle*(y - 40) + scale*(x - 50)", "Ey": "angle*(x - 50)"},
+        searched={"pitch_mm": (10.0, 9.5, 10.5)},
+    ),
+]
+
+
+def inputs_of(work: Path, monkeypatch: pytest.MonkeyPatch, **values: Any) -> Inputs:
+    monkeypatch.chdir(work)
+    paths = {
+        name: [Path(item) for item in value] if isinstance(value, list) else Path(value)
+        for name, value in values.items()
+    }
+    return Inputs(Options("close-loop", paths))
+
+
+def made(inputs: Inputs, effects: Sequence[Effect], covariance: Any = None) -> list[str]:
+    """Writes what is asked for, and gives the codes of the warnings."""
+    found = modelled(inputs)
+    known = Known(estimates=found.estimates, fit=found.fit)
+    held_out = {"before": {"rms_um": 5.0}, "after": {"rms_um": 3.5}}
+    result = written(inputs, known, Settings(), effects, covariance, [held_out] * len(effects))
+    for path, content in result.files.items():
+        path.write_bytes(content)
+    return [warning.code for warning in result.warnings]
+
+
+WRITE = {"write_machine": "new.yaml", "write_components": "new.json"}
+
+
+@pytest.mark.parametrize("source", ["readings", "report", "machine file"])
+def test_the_files_of_close_loop_predict_with_the_joint_covariance(
+    source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = prepared(tmp_path / "work")
+    (work / "cmm.csv").write_text(cmm())
+    given: dict[str, Any] = {"machine": "machine.yaml", "part": "part.yaml", "cmm": ["cmm.csv"]}
+    call = ["-p", "part.yaml", "--covariance"]
+    if source == "readings":
+        given["lbb"] = ["lbb.csv"]
+        call += ["--lbb", "lbb.csv"]
+    elif source == "report":
+        run_command(monkeypatch, work, "fit-components", "-m", "machine.yaml", "--lbb", "lbb.csv")
+        (work / "report.json").rename(work / "c.json")
+        given["components"] = ["c.json"]
+        call += ["-c", "c.json"]
+    else:
+        text = (work / "machine.yaml").read_text()
+        for name in ("dx_x: {", "ez_x: {", "dy_y: {"):
+            text = text.replace(name, name + "coefficients: [1, 0.01], s_repeat: 0.5, ")
+        text = text.replace("axy: {", "axy: {coefficients: [2], covariance: [[0.3]], ")
+        (work / "machine.yaml").write_text(text)
+    _, old, _ = run_command(monkeypatch, work, "predict-points", "-m", "machine.yaml", *call)
+    inputs = inputs_of(work, monkeypatch, **given, **WRITE)
+    assert len(inputs.points.parts) == 5
+    joint = JOINT * np.outer(FACTORS, FACTORS)
+    assert made(inputs, FOUND, joint) == []
+    entry = load_machine(work / "new.yaml").machine.effects[0]
+    assert entry.found["parts"] == 5
+    assert [item["path"] for item in entry.found["files"]] == ["cmm.csv"]
+    assert entry.found["class"] == ["backlash-x", "trend-x"]
+    assert entry.found["held_out"]["after"] == {"rms_um": 3.5}
+    call = ["predict-points", "-m", "new.yaml", *call[:3], "--at", "dir_x=1"]
+    code, new, told = run_command(monkeypatch, work, *call, "-c", "new.json")
+    assert code == 0, told
+    x, y = np.array([PLACES[name] for name in PLACES]).T
+    J = np.zeros((10, 3))
+    J[0::2, 0], J[0::2, 1], J[0::2, 2] = 1, -(y - 40) * np.pi / 648, (x - 50) * 1e-3
+    J[1::2, 1] = (x - 50) * np.pi / 648
+    more = np.array(new["results"]["covariance_um2"]) - old["results"]["covariance_um2"]
+    assert more == pytest.approx(J @ JOINT @ J.T, rel=1e-6, abs=1e-9)
+    alone = JOINT.copy()
+    alone[0, 1:] = alone[1:, 0] = 0
+    if source != "machine file":
+        call += ["--lbb", "lbb.csv"]
+    _, single, _ = run_command(monkeypatch, work, *call)
+    more = np.array(single["results"]["covariance_um2"]) - old["results"]["covariance_um2"]
+    assert more == pytest.approx(J @ alone @ J.T, rel=1e-6, abs=1e-9)
+
+
+def test_the_components_report_is_the_fits_and_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = prepared(tmp_path / "work")
+    _, fit, _ = run_command(
+        monkeypatch, work, "fit-components", "-m", "machine.yaml", "--lbb", "lbb.csv"
+    )
+    inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
+    made(inputs, FOUND)
+    report = json.loads((work / "new.json").read_text())
+    effects = report["results"].pop("effects")
+    assert json.dumps(report["results"]) == json.dumps(fit["results"])
+    assert report["schema"] == fit["schema"]
+    assert effects["parameters"] == ["backlash-x.lost_motion", "turn.angle", "turn.scale"]
+    assert effects["units"] == ["um", "arcsec", "um/m"]
+    assert effects["values"] == pytest.approx([2, 3, 7])
+    wanted = JOINT.copy()
+    wanted[0, 1:] = wanted[1:, 0] = 0
+    assert np.array(effects["covariance"]) == pytest.approx(wanted)
+
+
+def test_a_second_round_keeps_what_the_first_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = prepared(tmp_path / "work")
+    first = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
+    made(first, FOUND, JOINT * np.outer(FACTORS, FACTORS))
+    given = {"machine": "new.yaml", "components": ["new.json"]}
+    targets = {"write_machine": "third.yaml", "write_components": "third.json"}
+    made(inputs_of(work, monkeypatch, **given, **targets), FOUND[:1])
+    assert (work / "third.yaml").read_bytes().startswith((work / "new.yaml").read_bytes())
+    effects = read_components(work / "third.json").effects
+    assert effects is not None
+    assert effects.parameters[-2:] == ["turn.scale", "backlash-x-2.lost_motion"]
+    assert np.array(effects.covariance)[:3, :3] == pytest.approx(JOINT)
+    assert np.array(effects.covariance)[3] == pytest.approx([0, 0, 0, 0.09])
+
+
+def test_an_effect_of_a_component_acts_through_its_lever_arms(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """axy + f: Ex = dx_x - y (axy + f)."""
+    work = prepared(tmp_path / "work")
+    covariance = np.array([[1e-12]])
+    jump = Effect(
+        "step",
+        (("jump", "urad", 5e-6, 1e-6),),
+        covariance,
+        {"Ex": "jump*step(time_min - 3)"},
+        component="axy",
+    )
+    shift = Effect(
+        "backlash", (("shift", "um", 1e-3, 1e-4),), covariance, {"Ex": "shift*dir_x"},
+        component="dx_x",
+    )  # fmt: skip
+    inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
+    assert made(inputs, [jump, shift]) == []
+    effects = load_machine(work / "new.yaml").machine.effects
+    assert [item.equations for item in effects] == [
+        {"Ex": "(-y)*(jump*step(time_min - 3))"},
+        {"Ex": "shift*dir_x"},
+    ]
+    assert effects[0].found["component"] == "axy"
+
+
+def test_what_no_equation_describes_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = prepared(tmp_path / "work")
+    outlier = Effect("feature-outlier", (("shift", "um", 1e-3, 1e-4),), np.array([[1e-8]]), {})
+    inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
+    assert made(inputs, [outlier, FOUND[0]]) == ["effect-not-written"]
+    assert [item.name for item in load_machine(work / "new.yaml").machine.effects] == ["backlash-x"]
+    assert made(inputs, [outlier]) == ["effect-not-written", "nothing-added"]
+    assert (work / "new.yaml").read_bytes() == (work / "machine.yaml").read_bytes()
+    assert read_components(work / "new.json").effects is None
+
+
+@pytest.mark.parametrize(
+    "name", ["machine.yaml", "./lbb.csv", "part.yaml", "mtu.yaml", "x/../machine.yaml"]
+)
+def test_no_input_is_overwritten(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = prepared(tmp_path / "work")
+    (work / "x").mkdir()
+    inputs = inputs_of(work, monkeypatch, study="mtu.yaml", write_machine=name)
+    with pytest.raises(InputError, match="is an input of this run and is not overwritten"):
+        check_written(inputs)
+
+
+def outcome(**changes: Any) -> Outcome:
+    return Outcome(
+        results=lambda: {"a": 1},
+        tables=list,
+        rows=lambda: (["a"], [[1]]),
+        figure=lambda: None,  # type: ignore[arg-type, return-value]  # never drawn
+        **changes,
+    )
+
+
+def test_files_come_with_the_report_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "new.yaml").write_bytes(b"old")
+    values = {"out": Path("r.json"), "csv": Path("r.csv"), "write_machine": Path("new.yaml")}
+    options = Options("close-loop", values)
+    files = {Path("new.yaml"): b"new"}
+
+    def broken() -> tuple[list[str], list[list[object]]]:
+        raise InputError([])
+
+    with pytest.raises(InputError):
+        execute(options, lambda *_: _with_rows(broken, files))
+    assert [path.name for path in tmp_path.iterdir()] == ["new.yaml"]
+    assert (tmp_path / "new.yaml").read_bytes() == b"old"
+    execute(options, lambda *_: outcome(files=lambda: files))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new.yaml", "r.csv", "r.json"]
+    assert (tmp_path / "new.yaml").read_bytes() == b"new"
+
+
+def _with_rows(rows: Any, files: dict[Path, bytes]) -> Outcome:
+    return replace(outcome(files=lambda: files), rows=rows)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"write_machine": Path("-")}, "--write-machine does not go to standard output"),
+        ({"write_machine": Path("no/x")}, "the folder 'no' does not exist"),
+        (
+            {"write_machine": Path("a"), "write_components": Path("a")},
+            "two outputs name the same file",
+        ),
+        ({"write_components": Path("a"), "out": Path("a")}, "two outputs name the same file"),
+    ],
+)
+def test_targets_are_refused_before_anything_runs(
+    values: dict[str, Path], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=words):
+        execute(Options("close-loop", dict(values)), lambda *_: pytest.fail("it ran"))
+
+
+def test_choices_of_the_study_and_of_the_call(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = prepared(tmp_path / "work")
+    monkeypatch.chdir(work)
+
+    def chosen(**values: Any) -> tuple[float, int, str]:
+        choices = read_choices(Inputs(Options("close-loop", {"study": Path("s.yaml")} | values)))
+        return choices.alpha, choices.max_effects, choices.datum
+
+    head = "schema: mtu/study/1\n"
+    (work / "s.yaml").write_text(head)
+    assert chosen() == (0.05, 4, "none")
+    settings = "settings: {alpha: 0.01, max_effects: 2, datum: offset}\n"
+    (work / "s.yaml").write_text(head + settings)
+    assert chosen() == (0.01, 2, "offset")
+    given: dict[str, Any] = {"alpha": 0.1, "max_effects": 1, "datum": "offset,rotation"}
+    assert chosen(**given) == (0.1, 1, "offset,rotation")
+    with pytest.raises(InputError) as caught:
+        chosen(alpha=1.0, max_effects=0, fail_if="found,foud")
+    assert [problem.what for problem in caught.value.problems] == [
+        "--alpha is out of range",
+        "--max-effects is out of range",
+        "unknown gate",
+    ]
+    with pytest.raises(InputError, match="--alpha is out of range"):
+        chosen(alpha=float("nan"))

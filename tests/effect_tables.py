@@ -1,0 +1,103 @@
+"""Tables of residuals on which the library of effects is tried."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.model.residual_table import ResidualTable
+
+FloatArray = NDArray[np.float64]
+
+
+def grid_places(H: int, jitter: float = 0.0, z: float | None = 127.0, seed: int = 3) -> FloatArray:
+    """H places (H, 3) on a square grid, mm; at two heights where `z` is None."""
+    n = int(np.ceil(np.sqrt(H)))
+    x, y = np.meshgrid(np.linspace(10.0, 140.0, n), np.linspace(15.0, 120.0, n))
+    height = np.arange(H) % 2 * 40.0 if z is None else np.full(H, z)
+    places = np.stack([x.ravel()[:H], y.ravel()[:H], height], axis=-1)
+    places[:, :2] += jitter * np.random.default_rng(seed).normal(size=(H, 2))
+    return places
+
+
+def shop_covariates(P: int, H: int, seed: int = 4) -> dict[str, FloatArray]:
+    """What a shop logs: directions, time, temperatures, parts of the tool, a load."""
+    draw = np.random.default_rng(seed)
+    sequence = np.arange(1.0, P + 1)[:, None]
+    time = np.cumsum(draw.uniform(10.0, 20.0, (P, 1)), axis=0)
+    time -= time[0]
+    return {
+        "dir_x": np.where(np.arange(P) % 2, 1.0, -1.0)[:, None],
+        "dir_y": np.where(np.arange(H) % 3, 1.0, -1.0)[None],
+        "time_min": time,
+        "sequence": sequence,
+        "tool_parts": (np.arange(P) % 8 + 1.0)[:, None],
+        "T_spindle_degC": 21.0 + 4.0 * (1.0 - np.exp(-time / 60.0)),
+        "T_part_degC": 20.0 + draw.normal(size=(P, H)),
+        "load": draw.normal(size=(P, 1)),
+    }
+
+
+def table(
+    P: int = 9,
+    H: int = 12,
+    *,
+    axes: tuple[str, ...] = ("x", "y"),
+    places: FloatArray | None = None,
+    covariates: dict[str, FloatArray] | None = None,
+    repeats: NDArray[np.int64] | None = None,
+    component: str | None = None,
+    unit: str = "um",
+    operations: tuple[str, ...] = ("drilled", "milled", "reamed"),
+    fitted_degree: int = -1,
+) -> ResidualTable:
+    """A table without errors: the library looks at everything else."""
+    at = grid_places(H) if places is None else places
+    A = len(axes)
+    return ResidualTable(
+        axes=axes,
+        component=component,
+        unit=unit,
+        parts=tuple(f"P{i + 1}" for i in range(P)),
+        features=tuple(f"H{i + 1}" for i in range(H)),
+        errors=np.zeros((P, H, A)),
+        repeats=np.full((P, H), 3) if repeats is None else repeats,
+        repeat_variance=np.ones(A),
+        repeat_dof=2 * P * H,
+        places=np.broadcast_to(at, (P, H, 3)).copy(),
+        operations=operations,
+        operation=np.arange(H) % len(operations),
+        covariates=shop_covariates(P, H) if covariates is None else covariates,
+        common=np.zeros((1, H, A, 0)),
+        of_part=np.zeros((1, H, A, 0)),
+        fitted_degree=fitted_degree,
+    )
+
+
+def readings_table(
+    *, name: str = "x", component: str = "dx_x", unit: str = "um", fitted_degree: int = -1
+) -> ResidualTable:
+    """Six passes of a component over seven positions, forward and reverse."""
+    P, positions = 6, np.linspace(0.0, 300.0, 7)
+    H = 2 * len(positions)
+    places = np.full((H, 3), np.nan)
+    if name in ("x", "y", "z"):
+        places[:, "xyz".index(name)] = np.repeat(positions, 2)
+    direction = np.tile([1.0, -1.0], len(positions))[None]
+    covariates = {
+        "sequence": np.arange(1.0, P + 1)[:, None],
+        "time_min": np.array([0.0, 9, 21, 33, 40, 55])[:, None],
+    }
+    if name in ("x", "y", "z"):
+        covariates[f"dir_{name}"] = direction
+    return table(
+        P,
+        H,
+        axes=(name,),
+        places=places,
+        covariates=covariates,
+        component=component,
+        unit=unit,
+        operations=("",),
+        fitted_degree=fitted_degree,
+    )

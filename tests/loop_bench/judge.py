@@ -1,0 +1,109 @@
+"""What the engine says of one data set."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from shop_day.day import Floats
+
+from loop_bench.days import BenchDay
+from mtu_cli.analyses.close_loop.added import added, contribution
+from mtu_cli.analyses.close_loop.describe import Described, candidate_name, found_effects
+from mtu_cli.analyses.close_loop.folds import only_parts
+from mtu_cli.analyses.close_loop.gross import set_aside
+from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.search import Search, search
+from mtu_cli.model.effect_candidate import Member
+
+ALPHA = 0.05
+MOST = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis:
+    """`names` of the effects in the order found, with their `classes`; the checks that `fired`;
+    `nameless`: a drift or field without a name explained more than any name; `ranked_first`
+    without regard to the gate.
+    """
+
+    names: tuple[str, ...]
+    classes: tuple[tuple[str, ...], ...]
+    fired: tuple[str, ...]
+    nameless: bool
+    ranked_first: str
+    gross: int
+    seconds: float
+    prepared: Prepared
+    found: Search
+
+    @property
+    def unexplained(self) -> bool:
+        return bool(self.fired) or self.nameless
+
+    def lone(self) -> bool:
+        """Whether the first effect is reported as the only cause that the data allow."""
+        if self.unexplained or not self.names or len(self.classes[0]) > 1:
+            return False
+        told = Described(
+            prepared=self.prepared,
+            found=self.found,
+            effects=added(self.prepared, self.found),
+            chosen=(),
+        )
+        return not found_effects(told, [None] * len(self.found.steps))[0].aliases
+
+
+def diagnosed(bench: BenchDay, errors: Floats) -> Diagnosis:
+    """The diagnosis of errors (P, H, 2) um, timed."""
+    given = bench.measured(errors)
+    start = time.perf_counter()
+    table, gross = set_aside(given)
+    prepared = bench.prepared.with_table(table)
+    found = search(prepared, bench.gate, alpha=ALPHA, most=MOST)
+    seconds = time.perf_counter() - start
+    return Diagnosis(
+        names=tuple(prepared.candidates[step.index].name for step in found.steps),
+        classes=tuple(
+            tuple(candidate_name(prepared, i) for i in step.credible) for step in found.steps
+        ),
+        fired=found.fired(ALPHA),
+        nameless=found.without_name,
+        ranked_first=prepared.candidates[int(np.argmax(found.log_bayes))].name,
+        gross=len(gross),
+        seconds=seconds,
+        prepared=prepared,
+        found=found,
+    )
+
+
+def held_out_after(bench: BenchDay, errors: Floats) -> float:
+    """Mean square, um^2, of held-out parts' errors less what was found without them, against
+    the training parts' mean: as the oracle counts.
+    """
+    table, _ = set_aside(bench.measured(errors))
+    whole = {_key(c.name, m): m for c in bench.candidates for m in c.members}
+    total = 0.0
+    for fold in bench.folds:
+        prepared = fold.prepared.with_table(only_parts(table, fold.kept))
+        found = search(prepared, fold.gate, alpha=ALPHA, most=MOST)
+        effects = added(prepared, found)
+        names = [prepared.candidates[s.index].name for s in found.steps if s.member >= 0]
+        own = [prepared.members[m] for m in effects.members]
+        members = tuple(whole[_key(n, m)] for n, m in zip(names, own, strict=True))
+        rest = errors - contribution(effects, bench.table, members) / 1e-3
+        rest = rest[~fold.kept] - rest[fold.kept].mean(axis=(0, 1))
+        total += float(np.sum(rest**2))
+    return total / errors.size
+
+
+def _key(name: str, member: Member) -> tuple[object, ...]:
+    return (
+        name,
+        tuple(sorted(member.equations.items())),
+        tuple(sorted(member.searched.items())),
+        member.chosen,
+        member.parameters,
+        member.covariate,
+    )

@@ -1,0 +1,685 @@
+"""The library of effects: columns, equations and candidates, against formulas written out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from effect_tables import FloatArray, grid_places, readings_table, shop_covariates, table
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.machine import load_machine
+from mtu_cli.language import evaluate, linear_form, parse
+from mtu_cli.model.design import design
+from mtu_cli.model.effect_library import (
+    BUILT_IN,
+    Candidate,
+    EffectLibrary,
+    Member,
+    candidates,
+    effect_library,
+)
+from mtu_cli.model.fit import estimates_from_fit
+from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.units import PARAMETER_UNITS
+
+FAMILIES = {
+    "offset",
+    "scale",
+    "curvature",
+    "straightness",
+    "squareness",
+    "rotation",
+    "backlash",
+    "cyclic",
+    "abbe",
+    "thermal-drift",
+    "thermal-growth",
+    "thermal-squareness",
+    "warm-up",
+    "trend",
+    "wear-approach",
+    "step",
+    "operation",
+    "radial",
+    "covariate",
+    "feature-outlier",
+    "part-outlier",
+    "rotation-scatter",
+    "scale-scatter",
+    "operation-scatter",
+}
+WITHOUT_EQUATION = {"operation", "feature-outlier", "part-outlier"}
+PLANE = table()
+SPACE = table(axes=("x", "y", "z"), places=grid_places(12, jitter=2.0, z=None))
+
+
+@pytest.fixture(scope="module")
+def library() -> EffectLibrary:
+    return effect_library()
+
+
+def by_name(found: tuple[Candidate, ...]) -> dict[str, Candidate]:
+    assert len({candidate.name for candidate in found}) == len(found)
+    return {candidate.name: candidate for candidate in found}
+
+
+def values_of(own: ResidualTable) -> dict[str, FloatArray]:
+    """Every name of the equations over the cells, (P, H)."""
+    shape = own.repeats.shape
+    values = {axis: own.places[..., i] for i, axis in enumerate("xyz")}
+    return values | {n: np.broadcast_to(v, shape) for n, v in own.covariates.items()}
+
+
+def column(member: Member, k: int, axis: int, own: ResidualTable) -> FloatArray:
+    zero = np.zeros((1, 1))
+    found: FloatArray = np.broadcast_to(member.columns[k].get(axis, zero), own.repeats.shape)
+    return found
+
+
+# ---- what is there
+
+
+def test_every_family_has_its_candidates(library: EffectLibrary) -> None:
+    assert {family.family.family for family in library.families} == FAMILIES
+    found = by_name(candidates(PLANE, library))
+    assert {candidate.family for candidate in found.values()} == FAMILIES
+    pairs = {"squareness-xy", "rotation-z", "thermal-squareness-xy"}
+    plain = {"thermal-growth", "radial", *(name for name in FAMILIES if name.endswith("er"))}
+    per_axis = {
+        f"{family}-{axis}"
+        for axis in "xy"
+        for family in FAMILIES - {"squareness", "rotation", "thermal-squareness", "radial"}
+        if not family.endswith(("outlier", "scatter"))
+    }
+    assert set(found) == pairs | plain | per_axis
+    for candidate in found.values():
+        assert candidate.says
+        assert "{" not in candidate.says + (candidate.separates or "") + candidate.name
+
+
+def test_with_z_all_of_them_for_z_too(library: EffectLibrary) -> None:
+    found = by_name(candidates(SPACE, library))
+    for name in ("scale-z", "straightness-z", "squareness-xz", "squareness-yz", "rotation-x"):
+        assert found[name].members, name
+    assert found["rotation-x"].members[0].equations.keys() == {"Ey", "Ez"}
+    assert found["rotation-y"].members[0].equations.keys() == {"Ez", "Ex"}
+    assert len(found["straightness-z"].members) == 6
+    assert "abbe-z" not in found
+    assert found["backlash-z"].unavailable == "no column dir_z"
+    assert found["thermal-growth"].members[0].equations.keys() == {"Ex", "Ey", "Ez"}
+
+
+def test_places_at_several_heights_without_errors_in_z(library: EffectLibrary) -> None:
+    places = grid_places(12, jitter=2.0)
+    places[:, 2] = 10.0 * (np.arange(12) % 5)
+    found = by_name(candidates(table(places=places), library))
+    assert found["abbe-x"].members
+    # A tilt along z of the error in x is no angle between measured axes.
+    assert not {"scale-z", "rotation-x", "rotation-y", "squareness-xz"} & set(found)
+    # The error in x bends along y or along z.
+    assert len(found["straightness-x"].members) == 6
+    along = {text for m in found["straightness-x"].members for text in m.equations.values()}
+    assert sum("y -" in text for text in along) == sum("z -" in text for text in along) == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "members", "k"),
+    [
+        ("offset-x", "offset", 1, 1),
+        ("curvature-x", "mean", 3, 2),
+        ("straightness-y", "mean", 3, 2),
+        ("squareness-xy", "mean", 3, 1),
+        ("thermal-drift-x", "mean", 2, 1),
+        ("thermal-squareness-xy", "mean", 6, 1),
+        ("trend-x", "mean", 2, 1),
+        ("wear-approach-x", "mean", 4, 1),
+        ("step-y", "mean", 6, 1),
+        ("warm-up-x", "mean", 12, 1),
+        ("operation-x", "mean", 3, 1),
+        ("covariate-x", "mean", 1, 1),
+        ("feature-outlier", "outlier", 12, 2),
+        ("part-outlier", "outlier", 9, 2),
+        ("rotation-scatter", "scatter", 0, None),
+    ],
+)
+def test_members(library: EffectLibrary, name: str, kind: str, members: int, k: int | None) -> None:
+    found = by_name(candidates(PLANE, library))[name]
+    assert (found.kind, len(found.members)) == (kind, members)
+    assert found.unavailable is None
+    assert found.members == () or len(found.members[-1].columns) == k
+
+
+# ---- columns against formulas written out, cell by cell
+
+Cell = Mapping[str, float]
+Formula = Callable[[Cell], dict[str, float]]
+
+
+def _step(at: int) -> Formula:
+    return lambda c: {"x": float(c["sequence"] > at)}
+
+
+def _on(code: int) -> Formula:
+    return lambda c: {"x": float(c["operation"] == code)}
+
+
+def oracle(own: ResidualTable) -> dict[str, list[Formula]]:
+    """Candidate -> some of its members: errors in mm by axis for a parameter of 1."""
+    x0, y0 = own.places[..., 0].mean(), own.places[..., 1].mean()
+    d = own.places[..., 0] - x0
+    third = (d**4).sum() / (d**2).sum()
+    T0 = np.broadcast_to(own.covariates["T_spindle_degC"], d.shape).mean()
+    tools0 = own.covariates["tool_parts"].mean()
+
+    def outward(c: Cell) -> float:
+        return math.hypot(c["x"] - x0, c["y"] - y0)
+
+    return {
+        "offset-y": [lambda c: {"y": 1.0}],
+        "scale-x": [lambda c: {"x": c["x"] - x0}],
+        "curvature-x": [
+            lambda c: {"x": (c["x"] - x0) ** 2},
+            lambda c: {"x": (c["x"] - x0) ** 3 - third * (c["x"] - x0)},
+        ],
+        "straightness-x": [lambda c: {"x": (c["y"] - y0) ** 2}],
+        "squareness-xy": [
+            lambda c: {"x": c["y"] - y0},
+            lambda c: {"y": c["x"] - x0},
+            lambda c: {"x": (c["y"] - y0) / 2, "y": (c["x"] - x0) / 2},
+        ],
+        "rotation-z": [lambda c: {"x": y0 - c["y"], "y": c["x"] - x0}],
+        "backlash-y": [lambda c: {"y": c["dir_y"]}],
+        "thermal-drift-x": [lambda c: {"x": c["T_spindle_degC"] - T0}],
+        "thermal-growth-y": [
+            lambda c: {"y": (c["y"] - y0) * (c["T_spindle_degC"] - 20.0)},
+            lambda c: {"y": (c["y"] - y0) * (c["T_spindle_degC"] - T0)},
+        ],
+        "thermal-growth": [
+            lambda c: {
+                "x": (c["x"] - x0) * (c["T_spindle_degC"] - T0),
+                "y": (c["y"] - y0) * (c["T_spindle_degC"] - T0),
+            }
+        ],
+        "thermal-squareness-xy": [lambda c: {"x": (c["y"] - y0) * (c["T_spindle_degC"] - T0)}],
+        "trend-x": [
+            lambda c: {"x": c["sequence"] - 5.0},
+            lambda c: {"x": c["tool_parts"] - tools0},
+        ],
+        "wear-approach-y": [
+            lambda c: {"y": (c["sequence"] - 5.0) * c["dir_y"]},
+            lambda c: {"y": (c["tool_parts"] - tools0) * c["dir_y"]},
+            lambda c: {"y": (c["sequence"] - 1.0) * c["dir_y"]},
+            lambda c: {"y": (c["tool_parts"] - 1.0) * c["dir_y"]},
+        ],
+        "step-x": [_step(at) for at in range(2, 8)],
+        "radial": [
+            lambda c: {"x": (c["x"] - x0) / outward(c), "y": (c["y"] - y0) / outward(c)},
+        ],
+        "operation-x": [_on(code) for code in range(3)],
+    }
+
+
+@pytest.mark.parametrize("name", sorted(oracle(PLANE)))
+def test_columns_are_the_formulas(library: EffectLibrary, name: str) -> None:
+    found = by_name(candidates(PLANE, library))[name]
+    values = values_of(PLANE) | {"operation": np.broadcast_to(PLANE.operation, (9, 12))}
+    own = [
+        np.stack([column(member, 0, axis, PLANE) for axis in (0, 1)], axis=-1)
+        for member in found.members
+        if len(member.columns) == 1
+    ]
+    for formula in oracle(PLANE)[name]:
+        plain = np.zeros((9, 12, 2))
+        for i in range(9):
+            for j in range(12):
+                errors = formula({key: float(value[i, j]) for key, value in values.items()})
+                plain[i, j] = [errors.get("x", 0.0), errors.get("y", 0.0)]
+        scale = np.abs(plain).max()
+        same = [np.abs(columns - plain).max() <= 1e-9 * scale for columns in own]
+        assert sum(same) == 1, (name, [m.equations for m in found.members])
+
+
+def test_outliers_move_one_column_or_one_part(library: EffectLibrary) -> None:
+    found = by_name(candidates(PLANE, library))
+    for name, what, index in (
+        ("feature-outlier", "H4", (slice(None), 3)),
+        ("part-outlier", "P4", 3),
+    ):
+        member = next(m for m in found[name].members if m.chosen == what)
+        assert member.parameters == (("shift_x", "um"), ("shift_y", "um"))
+        for axis in (0, 1):
+            expected = np.zeros((9, 12))
+            expected[index] = 1.0
+            assert (column(member, axis, axis, PLANE) == expected).all()
+            assert 1 - axis not in member.columns[axis]
+
+
+def test_the_third_order_is_orthogonal_to_the_first(library: EffectLibrary) -> None:
+    found = by_name(candidates(SPACE, library))
+    for axis, name in enumerate(("curvature-x", "curvature-y", "curvature-z")):
+        if axis == 2:
+            # Two heights: nothing bends.
+            assert found[name].unavailable is not None
+            continue
+        cubic = column(found[name].members[1], 0, axis, SPACE)
+        place = SPACE.places[..., axis]
+        linear = place - place.mean()
+        assert abs((cubic * linear).sum()) < 1e-9 * np.linalg.norm(cubic) * np.linalg.norm(linear)
+
+
+# ---- equations give the columns back
+
+
+def equations_of(own: ResidualTable, library: EffectLibrary) -> list[tuple[Candidate, Member]]:
+    return [
+        (candidate, member)
+        for candidate in candidates(own, library)
+        for member in candidate.members
+        if candidate.family not in WITHOUT_EQUATION
+    ]
+
+
+@pytest.mark.parametrize("own", [PLANE, SPACE, readings_table(), readings_table(unit="arcsec")])
+def test_equations_evaluate_to_the_columns(library: EffectLibrary, own: ResidualTable) -> None:
+    values = values_of(own)
+    pairs = equations_of(own, library)
+    assert {c.family for c, _ in pairs} >= {"scale", "backlash", "cyclic", "step", "warm-up"}
+    for candidate, member in pairs:
+        names = [name for name, _ in member.parameters]
+        assert member.equations.keys() == {
+            f"E{own.axes[axis]}" for column in member.columns for axis in column
+        }, candidate.name
+        for key, text in member.equations.items():
+            axis = own.axes.index(key[1:])
+            form = linear_form(parse(text), names)
+            assert form.remainder is None
+            for k, name in enumerate(names):
+                if name in form.coefficients:
+                    back = evaluate(form.coefficients[name], values)
+                    expected = column(member, k, axis, own)
+                    # sin, cos and exp may differ by one bit between long and short arrays.
+                    transcendental = "sin" in text or "exp" in text
+                    tolerance = 4e-16 * max(1.0, np.abs(expected).max()) if transcendental else 0.0
+                    assert np.abs(back - expected).max() <= tolerance, (candidate.name, text)
+
+
+def entry(name: str, candidate: Candidate, member: Member) -> dict[str, Any]:
+    return {
+        "name": name,
+        "family": candidate.family,
+        "axis": candidate.axis,
+        "covariate": member.covariate,
+        "says": candidate.says,
+        "parameters": {n: {"value": 1.0, "u": 0.1, "unit": u} for n, u in member.parameters},
+        "equations": member.equations,
+    }
+
+
+@pytest.mark.parametrize("own", [PLANE, SPACE])
+def test_a_machine_file_takes_every_member_and_predicts_its_columns(
+    library: EffectLibrary, own: ResidualTable, tmp_path: Path
+) -> None:
+    pairs = [(f"{i}", c, m) for i, (c, m) in enumerate(equations_of(own, library))]
+    machine = {
+        "schema": "mtu/machine/1",
+        "name": "m",
+        "covariates": ["tool_parts", "load"],
+        "components": {"a0": {"unit": "um", "coefficients": [0.0]}},
+        "equations": {f"E{axis}": "a0" for axis in own.axes},
+        "effects": [entry(*pair) for pair in pairs],
+    }
+    (tmp_path / "m.yaml").write_text(yaml.safe_dump(machine), encoding="utf-8")
+    loaded = load_machine(tmp_path / "m.yaml")
+    model = build_model(loaded, estimates_from_fit(loaded, None))
+    shape = own.repeats.shape
+    values = {n: np.broadcast_to(v, shape).ravel() for n, v in own.covariates.items()}
+    J = design(model, own.places.reshape(-1, 3), values).J.reshape(*shape, len(own.axes), -1)
+    place = {term.estimate.name: i for i, term in enumerate(model.terms)}
+    for name, candidate, member in pairs:
+        for k, (parameter, _) in enumerate(member.parameters):
+            for axis in range(len(own.axes)):
+                back = J[:, :, axis, place[f"{name}.{parameter}"]]
+                expected = column(member, k, axis, own)
+                scale = max(1.0, np.abs(expected).max())
+                assert np.abs(back - expected).max() <= 4e-16 * scale, (candidate.name, k)
+
+
+# ---- searched parameters
+
+
+def test_a_pitch_is_searched_in_even_frequencies(library: EffectLibrary) -> None:
+    own = table(places=grid_places(12, jitter=3.0))
+    found = by_name(candidates(own, library))["cyclic-x"]
+    pitches = np.array([member.searched["pitch_mm"] for member in found.members])
+    span = float(np.ptp(own.places[..., 0]))
+    # Of a longer one less than two periods are there.
+    assert pitches[0] == pytest.approx(span / 2.0)
+    assert 2.0 <= pitches[-1] < 10.0
+    steps = np.diff(1.0 / pitches)
+    assert np.ptp(steps) < 1e-12
+    family = next(f for f in library.families if f.family.family == "cyclic")
+    most = family.family.search["pitch_mm"].count
+    # A quarter of 1/span, unless that were too many.
+    assert steps[0] <= 0.25 / span * (1.0 + 1e-12) or len(pitches) == most
+    sine = np.sin(2.0 * np.pi * own.places[..., 0] / pitches[5])
+    assert column(found.members[5], 0, 0, own) == pytest.approx(sine, abs=1e-12)
+
+
+def test_pitches_that_a_regular_grid_cannot_tell_apart_are_told_once(
+    library: EffectLibrary,
+) -> None:
+    found = by_name(candidates(PLANE, library))["cyclic-x"]
+    # Four places a row, 130/3 mm apart: sin and cos of at most one frequency below half of
+    # 1/spacing, besides the offset.
+    assert any("look like others" in note for note in found.notes)
+    X = [np.stack([column(m, k, 0, PLANE)[0] for k in (0, 1)], axis=1) for m in found.members]
+    for i, first in enumerate(X):
+        for second in X[:i]:
+            assert shared(first, second) < 1.0 - 1e-7
+
+
+def shared(first: FloatArray, second: FloatArray) -> float:
+    """Mean squared canonical correlation of two pairs of columns beside an offset."""
+    Q = [np.linalg.qr(X - X.mean(axis=0))[0] for X in (first, second)]
+    return float(np.mean(np.linalg.svd(Q[0].T @ Q[1], compute_uv=False) ** 2))
+
+
+def test_tangents_are_derivatives_by_the_logarithm(library: EffectLibrary) -> None:
+    found = by_name(candidates(PLANE, library))
+    x, time = PLANE.places[0, :, 0], PLANE.covariates["time_min"]
+    for member in found["cyclic-x"].members:
+        phase = 2.0 * np.pi * x / member.searched["pitch_mm"]
+        assert member.tangent[0][0][0] == pytest.approx(-phase * np.cos(phase), rel=1e-6, abs=1e-6)
+        assert member.tangent[1][0][0] == pytest.approx(phase * np.sin(phase), rel=1e-6, abs=1e-6)
+    for member in found["warm-up-y"].members:
+        ratio = time / member.searched["tau_min"]
+        assert member.tangent[0][1] == pytest.approx(-ratio * np.exp(-ratio), rel=1e-6, abs=1e-7)
+    assert all(member.tangent == () for member in found["step-x"].members)
+    assert all(member.tangent == () for member in found["scale-x"].members)
+
+
+def test_time_constants_and_steps(library: EffectLibrary) -> None:
+    found = by_name(candidates(PLANE, library))
+    span = float(np.ptp(PLANE.covariates["time_min"]))
+    tau = [member.searched["tau_min"] for member in found["warm-up-x"].members]
+    assert tau == pytest.approx(np.geomspace(span / 50.0, 2.0 * span, 12))
+    # Nine parts, two on either side at least: half-way from 2.5 to 7.5.
+    assert [m.searched["at"] for m in found["step-x"].members] == [2.5, 3.5, 4.5, 5.5, 6.5, 7.5]
+
+
+# ---- numbers of the data, kinds of columns
+
+
+def test_centres_are_those_of_the_measured_cells(library: EffectLibrary) -> None:
+    repeats = np.full((9, 12), 2)
+    repeats[4:, 5:] = 0
+    repeats[0, 0] = 7
+    own = table(repeats=repeats)
+    found = by_name(candidates(own, library))
+    there = repeats > 0
+    x = own.places[..., 0][there]
+    sequence = np.broadcast_to(own.covariates["sequence"], (9, 12))[there]
+    member = found["scale-x"].members[0]
+    assert member.columns[0][0].shape == (1, 12)
+    assert own.places[0, :, 0] - member.columns[0][0][0] == pytest.approx(np.full(12, x.mean()))
+    trend = found["trend-x"].members[0].columns[0][0][:, 0]
+    assert np.arange(1.0, 10.0) - trend == pytest.approx(np.full(9, sequence.mean()))
+
+
+@pytest.mark.parametrize(
+    ("values", "counts"),
+    [
+        ([1, 2, 3, 1, 2, 3, 1, 2, 3], True),
+        ([5, 6, 7, 8, 9, 10, 11, 12, 13], True),
+        ([1, 1, 1, 2, 2, 2, 3, 3, 3], True),
+        ([0, 10, 20, 30, 0, 10, 20, 30, 40], True),
+        ([1, 2, 1, 2, 1, 2, 1, 2, 1], False),
+        ([4, 9, 2, 7, 1, 8, 3, 6, 5], False),
+        ([9, 8, 7, 6, 5, 4, 3, 2, 1], False),
+        ([1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5, 8.5, 9.5], False),
+        ([1, 2, 3, 4, 9, 8, 9, 10, 11], False),
+    ],
+)
+def test_which_columns_count_parts(
+    library: EffectLibrary, values: list[float], counts: bool
+) -> None:
+    covariates = shop_covariates(9, 12) | {"n": np.array(values, float)[:, None]}
+    found = by_name(candidates(table(covariates=covariates), library))
+    assert ("n" in {m.covariate for m in found["trend-x"].members}) == counts or (
+        # A count that runs as the sequence does is dropped as its copy.
+        counts and any("n" in note for note in found["trend-x"].notes)
+    )
+    assert ("n" in {m.covariate for m in found["covariate-x"].members}) == (not counts)
+
+
+def test_copies_are_named_and_tested_once(library: EffectLibrary) -> None:
+    covariates = shop_covariates(9, 12)
+    covariates["T_twin_degC"] = 1.8 * covariates["T_spindle_degC"] + 32.0
+    covariates["dir_z"] = -covariates["dir_x"]
+    found = by_name(candidates(table(covariates=covariates), library))
+    assert {m.covariate for m in found["thermal-drift-x"].members} == {
+        "T_spindle_degC",
+        "T_part_degC",
+    }
+    note = "T_twin_degC is a copy of T_spindle_degC here: the two cannot be told apart"
+    assert note in found["thermal-drift-x"].notes
+    assert any("is the same as" in note for note in found["thermal-drift-x"].notes)
+    assert any("dir_z is a copy of dir_x" in note for note in found["backlash-x"].notes)
+
+
+# ---- what cannot be tested
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "reason"),
+    [
+        ("backlash-x", {"dir_x": np.ones((1, 1))}, "dir_x does not change"),
+        ("backlash-x", {"dir_x": None}, "no column dir_x"),
+        ("backlash-x", {"dir_x": np.full((9, 1), np.nan)}, "dir_x has gaps"),
+        ("warm-up-y", {"time_min": None}, "no column time_min"),
+        ("covariate-x", {"load": None}, "no other numeric column"),
+        ("trend-y", {"sequence": None, "tool_parts": None}, "no column counts parts"),
+        ("step-y", {"sequence": np.array([[1.0], [2], [3]] * 3)}, "too few values of sequence"),
+        (
+            "thermal-drift-x",
+            {"T_spindle_degC": None, "T_part_degC": None},
+            "no column T_..._degC",
+        ),
+        (
+            "thermal-growth",
+            {"T_spindle_degC": None, "T_part_degC": np.full((1, 1), 20.0)},
+            "T_part_degC does not change",
+        ),
+    ],
+)
+def test_the_reason_is_told(
+    library: EffectLibrary, name: str, changes: dict[str, FloatArray | None], reason: str
+) -> None:
+    covariates = {
+        key: value for key, value in (shop_covariates(9, 12) | changes).items() if value is not None
+    }
+    own = by_name(candidates(table(covariates=covariates), library))[name]
+    assert own.members == ()
+    assert own.unavailable is not None
+    assert reason in own.unavailable
+
+
+def test_a_member_that_cannot_be_tested_is_a_note_beside_the_others(
+    library: EffectLibrary,
+) -> None:
+    covariates = shop_covariates(9, 12) | {
+        "T_cmm_degC": np.full((1, 1), 20.0),
+        "my load": np.ones((9, 1)),
+    }
+    found = by_name(candidates(table(covariates=covariates), library))
+    assert found["thermal-drift-x"].members
+    assert "T_cmm_degC does not change" in found["thermal-drift-x"].notes
+    assert "equations cannot use the column 'my load'" in found["covariate-x"].notes
+
+
+def test_one_row_of_holes_one_part_one_operation(library: EffectLibrary) -> None:
+    places = grid_places(4)
+    places[:, 1] = 50.0
+    own = table(1, 4, places=places, covariates={}, operations=("drilled",))
+    found = by_name(candidates(own, library))
+    # Three or four places in a line along x.
+    for name in ("scale-y", "curvature-y", "radial", "trend-x", "step-x", "part-outlier"):
+        assert found.get(name) is None or not found[name].members, name
+    assert found["operation-x"].unavailable == "there is one operation only"
+    assert found["part-outlier"].unavailable == "there is one part only"
+    assert found["operation-scatter"].unavailable == "there is one operation only"
+    assert found["scale-x"].members
+
+
+def test_two_places_bend_nothing(library: EffectLibrary) -> None:
+    found = by_name(candidates(table(5, 4), library))
+    reason = "too few distinct values to tell it from an offset"
+    assert found["curvature-x"].unavailable == reason
+    assert found["straightness-x"].unavailable == reason
+    assert found["scale-x"].members
+
+
+def test_three_even_places_have_a_second_but_no_third_order(library: EffectLibrary) -> None:
+    found = by_name(candidates(table(5, 9), library))
+    assert [len(m.columns) for m in found["curvature-x"].members] == [1]
+    assert found["curvature-x"].members[0].parameters == (("bend", "um/m^2"),)
+
+
+def test_unknown_places_and_nothing_measured(library: EffectLibrary) -> None:
+    own = table(places=np.full((12, 3), np.nan), repeats=np.zeros((9, 12), np.int64))
+    found = by_name(candidates(own, library))
+    assert found["scale-x"].unavailable == "the position along x is not known"
+    assert found["offset-x"].members
+    assert found["backlash-x"].members
+
+
+def test_a_place_at_the_centre_has_no_outward_direction(library: EffectLibrary) -> None:
+    found = by_name(candidates(table(5, 9), library))["radial"]
+    assert found.members[0].columns[0][0][0, 4] == pytest.approx(0.0, abs=1e-3)
+    assert np.isfinite(found.members[0].columns[0][0]).all()
+
+
+# ---- readings of a component
+
+
+def test_readings_have_the_families_of_one_axis(library: EffectLibrary) -> None:
+    found = by_name(candidates(readings_table(), library))
+    assert {name for name, c in found.items() if c.members} == {
+        "offset-x",
+        "scale-x",
+        "curvature-x",
+        "backlash-x",
+        "cyclic-x",
+        "warm-up-x",
+        "trend-x",
+        "wear-approach-x",
+        "step-x",
+        "feature-outlier",
+        "part-outlier",
+    }
+    assert {m.covariate for m in found["trend-x"].members} == {"sequence", "time_min"}
+    assert not any(name.startswith(("squareness", "rotation", "radial")) for name in found)
+
+
+def test_readings_of_an_angle_are_in_arcsec(library: EffectLibrary) -> None:
+    found = by_name(candidates(readings_table(unit="arcsec"), library))
+    units = {unit for c in found.values() for m in c.members for _, unit in m.parameters}
+    assert units == {"arcsec", "arcsec/m", "arcsec/m^2", "arcsec/m^3"}
+    assert units <= set(PARAMETER_UNITS)
+
+
+def test_readings_of_a_component_without_an_axis(library: EffectLibrary) -> None:
+    own = readings_table(name="axy", component="axy", unit="arcsec")
+    found = by_name(candidates(own, library))
+    assert found["offset-axy"].members[0].equations == {"Eaxy": "shift"}
+    assert found["trend-axy"].members
+    assert "scale-axy" not in found
+    assert "cyclic-axy" not in found
+
+
+@pytest.mark.parametrize(("degree", "gone"), [(0, {"offset-x"}), (1, {"offset-x", "scale-x"})])
+def test_what_the_fitted_polynomial_holds_is_no_candidate(
+    library: EffectLibrary, degree: int, gone: set[str]
+) -> None:
+    found = by_name(candidates(readings_table(fitted_degree=degree), library))
+    reason = "the polynomial that was fitted to these readings holds it"
+    assert {name for name, c in found.items() if c.unavailable == reason} == gone
+    cubic = readings_table(fitted_degree=2)
+    orders = by_name(candidates(cubic, library))["curvature-x"].members
+    assert [m.parameters[0][0] for m in orders] == ["cubic"]
+
+
+# ---- choice, users' own families, size
+
+
+def test_excluded_by_candidate_and_by_family(library: EffectLibrary) -> None:
+    everything = {candidate.name for candidate in candidates(PLANE, library)}
+    left = {c.name for c in candidates(PLANE, library, ["backlash-x", "cyclic", "rotation-x"])}
+    assert everything - left == {"backlash-x", "cyclic-x", "cyclic-y"}
+    with pytest.raises(InputError, match="did you mean 'backlash-x'"):
+        candidates(PLANE, library, ["baclash-x"])
+
+
+OWN = """
+- family: chatter
+  says: chatter of {a}
+  needs:
+    - load
+  parameters: {gain: um}
+  equations:
+    E{a}: gain*load*sin(2*pi*x/30)
+- family: coolant
+  says: bends with the coolant
+  parameters: {bow: um}
+  search: {decay_mm: {of: x, from: 10, to: [2*span, 400], log: true, count: 5}}
+  equations: {Ey: "bow*exp(-abs(x - {x_low})/decay_mm)*(T_coolant_degC - {T_coolant_degC0})"}
+"""
+
+
+def test_families_of_the_user(tmp_path: Path) -> None:
+    (tmp_path / "own.yaml").write_text(OWN, encoding="utf-8")
+    library = effect_library([tmp_path / "own.yaml"])
+    assert [source.shown for source in library.sources] == ["own.yaml"]
+    coolant = np.linspace(18.0, 22.0, 9)[:, None]
+    own = table(covariates=shop_covariates(9, 12) | {"T_coolant_degC": coolant})
+    found = by_name(candidates(own, library))
+    member = found["chatter-y"].members[0]
+    assert (member.covariate, member.equations) == (
+        "load",
+        {"Ey": "gain*load*sin(2*pi*x/30)"},
+    )
+    decays = [m.searched["decay_mm"] for m in found["coolant"].members]
+    assert decays == pytest.approx(np.geomspace(10.0, 260.0, 5))
+    x, load = own.places[..., 0], own.covariates["load"]
+    assert column(member, 0, 1, own) == pytest.approx(load * np.sin(2.0 * np.pi * x / 30.0))
+    expected = np.exp(-(x - 10.0) / decays[2]) * (coolant - 20.0)
+    assert column(found["coolant"].members[2], 0, 1, own) == pytest.approx(expected)
+
+
+def test_columns_stay_small() -> None:
+    own = table(500, 100, places=grid_places(100, jitter=2.0))
+    found = candidates(own, effect_library())
+    arrays = {
+        id(a if a.base is None else a.base): (a if a.base is None else a.base).nbytes
+        for c in found
+        for m in c.members
+        for column in (*m.columns, *m.tangent)
+        for a in column.values()
+    }
+    # One column of all cells is 0.4 MB.
+    assert sum(arrays.values()) < 40e6
+
+
+def test_the_built_in_file_is_part_of_the_package() -> None:
+    pyproject = (BUILT_IN.parents[2] / "pyproject.toml").read_text("utf-8")
+    import tomllib
+
+    patterns = tomllib.loads(pyproject)["tool"]["setuptools"]["package-data"]["mtu_cli"]
+    assert any(BUILT_IN.relative_to(BUILT_IN.parents[1]).match(pattern) for pattern in patterns)

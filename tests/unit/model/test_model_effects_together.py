@@ -1,0 +1,181 @@
+"""Effects estimated together: a components report's covariance over the parameters of all."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from model_examples import FloatArray, loaded
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.components_file import read_components
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.report_file import Matrix
+from mtu_cli.model.effect_parameters import all_together, effect_warnings
+from mtu_cli.model.estimates import Estimates
+from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
+from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.prediction import Prediction, predict
+
+MACHINE = """
+components:
+  a: {of: x, unit: um, coefficients: [1.0, 0.1], covariance: [[0.4, 0], [0, 1.0e-4]], s_repeat: 0.7}
+equations: {Ex: a, Ey: 0.5*a}
+"""
+EFFECTS = """
+effects:
+  - name: backlash-x
+    parameters: {lost_motion: {value: 2.0, u: 0.3, unit: um}}
+    equations: {Ex: lost_motion*dir_x}
+  - name: turn
+    parameters: {angle: {value: 5.0, u: 0.5, unit: arcsec}, shift: {value: 1.0, u: 0.2, unit: um}}
+    covariance: [[0.25, 0.03], [0.03, 0.04]]
+    equations: {Ex: -angle*(y - 3), Ey: angle*x + shift}
+"""
+NAMES = ["backlash-x.lost_motion", "turn.angle", "turn.shift"]
+C = [[0.1, 0.05, -0.01], [0.05, 0.3, 0.02], [-0.01, 0.02, 0.05]]
+UNITS = ["um", "arcsec", "um"]
+F = np.array([1e-3, np.pi / 648000, 1e-3])
+POINTS = np.array([[10.0, 20, 0], [70.0, -5, 0], [40.0, 8, 0]])
+DIRECTION = np.array([1.0, -1, 1])
+
+
+def jacobian() -> FloatArray:
+    J = np.zeros((6, 3))
+    J[0::2, 0], J[0::2, 1] = DIRECTION, -(POINTS[:, 1] - 3)
+    J[1::2, 1], J[1::2, 2] = POINTS[:, 0], 1
+    return J
+
+
+def reported(folder: Path, machine: LoadedMachine, effects: dict[str, Any]) -> Estimates:
+    path = folder / "c.json"
+    document = {
+        "schema": "mtu/fit-components/1",
+        "results": {"components": {}, "effects": effects},
+    }
+    path.write_text(json.dumps(document))
+    return estimates_from_report(machine, read_components(path))
+
+
+def together(
+    names: list[str] = NAMES, covariance: Matrix = C, values: tuple[float, ...] = (2, 5, 1)
+) -> dict[str, Any]:
+    rows = [NAMES.index(name) for name in names if name in NAMES]
+    return {
+        "parameters": names,
+        "units": [UNITS[row] for row in rows],
+        "values": [values[row] for row in rows],
+        "covariance": [[covariance[i][j] for j in rows] for i in rows],
+    }
+
+
+def predicted(machine: LoadedMachine, estimates: Estimates) -> Prediction:
+    ids = ["1", "2", "3"]
+    return predict(build_model(machine, estimates), ids, POINTS, {"dir_x": DIRECTION})
+
+
+def test_the_joint_covariance_of_a_report_counts(tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    bare = predicted(loaded(tmp_path, MACHINE), estimates_from_fit(machine, None))
+    estimates = reported(tmp_path, machine, together())
+    found = predicted(machine, estimates)
+    J = jacobian()
+    assert found.mean - bare.mean == pytest.approx(J @ (np.array([2.0, 5, 1]) * F), rel=1e-9)
+    more = J @ (np.array(C) * np.outer(F, F)) @ J.T
+    assert found.covariance - bare.covariance == pytest.approx(more, rel=1e-9)
+    A = np.random.default_rng(0).normal(size=(4, 6))
+    variance = found.variance(A)
+    assert variance.total == pytest.approx(
+        bare.variance(A).total + np.diag(A @ more @ A.T), rel=1e-9
+    )
+    assert variance.passes == pytest.approx(bare.variance(A).passes)
+    assert effect_warnings(machine, estimates.effects, "c.json") == []
+
+
+def test_without_a_report_each_effect_has_its_own(tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    bare = predicted(loaded(tmp_path, MACHINE), estimates_from_fit(machine, None))
+    found = predicted(machine, estimates_from_fit(machine, None))
+    own = np.array([[0.09, 0, 0], [0, 0.25, 0.03], [0, 0.03, 0.04]]) * np.outer(F, F)
+    more = jacobian() @ own @ jacobian().T
+    assert found.covariance - bare.covariance == pytest.approx(more, rel=1e-9)
+
+
+def test_one_parameter_of_a_report(tmp_path: Path) -> None:
+    """Of an effect that a report knows in part it says nothing; of a whole one it does."""
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    bare = predicted(loaded(tmp_path, MACHINE), estimates_from_fit(machine, None))
+    estimates = reported(tmp_path, machine, together(["backlash-x.lost_motion", "turn.angle"]))
+    found = predicted(machine, estimates)
+    own = np.array([[0.1, 0, 0], [0, 0.25, 0.03], [0, 0.03, 0.04]]) * np.outer(F, F)
+    more = jacobian() @ own @ jacobian().T
+    assert found.covariance - bare.covariance == pytest.approx(more, rel=1e-9)
+
+
+def test_values_of_a_report_win_and_are_told(tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    own = predicted(machine, estimates_from_fit(machine, None))
+    estimates = reported(tmp_path, machine, together(values=(0, 5, 1)))
+    found = predicted(machine, estimates)
+    assert (own.mean - found.mean)[0::2] == pytest.approx(2e-3 * DIRECTION, rel=1e-9)
+    (warning,) = effect_warnings(machine, estimates.effects, "c.json")
+    assert warning.code == "effects-differ"
+    assert "values than machine.yaml for backlash-x.lost_motion: those" in warning.message
+
+
+def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE)
+    estimates = reported(tmp_path, machine, together())
+    bare = predicted(machine, estimates_from_fit(machine, None))
+    found = predicted(machine, estimates)
+    assert (found.mean == bare.mean).all()
+    assert (found.covariance == bare.covariance).all()
+    (warning,) = effect_warnings(machine, estimates.effects, "c.json")
+    assert warning.code == "effects-not-used"
+    assert "backlash-x.lost_motion, turn.angle, turn.shift" in warning.message
+
+
+def test_a_unit_of_another_kind_is_another_parameter(tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    own = predicted(machine, estimates_from_fit(machine, None))
+    wrong = together(["backlash-x.lost_motion"]) | {"units": ["arcsec"]}
+    estimates = reported(tmp_path, machine, wrong)
+    assert (predicted(machine, estimates).covariance == own.covariance).all()
+    (warning,) = effect_warnings(machine, estimates.effects, "c.json")
+    assert warning.code == "effects-not-used"
+
+
+def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    assert all_together(loaded(tmp_path, MACHINE), None) is None
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    found = all_together(machine, None, ("backlash-x.lost_motion",), np.array([[7e-6]]))
+    assert found is not None
+    assert list(found.names) == NAMES
+    own = np.array([[7, 0, 0], [0, 0.25, 0.03], [0, 0.03, 0.04]])
+    assert found.covariance == pytest.approx(own * np.outer(F, F), rel=1e-12)
+    assert found.values == pytest.approx(np.array([2, 5, 1]) * F, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"units": ["um"]}, "results.effects.units: 1 entries for 3 parameters"),
+        ({"values": []}, "results.effects.values: 0 entries for 3 parameters"),
+        ({"units": ["um", "um", "ell"]}, "results.effects.units: unknown unit: 'ell'"),
+        ({"covariance": [[1]]}, "results.effects.covariance: not 3 x 3"),
+        ({"parameters": ["a.b"] * 3}, "results.effects.parameters: a parameter twice"),
+        (
+            {"covariance": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]},
+            "results.effects.covariance: not positive semidefinite",
+        ),
+        ({"covariance": [[1, None, 0], [2, 1, 0], [0, 0, 1]]}, "results.effects.covariance.0.1"),
+    ],
+)
+def test_faulty_reports(change: dict[str, Any], words: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        reported(tmp_path, loaded(tmp_path, MACHINE), together() | change)
+    assert f"c.json: {words}" in str(caught.value)

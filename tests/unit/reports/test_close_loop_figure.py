@@ -1,0 +1,167 @@
+"""The picture of close-loop: its panels for every verdict, and what they draw."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from close_loop_examples import (
+    ambiguous,
+    effect,
+    left_over,
+    named,
+    nothing,
+    on_table,
+    result,
+    several,
+)
+from matplotlib.colors import to_hex
+from matplotlib.patches import Rectangle
+from matplotlib.quiver import Quiver
+
+from mtu_cli.reports import figures
+from mtu_cli.reports.close_loop import figure
+from mtu_cli.reports.close_loop_curves import MOST, curves
+from mtu_cli.reports.figures import figure_bytes
+
+EVERY = {
+    "named": named,
+    "class": ambiguous,
+    "unexplained": left_over,
+    "none": nothing,
+    "several": several,
+}
+
+
+@pytest.mark.parametrize("verdict", EVERY)
+def test_every_verdict_can_be_drawn_twice_alike(verdict: str) -> None:
+    found = EVERY[verdict]()
+    page = figure(found)
+    assert figure_bytes(page, ".png") == figure_bytes(figure(found), ".png")
+    assert page.axes[-1].get_title(loc="left") == "candidates at the first look"
+
+
+def test_the_class_is_coloured_and_the_gate_is_seen() -> None:
+    panel = figure(ambiguous()).axes[-1]
+    names = [label.get_text() for label in panel.get_yticklabels()]
+    rectangles = [patch for patch in panel.patches if isinstance(patch, Rectangle)]
+    bars = dict(zip(names, rectangles, strict=True))
+    assert names[0] == "backlash-x"
+    assert to_hex(bars["backlash-x"].get_facecolor()) == figures.ORANGE
+    # In the class by itself, but not past the gate: hollow.
+    assert to_hex(bars["abbe-x"].get_edgecolor()) == figures.ORANGE
+    assert not to_hex(bars["abbe-x"].get_facecolor(), keep_alpha=True).endswith("ff")
+    assert to_hex(bars["scale-x"].get_edgecolor()) == figures.GREY
+
+
+def test_residuals_stand_over_the_direction_beside_the_effect() -> None:
+    item = named().tables[0]
+    (curve,) = curves(item)
+    (series,) = curve.series
+    assert (curve.xlabel, curve.ticks) == ("dir_x", (-1.0, 1.0))
+    assert len(series.y) == item.table.there.sum()
+    assert series.fitted is not None
+    # Both without their overall means: the fit jumps by twice the lost motion of 2.05 um.
+    assert series.fitted.mean() == pytest.approx(0, abs=1e-9)
+    assert series.y.mean() == pytest.approx(0, abs=1e-9)
+    at = [series.fitted[series.x == side].mean() for side in (1, -1)]
+    assert at[0] - at[1] == pytest.approx(4.1)
+    measured = item.table.errors[:, :, 0].ravel() / 1e-3
+    assert series.y == pytest.approx(measured - measured.mean())
+
+
+def test_of_two_effects_each_is_drawn_without_the_other() -> None:
+    drift = effect(
+        "thermal-drift-x",
+        parameters=(("drift", "um/K", 1.5, 0.1),),
+        equations={"Ex": "drift*(T_spindle_degC - 23)"},
+    )
+    item = on_table("named", (effect(), drift))
+    table = item.table
+    T = np.broadcast_to(table.covariates["T_spindle_degC"], table.there.shape)
+    both = item.explained.copy()
+    both[:, :, 0] += 1.5e-3 * (T - 23)
+    exact = replace(item, table=replace(table, errors=both), explained=both)
+    backlash, thermal = curves(exact)
+    for curve in (backlash, thermal):
+        (series,) = curve.series
+        assert series.fitted is not None
+        assert series.y == pytest.approx(series.fitted, abs=1e-9)
+        assert "other effects taken out" in curve.ylabel
+    assert thermal.series[0].fine is not None
+    x, y = thermal.series[0].fine
+    assert (y[-1] - y[0]) / (x[-1] - x[0]) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(
+    ("equation", "xlabel", "names"),
+    [
+        ("lost_motion*(x - 75)", "x, mm", [""]),
+        ("lost_motion*(tool_parts - 4)*dir_x", "tool_parts", ["dir_x -1", "dir_x +1"]),
+        (
+            "lost_motion*(x - 75)*(T_part_degC - 20)",
+            "x, mm",
+            ["T_part_degC low", "T_part_degC high"],
+        ),
+        ("lost_motion*(x - 75)/sqrt((x - 75)**2 + y**2)", "the effect as fitted, um", [""]),
+    ],
+)  # fmt: skip
+def test_what_an_effect_is_drawn_over(equation: str, xlabel: str, names: list[str]) -> None:
+    item = on_table("named", (effect(equations={"Ex": equation}),))
+    (curve,) = curves(item)
+    assert curve.xlabel == xlabel
+    assert [series.name for series in curve.series] == names
+    assert sum(len(series.x) for series in curve.series) == item.table.there.sum()
+    figure(result(item))
+
+
+@pytest.mark.parametrize(
+    ("chosen", "kind", "categories"),
+    [("H7", "outlier", 12), ("P4", "outlier", 9), ("milled", "mean", 3), (None, "scatter", 9)],
+)
+def test_effects_without_an_equation_stand_over_what_was_chosen(
+    chosen: str | None, kind: str, categories: int
+) -> None:
+    own = effect("odd-x", equations={}, chosen=chosen, kind=kind)
+    item = on_table("named", (own,))
+    (curve,) = curves(item)
+    assert len(curve.names) == categories
+    assert all((series.fitted is None) is (kind == "scatter") for series in curve.series)
+    figure(result(item))
+
+
+def test_missing_cells_are_not_drawn() -> None:
+    item = named().tables[0]
+    errors, repeats = item.table.errors.copy(), item.table.repeats.copy()
+    errors[2, 3], repeats[2, 3] = np.nan, 0
+    holed = replace(item, table=replace(item.table, errors=errors, repeats=repeats))
+    (curve,) = curves(holed)
+    assert len(curve.series[0].y) == item.table.there.size - 1
+    assert np.isfinite(curve.series[0].y).all()
+    page = figure(result(holed))
+    quiver = page.axes[0].collections[0]
+    assert isinstance(quiver, Quiver)
+    assert np.isfinite(quiver.U).all()
+    assert np.isfinite(quiver.V).all()
+
+
+def test_no_more_than_the_first_effects_are_drawn() -> None:
+    own = tuple(effect() for _ in range(MOST + 1))
+    assert len(curves(on_table("named", own))) == MOST
+
+
+def test_readings_are_drawn_over_the_position_a_line_each_direction() -> None:
+    item = several().tables[0]
+    panel = figure(result(item)).axes[0]
+    assert panel.get_xlabel() == "x, mm"
+    lines = {line.get_label(): line for line in panel.lines[1:]}
+    assert list(lines) == ["before, forward", "before, reverse", "after, forward", "after, reverse"]
+    shown = {label: np.asarray(line.get_xydata()) for label, line in lines.items()}
+    for points in shown.values():
+        assert points[:, 0].tolist() == sorted(points[:, 0].tolist())
+    mean = {label: points[:, 1].mean() for label, points in shown.items()}
+    before = mean["before, forward"] - mean["before, reverse"]
+    after = mean["after, forward"] - mean["after, reverse"]
+    # Twice the lost motion was taken out.
+    assert before - after == pytest.approx(4.1)

@@ -1,0 +1,169 @@
+"""The fitted null: analysis of variance by hand, components recovered, what is known weighed in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from crossed_tables import (
+    Floats,
+    Mask,
+    dense_covariance,
+    frame_of,
+    grid,
+    half_measured,
+    holes,
+    made,
+    nothing_known,
+    null,
+    pairs,
+    sizes,
+    whole_frame,
+    within,
+)
+
+from mtu_cli.stats.loop_null import KnownScatter, NullModel, null_of, whitening_of
+from mtu_cli.stats.strata import Strata, strata_of
+
+Draws = tuple[Strata, NullModel]
+
+
+def lively() -> Draws:
+    """Two axes whose offsets and lines are correlated, columns and all."""
+    strata = made(12, 10, 2)
+    root = np.random.default_rng(1).normal(size=(6, 6))
+    model = null(
+        strata,
+        interaction=np.array([1.0, 2.0]),
+        column=np.array([0.5, 1.0]),
+        part=root @ root.T + 3.0 * np.eye(6),
+    )
+    return strata, model
+
+
+def tables_of(strata: Strata, model: NullModel, count: int, seed: int) -> Floats:
+    """Tables (count, P, H, A) of a null by the root of its dense covariance."""
+    V = dense_covariance(strata, model)
+    values, vectors = np.linalg.eigh(V)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    drawn = np.random.default_rng(seed).normal(size=(count, len(V))) @ root.T
+    return np.asarray(drawn.reshape(count, *strata.shape))
+
+
+def fitted(strata: Strata, there: Mask, tables: Floats) -> list[NullModel]:
+    frame = frame_of(strata, there)
+    dof = sizes(strata, int((~there).sum()))
+    y, _ = frame.coordinates(np.where(there[:, :, None], tables, 0.0))
+    return [null_of(frame, own, dof, nothing_known(strata)) for own in y]
+
+
+def test_a_complete_table_gives_the_analysis_of_variance() -> None:
+    # Henderson's first method by sums over parts and columns, no strata in sight.
+    P, H = 7, 9
+    strata = strata_of(P, np.zeros((H, 0)), 1)
+    rng = np.random.default_rng(2)
+    X = rng.normal(size=(P, H)) + 2 * rng.normal(size=(P, 1)) + 1.5 * rng.normal(size=(1, H))
+    (found,) = fitted(strata, np.ones((P, H), bool), X[None, :, :, None])
+    row, column = X.mean(axis=1), X.mean(axis=0)
+    rest = X - row[:, None] - column + X.mean()
+    square = np.sum(rest**2) / ((P - 1) * (H - 1))
+    assert found.interaction[0] == pytest.approx(square, rel=1e-12)
+    assert found.column[0] == pytest.approx(np.var(column, ddof=1) - square / P, rel=1e-12)
+    assert found.part[0, 0] == pytest.approx(H * np.var(row, ddof=1) - square, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["complete", "holes", "half"])
+def test_components_are_recovered(name: str) -> None:
+    strata, model = lively()
+    masks = {
+        "complete": np.ones((12, 10), bool),
+        "holes": holes(12, 10, 0.2, 3),
+        "half": half_measured(12, 10),
+    }
+    count = 400 if name == "complete" else 60
+    found = fitted(strata, masks[name], tables_of(strata, model, count, 4))
+    # The corrections of an incomplete table rest on 3 x 160 drawn ones: their error is common
+    # to all fits, about that of one fit over sqrt(160).
+    common = 0.0 if name == "complete" else 1 / np.sqrt(160)
+    for what in ("interaction", "column", "part"):
+        values = np.array([getattr(item, what) for item in found])
+        error = values.std(axis=0) * np.hypot(1 / np.sqrt(count), common)
+        assert within(values.mean(axis=0), getattr(model, what), error), what
+
+
+def test_reversals_have_their_own_component() -> None:
+    strata = strata_of(9, np.repeat(np.linspace(-1, 1, 8), 2)[:, None], 1, pairs(16))
+    n = 1 + strata.lines
+    model = null(
+        strata,
+        interaction=np.array([1.0]),
+        column=np.array([4.0]),
+        reversal=np.array([0.5]),
+        part=4.0 * np.eye(n),
+    )
+    found = fitted(strata, np.ones((9, 16), bool), tables_of(strata, model, 400, 5))
+    for what in ("column", "reversal", "interaction"):
+        values = np.array([getattr(item, what)[0] for item in found])
+        assert within(values.mean(), getattr(model, what)[0], values.std() / 20), what
+
+
+def test_components_are_never_negative() -> None:
+    strata = made(6, 8, 2)
+    model = null(strata, interaction=np.ones(2), column=np.zeros(2), part=np.zeros((6, 6)))
+    for item in fitted(strata, np.ones((6, 8), bool), tables_of(strata, model, 50, 6)):
+        assert (item.column >= 0).all()
+        assert np.linalg.eigvalsh(item.part).min() > -1e-12
+
+
+def test_few_parts_lean_on_what_the_model_knows() -> None:
+    # With n = P - 1 of its own and 3 for the prediction: (n own + 3 known) / (n + 3).
+    known_part = 5.0 * np.eye(3)
+    for P, weight in ((7, 3 / 9), (10, 3 / 12), (11, 0.0)):
+        strata = made(P, 9, 1)
+        frame = whole_frame(strata)
+        truth = null(strata, interaction=np.ones(1), column=np.zeros(1), part=40.0 * np.eye(3))
+        y, _ = frame.coordinates(tables_of(strata, truth, 1, 7)[0])
+        own = null_of(frame, y, sizes(strata), nothing_known(strata))
+        both = null_of(frame, y, sizes(strata), KnownScatter(known_part, np.zeros((3, 0)), 8.0))
+        expected = (1 - weight) * own.part + weight * known_part
+        np.testing.assert_allclose(both.part, expected, rtol=1e-9)
+        assert both.model_dof == 8.0
+
+
+def test_one_part_scatters_as_its_columns_do() -> None:
+    strata = strata_of(1, grid(12), 2)
+    frame = whole_frame(strata)
+    table = np.random.default_rng(8).normal(size=(1, 12, 2)) * [1.0, 3.0]
+    y, _ = frame.coordinates(table)
+    known = KnownScatter(np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), np.zeros((6, 0)), 5.0)
+    found = null_of(frame, y, sizes(strata), known)
+    X = np.column_stack([np.ones(12), grid(12)])
+    left = table[0] - X @ np.linalg.lstsq(X, table[0], rcond=None)[0]
+    np.testing.assert_allclose(found.interaction, np.sum(left**2, axis=0) / 9, rtol=1e-12)
+    np.testing.assert_array_equal(found.column, 0)
+    np.testing.assert_allclose(found.part, known.part, rtol=1e-12)
+
+
+def test_whitening_makes_the_column_coordinates_equally_uncertain() -> None:
+    strata, model = lively()
+    common = np.random.default_rng(9).normal(size=(6, 2)) * 3
+    model = null(
+        strata,
+        interaction=model.interaction,
+        column=model.column,
+        part=model.part,
+        common=common,
+    )
+    W = whitening_of(strata, model)
+    frame = whole_frame(strata)
+    n = int(np.prod(strata.shape))
+    T = frame.coordinates(np.eye(n).reshape(n, *strata.shape))[0].T
+    V = T @ dense_covariance(strata, model) @ T.T
+    for axis in range(2):
+        stratum = strata.find("column", axis)
+        assert stratum is not None
+        own = V[stratum.slice, stratum.slice]
+        whole = np.eye(stratum.size)
+        whole[:2, :2] = W[axis]
+        level = model.interaction[axis] + 12 * model.column[axis]
+        white = whole @ own @ whole.T
+        np.testing.assert_allclose(white, level * np.eye(stratum.size), rtol=0, atol=1e-10)

@@ -1,0 +1,141 @@
+"""F tests of scatters: scipy's tails, the rate under the null, heavy tails, what is large."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from crossed_tables import Floats, made, sizes
+from scipy.stats import binom, f, ks_1samp, norm
+
+from mtu_cli.stats.remainder import scatter_p, score_of, two_scatters_p, variance_ratio_p
+
+STRATA = made(12, 10, 2)
+DOF = sizes(STRATA)
+UNKNOWN = np.zeros(2)
+
+
+def coordinates(count: int, seed: int, part: float = 1.0, column: float = 1.0) -> Floats:
+    """Of tables whose parts and columns have effects of these variances, entries of 1."""
+    rng = np.random.default_rng(seed)
+    tables = rng.normal(size=(count, 12, 10, 2))
+    tables += np.sqrt(part) * rng.normal(size=(count, 12, 1, 2))
+    tables += np.sqrt(column) * rng.normal(size=(count, 1, 10, 2))
+    return STRATA.coordinates(tables)[0]
+
+
+def judged(y: Floats, predicted: Floats = UNKNOWN, dof: float = np.inf) -> Floats:
+    return np.array([scatter_p(STRATA, own, DOF, predicted, dof) for own in y])
+
+
+def plain(table: Floats) -> tuple[float, float]:
+    """The same from the table's means, by scipy: columns beside the lines, parts, Bonferroni."""
+    P, H, A = table.shape
+    L = STRATA.columns[:, :3]
+    p_column, p_part, ratios = [], [], []
+    n = (P - 1) * (H - 3)
+    for a in range(A):
+        rest = table[:, :, a] - table[:, :, a].mean(axis=0)
+        rest = rest - rest @ L @ L.T
+        level = np.sum(rest**2) / n
+        mean = table[:, :, a].mean(axis=0)
+        column = P * np.sum((mean - L @ L.T @ mean) ** 2) / (H - 3)
+        p_column.append(f.sf(column / (level * (1 + P)), H - 3, n))
+        part = H * np.var(table[:, :, a].mean(axis=1), ddof=1) / (level * (1 + H))
+        p_part.append(f.sf(part, P - 1, n))
+        ratios.append(part)
+    p_part.append(f.sf(np.mean(ratios), A * (P - 1), n))
+    return min(1.0, A * min(p_column)), min(1.0, (A + 1) * min(p_part))
+
+
+def test_p_are_those_of_f_tests_of_the_means() -> None:
+    for seed in (1, 2, 3):
+        rng = np.random.default_rng(seed)
+        table = rng.normal(size=(12, 10, 2)) + 1.2 * rng.normal(size=(12, 1, 2))
+        table += 1.2 * rng.normal(size=(1, 10, 2))
+        y, _ = STRATA.coordinates(table)
+        found = scatter_p(STRATA, y, DOF, UNKNOWN, np.inf)
+        assert found == pytest.approx(plain(table), rel=1e-9)
+
+
+def test_at_the_limit_of_what_is_ordinary_the_rate_is_kept() -> None:
+    p = judged(coordinates(1500, 4))
+    for hits in (p < 0.05).sum(axis=0):
+        # Bonferroni can only be rarer; it is hardly so for two independent axes.
+        assert binom.ppf(1e-4, 1500, 0.03) <= hits <= binom.ppf(1 - 1e-4, 1500, 0.05)
+    quiet = judged(coordinates(300, 5, part=0.2, column=0.2))
+    assert (quiet < 0.05).sum() <= 2
+
+
+def test_larger_effects_of_single_columns_or_parts_are_seen() -> None:
+    assert (judged(coordinates(100, 6, column=9.0))[:, 0] < 0.01).mean() > 0.9
+    assert (judged(coordinates(100, 7, part=9.0))[:, 1] < 0.01).mean() > 0.9
+
+
+def test_parts_are_held_against_the_machines_own_scatter_where_it_is_known() -> None:
+    # Coordinates of a part: 10 entries of variance 3 + 1. The prediction, of 8 degrees of
+    # freedom, is itself drawn.
+    rng = np.random.default_rng(8)
+    y = coordinates(1500, 9, part=3.0)
+    p = [judged(own[None], np.full(2, 30.0 * rng.chisquare(8) / 8), 8.0)[0, 1] for own in y]
+    assert sum(v < 0.05 for v in p) <= binom.ppf(1 - 1e-4, 1500, 0.05)
+    assert (judged(y[:100], np.full(2, 3.0), np.inf)[:, 1] < 0.01).mean() > 0.9
+    # Far below the prediction nothing is said.
+    assert judged(y[:1], np.full(2, 300.0), np.inf)[0, 1] == 1.0
+
+
+def test_tables_without_scatter_or_too_small_say_nothing() -> None:
+    assert scatter_p(STRATA, np.zeros(STRATA.size), DOF, UNKNOWN, np.inf) == (1.0, 1.0)
+    small = made(2, 3, 1, lines=False)
+    y = np.random.default_rng(10).normal(size=small.size)
+    assert scatter_p(small, y, sizes(small), np.zeros(1), np.inf) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize(("n", "m"), [(3.0, 12.0), (20.0, 5.0), (7.0, np.inf)])
+def test_one_sided_ratios_are_f_tails(n: float, m: float) -> None:
+    expected = f.sf(2.2 / 1.3, n, min(m, 1e9))
+    assert variance_ratio_p(2.2, 1.3, n, m) == pytest.approx(expected, rel=1e-4)
+    assert variance_ratio_p(0.0, 1.3, n, m) == variance_ratio_p(2.2, 0.0, n, m) == 1.0
+
+
+def test_two_scatters_of_normal_entries_have_uniform_p() -> None:
+    rng = np.random.default_rng(11)
+    found = [
+        two_scatters_p(rng.normal(size=(30, 8)), rng.normal(size=(30, 8)), 1.0)[0]
+        for _ in range(1000)
+    ]
+    # Excess kurtosis is only ever added, which makes p a little large.
+    assert ks_1samp(found, lambda v: v, alternative="greater").pvalue > 1e-3
+    hits = sum(p < 0.05 for p in found)
+    assert binom.ppf(1e-4, 1000, 0.03) <= hits <= binom.ppf(1 - 1e-4, 1000, 0.06)
+
+
+def test_heavy_tails_are_no_difference_of_scatters() -> None:
+    rng = np.random.default_rng(12)
+    p, plain_p = [], []
+    for _ in range(1000):
+        a, b = rng.standard_t(5, size=(2, 30, 8))
+        p.append(two_scatters_p(a, b, 1.0)[0])
+        tail = f.sf(np.var(a) / np.var(b), 240, 240)
+        plain_p.append(2 * min(tail, 1 - tail))
+    hits, plain_hits = sum(v < 0.05 for v in p), sum(v < 0.05 for v in plain_p)
+    assert hits <= binom.ppf(1 - 1e-4, 1000, 0.07)
+    assert plain_hits > 2 * hits
+
+
+def test_two_scatters_tell_how_far_they_are_apart() -> None:
+    rng = np.random.default_rng(13)
+    a, b = 2 * rng.normal(size=4000), rng.normal(size=4000)
+    p, log_ratio = two_scatters_p(a, b, 1.0)
+    assert p < 1e-12
+    assert log_ratio == pytest.approx(np.log(4), abs=5 * np.sqrt(4 / 4000))
+    assert two_scatters_p(b, a, 1.0) == pytest.approx((p, -log_ratio))
+    # Entries of half a degree of freedom tell half as much.
+    near = 1.05 * b
+    z = norm.isf(two_scatters_p(near, a / 2, 1.0)[0] / 2)
+    assert norm.isf(two_scatters_p(near, a / 2, 0.5)[0] / 2) == pytest.approx(z / np.sqrt(2))
+    assert two_scatters_p(a, np.zeros(3), 1.0) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize("p", [0.9, 0.05, 1e-9])
+def test_scores_are_squared_deviates(p: float) -> None:
+    assert score_of(p) == pytest.approx(float(norm.isf(p / 2) ** 2), rel=1e-9)
