@@ -19,7 +19,7 @@ def pairs(H: int) -> Floats:
     found = np.zeros((H, H // 2))
     for i in range(H // 2):
         found[2 * i, i], found[2 * i + 1, i] = 1.0, -1.0
-    return found / np.sqrt(2)
+    return np.asarray(found / np.sqrt(2))
 
 
 def grid(H: int, seed: int = 1) -> Floats:

@@ -90,7 +90,7 @@ def gls(X: Floats, y: Floats, V: Floats) -> tuple[Floats, Floats]:
     """Generalised least squares by the normal equations of the dense covariance."""
     W = np.linalg.inv(V)
     C = np.linalg.inv(X.T @ W @ X)
-    return C @ X.T @ W @ y, C
+    return np.asarray(C @ X.T @ W @ y, float), np.asarray(C, float)
 
 
 def crossed(

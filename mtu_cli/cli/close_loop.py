@@ -22,7 +22,7 @@ from mtu_cli.model.settings import Settings, Warned
 if TYPE_CHECKING:
     from mtu_cli.analyses.close_loop import CloseLoopResult
 
-NONE = "none"
+NONE, CLASS = "none", "class"
 
 
 def run(options: Options) -> None:
@@ -56,10 +56,26 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         tables=lambda: report.table(result),
         rows=lambda: report.csv_rows(result),
         figure=lambda: report.figure(result),
-        warnings=[*warnings, *result.warnings, *files.warnings],
+        warnings=[
+            *warnings,
+            *result.warnings,
+            *files.warnings,
+            *_doubts(result, bool(files.files)),
+        ],
         gate=_gate(result.verdict, choices),
         files=lambda: files.files,
     )
+
+
+def _doubts(result: CloseLoopResult, written: bool) -> list[Warned]:
+    """Of a machine that holds an effect which is one of several, or only a hint."""
+    doubts = {
+        CLASS: "of effects that this data cannot tell apart, the likeliest is written",
+        UNEXPLAINED: "what is written is a hint: something is there that no effect describes",
+    }
+    if not written or result.verdict not in doubts or not result.effects:
+        return []
+    return [Warned(code=f"written-{result.verdict}", message=doubts[result.verdict])]
 
 
 def _worth(result: CloseLoopResult, results: Mapping[str, Any]) -> list[dict[str, Any]]:

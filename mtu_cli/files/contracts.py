@@ -101,14 +101,13 @@ def check_contract(
 
 def _check_kind(document: YamlDocument, kind: str) -> None:
     wanted = f"mtu/{kind}/{SCHEMA_VERSION}"
+    what = f"not {'an' if kind[0] in 'aeiou' else 'a'} {kind} file"
     data = document.data
     findings = Findings(document, list(document.duplicates))
     if not isinstance(data, dict):
-        findings.add(
-            (), f"not a {kind} file", value=data, expected=f"keys such as 'schema: {wanted}'"
-        )
+        findings.add((), what, value=data, expected=f"keys such as 'schema: {wanted}'")
     elif "schema" in data and data["schema"] != wanted:
-        findings.add(("schema",), f"not a {kind} file", value=data["schema"], expected=wanted)
+        findings.add(("schema",), what, value=data["schema"], expected=wanted)
     elif "schema" not in data:
         near = closest("schema", [key for key in data if key != "name"])
         hint = f" (rename {near!r})" if near is not None else ""

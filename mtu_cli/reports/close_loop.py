@@ -78,7 +78,7 @@ def _scored(item: TableResult) -> dict[str, Any]:
         "improvement_percent": finite(improvement_percent(item)),
         "held_out": {
             "by": item.held_out_by,
-            "folds": item.effects[0].of_folds if item.effects else None,
+            "folds": item.folds or None,
         },
     }
 

@@ -23,7 +23,7 @@ from mtu_cli.reports.close_loop_shown import (
     size_of,
     things,
 )
-from mtu_cli.reports.close_loop_words import left_text, untested, verdict_text
+from mtu_cli.reports.close_loop_words import copied, left_text, untested, verdict_text
 from mtu_cli.reports.document import finite, listed
 from mtu_cli.reports.numbers import MISSING, interval, p_value, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
@@ -216,6 +216,7 @@ def _rest(result: CloseLoopResult) -> Text | None:
     """What was set aside, and what could not be tested."""
     lines = [text for text in (_outliers(item) for item in result.tables) if text]
     item = first_table(result)
+    lines += copied(item)
     lines += [f"not tested: {text}" for text in untested(item)]
     return Text("\n".join(lines), style="dim") if lines else None
 

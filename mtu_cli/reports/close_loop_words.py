@@ -26,6 +26,9 @@ MEANINGS = {
 }
 """What a check of the remainder says where it fires."""
 
+COPY = " is a copy of "
+"""What the note of a candidate says of a column that is."""
+
 
 def verdict_text(item: TableResult, result: CloseLoopResult) -> str:
     """The verdict on a table in a few sentences, its component in front."""
@@ -73,8 +76,8 @@ def _experiment(effect: FoundEffect) -> list[str]:
     planned = effect.experiment
     if planned is not None:
         return [
-            f"To tell: {planned.do} (predicted to set them {significant(planned.predicted_d)} "
-            f"standard deviations apart; now {significant(planned.now_d)})."
+            f"To tell: {planned.do}: that should set them {significant(planned.predicted_d)} "
+            f"standard deviations apart, now they are {significant(planned.now_d)}."
         ]
     return [] if effect.separates is None else [f"To tell: {effect.separates}."]
 
@@ -180,3 +183,9 @@ def untested(item: TableResult, most: int = 4) -> list[str]:
     texts = [f"{listed(names, 5)}: {reason}" for reason, names in reasons.items()]
     more = len(texts) - most
     return texts[:most] + ([f"and {more} more reasons: -o FILE.json"] if more > 0 else [])
+
+
+def copied(item: TableResult) -> list[str]:
+    """Columns of the data that are copies of others, once each."""
+    said = [note for judged in item.candidates for note in judged.notes if COPY in note]
+    return list(dict.fromkeys(said))

@@ -13,6 +13,8 @@ from mtu_cli.stats.strata import Strata
 
 LEFT = 1e-3
 """A member of which less than this share is left beside what was found cannot be tested."""
+FEWEST_LEFT = 2
+"""Degrees of freedom that a stratum needs beside a member to judge it by its own scatter."""
 NOTHING = 1e-22
 """Coordinates whose share of a column is below this are rounding."""
 
@@ -178,8 +180,11 @@ def _one_stratum(
         _whiten(strata, whitening, index, np.moveaxis(X, 1, 0))
         Q, left = _orthonormal(X, nuisance.get(index))
         ids = np.array([i for i, _ in own], np.int64)
-        usable[ids[~left]] = False
         n = strata.all[index].size
+        taken = nuisance[index].shape[1] if index in nuisance else 0
+        if n - taken - g < FEWEST_LEFT:
+            left = np.zeros(len(own), bool)
+        usable[ids[~left]] = False
         Q = np.where(left[:, None, None], Q, 0.0)
         found.append(
             OneStratum(

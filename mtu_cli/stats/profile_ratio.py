@@ -65,9 +65,10 @@ def member_ratios(pack: Packed, y: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def sums_of_squares(pack: Packed, y: FloatArray) -> FloatArray:
     """R_s(0) (B, S); never quite 0."""
-    starts = [stratum.start for stratum in pack.strata.all]
-    found: FloatArray = np.add.reduceat(y**2, starts, axis=1)
-    return np.maximum(found, 1e-300)
+    own = [y[:, stratum.slice] for stratum in pack.strata.all]
+    found = np.stack([np.einsum("bn,bn->b", values, values) for values in own], axis=1)
+    least: FloatArray = np.maximum(found, 1e-300)
+    return least
 
 
 def _add_one(

@@ -21,6 +21,8 @@ MANY = 1e6
 """Degrees of freedom of what is known exactly."""
 CLIPPED = 2.5
 """Standard deviations beyond which an entry pulls no further: heavy tails are no pattern."""
+CACHED = 200_000
+"""Entries of the tables that are turned back at once."""
 REACH = (0.12, 0.3)
 """Correlation lengths of smooth fields over the extent of the columns' places."""
 LARGEST = 1.0
@@ -59,21 +61,30 @@ class Remainder:
         in different strength, as bending by heat would give.
         """
         P, H, A = self.strata.shape
-        if P < 4 or H < 4:
+        if P < 4 or H < 4 or not len(y):
             return np.zeros(len(y))
-        only = np.zeros_like(y)
-        for stratum in self.strata.all:
+        # A few tables at a time stay in the processor's cache: half the time of all at once.
+        several = max(1, CACHED // (P * H * A))
+        return np.concatenate(
+            [self._pattern_of(y[first : first + several]) for first in range(0, len(y), several)]
+        )
+
+    def _pattern_of(self, y: FloatArray) -> FloatArray:
+        strata = self.strata
+        P, H, A = strata.shape
+        turned = np.zeros((len(y), A * P * H))
+        for stratum in strata.all:
             if stratum.kind == "interaction":
                 own = y[:, stratum.slice]
                 sd = np.sqrt(np.mean(own**2, axis=1, keepdims=True))
-                only[:, stratum.slice] = own / np.maximum(sd, 1e-300)
-        tables = self.strata.tables(only)
-        spread = 1.4826 * np.median(np.abs(tables), axis=(1, 2), keepdims=True)
-        limit = CLIPPED * np.maximum(spread, 1e-12)
-        tables = np.clip(tables, -limit, limit)
-        flat = tables.reshape(len(y), P, H * A)
+                turned[:, strata.order[stratum.slice]] = own / np.maximum(sd, 1e-300)
+        tables = strata.rows @ turned.reshape(len(y), A, P, H) @ strata.columns.T
+        spread = 1.4826 * np.median(np.abs(tables).reshape(len(y), A, P * H), axis=2)
+        limit = CLIPPED * np.maximum(spread, 1e-12)[:, :, None, None]
+        np.clip(tables, -limit, limit, out=tables)
+        flat = np.moveaxis(tables, 1, 2).reshape(len(y), P, A * H)
         flat = flat - flat.mean(axis=1, keepdims=True)
-        small = flat if P <= H * A else np.swapaxes(flat, 1, 2)
+        small = flat if P <= A * H else np.swapaxes(flat, 1, 2)
         gram = small @ np.swapaxes(small, 1, 2)
         values = np.linalg.eigvalsh(gram)
         found: FloatArray = values[:, -1] / np.maximum(values.mean(axis=1), 1e-300)

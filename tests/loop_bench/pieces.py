@@ -85,14 +85,17 @@ def _of_day(item: tuple[Plan, Kind, int]) -> str:
 
 
 def _drawn_of(plan: Plan, kind: Kind, day: int) -> int:
-    bench = BenchDay(kind, day)
+    bench: BenchDay | None = None
     drawn = 0
     for cell in plan.cells():
         path = plan.path(kind, cell, day)
         if path.exists():
             continue
         own = indices(cell, plan.count(cell), day - FIRST_DAY[plan.tuning])
-        found = [record(bench, cell, int(plan.tuning), index) for index in own]
+        found: list[Record] = []
+        if own:
+            bench = bench or BenchDay(kind, day)
+            found = [record(bench, cell, int(plan.tuning), index) for index in own]
         part = path.with_suffix(".part")
         part.write_text(json.dumps(found))
         part.replace(path)

@@ -19,7 +19,7 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
     Verdict,
 )
-from mtu_cli.analyses.close_loop.warnings import loop_warnings
+from mtu_cli.analyses.close_loop.warnings import check_enough, loop_warnings
 from mtu_cli.model.effect_library import EffectLibrary, candidates
 from mtu_cli.model.residual_table import ResidualTable
 
@@ -51,8 +51,11 @@ def close_loop(
     One table of points, or one a component of readings: these share the rate (Bonferroni).
     The verdict is the weakest of all tables.
 
-    Raises InputError for a name in `exclude` that the library does not have.
+    Raises InputError for a name in `exclude` that the library does not have, and for a table of
+    too few entries.
     """
+    for table in tables:
+        check_enough(table)
     rate = alpha / len(tables)
     found = []
     for table in tables:

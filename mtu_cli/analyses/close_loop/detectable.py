@@ -17,17 +17,20 @@ def minimum_detectable(prepared: Prepared, gate: Gate, alpha: float) -> dict[str
     """Root mean square (mm, rad) over the cells of the smallest effect of each candidate that
     passes the gate four times in five; the median over its members.
 
-    The likelihood ratio of an effect with signal-to-noise z is about (z + N(0, 1))^2: it passes
-    a limit T with a probability of 80 % at z = sqrt(T) + 0.84.
+    The likelihood ratio of one column among n coordinates is n log(1 + t^2 / v), v = n - k, t of
+    noncentral Student distribution: it passes a limit T where t > c = sqrt(v (exp(T / n) - 1)).
+    By (t (1 - 1/4v) - z) / sqrt(1 + t^2/2v) ~ N(0, 1) (Abramowitz & Stegun 1972, 26.7.10) that has
+    a probability of 80 % at a signal-to-noise z = c (1 - 1/4v) + 0.84 sqrt(1 + c^2/2v).
     """
     scan = prepared.scan
     strata = scan.frame.strata
     limit = float(np.quantile(gate.largest, 1 - alpha))
     weights = _weights(prepared)
+    freedom = np.repeat(scan.dof, [stratum.size for stratum in strata.all])
     found = {}
     first = 0
     for f, members in enumerate(scan.columns):
-        needed = np.sqrt(gate.statistic_of(limit, f)) + POWER_DEVIATE
+        T = gate.statistic_of(limit, f)
         amplitudes = []
         for i, member in enumerate(members):
             X = whitened(strata, scan.whitening, raw_design(scan, [member]))
@@ -37,11 +40,20 @@ def minimum_detectable(prepared: Prepared, gate: Gate, alpha: float) -> dict[str
             unit = np.full(k, 1 / np.sqrt(k)) / np.sqrt(np.maximum(squares, 1e-300))
             z2 = float(unit @ information @ unit)
             if z2 > 0:
-                amplitudes.append(needed / np.sqrt(z2))
+                n = float(np.einsum("ni,n,n->", X**2, weights, freedom))
+                n /= float(np.trace(information))
+                amplitudes.append(_needed(T, n, k) / np.sqrt(z2))
         first += len(members)
         if amplitudes:
             found[scan.names[f]] = float(np.median(amplitudes))
     return found
+
+
+def _needed(T: float, n: float, k: int) -> float:
+    """Signal to noise that passes the limit T four times in five."""
+    v = max(n - k, 1.0)
+    c2 = v * np.expm1(min(T / n, 50.0))
+    return float(np.sqrt(c2) * (1 - 0.25 / v) + POWER_DEVIATE * np.sqrt(1 + c2 / (2 * v)))
 
 
 def _weights(prepared: Prepared) -> np.ndarray:

@@ -105,13 +105,13 @@ class _Polynomial:
     def _text(self, coefficients: FloatArray) -> str:
         """The polynomial in the equation language, in nested form.
 
-        The innermost sum of two numbers is of any dimension, so that the whole is.
+        A sum of two numbers is of any dimension, so that the whole is.
         """
         last = len(coefficients) - 1
         while last > 0 and coefficients[last] == 0:
             last -= 1
         if last == 0:
-            return repr(float(coefficients[0]))
+            return f"({float(coefficients[0])!r} + 0)"
         place = f"({self.axis} - {self.centre!r})" if self.centre else str(self.axis)
         text = f"({float(coefficients[last])!r} + 0)"
         for value in coefficients[:last][::-1].tolist():

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.model.effect_library import Candidate
+from mtu_cli.model.effect_library import Candidate, Member
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 SHOWN = 0.2
 """Share of a column's variance that a fold must keep: what it hardly shows it cannot foretell."""
+LEVERAGE = 0.45
+"""Share of a column's squares that one part may have in a fold: of a step three parts at least."""
 
 
 def only_parts(table: ResidualTable, kept: NDArray[np.bool_]) -> ResidualTable:
@@ -71,20 +73,46 @@ def cut_candidates(
     ) -> tuple[dict[int, FloatArray], ...]:
         return tuple({a: cut(v) for a, v in column.items()} for column in columns)
 
-    def shown(columns: Sequence[Mapping[int, FloatArray]]) -> bool:
-        """Whether what is kept shows enough of every column to say something of the rest."""
-        return all(
-            float(np.var(cut(v))) >= SHOWN * float(np.var(v)) for c in columns for v in c.values()
-        )
-
     return tuple(
         replace(
             candidate,
             members=tuple(
                 replace(m, columns=cut_all(m.columns), tangent=cut_all(m.tangent))
-                for m in candidate.members
-                if shown(m.columns)
+                for m in _distinct([m for m in candidate.members if _shown(m.columns, cut)], cut)
             ),
         )
         for candidate in candidates
     )
+
+
+Cut = Callable[[FloatArray], FloatArray]
+
+
+def _shown(columns: Sequence[Mapping[int, FloatArray]], cut: Cut) -> bool:
+    """Whether what is kept shows enough of every column to say something of the rest: of its
+    variance, and on more than two parts.
+    """
+    for column in columns:
+        for values in column.values():
+            kept = cut(values)
+            if float(np.var(kept)) < SHOWN * float(np.var(values)):
+                return False
+            squares = (kept - kept.mean()) ** 2
+            if kept.shape[1] == 1 and squares.max() > LEVERAGE * squares.sum():
+                return False
+    return True
+
+
+def _distinct(members: list[Member], cut: Cut) -> list[Member]:
+    """Of members that are the same on what is kept, such as steps between the same two parts,
+    the middle one.
+    """
+    groups: dict[object, list[Member]] = {}
+    for member in members:
+        key = tuple(
+            (axis, values.shape, np.round(cut(values), 12).tobytes())
+            for column in member.columns
+            for axis, values in column.items()
+        )
+        groups.setdefault(key, []).append(member)
+    return [own[len(own) // 2] for own in groups.values()]

@@ -19,7 +19,13 @@ MOST = 0.05
 """Share of the entries beyond which they are the table's own distribution."""
 FEWEST = 4
 SWEEPS = 10
+RESCALED = 4
+LEAST = 0.1
+"""Share of the degrees of freedom that medians and lines leave at least."""
 NORMAL_MAD = 1.4826
+LINE_SWEEPS = 4
+FAR = 3.0
+"""Standard deviations beyond which an entry does not bend its part's line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,22 +43,17 @@ class Gross:
 def set_aside(table: ResidualTable) -> tuple[ResidualTable, tuple[Gross, ...]]:
     """The table without gross entries, and what they were.
 
-    Deviations are from the median of the part and of the column (Tukey's median polish), of
-    one part alone from its median; the scale is the median absolute deviation, grown to the
-    degrees of freedom. What is gross in one axis is set aside in all.
+    Deviations are from the median of the part and of the column (Tukey's median polish) and from
+    a robust line of the part, of one part alone from its median; the scale is the median
+    absolute deviation, or the standard deviation of what is not gross where that is more: what
+    medians leave has too many small values. What is gross in one axis is set aside in all.
     """
     P, H, _ = table.errors.shape
     if P * H < 12 or (1 < P < FEWEST) or (1 < H < FEWEST):
         return table, ()
-    left = _polished(np.where(table.there[:, :, None], table.errors, np.nan))
-    share = max((P - 1) * (H - 1), 1) / (P * H) if P > 1 and H > 1 else 1.0
-    spread = NORMAL_MAD * np.nanmedian(np.abs(left), axis=(0, 1)) / np.sqrt(share)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        score = np.abs(left) / spread
-    score[:, :, spread <= 0] = 0.0
-    worst = np.nan_to_num(score).max(axis=2)
-    limit = float(-ndtri(RATE / (2 * P * H))) + MARGIN
-    gross = worst > limit
+    left, taken = _polished(np.where(table.there[:, :, None], table.errors, np.nan), table.places)
+    worst = _scores(left, taken)
+    gross = worst > _limit(P * H)
     if not gross.any() or gross.sum() > max(MOST * P * H, 1):
         return table, ()
     kept = _still_needed(table.there & ~gross, gross)
@@ -68,15 +69,70 @@ def set_aside(table: ResidualTable) -> tuple[ResidualTable, tuple[Gross, ...]]:
     return _without(table, ~kept & gross), found
 
 
-def _polished(errors: FloatArray) -> FloatArray:
+def _limit(entries: int) -> float:
+    return float(-ndtri(RATE / (2 * entries))) + MARGIN
+
+
+def _scores(left: FloatArray, taken: int) -> FloatArray:
+    """Largest deviation (P, H) over the axes in standard deviations, of deviations `left`
+    (P, H, A), nan where missing, from which `taken` parameters an axis were fitted.
+    """
+    P, H, _ = left.shape
+    there = np.isfinite(left).all(axis=2)
+    share = max(1 - taken / int(there.sum()), LEAST)
+    robust = NORMAL_MAD * np.nanmedian(np.abs(left), axis=(0, 1)) / np.sqrt(share)
+    spread, worst = robust, np.zeros((P, H))
+    for _ in range(RESCALED):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            score = np.abs(left) / spread
+        score[:, :, spread <= 0] = 0.0
+        worst = np.nan_to_num(score).max(axis=2)
+        rest = there & (worst <= _limit(P * H))
+        dof = max(int(rest.sum()) - taken, 1)
+        whole = np.sqrt(np.sum(left[rest] ** 2, axis=0) / dof)
+        spread = np.where(robust > 0, np.maximum(robust, whole), 0.0)
+    return worst
+
+
+def _polished(errors: FloatArray, places: FloatArray) -> tuple[FloatArray, int]:
+    """Errors less their medians and lines, and how many parameters an axis that took."""
     left = errors.copy()
     P, H, _ = errors.shape
     if P == 1 or H == 1:
-        return left - np.nanmedian(left, axis=(0, 1), keepdims=True)
+        return left - np.nanmedian(left, axis=(0, 1), keepdims=True), 1
     for _ in range(SWEEPS):
         left = left - np.nanmedian(left, axis=1, keepdims=True)
         left = left - np.nanmedian(left, axis=0, keepdims=True)
-    return left
+    left, lines = _without_lines(left, places)
+    return left, P + H - 1 + lines
+
+
+def _without_lines(errors: FloatArray, places: FloatArray) -> tuple[FloatArray, int]:
+    """Errors (P, H, A) less a robust straight line of each part along the places (P, H, d), and
+    the number of its slopes: parts turn and grow, and that is no gross error of single entries.
+    """
+    P, H, _ = errors.shape
+    known = np.isfinite(places).all(axis=(0, 1)) & (np.ptp(places, axis=(0, 1)) > 0)
+    X = places[:, :, known] - places[:, :, known].mean(axis=1, keepdims=True)
+    k = X.shape[2]
+    if k == 0 or 2 * (k + 2) > H:
+        return errors, 0
+    X = X / np.maximum(np.abs(X).max(axis=(0, 1)), 1e-300)
+    X = np.concatenate([np.ones((P, H, 1)), X], axis=2)
+    left = errors
+    # A line through few entries goes where the one that it should judge pulls it.
+    enough = np.isfinite(errors).all(axis=2).sum(axis=1) >= 2 * (k + 2)
+    share = (P - 1) * (H - 1 - k) / (P * H)
+    for _ in range(LINE_SWEEPS):
+        spread = NORMAL_MAD * np.nanmedian(np.abs(left), axis=(0, 1)) / np.sqrt(share)
+        near = np.isfinite(left) & (np.abs(left) <= FAR * np.maximum(spread, 1e-300))
+        near &= enough[:, None, None]
+        w = near.astype(float)
+        G = np.einsum("phi,pha,phj->paij", X, w, X) + 1e-9 * np.eye(k + 1)
+        b = np.einsum("phi,pha->pai", X, w * np.where(near, errors, 0.0))
+        beta = np.linalg.solve(G, b[..., None])[..., 0]
+        left = errors - np.einsum("phi,pai->pha", X, beta)
+    return left, k * int(enough.sum())
 
 
 def _still_needed(kept: NDArray[np.bool_], gross: NDArray[np.bool_]) -> NDArray[np.bool_]:

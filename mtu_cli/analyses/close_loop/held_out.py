@@ -25,6 +25,8 @@ FOLDS = 7
 FEWEST_PARTS = 4
 FEWEST_COLUMNS = 10
 SAMPLES = 599
+LARGE, SAMPLES_LARGE = 20_000, 199
+"""Entries from which on a fold's gate is drawn from fewer tables."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +81,8 @@ def folds_of(
             continue
         own = cut_candidates(candidates, kept, dimension)
         prepared = prepare(cut, own, pass_dof)
-        gate = calibrated(prepared.scan, SAMPLES, seed + 1 + fold)
+        samples = SAMPLES_LARGE if table.errors.size > LARGE else SAMPLES
+        gate = calibrated(prepared.scan, samples, seed + 1 + fold)
         found.append(Fold(dimension=dimension, kept=kept, prepared=prepared, gate=gate))
     return tuple(found)
 
@@ -160,9 +163,11 @@ def _cell_variance(effects: Added, strata: Strata) -> FloatArray:
 
 def entry_variance(null: NullModel, strata: Strata) -> FloatArray:
     """Variance (A,) of one entry: interaction, column, and the mean share of part and model."""
-    _, H, A = strata.shape
+    P, H, A = strata.shape
     k = strata.lines
-    smooth = (np.diag(null.part) + (null.common**2).sum(axis=1)).reshape(A, 1 + k).sum(axis=1)
+    # The coefficients' factor is that of the sum over the parts: one part has 1/P of its square.
+    both = np.diag(null.part) + (null.common**2).sum(axis=1) / P
+    smooth = both.reshape(A, 1 + k).sum(axis=1)
     found: FloatArray = null.interaction + null.column + smooth / H
     return found
 

@@ -38,7 +38,7 @@ from mtu_cli.stats.least_squares import FloatArray
 SAMPLES = 1999
 LARGE = 20_000
 """Entries from which on the gate is drawn from fewer tables."""
-SAMPLES_LARGE = 999
+SAMPLES_LARGE = 499
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,6 +26,8 @@ from mtu_cli.stats.strata import Strata, strata_of
 FEWEST_FOR_OFFSET = 3
 """Parts from whose scatter a common offset can be told."""
 FEWEST_FOR_SCATTER = 5
+ROUNDING = 1e-11
+"""Share of the largest error that is rounding of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +57,7 @@ class Prepared:
         """
         if not np.array_equal(table.there, self.table.there):
             return prepare(table, self.source, self.known.dof)
-        errors = np.where(np.isfinite(table.errors), table.errors, 0.0)
-        y, grand = self.scan.frame.coordinates(errors)
+        y, grand = _coordinates(self.scan.frame, table)
         return self.with_null_of(y, replace(self, table=table, y=y, grand=grand))
 
     def with_null_of(self, left: FloatArray, other: Prepared | None = None) -> Prepared:
@@ -95,7 +96,7 @@ def prepare(
     known = KnownScatter(*_factors(table, strata), pass_dof)
     chosen = _testable(table, candidates, strata)
     seen = _columns(table, frame, chosen)
-    y, grand = frame.coordinates(np.where(np.isfinite(table.errors), table.errors, 0.0))
+    y, grand = _coordinates(frame, table)
     scan, ordered = _scan(table, frame, known, chosen, seen, y)
     return Prepared(
         table=table,
@@ -109,6 +110,14 @@ def prepare(
         grand=grand,
         known=known,
     )
+
+
+def _coordinates(frame: Frame, table: ResidualTable) -> tuple[FloatArray, FloatArray]:
+    """Coordinates and grand means of a table's errors; what is rounding of them is 0."""
+    errors = np.where(np.isfinite(table.errors), table.errors, 0.0)
+    y, grand = frame.coordinates(errors)
+    least = ROUNDING * float(np.abs(errors).max(initial=0.0)) * np.sqrt(errors[..., 0].size)
+    return np.where(np.abs(y) > least, y, 0.0), grand
 
 
 def _scan(
@@ -257,7 +266,7 @@ def _columns(table: ResidualTable, frame: Frame, candidates: Sequence[Candidate]
             index = len(members)
             members.append(member)
             own.append(coordinates)
-            means[index] = np.array([_means(column, table) for column in member.columns])
+            means[index] = np.array([_means(column, frame) for column in member.columns])
             turned = tuple(c for c in (frame.column(t) for t in member.tangent) if c)
             if turned:
                 tangents[index] = turned
@@ -273,9 +282,10 @@ def _columns(table: ResidualTable, frame: Frame, candidates: Sequence[Candidate]
     )
 
 
-def _means(column: Mapping[int, FloatArray], table: ResidualTable) -> FloatArray:
-    found = np.zeros(len(table.axes))
+def _means(column: Mapping[int, FloatArray], frame: Frame) -> FloatArray:
+    """Means (A,) of a column over all cells, completed as the errors are."""
+    table = np.zeros(frame.strata.shape)
     for axis, values in column.items():
-        whole = np.broadcast_to(values, table.there.shape)
-        found[axis] = whole[table.there].mean() if min(values.shape) > 1 else values.mean()
+        table[:, :, axis] = values
+    found: FloatArray = frame.completion.fill(table).mean(axis=(0, 1))
     return found

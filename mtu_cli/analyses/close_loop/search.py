@@ -46,7 +46,7 @@ class Search:
 
 def posterior_of(log_bayes: FloatArray) -> FloatArray:
     """Posterior (F,) of candidates that are equally likely before."""
-    weight = np.exp(log_bayes - log_bayes.max())
+    weight = np.exp(log_bayes - log_bayes.max(initial=-np.inf))
     found: FloatArray = weight / weight.sum()
     return found
 
@@ -168,7 +168,8 @@ def _step(scan: Scan, looked: Evidence, p: FloatArray, alpha: float, done: set[i
     if any(i < scan.tested for i in passing):
         scores[scan.tested :] = -np.inf
         passing = [i for i in passing if i < scan.tested]
-    index = max(passing, key=lambda i: scores[i])
+    # Of exact aliases the first of the library: a named cause before an unnamed column.
+    index = max(passing, key=lambda i: (round(float(scores[i]), 6), -i))
     step = Step(
         index=index,
         member=int(looked.best[index]) if index < len(scan.columns) else -1,

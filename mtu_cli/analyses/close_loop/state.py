@@ -59,20 +59,23 @@ class State:
         self.p = self.first_p = self.checks = np.zeros(0)
 
     def look(self) -> Evidence:
-        scan, y = self.prepared.scan, self.prepared.y
-        grand = self.prepared.grand.copy()
+        """Everything that can be tested beside what was found."""
+        prepared, y = self.prepared, self.prepared.y
+        grand = prepared.grand.copy()
         if self.members:
             columns = [self.flat[m] for m in self.members]
-            fit = estimate(scan, y, columns)
-            y = y - raw_design(scan, columns) @ fit.beta
-            grand -= fit.beta @ np.concatenate([self.prepared.means[m] for m in self.members])
+            fit = estimate(prepared.scan, y, columns)
+            y = y - raw_design(prepared.scan, columns) @ fit.beta
+            grand -= fit.beta @ np.concatenate([prepared.means[m] for m in self.members])
+            # What was taken out scatters no more: what it hid may show now.
+            prepared = prepared.with_null_of(y)
             self.found = [
-                tuple(_where_it_counts(scan, column, fit.weights) for column in member)
+                tuple(_where_it_counts(prepared.scan, column, fit.weights) for column in member)
                 for member in self._with_tangents()
             ]
         grand[list(self.offsets)] = 0.0
-        pack = scan.pack(self.found)
-        looked = evidence(scan, pack, y, grand, self._aside())
+        scan = prepared.scan
+        looked = evidence(scan, scan.pack(self.found), y, grand, self._aside())
         first = not self.p.size
         self.looked = looked
         if self.gate is not None:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mtu_cli.analyses.close_loop.result import TableResult
+from mtu_cli.errors import fault
+from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.model.settings import Warned
 
 FEW_PARTS = 5
+FEWEST_ENTRIES = 4
 ALL = 0.999
 MOST_NAMED = 6
 FREES = {
@@ -15,6 +18,19 @@ FREES = {
     "offset,rotation": "offsets of whole parts (drift, trend, step, warm-up), rotation, and the "
     "difference between squareness and rotation",
 }
+
+
+def check_enough(table: ResidualTable) -> None:
+    """Raises InputError for a table in which nothing could be told from scatter."""
+    parts, columns = table.there.shape
+    if max(parts, columns) >= FEWEST_ENTRIES:
+        return
+    of = table.component
+    what = "parts and features" if of is None else f"passes and places of {of}"
+    raise fault(
+        f"too little to judge by: {parts} by {columns} {what}",
+        expected=f"{FEWEST_ENTRIES} or more of one or the other",
+    )
 
 
 def loop_warnings(tables: Sequence[TableResult]) -> tuple[Warned, ...]:

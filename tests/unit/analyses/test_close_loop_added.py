@@ -12,11 +12,12 @@ from scipy.stats import binom, t
 
 from mtu_cli.analyses.close_loop.added import Added, added, contribution, mean_variance
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.search import Search, Step
+from mtu_cli.analyses.close_loop.search import Search
+from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.model.effect_candidate import Column
 
 SHAPE = (10, 9, 1)
-STEP: Column = {0: (np.arange(10.0) >= 4)[:, None] * 1.0}
+STEP: Column = {0: np.asarray(np.arange(10) >= 4, float)[:, None]}
 CELLS: Column = {0: np.random.default_rng(1).normal(size=(10, 9))}
 CELLS = {0: CELLS[0] - CELLS[0].mean()}
 CANDIDATES = (candidate("step", (STEP,)), candidate("cells", (CELLS,)), offset("x"))

@@ -162,7 +162,7 @@ def test_faults_of_equations(tmp_path: Path, equations: str, told: str) -> None:
             "line 1): 'f'",
         ),
         (family('{Ex: "k*{b}"}'), "e.yaml:1: effects[0]: {b} without {a}"),
-        ("schema: mtu/machine/1\n", "e.yaml:1: schema: not a effects file"),
+        ("schema: mtu/machine/1\n", "e.yaml:1: schema: not an effects file"),
         ("effects: []\n", "e.yaml:1: the key 'schema' is missing"),
         ("[]\n", "e.yaml:1: effects: wrong value: '[]'; expected at least 1 of them"),
         ("- 5\n", "e.yaml:1: effects[0]: wrong value: '5'; expected keys with values"),

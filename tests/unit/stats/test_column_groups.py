@@ -104,13 +104,28 @@ def test_members_that_were_found_cannot_be_found_again() -> None:
     assert (LR[:, usable(pack)] > 0).all()
 
 
-def test_a_stratum_that_would_be_used_up_is_left_alone() -> None:
-    # Five coordinates tell the parts apart: five trends would leave nothing of them.
+def test_a_stratum_that_is_used_up_tells_nothing_more() -> None:
+    # Five coordinates tell the parts apart: five trends leave nothing of them, not even rounding.
     trends = [FRAME.column({0: row[:, None]}) for row in np.eye(6)[:5]]
-    pack = packed(STRATA, sizes(STRATA), plain(), [], [(trend,) for trend in trends])
-    y = np.random.default_rng(RNG_SEED).normal(size=STRATA.size)
-    np.testing.assert_array_equal(pack.without_found(y), y)
-    assert (pack.dof == sizes(STRATA)).all()
+    (part,) = (i for i, s in enumerate(STRATA.all) if s.kind == "part" and s.axis == 0)
+    broad = of_table(1)
+    rest = {index: values for index, values in broad.items() if index != part}
+    later = FRAME.column({0: np.arange(6.0)[:, None] ** 2})
+    members = [[(broad,)], [(rest,)], [(later,)]]
+    found = [(trend,) for trend in trends]
+    pack = packed(STRATA, sizes(STRATA), plain(), members, found)
+    y = pack.without_found(np.random.default_rng(RNG_SEED).normal(size=(1, STRATA.size)))
+    np.testing.assert_array_equal(y[:, STRATA.all[part].slice], 0)
+    LR, _ = member_ratios(pack, y)
+    assert LR[0, 0] == LR[0, 1] > 0
+    np.testing.assert_array_equal(pack.usable, [True, True, False])
+
+
+def test_a_member_that_leaves_no_scatter_to_be_judged_by_is_not_tested() -> None:
+    # Five coordinates: with three columns two are left, with four but one.
+    columns = [FRAME.column({0: row[:, None]}) for row in np.eye(6)[:4]]
+    pack = packed(STRATA, sizes(STRATA), plain(), [[columns[:3]], [columns]])
+    np.testing.assert_array_equal(pack.usable, [True, False])
 
 
 def test_the_same_column_twice_takes_one_degree_of_freedom() -> None:

@@ -57,10 +57,8 @@ def slow(member: MemberColumns, y: Floats) -> float:
 
     def minus(beta: Floats) -> float:
         left = y - X @ beta
-        return -sum(
-            n * np.log(np.sum(y[s.slice] ** 2) / np.sum(left[s.slice] ** 2))
-            for s, n in zip(STRATA.all, DOF, strict=True)
-        )
+        ratios = [np.sum(y[s.slice] ** 2) / np.sum(left[s.slice] ** 2) for s in STRATA.all]
+        return -float(DOF @ np.log(ratios))
 
     starts = [np.zeros(X.shape[1]), np.linalg.lstsq(X, y, rcond=None)[0]]
     starts += [

@@ -106,7 +106,7 @@ def test_even_is_common_to_both_directions_and_odd_is_how_they_differ() -> None:
     lost = way * np.repeat(rng.normal(size=5), 2)
     for values, kind in ((curve, "column"), (lost, "reversal")):
         found = strata.of_columns(values - values.mean(), 0)
-        squares = {strata.all[i].kind: float(v @ v) for i, v in found.items()}
+        squares = {str(strata.all[i].kind): float(v @ v) for i, v in found.items()}
         other = "reversal" if kind == "column" else "column"
         size = strata.shape[0] * np.sum((values - values.mean()) ** 2)
         assert squares[kind] == pytest.approx(size, rel=1e-12)

@@ -1,0 +1,299 @@
+"""`mtu close-loop` on the shipped study whose machine has an effect that its file does not know."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_runner import Listing, Result, done, listing, mtu, report
+from support import CONFIGS, DATA, ROOT
+
+UNDECLARED = CONFIGS / "undeclared"
+MACHINE, PART = UNDECLARED / "machine.yaml", UNDECLARED / "part.yaml"
+READINGS, POINTS = DATA / "undeclared" / "lbb.csv", DATA / "undeclared" / "cmm.csv"
+TRUE_UM = 4.0
+"""What truth.yaml says; no command here reads it."""
+
+KEYS = {
+    "verdict", "undeclared_effect_found", "before", "after", "floor_um", "in_sample",
+    "improvement_percent", "effects", "candidates", "unexplained",
+}  # fmt: skip
+SCORES = {"rms_um", "rms_x_um", "rms_y_um", "p95_um", "max_um", "chi2_per_dof"}
+EFFECT = {
+    "name", "family", "axis", "covariate", "equations", "parameters", "searched", "p_familywise",
+    "log_bayes_factor", "posterior", "explained_share", "class", "aliases", "experiment",
+}  # fmt: skip
+CANDIDATE = {
+    "name", "p_familywise", "log_bayes_factor", "posterior", "minimum_detectable_um",
+}  # fmt: skip
+FILES = {
+    "-o": "out.json", "--csv": "out.csv", "--plot": "out.png",
+    "--write-machine": "new.yaml", "--write-components": "new.json",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Run:
+    """A call in a folder of its own, and what it left there."""
+
+    folder: Path
+    result: Result
+    files: Listing
+
+    @property
+    def results(self) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(self.files["out.json"] or b"")["results"]
+        return found
+
+    @property
+    def machine(self) -> Path:
+        return self.folder / "new.yaml"
+
+
+def closed(folder: Path, gate: str, code: int, env: dict[str, str] | None = None) -> Run:
+    options = [word for pair in FILES.items() for word in pair]
+    call = ("close-loop", UNDECLARED, *options, "--fail-if", gate)
+    result = done(mtu(*call, cwd=folder, env=env), code)
+    return Run(folder, result, listing(folder))
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return closed(tmp_path_factory.mktemp("first"), "found", 3)
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[dict[str, str]]:
+    """The shipped points."""
+    with POINTS.open(encoding="utf-8") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
+def few(folder: Path, points: Sequence[dict[str, Any]], *words: object) -> tuple[Any, Result]:
+    """Report and result of a call on some points."""
+    path, out = folder / "cmm.csv", folder / "out.json"
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.DictWriter(file, list(points[0]))
+        table.writeheader()
+        table.writerows(points)
+    files = ("-m", MACHINE, "-p", PART, "--lbb", READINGS, "--cmm", path)
+    result = mtu("close-loop", *files, "-o", out, *words)
+    return json.loads(out.read_text("utf-8")) if out.exists() else None, result
+
+
+def test_the_effect_is_named_alone(first: Run) -> None:
+    results = first.results
+    assert results["verdict"] == "named"
+    assert results["undeclared_effect_found"] is True
+    (effect,) = results["effects"]
+    assert (effect["name"], effect["class"]) == ("backlash-x", ["backlash-x"])
+    assert effect["equations"] == {"Ex": "lost_motion*dir_x"}
+    assert effect["folds"]["chose_it"] == effect["folds"]["of"] > 1
+    assert effect["p_familywise"] < 0.05
+    parameter = effect["parameters"]["lost_motion"]
+    assert parameter["unit"] == "um"
+    assert abs(parameter["value"] - TRUE_UM) < 3 * parameter["u"]
+    assert parameter["u"] < 0.3
+    assert not results["unexplained"]["found"]
+
+
+def test_the_gain_is_held_out_and_near_the_floor(first: Run) -> None:
+    """The truth leaves rms^2 less sum of effect^2 over both axes: 4^2/2."""
+    results = first.results
+    assert results["held_out"]["by"] == "parts"
+    before, after = results["before"]["rms_um"], results["after"]["rms_um"]
+    assert before**2 - after**2 == pytest.approx(TRUE_UM**2 / 2, rel=0.15)
+    assert after < 1.2 * results["floor_um"]
+    gain = 100 * (1 - after / before)
+    assert results["improvement_percent"] == pytest.approx(gain)
+    assert results["after"]["rms_y_um"] == pytest.approx(results["before"]["rms_y_um"], rel=1e-9)
+
+
+def test_the_report_holds_what_scripts_rely_on(first: Run) -> None:
+    document = json.loads(first.files["out.json"] or b"")
+    assert document["schema"] == "mtu/close-loop/1"
+    results = document["results"]
+    assert set(results) >= KEYS
+    for scores in (results["before"], results["after"], *results["in_sample"].values()):
+        assert set(scores) >= SCORES
+    assert set(results["effects"][0]) >= EFFECT
+    assert all(set(candidate) >= CANDIDATE for candidate in results["candidates"])
+    assert set(results["unexplained"]) >= {"found", "checks", "rms_um"}
+    assert all(set(check) >= {"name", "p"} for check in results["unexplained"]["checks"])
+
+
+def test_the_truth_is_not_read(first: Run) -> None:
+    inputs = json.loads(first.files["out.json"] or b"")["inputs"]
+    names = sorted(Path(item["path"]).name for item in inputs)
+    assert "truth.yaml" not in names
+    assert {"machine.yaml", "part.yaml", "lbb.csv", "cmm.csv"} <= set(names)
+    assert "lost" not in MACHINE.read_text("utf-8").split("components:")[1]
+
+
+def test_the_table_says_it_first_and_in_words(first: Run) -> None:
+    heading, *rest = first.result.stdout.splitlines()
+    assert heading == "Undeclared effects: named"
+    said = " ".join(rest[:3])
+    assert re.search(r"X loses \d\.\d+ ± 0\.\d+ um at reversal \(backlash-x\)", said)
+    assert "the rms of held-out parts from 3." in said
+    assert max(map(len, first.result.stdout.splitlines())) <= 100
+    assert "verdict named" in first.result.stderr
+
+
+def test_the_csv_holds_every_candidate(first: Run) -> None:
+    lines = list(csv.DictReader((first.files["out.csv"] or b"").decode().splitlines()))
+    assert [line["candidate"] for line in lines] == [c["name"] for c in first.results["candidates"]]
+    assert [line["candidate"] for line in lines if line["found"] == "true"] == ["backlash-x"]
+
+
+def test_the_same_bytes_again(first: Run, tmp_path: Path) -> None:
+    """Elsewhere, in another language, with another hash seed and number of threads."""
+    strange = {"PYTHONHASHSEED": "7", "LC_ALL": "de_DE.UTF-8", "OMP_NUM_THREADS": "1"}
+    again = closed(tmp_path, "unexplained", 0, strange)
+    assert set(first.files) == set(FILES.values())
+    assert (first.files["out.png"] or b"").startswith(b"\x89PNG")
+    for name in first.files:
+        assert again.files[name] == first.files[name], name
+    assert again.result.stdout == first.result.stdout
+
+
+def test_the_extended_machine_has_nothing_left(first: Run, tmp_path: Path) -> None:
+    new = tmp_path / "again.yaml"
+    call = ("close-loop", UNDECLARED, "-m", first.machine, "--fail-if", "found")
+    result = done(mtu(*call, "-o", "-", "--write-machine", new, "--plot", tmp_path / "p.svg"))
+    results = json.loads(result.stdout)["results"]
+    assert (results["verdict"], results["effects"]) == ("none", [])
+    in_sample = results["in_sample"]
+    assert in_sample["after"] == in_sample["before"]
+    assert in_sample["before"]["rms_um"] == pytest.approx(
+        first.results["in_sample"]["after"]["rms_um"], rel=1e-3
+    )
+    assert new.read_bytes() == first.machine.read_bytes()
+    assert "nothing-added" in result.stderr
+    assert (tmp_path / "p.svg").read_text("utf-8").startswith("<?xml")
+
+
+def test_other_commands_take_the_extended_machine(first: Run) -> None:
+    call = ("predict-points", "-p", PART, "--lbb", READINGS)
+    plain = report(*call, "-m", MACHINE)["results"]["points"]
+    effect = first.results["effects"][0]["parameters"]["lost_motion"]
+    for sign in (-1, 1):
+        moved = report(*call, "-m", first.machine, "--at", f"dir_x={sign}")["results"]["points"]
+        for old, new in zip(plain, moved, strict=True):
+            assert new["Ex_um"] - old["Ex_um"] == pytest.approx(sign * effect["value"])
+            assert new["Ey_um"] == old["Ey_um"]
+            assert new["var_x_um2"] - old["var_x_um2"] == pytest.approx(effect["u"] ** 2, rel=1e-6)
+    message = done(mtu(*call, "-m", first.machine), 2).stderr
+    assert "need the covariate 'dir_x'; expected --at dir_x=VALUE" in message
+
+
+def test_without_the_block_the_old_machine_is_back(first: Run, tmp_path: Path) -> None:
+    kept, block = first.machine.read_text("utf-8").split("effects:\n")
+    assert kept == MACHINE.read_text("utf-8")
+    assert "lost_motion" in block
+    (tmp_path / "machine.yaml").write_text(kept, "utf-8")
+    call = ("predict-points", "-p", PART, "--lbb", READINGS)
+    old, new = (report(*call, "-m", path) for path in (MACHINE, tmp_path / "machine.yaml"))
+    assert new["results"] == old["results"]
+
+
+def test_the_lengths_are_as_predicted_then(first: Run) -> None:
+    """9-15 is approached from either side: it grows by twice the effect."""
+    lengths = [
+        {item["id"]: item for item in found["results"]["lengths"]}
+        for found in (
+            report("compare", UNDECLARED),
+            report("compare", UNDECLARED, "-m", first.machine),
+        )
+    ]
+    before, after = (item["9-15"] for item in lengths)
+    assert (before["verdict"], after["verdict"]) == ("biased", "consistent")
+    assert before["bias_um"] == pytest.approx(2 * TRUE_UM, abs=1.0)
+    assert abs(after["bias_um"]) < 1.0
+
+
+def test_readings_alone_are_judged_by_component(tmp_path: Path) -> None:
+    out = tmp_path / "out.json"
+    done(mtu("close-loop", "-m", MACHINE, "--lbb", READINGS, "-q", "-o", out))
+    results = json.loads(out.read_text("utf-8"))["results"]
+    components = [item["component"] for item in results["tables"]]
+    assert components == ["dx_x", "dy_x", "dy_y", "dx_y", "ex_x", "ey_x", "ez_x", "ex_y", "ey_y",
+                          "ez_y", "axy"]  # fmt: skip
+    assert results["verdict"] == "none"
+    assert "floor_arcsec" in next(i for i in results["tables"] if i["component"] == "ez_x")
+
+
+def test_columns_that_cannot_be_used_are_told(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    """dir_x missing, dir_y constant, one temperature a copy, the other with a gap."""
+    points = []
+    for row in rows:
+        if row["repeat"] == "1" and int(row["part"]) <= 8:
+            own: dict[str, Any] = {k: v for k, v in row.items() if k not in ("dir_x", "dir_y")}
+            own |= {"dir_y": 1, "T_copy_degC": 2 * float(row["T_spindle_degC"]) + 1}
+            points.append(own | ({"T_part_degC": ""} if row["part"] == "4" else {}))
+    picture = tmp_path / "out.pdf"
+    found, result = few(tmp_path, points, "--plot", picture)
+    done(result)
+    why = {item["name"]: item["unavailable"] for item in found["results"]["candidates"]}
+    assert why["backlash-x"] == "no column dir_x"
+    assert why["backlash-y"] == "dir_y does not change"
+    said = " ".join(result.stdout.split())
+    assert "not tested: backlash-x, wear-approach-x: no column dir_x" in said
+    assert "dir_y does not change" in said
+    assert "T_copy_degC is a copy of T_spindle_degC" in said
+    assert "empty cells in 'T_part_degC' (24 of 192 rows)" in result.stderr
+    assert "backlash-x" not in [effect["name"] for effect in found["results"]["effects"]]
+    assert picture.read_bytes().startswith(b"%PDF")
+
+
+def test_two_parts(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    found, result = few(tmp_path, [row for row in rows if row["part"] in ("1", "2")])
+    done(result)
+    assert "backlash-x" in found["results"]["effects"][0]["class"]
+    assert "few-parts" in [warning["code"] for warning in found["warnings"]]
+
+
+def test_one_part_with_one_hole(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    found, result = few(tmp_path, rows[:1])
+    assert found is None
+    assert done(result, 2).stderr.startswith("mtu: too little to judge by: 1 by 1")
+    assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.01])
+def test_errors_without_any_scatter(shift: float, tmp_path: Path) -> None:
+    places = {"A": (0, 0), "B": (100, 0), "C": (200, 0), "D": (0, 80), "E": (0, 160)}
+    lines = ["part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm"]
+    for part in range(6):
+        for name, (x, y) in places.items():
+            lines.append(f"{part},{name},{x + shift},{y + shift},{x},{y}")
+    (tmp_path / "cmm.csv").write_text("\n".join(lines), "utf-8")
+    known = "{dx: {unit: um, coefficients: [0]}, dy: {unit: um, coefficients: [0]}}"
+    text = f"schema: mtu/machine/1\nname: exact\ncomponents: {known}\n"
+    text += "equations: {Ex: dx, Ey: dy}\n"
+    (tmp_path / "machine.yaml").write_text(text, "utf-8")
+    found = report("close-loop", "-m", "machine.yaml", "--cmm", "cmm.csv", cwd=tmp_path)
+    names = {effect["name"] for effect in found["results"]["effects"]}
+    assert names <= ({"offset-x", "offset-y"} if shift else set())
+    assert found["results"]["verdict"] in ("none", *(["named"] if shift else []))
+    assert found["results"]["before"]["rms_um"] == pytest.approx(1e3 * shift)
+
+
+def test_own_effects_of_the_readme(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    (text,) = re.findall(
+        r"```yaml\n(schema: mtu/effects/1\n.*?)```", (ROOT / "README.md").read_text("utf-8"), re.S
+    )
+    (tmp_path / "mine.yaml").write_text(text, "utf-8")
+    points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
+    found, result = few(tmp_path, points, "--effects", tmp_path / "mine.yaml")
+    done(result)
+    tested = {item["name"]: item["unavailable"] for item in found["results"]["candidates"]}
+    assert tested["screw-heat-x"] is tested["screw-heat-y"] is None
+    assert found["results"]["effects"][0]["name"] == "backlash-x"
+    assert "effects" in [item["role"] for item in found["inputs"]]

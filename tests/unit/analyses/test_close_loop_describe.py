@@ -1,0 +1,161 @@
+"""Found effects in the terms of a report: intervals, shares, aliases, what was searched."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from crossed_tables import Floats
+from loop_tables import candidate, crossed, offset, prepared_with, residuals, whole_column
+from scipy.stats import binom, t
+
+from mtu_cli.analyses.close_loop.added import added
+from mtu_cli.analyses.close_loop.describe import Described, candidate_name, found_effects
+from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.analyses.close_loop.scan import calibrated
+from mtu_cli.analyses.close_loop.search import search
+from mtu_cli.model.effect_candidate import Column
+from mtu_cli.stats.family_gate import Gate
+
+SHAPE = (12, 10, 2)
+RNG = np.random.default_rng(1)
+PLACE = np.linspace(0.0, 1.0, 10)
+PITCH = np.geomspace(0.2, 1.0, 15)
+
+
+def centred(values: Floats) -> Floats:
+    return np.asarray(values - values.mean())
+
+
+def wave(pitch: float) -> tuple[Column, ...]:
+    angle = 2 * np.pi * PLACE[None] / pitch
+    return ({0: centred(np.sin(angle))}, {0: centred(np.cos(angle))})
+
+
+CELLS: Column = {1: centred(RNG.normal(size=(12, 10)))}
+SAME: Column = {1: -3.0 * CELLS[1]}
+STEP: Column = {0: np.asarray(np.arange(12) >= 5, float)[:, None]}
+LIBRARY = (
+    candidate("wave", *(wave(pitch) for pitch in PITCH)),
+    candidate("cells", (CELLS,)),
+    candidate("copy", (SAME,)),
+    candidate("step", (STEP,)),
+    offset("x"),
+    offset("y"),
+)
+
+
+def quiet(rng: np.random.Generator) -> Floats:
+    return crossed(rng, SHAPE, part=0.5, column=0.2)
+
+
+@cache
+def ready() -> tuple[Prepared, Gate]:
+    own = prepared_with(residuals(quiet(np.random.default_rng(2))), *LIBRARY)
+    return own, calibrated(own.scan, 999, 3)
+
+
+def told(errors: Floats, most: int = 4) -> Described:
+    own, gate = ready()
+    own = own.with_table(replace(own.table, errors=errors))
+    found = search(own, gate, alpha=0.05, most=most)
+    return Described(prepared=own, found=found, effects=added(own, found, 1), chosen=())
+
+
+def described(errors: Floats, most: int = 4) -> tuple[FoundEffect, ...]:
+    own = told(errors, most)
+    return found_effects(own, [None] * len(own.found.steps))
+
+
+def strong(seed: int) -> Floats:
+    errors = quiet(np.random.default_rng(seed)) + 3.0 * whole_column(CELLS, SHAPE)
+    return errors + 4.0 * whole_column(STEP, SHAPE) + [0.0, 1.0]
+
+
+def by_name(found: tuple[FoundEffect, ...]) -> dict[str, FoundEffect]:
+    return {effect.name: effect for effect in found}
+
+
+def test_parameters_have_students_intervals_that_hold_the_truth() -> None:
+    found = by_name(described(strong(4)))
+    assert "step" in found
+    assert {"cells", "copy"} & set(found)
+    wanted = {"cells": 3.0, "copy": -1.0, "step": 4.0}
+    for name, effect in found.items():
+        for (_, unit, value, u), (low, high, nu) in zip(
+            effect.parameters, effect.intervals, strict=True
+        ):
+            assert unit == "um"
+            assert (high - low) / 2 == pytest.approx(t.ppf(0.975, nu) * u, rel=1e-9)
+            assert (high + low) / 2 == pytest.approx(value, rel=1e-9)
+        value, u = effect.parameters[0][2:]
+        if name in wanted:
+            assert value == pytest.approx(wanted[name], abs=5 * u)
+        np.testing.assert_allclose(
+            np.sqrt(np.diag(effect.covariance)), [p[3] for p in effect.parameters]
+        )
+
+
+def test_what_is_the_same_whatever_the_data_is_named_with_it() -> None:
+    found = by_name(described(strong(5)))
+    name = "cells" if "cells" in found else "copy"
+    other = "copy" if name == "cells" else "cells"
+    assert found[name].aliases == (other,)
+    assert found[name].class_names[0] == name
+    assert other in found[name].class_names
+    assert found["step"].aliases == ()
+
+
+def test_the_share_is_that_of_the_mean_square_of_the_table() -> None:
+    errors = strong(6)
+    found = by_name(described(errors))
+    for name, column in (("step", STEP), ("cells", CELLS), ("copy", SAME)):
+        if name in found:
+            whole = found[name].parameters[0][2] * whole_column(column, SHAPE)
+            whole = whole - whole.mean(axis=(0, 1))
+            expected = np.sum(whole**2) / np.sum(errors**2)
+            assert found[name].explained_share == pytest.approx(expected, rel=1e-9)
+    shift = np.sum(errors[:, :, 1].mean() ** 2) * 120 / np.sum(errors**2)
+    assert found["offset-y"].explained_share == pytest.approx(shift, rel=0.05)
+    assert found["offset-y"].parameters[0][0] == "shift"
+    assert found["offset-y"].equations == {"Ey": "shift"}
+
+
+def test_the_interval_of_what_was_searched_holds_it() -> None:
+    rng, at, count, held = np.random.default_rng(7), 6, 30, 0
+    sine, cosine = (whole_column(c, SHAPE) for c in wave(float(PITCH[at])))
+    for _ in range(count):
+        (effect, *_) = described(quiet(rng) + 2.0 * sine + 1.0 * cosine, most=1)
+        assert effect.name == "wave"
+        value, low, high = effect.searched["grid"]
+        assert low <= value <= high
+        held += low <= at <= high
+    assert held >= binom.ppf(1e-3, count, 0.95)
+
+
+def test_a_level_is_a_parameter_and_stands_in_the_equation() -> None:
+    errors = quiet(np.random.default_rng(8)) + 4.0 * whole_column(STEP, SHAPE)
+    # From below the mean to above it: the mean error is 0, that of the step is not.
+    errors[:, :, 0] -= 4.0 * 7 / 12
+    (effect,) = described(errors)
+    assert effect.name == "step"
+    assert [name for name, *_ in effect.parameters] == ["b0", "level"]
+    assert effect.equations == {"Ex": "b0 + level"}
+    value, u = effect.parameters[1][2:]
+    assert value == pytest.approx(-4.0 * 7 / 12, abs=5 * u)
+
+
+def test_names_beyond_the_candidates_are_drifts_and_fields() -> None:
+    own = ready()[0]
+    n = len(own.candidates)
+    found = [candidate_name(own, i) for i in range(n - 1, n + 4)]
+    assert found == [
+        "offset-y",
+        "unnamed-drift-x",
+        "unnamed-drift-y",
+        "unnamed-field-x",
+        "unnamed-field-y",
+    ]

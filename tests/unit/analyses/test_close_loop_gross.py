@@ -1,0 +1,140 @@
+"""Gross entries: found where they are, and nothing set aside of tables that have none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from crossed_tables import Floats, half_measured, holes
+from loop_tables import crossed, residuals
+from scipy.stats import binom, norm
+
+from mtu_cli.analyses.close_loop.gross import set_aside
+
+SHAPE = (12, 10, 2)
+
+
+def noise(seed: int) -> Floats:
+    return crossed(np.random.default_rng(seed), SHAPE)
+
+
+@pytest.mark.parametrize("shape", [SHAPE, (1, 24, 2), (24, 1, 1), (4, 4, 1)])
+def test_normal_tables_are_left_alone(shape: tuple[int, int, int]) -> None:
+    rng, count = np.random.default_rng(1), 80
+    touched = sum(bool(set_aside(residuals(crossed(rng, shape)))[1]) for _ in range(count))
+    assert touched <= binom.ppf(1 - 1e-3, count, 0.05)
+
+
+@pytest.mark.parametrize("name", ["holes", "half"])
+def test_incomplete_normal_tables_are_left_alone(name: str) -> None:
+    there = holes(12, 10, 0.3, 2) if name == "holes" else half_measured(12, 10)
+    rng, count = np.random.default_rng(3), 80
+    touched = 0
+    for _ in range(count):
+        touched += bool(set_aside(residuals(crossed(rng, SHAPE), there=there))[1])
+    assert touched <= binom.ppf(1 - 1e-3, count, 0.05)
+
+
+def test_a_table_that_is_left_alone_is_the_same() -> None:
+    table = residuals(noise(4))
+    assert set_aside(table) == (table, ())
+
+
+def test_gross_entries_are_found_where_they_are() -> None:
+    rng, others = np.random.default_rng(5), 0
+    for _ in range(30):
+        errors = crossed(rng, SHAPE)
+        where = rng.choice(120, 3, replace=False)
+        p, h = np.divmod(where, 10)
+        axis = rng.integers(2, size=3)
+        errors[p, h, axis] += rng.choice([-1, 1], 3) * rng.uniform(15, 60, 3)
+        table, found = set_aside(residuals(errors))
+        wanted = {(f"P{i + 1}", f"H{j + 1}") for i, j in zip(p, h, strict=True)}
+        assert {(g.part, g.feature) for g in found} >= wanted
+        others += len(found) > 3
+        # In all axes, and those alone.
+        assert np.isnan(table.errors[p, h]).all()
+        assert (~table.there).sum() == len(found)
+        assert np.isfinite(table.errors[table.there]).all()
+    assert others <= binom.ppf(1 - 1e-3, 30, 0.05)
+
+
+def test_parts_that_turn_and_grow_have_no_gross_entries() -> None:
+    rng, count = np.random.default_rng(14), 60
+    touched = 0
+    for _ in range(count):
+        table = residuals(crossed(rng, SHAPE))
+        places = table.places[0, :, :2] - table.places[0, :, :2].mean(axis=0)
+        motion = np.einsum("paj,hj->pha", rng.normal(size=(12, 2, 2)) * 0.2, places)
+        touched += bool(set_aside(replace(table, errors=table.errors + motion))[1])
+    assert touched <= binom.ppf(1 - 1e-3, count, 0.05)
+
+
+def test_deviations_are_from_part_and_column() -> None:
+    rng = np.random.default_rng(6)
+    part, column = 50 * rng.normal(size=(12, 1, 2)), 50 * rng.normal(size=(1, 10, 2))
+    errors = part + column + rng.normal(size=SHAPE)
+    errors[3, 4] += [40.0, -25.0]
+    _, (one,) = set_aside(residuals(errors))
+    # Medians of ten and twelve entries: each within about 1.25 / sqrt(10) of its own.
+    assert one.deviation == pytest.approx((40.0, -25.0), abs=4.0)
+    assert one.score == pytest.approx(40.0, rel=0.25)
+
+
+@pytest.mark.parametrize(("beyond", "aside"), [(-1.5, 0), (1.5, 1)])
+def test_the_limit_is_a_standard_deviation_beyond_the_largest_of_a_table(
+    beyond: float, aside: int
+) -> None:
+    # 120 entries: two-sided 5 % of the largest is 3.53, and one more. One entry by itself in a
+    # part and column of small noise is told within a median's error.
+    limit = norm.isf(0.05 / (2 * 120)) + 1
+    found = 0
+    for seed in range(20):
+        errors = np.random.default_rng(seed).normal(size=SHAPE)
+        errors[2, 3, 0] = limit + beyond
+        found += len(set_aside(residuals(errors))[1]) == aside
+    assert found >= 16
+
+
+def test_many_far_entries_are_the_tables_own_distribution() -> None:
+    rng = np.random.default_rng(8)
+    errors = noise(9)
+    errors.reshape(120, 2)[rng.choice(120, 7, replace=False)] += 40.0
+    table = residuals(errors)
+    assert set_aside(table) == (table, ())
+
+
+def test_too_few_parts_or_columns_tell_nothing() -> None:
+    for shape in ((3, 10, 1), (10, 3, 1), (1, 11, 1)):
+        errors = crossed(np.random.default_rng(10), shape)
+        errors[0, 0] += 1000.0
+        assert set_aside(residuals(errors))[1] == ()
+
+
+def test_the_last_entry_of_a_part_is_kept() -> None:
+    there = np.ones((12, 10), bool)
+    there[5, 1:] = False
+    # The part's own median takes its only entry: whatever it is, it is not gross.
+    errors = noise(11)
+    errors[5, 0] += 500.0
+    table, found = set_aside(residuals(errors, there=there))
+    assert found == ()
+    assert table.there[5, 0]
+
+
+def test_entries_without_scatter_set_nothing_aside() -> None:
+    errors = np.zeros(SHAPE)
+    errors[0, 0] = 1.0
+    assert set_aside(residuals(errors))[1] == ()
+
+
+def test_repeats_go_with_their_entry() -> None:
+    errors = np.random.default_rng(12).uniform(-1.0, 1.0, SHAPE)
+    errors[1, 2] += 80.0
+    given = replace(residuals(errors), repeats=np.full((12, 10), 3))
+    table, found = set_aside(given)
+    assert [(g.part, g.feature) for g in found] == [("P2", "H3")]
+    assert table.repeats[1, 2] == 0
+    assert table.repeats.sum() == 3 * 119
+    assert given.repeats[1, 2] == 3
