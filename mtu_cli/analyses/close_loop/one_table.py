@@ -151,9 +151,8 @@ def _scored(told: Described, out: HeldOut | None) -> _Scored:
     members = tuple(prepared.members[m] for m in effects.members)
     explained = contribution(effects, table, members)
     strata = prepared.scan.frame.strata
-    plain = entry_variance(prepared.scan.null, strata)
     left = entry_variance(effects.prepared.scan.null, strata)
-    before = scores(table.errors, table.axes, plain)
+    before = scores(table.errors, table.axes, left)
     after = scores(table.errors - explained, table.axes, left)
     return _Scored(
         explained=explained,

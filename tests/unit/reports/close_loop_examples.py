@@ -131,6 +131,7 @@ def on_table(
         in_sample_before=scores(6.0),
         in_sample_after=scores(3.7) if effects else scores(6.0),
         held_out_by="parts",
+        folds=5,
         floor=3.6e-3,
         unexplained_rms=(3.7e-3 if effects else 6.0e-3) if verdict == "unexplained" else None,
     )

@@ -56,7 +56,7 @@ def test_a_class_is_not_told_as_one_name() -> None:
     text = words(ambiguous())
     assert text.startswith("backlash-x, abbe-x or trend-x: this data cannot tell. If backlash-x: ")
     assert "To tell: shift the fixture by 17 mm" in text
-    assert "6.3 standard deviations apart; now 0.81" in text
+    assert "6.3 standard deviations apart, now they are 0.81" in text
 
 
 def test_without_a_planned_experiment_the_library_says_what_to_do() -> None:

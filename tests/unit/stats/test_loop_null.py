@@ -71,6 +71,27 @@ def test_a_complete_table_gives_the_analysis_of_variance() -> None:
     assert found.part[0, 0] == pytest.approx(H * np.var(row, ddof=1) - square, rel=1e-12)
 
 
+def test_the_ratings_of_shrout_and_fleiss() -> None:
+    # Psychol. Bull. 86 (1979) 420, tables 2 and 3: six targets, four judges; mean squares
+    # 11.24, 32.49 and 1.02, ICC(2,1) 0.29 and ICC(3,1) 0.71.
+    ratings = np.array(
+        [[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6], [10, 5, 6, 9], [6, 2, 4, 7]], float
+    )
+    strata = strata_of(6, np.zeros((4, 0)), 1)
+    y, _ = strata.coordinates(ratings[:, :, None])
+    squares = {s.kind: float(np.mean(y[s.slice] ** 2)) for s in strata.all}
+    assert squares["part"] == pytest.approx(11.24, abs=0.005)
+    assert squares["column"] == pytest.approx(32.49, abs=0.005)
+    assert squares["interaction"] == pytest.approx(1.02, abs=0.005)
+    (found,) = fitted(strata, np.ones((6, 4), bool), ratings[None, :, :, None])
+    target, noise = found.part[0, 0] / 4, found.interaction[0]
+    # Three judges beyond their mean tell their scatter to three quarters (four would all of it).
+    judge = (squares["column"] - noise) / 6
+    assert found.column[0] == pytest.approx(0.75 * judge, rel=1e-12)
+    assert target / (target + judge + noise) == pytest.approx(0.29, abs=0.005)
+    assert target / (target + noise) == pytest.approx(0.71, abs=0.005)
+
+
 @pytest.mark.parametrize("name", ["complete", "holes", "half"])
 def test_components_are_recovered(name: str) -> None:
     strata, model = lively()

@@ -133,7 +133,7 @@ def test_of_columns_is_what_the_table_gives() -> None:
 
 
 def expected_squares(strata: Strata, interaction: float, column: float, part: float) -> Floats:
-    """Expected mean squares: Searle, Casella & McCulloch (1992), table 4.2, one entry a cell."""
+    """Expected mean squares: Searle, Casella & McCulloch (1992), one entry a cell."""
     P, H, _ = strata.shape
     known = {
         "part": interaction + H * part,
