@@ -43,10 +43,16 @@ def table_covariates(
 
     (1, 1) where nothing differs, (parts, 1) where nothing does within a part, (1, columns)
     where nothing does within a column, else the cells' means; missing cells hold the mean of
-    their part. A column with gaps is left out with a warning.
+    their part. A column with gaps, or of text, is left out with a warning.
     """
     found: dict[str, FloatArray] = {}
     gaps: list[str] = []
+    texts = [
+        repr(name)
+        for name, column in columns.items()
+        if column.dtype == object and np.isnan(_number(str(column[0])))
+    ]
+    warned = [] if not texts else [_texts(texts)]
     for name, column in columns.items():
         if column.dtype == object:
             continue
@@ -56,12 +62,17 @@ def table_covariates(
         elif known.any():
             gaps.append(f"{name!r} ({int((~known).sum())} of {len(known)} rows)")
     if not gaps:
-        return found, ()
+        return found, tuple(warned)
     text = (
         f"empty cells in {', '.join(gaps)}: left out, so that no effect of "
         f"{'it' if len(gaps) == 1 else 'them'} can be tested"
     )
-    return found, (Warned(code="covariate-gaps", message=text),)
+    return found, (Warned(code="covariate-gaps", message=text), *warned)
+
+
+def _texts(names: list[str]) -> Warned:
+    text = f"{', '.join(names)}: text, not numbers, so that no effect of it can be tested"
+    return Warned(code="covariate-is-text", message=text)
 
 
 def _smallest(column: FloatArray, cells: Cells) -> FloatArray:

@@ -192,7 +192,7 @@ def test_directions_with_gaps_and_text_covariates(tmp_path: Path) -> None:
     found = readings([replace(segment, direction=direction, setup="a")])
     (table,), warned = reading_tables(machine(tmp_path), None, found)
     assert "dir_x" not in table.covariates
-    assert [item.code for item in warned] == ["covariate-gaps"]
+    assert [item.code for item in warned] == ["covariate-gaps", "covariate-is-text"]
     assert "40" in table.features
     assert "setup" not in table.covariates
 

@@ -53,7 +53,7 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
         "T_room_degC": (1, 1), "tool_parts": (4, 1), "depth": (1, 3), "T_bed_degC": (4, 3),
         "T_cmm_degC": (4, 3),
     }  # fmt: skip
-    assert codes(warned) == ["covariate-gaps"]
+    assert codes(warned) == ["covariate-gaps", "covariate-is-text"]
     assert "'gap' (1 of" in warned[0].message
     assert "'hole' (5 of" in warned[0].message
     for p in range(4):

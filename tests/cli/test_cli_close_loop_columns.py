@@ -1,0 +1,123 @@
+"""`mtu close-loop` on points that lack columns, parts, scatter, or hold one column twice."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_runner import Result, done, mtu, report
+from support import CONFIGS, DATA, ROOT
+
+MACHINE, PART = (CONFIGS / "undeclared" / name for name in ("machine.yaml", "part.yaml"))
+READINGS, POINTS = (DATA / "undeclared" / name for name in ("lbb.csv", "cmm.csv"))
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[dict[str, str]]:
+    """The shipped points."""
+    with POINTS.open(encoding="utf-8") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
+def few(folder: Path, points: Sequence[dict[str, Any]], *words: object) -> tuple[Any, Result]:
+    """Report and result of a call on some points."""
+    path, out = folder / "cmm.csv", folder / "out.json"
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.DictWriter(file, list(points[0]))
+        table.writeheader()
+        table.writerows(points)
+    files = ("-m", MACHINE, "-p", PART, "--lbb", READINGS, "--cmm", path)
+    result = mtu("close-loop", *files, "-o", out, *words)
+    return json.loads(out.read_text("utf-8")) if out.exists() else None, result
+
+
+def test_columns_that_cannot_be_used_are_told(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    """dir_x missing, dir_y constant, one temperature a copy, the other with a gap."""
+    points = []
+    for row in rows:
+        if row["repeat"] == "1" and int(row["part"]) <= 8:
+            own: dict[str, Any] = {k: v for k, v in row.items() if k not in ("dir_x", "dir_y")}
+            own |= {"dir_y": 1, "T_copy_degC": 2 * float(row["T_spindle_degC"]) + 1}
+            points.append(own | ({"T_part_degC": ""} if row["part"] == "4" else {}))
+    picture = tmp_path / "out.pdf"
+    found, result = few(tmp_path, points, "--plot", picture)
+    done(result)
+    why = {item["name"]: item["unavailable"] for item in found["results"]["candidates"]}
+    assert why["backlash-x"] == "no column dir_x"
+    assert why["backlash-y"] == "dir_y does not change"
+    said = " ".join(result.stdout.split())
+    assert "not tested: backlash-x, wear-approach-x: no column dir_x" in said
+    assert "dir_y does not change" in said
+    assert "T_copy_degC is a copy of T_spindle_degC" in said
+    assert "empty cells in 'T_part_degC' (24 of 192 rows)" in result.stderr
+    assert "backlash-x" not in [effect["name"] for effect in found["results"]["effects"]]
+    assert picture.read_bytes().startswith(b"%PDF")
+
+
+def test_a_copy_of_the_direction_makes_a_class(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    """What is written is then one of two, and a warning says so."""
+    points = [
+        row | {"clamp": row["dir_x"]}
+        for row in rows
+        if row["repeat"] == "1" and int(row["part"]) <= 8
+    ]
+    found, result = few(tmp_path, points, "--write-machine", tmp_path / "new.yaml")
+    done(result)
+    results = found["results"]
+    assert results["verdict"] == "class"
+    assert set(results["effects"][0]["class"]) >= {"backlash-x", "covariate-x"}
+    assert "this data cannot tell" in result.stdout
+    assert "written-class" in [warning["code"] for warning in found["warnings"]]
+    assert (tmp_path / "new.yaml").exists()
+
+
+def test_two_parts(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    found, result = few(tmp_path, [row for row in rows if row["part"] in ("1", "2")])
+    done(result)
+    assert "backlash-x" in found["results"]["effects"][0]["class"]
+    assert "few-parts" in [warning["code"] for warning in found["warnings"]]
+
+
+def test_one_part_with_one_hole(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    found, result = few(tmp_path, rows[:1])
+    assert found is None
+    assert done(result, 2).stderr.startswith("mtu: too little to judge by: 1 by 1")
+    assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.01])
+def test_errors_without_any_scatter(shift: float, tmp_path: Path) -> None:
+    places = {"A": (0, 0), "B": (100, 0), "C": (200, 0), "D": (0, 80), "E": (0, 160)}
+    lines = ["part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm"]
+    for part in range(6):
+        for name, (x, y) in places.items():
+            lines.append(f"{part},{name},{x + shift},{y + shift},{x},{y}")
+    (tmp_path / "cmm.csv").write_text("\n".join(lines), "utf-8")
+    known = "{dx: {unit: um, coefficients: [0]}, dy: {unit: um, coefficients: [0]}}"
+    text = f"schema: mtu/machine/1\nname: exact\ncomponents: {known}\n"
+    text += "equations: {Ex: dx, Ey: dy}\n"
+    (tmp_path / "machine.yaml").write_text(text, "utf-8")
+    found = report("close-loop", "-m", "machine.yaml", "--cmm", "cmm.csv", cwd=tmp_path)
+    names = {effect["name"] for effect in found["results"]["effects"]}
+    assert names <= ({"offset-x", "offset-y"} if shift else set())
+    assert found["results"]["verdict"] in ("none", *(["named"] if shift else []))
+    assert found["results"]["before"]["rms_um"] == pytest.approx(1e3 * shift)
+
+
+def test_own_effects_of_the_readme(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    (text,) = re.findall(
+        r"```yaml\n(schema: mtu/effects/1\n.*?)```", (ROOT / "README.md").read_text("utf-8"), re.S
+    )
+    (tmp_path / "mine.yaml").write_text(text, "utf-8")
+    points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
+    found, result = few(tmp_path, points, "--effects", tmp_path / "mine.yaml")
+    done(result)
+    tested = {item["name"]: item["unavailable"] for item in found["results"]["candidates"]}
+    assert tested["screw-heat-x"] is tested["screw-heat-y"] is None
+    assert found["results"]["effects"][0]["name"] == "backlash-x"
+    assert "effects" in [item["role"] for item in found["inputs"]]
