@@ -77,7 +77,7 @@ def _experiment(effect: FoundEffect) -> list[str]:
     if planned is not None:
         return [
             f"To tell: {planned.do}: that should set them {significant(planned.predicted_d)} "
-            f"standard deviations apart; now {significant(planned.now_d)}."
+            f"standard deviations apart, now they are {significant(planned.now_d)}."
         ]
     return [] if effect.separates is None else [f"To tell: {effect.separates}."]
 

@@ -15,7 +15,9 @@ from shop_day import (
     OUTSIDE,
     Noise,
     Truth,
+    blocks,
     effect,
+    interleaved,
     measure,
     misshapen_effect,
     named_by_noise,
@@ -24,7 +26,7 @@ from shop_day import (
 )
 
 from loop_bench.commands import commanded
-from loop_bench.days import BenchDay
+from loop_bench.days import FOLDS, THIRDS, BenchDay
 from loop_bench.intervals import covers
 from loop_bench.judge import diagnosed, held_out_after
 
@@ -157,7 +159,15 @@ def _of_library(bench: BenchDay, cell: Cell, truth: Truth, errors: np.ndarray) -
     if signal is not None:
         kept = {"z": signal.z, "d": signal.d, "rival": signal.rival}
     if truth.family not in SCATTERS and cell.amplitude >= 0.5:
-        oracle = oracle_held_out(errors, [truth])
-        kept |= {"before": oracle.before, "oracle": oracle.after}
-        kept["after"] = held_out_after(bench, errors)
+        parts = bench.day.P
+        between = oracle_held_out(errors, [truth], interleaved(parts, THIRDS))
+        oracle = oracle_held_out(errors, [truth], blocks(parts, FOLDS))
+        kept |= {
+            "before": between.before,
+            "oracle": between.after,
+            "after": held_out_after(bench, errors, bench.interleaved),
+            "before_blocks": oracle.before,
+            "oracle_blocks": oracle.after,
+            "after_blocks": held_out_after(bench, errors, bench.folds),
+        }
     return kept

@@ -23,7 +23,8 @@ UM = 1e-3
 PASS_DOF = 10.0
 """Of the machine's own scatter of parts, which its components were fitted with."""
 SAMPLES = 2000
-FOLDS = 3
+FOLDS = 7
+THIRDS = 3
 GATE_SEED = 1
 
 
@@ -72,6 +73,13 @@ class BenchDay:
     def folds(self) -> tuple[Fold, ...]:
         """The blocks that the oracle leaves out, too."""
         return folds_of(self.table, self.candidates, GATE_SEED, self.table.pass_dof, count=FOLDS)
+
+    @cached_property
+    def interleaved(self) -> tuple[Fold, ...]:
+        """Every third part left out: between the others, as the bar was measured."""
+        number = np.arange(self.day.P) % THIRDS
+        known = self.table.pass_dof
+        return folds_of(self.table, self.candidates, GATE_SEED, known, number=number)
 
     @cached_property
     def rivals(self) -> Rivals:

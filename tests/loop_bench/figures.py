@@ -126,15 +126,20 @@ def by_family(records: Sequence[Record]) -> dict[str, list[Record]]:
     return found
 
 
-def oracle_share(records: Sequence[Record], reach: Limits, beyond: Limits) -> Figure:
+def oracle_share(
+    records: Sequence[Record], reach: Limits | None, beyond: Limits | None, of: str = ""
+) -> Figure:
     """Sum of the engine's held-out gains over that of the oracle's; interval by the ratio's
     linearised variance.
     """
     pairs = np.array(
         [
-            (record["before"] - record["after"], record["before"] - record["oracle"])
+            (
+                record["before" + of] - record["after" + of],
+                record["before" + of] - record["oracle" + of],
+            )
             for record in records
-            if "after" in record
+            if "after" + of in record
         ]
     )
     if len(pairs) < 2:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from mtu_cli.analyses.close_loop.added import added, contribution
 from mtu_cli.analyses.close_loop.describe import Described, candidate_name, found_effects
 from mtu_cli.analyses.close_loop.folds import only_parts
 from mtu_cli.analyses.close_loop.gross import set_aside
+from mtu_cli.analyses.close_loop.held_out import Fold
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search, search
 from mtu_cli.model.effect_candidate import Member
@@ -78,14 +80,14 @@ def diagnosed(bench: BenchDay, errors: Floats) -> Diagnosis:
     )
 
 
-def held_out_after(bench: BenchDay, errors: Floats) -> float:
+def held_out_after(bench: BenchDay, errors: Floats, folds: Sequence[Fold]) -> float:
     """Mean square, um^2, of held-out parts' errors less what was found without them, against
     the training parts' mean: as the oracle counts.
     """
     table, _ = set_aside(bench.measured(errors))
     whole = {_key(c.name, m): m for c in bench.candidates for m in c.members}
     total = 0.0
-    for fold in bench.folds:
+    for fold in folds:
         prepared = fold.prepared.with_table(only_parts(table, fold.kept))
         found = search(prepared, fold.gate, alpha=ALPHA, most=MOST)
         effects = added(prepared, found)

@@ -23,13 +23,14 @@ from shop_day.noise import (
     measure_repeats,
     named_by_noise,
 )
-from shop_day.oracle import HeldOut, Rivals, Signal, blocks, oracle_held_out, whitened
+from shop_day.oracle import HeldOut, Rivals, Signal, blocks, interleaved, oracle_held_out, whitened
 from shop_day.outside import MISSHAPEN, OUTSIDE, misshapen_effect, outside_effect
 from shop_day.truth import Truth
 
 __all__ = [
     "FAMILIES", "MISSHAPEN", "NOISES", "ONE_AXIS", "OUTSIDE", "REPEATS", "SIGMA", "HeldOut",
     "Noise", "Rivals", "ShopDay", "Signal", "Truth", "blocks", "effect", "geometric_errors",
-    "measure", "measure_repeats", "misshapen_effect", "named_by_noise", "oracle_held_out",
+    "interleaved", "measure", "measure_repeats", "misshapen_effect", "named_by_noise",
+    "oracle_held_out",
     "outside_effect", "predicted_errors", "whitened", "write_csv", "write_machine", "write_part",
 ]  # fmt: skip

@@ -8,7 +8,7 @@ mean, which is free.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -134,15 +134,28 @@ def blocks(parts: int, folds: int = FOLDS) -> Iterator[tuple[Ints, Ints]]:
         yield np.setdiff1d(rows, held), held
 
 
-def oracle_held_out(errors: Floats, truths: Sequence[Truth], folds: int = FOLDS) -> HeldOut:
+def interleaved(parts: int, folds: int = FOLDS) -> Iterator[tuple[Ints, Ints]]:
+    """(training, held-out) rows: every `folds`-th part held out."""
+    rows = np.arange(parts)
+    for first in range(folds):
+        held = rows[first::folds]
+        yield np.setdiff1d(rows, held), held
+
+
+def oracle_held_out(
+    errors: Floats,
+    truths: Sequence[Truth],
+    splits: Iterable[tuple[Ints, Ints]] | None = None,
+) -> HeldOut:
     """The held-out gain of who knows the effects' columns, their sizes and the noise.
 
     `errors` (P, H, 2) um. Coefficients of all columns are fitted on the training parts by
     generalised least squares with the true variances. An effect stays out of a fold whose
-    training parts show it too little to gain by it (a warm-up in the first block).
+    training parts show it too little to gain by it (a warm-up in the first block). `splits` are
+    blocks of consecutive parts if not given.
     """
     sums = np.zeros(3)
-    for train, held in blocks(len(errors), folds):
+    for train, held in blocks(len(errors)) if splits is None else splits:
         used = [truth for truth in truths if len(truth.columns)]
         while used:
             fit = _Fit(used, errors, train, held)

@@ -60,15 +60,19 @@ def folds_of(
     seed: int,
     pass_dof: float = np.inf,
     count: int = FOLDS,
+    number: NDArray[np.int64] | None = None,
 ) -> tuple[Fold, ...]:
     """Blocks of consecutive parts, so that drifts do not leak; of few parts, every n-th column.
 
-    Empty where there are too few of both.
+    Empty where there are too few of both. `number` (P,) tells the fold of each part, if not so.
     """
     P, H = table.there.shape
-    if P >= FEWEST_PARTS:
+    dimension = 0
+    if number is not None:
+        count = int(number.max()) + 1
+    elif P >= FEWEST_PARTS:
         count = min(count, P)
-        dimension, number = 0, np.minimum(np.arange(P) * count // P, count - 1)
+        number = np.minimum(np.arange(P) * count // P, count - 1)
     elif H >= FEWEST_COLUMNS:
         dimension, number = 1, np.arange(H) % count
     else:

@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 import pytest
 from loop_bench.cells import CELLS, Cell, Measure, Record, record
-from loop_bench.days import BenchDay
+from loop_bench.days import FOLDS, THIRDS, BenchDay
 from loop_bench.figures import binomial, class_holds, exact_pair, flagged, right_first
 from loop_bench.judge import diagnosed, held_out_after
 from loop_bench.pieces import DAYS, indices
 from scipy import stats
-from shop_day import Noise, effect, measure, oracle_held_out
+from shop_day import Noise, blocks, effect, interleaved, measure, oracle_held_out
 from shop_day.day import Kind
 
 DAY, SEED = 500, 5
@@ -75,13 +75,15 @@ def test_held_out_scores_are_counted_as_the_oracle_counts() -> None:
     rng = np.random.default_rng(SEED)
     truth = effect(day.day, "backlash-x", rng, 2.0)
     errors = measure(day.day, rng, [truth])
-    oracle = oracle_held_out(errors, [truth])
+    splits = list(blocks(day.day.P, FOLDS))
+    oracle = oracle_held_out(errors, [truth], splits)
     # One column and nothing else is found in every fold: the oracle knows as much, but the
     # noise's variances too.
-    assert held_out_after(day, errors) == pytest.approx(oracle.after, rel=2e-3)
+    assert held_out_after(day, errors, day.folds) == pytest.approx(oracle.after, rel=2e-3)
     quiet = measure(day.day, rng)
     assert not diagnosed(day, quiet).names
-    assert held_out_after(day, quiet) == pytest.approx(oracle_held_out(quiet, []).after, rel=1e-9)
+    nothing = oracle_held_out(quiet, [], interleaved(day.day.P, THIRDS))
+    assert held_out_after(day, quiet, day.interleaved) == pytest.approx(nothing.after, rel=1e-9)
 
 
 @pytest.mark.parametrize(("hits", "count"), [(0, 10), (3, 50), (250, 5000), (7, 7)])

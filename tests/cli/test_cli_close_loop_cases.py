@@ -1,0 +1,287 @@
+"""Closing the loop end to end: days in a shop and on a measuring machine, as a user runs them."""
+
+from __future__ import annotations
+
+import json
+import resource
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from cli_runner import done, mtu, report
+from shop_day import (
+    ShopDay,
+    Truth,
+    effect,
+    measure_repeats,
+    outside_effect,
+    write_csv,
+    write_machine,
+    write_part,
+)
+from shop_day.day import Kind
+from support import CONFIGS, DATA
+
+RING = CONFIGS / "valdes-ring"
+RINGS = ("ring1", "ring4", "ring6")
+GROWTH, FIXED_AT_MM = 22e-6, -400.0
+"""Of the scale of Y, 1/K, and where it is fixed."""
+DRIFT_X_UM = 6.0
+SECONDS = 5.0
+
+
+def shop(
+    folder: Path,
+    kind: Kind,
+    seed: int,
+    truths: Sequence[tuple[str, float]] = (),
+    outside: str | None = None,
+    change: Callable[[ShopDay], None] | None = None,
+    leave_out: Sequence[str] = (),
+) -> tuple[str, ...]:
+    """A shop day's files in a folder; what `close-loop` is called with."""
+    day, rng = ShopDay(kind, seed), np.random.default_rng(seed)
+    found: list[Truth] = [effect(day, name, rng, size) for name, size in truths]
+    if outside is not None:
+        found.append(outside_effect(day, outside, rng, 1.0))
+    repeats = measure_repeats(day, rng, found)
+    if change is not None:
+        change(day)
+    write_machine(folder / "machine.yaml")
+    write_part(day, folder / "part.yaml")
+    write_csv(day, repeats, folder / "cmm.csv", leave_out=leave_out)
+    return ("-m", "machine.yaml", "-p", "part.yaml", "--cmm", "cmm.csv")
+
+
+def closed(folder: Path, *args: str) -> dict[str, Any]:
+    found: dict[str, Any] = report("close-loop", *args, cwd=folder)["results"]
+    return found
+
+
+def names(found: dict[str, Any]) -> list[str]:
+    return [item["name"] for item in found["effects"]]
+
+
+EXTEND = ("--write-machine", "extended.yaml", "--write-components", "extended.json")
+EXTENDED = ("-m", "extended.yaml", "-c", "extended.json", "-p", "part.yaml")
+
+
+@pytest.fixture(scope="module")
+def ring_day(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A ring at three places, measured by 11 points each, twelve times while the room warms.
+
+    The machine that measures knows no temperature: its Y scale grows from a fixed point outside
+    of its travel, and X drifts.
+    """
+    folder = tmp_path_factory.mktemp("ring")
+    truth = yaml.safe_load((RING / "truth.yaml").read_text())
+    for component in truth["components"].values():
+        component.pop("thermal", None)
+    (folder / "truth.yaml").write_text(yaml.safe_dump(truth, sort_keys=False))
+    part = yaml.safe_load((RING / "part.yaml").read_text())
+    part["features"] = {
+        name: place for name, place in part["features"].items() if name.startswith(RINGS)
+    }
+    part.pop("circles")
+    (folder / "part.yaml").write_text(yaml.safe_dump(part, sort_keys=False))
+    done(
+        mtu(
+            *("simulate", "-m", "truth.yaml", "-p", "part.yaml", "--seed", "11", "-q"),
+            *("--parts", "12", "--repeats", "1", "--cmm-u-um", "0.3", "--minutes", "0.6"),
+            *("--covariate", "T_room_degC: 20 + 6*(1 - exp(-time_min/120))"),
+            "--covariate",
+            "T_scale_y_degC: 20 + 5*(1 - exp(-time_min/200)) + 0.3*sin(time_min/40)",
+            *("--effect", f"Ex: {DRIFT_X_UM / 1e3}*(T_room_degC - 20)"),
+            *("--effect", f"Ey: {GROWTH}*(y - {FIXED_AT_MM})*(T_scale_y_degC - 20)"),
+            *("--write-cmm", "ring.csv"),
+            cwd=folder,
+        )
+    )
+    return folder
+
+
+def test_a_warming_measuring_machine(ring_day: Path) -> None:
+    """Tens of micrometres that no equation knows come down below 3 um on held-out visits."""
+    laser = DATA / "valdes-ring" / "laser.csv"
+    data = ("-p", "part.yaml", "--laser", str(laser), "--cmm", "ring.csv")
+    found = closed(ring_day, "-m", str(RING / "machine.yaml"), *data, *EXTEND)
+    assert found["before"]["rms_um"] > 10
+    assert found["after"]["rms_um"] < 3
+    by_name = {item["name"]: item for item in found["effects"]}
+    y0 = np.mean(
+        [
+            p["y_mm"]
+            for p in yaml.safe_load((ring_day / "part.yaml").read_text())["features"].values()
+        ]
+    )
+    expected = {
+        "thermal-drift-x": ("drift", DRIFT_X_UM),
+        "thermal-drift-y": ("drift", 1e3 * GROWTH * (float(y0) - FIXED_AT_MM)),
+        "thermal-growth-y": ("growth", 1e6 * GROWTH),
+    }
+    assert set(expected) <= set(by_name)
+    for name, (parameter, true) in expected.items():
+        value = by_name[name]["parameters"][parameter]
+        # Passes of the machine scatter a little, which u holds: 4 u in three parameters.
+        assert abs(value["value"] - true) < 4 * value["u"], name
+    again = closed(ring_day, *EXTENDED, "--cmm", "ring.csv")
+    assert again["verdict"] == "none"
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "pair"),
+    [("B", 100, ("backlash-x", "thermal-drift-y")), ("A", 102, ("curvature-x", "scale-y"))],
+)
+def test_two_effects_at_once(tmp_path: Path, kind: Kind, seed: int, pair: tuple[str, str]) -> None:
+    args = shop(tmp_path, kind, seed, [(name, 1.0) for name in pair])
+    found = closed(tmp_path, *args)
+    assert sorted(names(found)) == sorted(pair)
+    assert found["verdict"] in ("named", "class")
+    assert found["after"]["rms_um"] < found["before"]["rms_um"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "outside"),
+    [("B", 201, "smooth-field"), ("A", 200, "thermal-bending"), ("A", 202, "random-walk")],
+)
+def test_an_effect_outside_the_library_gets_no_lone_name(
+    tmp_path: Path, kind: Kind, seed: int, outside: str
+) -> None:
+    args = shop(tmp_path, kind, seed, outside=outside)
+    gate = ("--fail-if", "unexplained", "-o", "-")
+    found = json.loads(done(mtu("close-loop", *args, *gate, cwd=tmp_path), 3).stdout)["results"]
+    assert found["verdict"] == "unexplained"
+    assert found["unexplained"]["rms_um"] > 0
+
+
+def _copied(day: ShopDay) -> None:
+    day.covariates["T_copy_degC"] = day.covariates["T_spindle_degC"]
+    day.covariates["T_still_degC"] = np.full((day.P, 1), 20.0)
+
+
+def test_a_covariate_that_is_copied_or_constant(tmp_path: Path) -> None:
+    args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)], change=_copied)
+    found = closed(tmp_path, *args, *EXTEND)
+    assert names(found) == ["thermal-drift-x"]
+    notes = {item["name"]: item["notes"] for item in found["candidates"]}["thermal-drift-x"]
+    assert any(note.startswith("T_copy_degC is a copy of T_spindle_degC") for note in notes)
+    assert "T_still_degC does not change" in notes
+    # Unknown at prediction: named, with how to give it.
+    refused = done(mtu("predict-points", *EXTENDED, cwd=tmp_path), 2).stderr
+    assert "T_spindle_degC" in refused
+    assert "--at" in refused
+    given = report("predict-points", *EXTENDED, "--at", "T_spindle_degC=28", cwd=tmp_path)
+    assert given["results"]["points"]
+
+
+def test_a_covariate_that_is_missing(tmp_path: Path) -> None:
+    left_out = ("T_spindle_degC", "T_part_degC", "T_cmm_degC", "dir_x")
+    args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)], leave_out=left_out)
+    result = done(mtu("close-loop", *args, "-o", "found.json", cwd=tmp_path))
+    assert "no column T_..._degC" in " ".join(result.stdout.split())
+    found = json.loads((tmp_path / "found.json").read_text())["results"]
+    assert not {"thermal-drift-x", "backlash-x"} & set(names(found))
+    why = {item["name"]: item["unavailable"] for item in found["candidates"]}
+    assert why["thermal-drift-x"] == "no column T_..._degC"
+    assert why["backlash-x"] == "no column dir_x"
+
+
+def test_a_covariate_with_gaps(tmp_path: Path) -> None:
+    args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)])
+    head, *rows = (tmp_path / "cmm.csv").read_text().splitlines()
+    column = head.split(",").index("T_spindle_degC")
+    cells = [row.split(",") for row in rows]
+    for row in cells[::50]:
+        row[column] = ""
+    (tmp_path / "cmm.csv").write_text("\n".join([head, *map(",".join, cells)]) + "\n")
+    result = done(mtu("close-loop", *args, "-q", cwd=tmp_path))
+    assert "empty cells in 'T_spindle_degC'" in result.stderr
+    assert "no effect of it can be tested" in result.stderr
+
+
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A shop day whose backlash and scale were found and written into its machine."""
+    folder = tmp_path_factory.mktemp("extended")
+    args = shop(folder, "A", 3, [("backlash-x", 2.0), ("scale-y", 2.0)])
+    with (folder / "part.yaml").open("a") as file:
+        file.write("lengths: [{from: '1', to: '7'}, {from: '7', to: '13'}]\n")
+        row, column = ([str(i) for i in range(k, k + 7)] for k in (1, 7))
+        file.write(f"orthogonality: [{{id: xy, row: {row}, column: {column}}}]\n")
+    before = (folder / "machine.yaml").read_bytes()
+    seconds = _cpu_seconds()
+    found = closed(folder, *args, *EXTEND)
+    (folder / "seconds.txt").write_text(repr(_cpu_seconds() - seconds))
+    (folder / "found.json").write_text(json.dumps(found))
+    assert (folder / "machine.yaml").read_bytes() == before
+    return folder
+
+
+def _cpu_seconds() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def test_a_shop_day_takes_seconds(extended: Path) -> None:
+    """21 parts, 24 holes, three repeats: calibration, folds and files included."""
+    assert float((extended / "seconds.txt").read_text()) < SECONDS
+
+
+def test_every_command_takes_the_extended_machine(extended: Path) -> None:
+    """E of `predict-points` is the effects' own; lengths and squareness follow from it."""
+    found = json.loads((extended / "found.json").read_text())
+    by_name = {item["name"]: item["parameters"] for item in found["effects"]}
+    assert set(by_name) == {"backlash-x", "scale-y"}
+    day, at = ShopDay("A", 3), ("--at", "dir_x=1")
+    points = report("predict-points", *EXTENDED, *at, cwd=extended)["results"]["points"]
+    lost, scale = by_name["backlash-x"]["lost_motion"], by_name["scale-y"]["scale"]
+    for point in points:
+        assert point["Ex_um"] == pytest.approx(lost["value"], rel=1e-9)
+        assert point["u_x_um"] == pytest.approx(lost["u"], rel=1e-9)
+    low, high = (next(p for p in points if p["id"] == name) for name in ("7", "13"))
+    grown = scale["value"] * (high["y_mm"] - low["y_mm"]) / 1e3
+    assert high["Ey_um"] - low["Ey_um"] == pytest.approx(grown, rel=1e-9)
+    lengths = report("lengths", *EXTENDED, *at, cwd=extended)["results"]["lengths"]
+    along_x, along_y = (item["error_um"] for item in lengths)
+    assert along_x == pytest.approx(0, abs=1e-3)
+    assert along_y == pytest.approx(grown, rel=1e-3)
+    (angle,) = report(
+        "orthogonality", *EXTENDED, *at, "--trials", "2000", "--seed", "1", cwd=extended
+    )["results"]["orthogonality"]
+    # Neither a shift nor a scale of Y turns a row or a column.
+    assert angle["first_order"]["mean_arcsec"] == pytest.approx(0, abs=1e-6)
+    data = (*EXTENDED, "--cmm", "cmm.csv")
+    # Measured points tell their own directions.
+    signs = dict(zip(day.features, day.full("dir_x")[0].tolist(), strict=True))
+    corrected = report("correct", *data, cwd=extended)["results"]["points"]
+    assert len(corrected) == day.P * day.H * 3
+    for item in corrected:
+        added = -lost["value"] * signs[item["feature"]]
+        assert item["correction_um"]["x"] == pytest.approx(added, rel=1e-6)
+    compared = report("compare", *data, cwd=extended)["results"]["features"]
+    for item in compared:
+        if item["axis"] == "x":
+            expected = lost["value"] * signs[item["id"]]
+            assert item["predicted"]["mean_um"] == pytest.approx(expected, rel=1e-6)
+            assert item["E_n"] < 1
+
+
+def test_the_second_run_finds_nothing(extended: Path) -> None:
+    found = closed(extended, *EXTENDED, "--cmm", "cmm.csv")
+    assert found["verdict"] == "none"
+    assert not found["effects"]
+
+
+def test_without_its_effects_it_predicts_as_before(extended: Path) -> None:
+    text = (extended / "extended.yaml").read_text()
+    head, _, _ = text.partition("effects:\n")
+    (extended / "plain.yaml").write_text(head)
+    part = ("-p", "part.yaml")
+    old, new = (
+        report("predict-points", "-m", name, *part, cwd=extended)["results"]
+        for name in ("machine.yaml", "plain.yaml")
+    )
+    assert old == new
