@@ -115,7 +115,8 @@ class _Reader:
         errors = self.readings.error[self.rows, None] - found.predicted
         if estimate is None:
             return self._fitted(shown, errors[:, 0], found), warned
-        return self._made(errors, shown, found.common, self._by_direction(found.of_part)), warned
+        made = self._made(errors, shown, found.common, self._by_direction(found.of_part))
+        return replace(made, pass_dof=estimate.pass_dof or np.inf), warned
 
     def _fitted(
         self,

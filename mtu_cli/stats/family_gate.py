@@ -10,6 +10,10 @@ from mtu_cli.stats.least_squares import FloatArray
 
 TAIL = 0.85
 """Beyond this quantile -log p is taken as linear in the statistic."""
+COUNTED = 20
+"""So many of the largest values give a p by their rank; beyond, their tail does."""
+SMALLEST = 1e-6
+"""No p is told smaller: no tail is known so far out."""
 ENDS = 3
 """So many of the largest values do not bend that line."""
 
@@ -51,7 +55,12 @@ class Gate:
         """Probability that any of the F statistics has as small a p under the null."""
         B = len(self.largest)
         above = B - np.searchsorted(self.largest, minus_log_p, side="left")
-        found: FloatArray = (above + 1) / (B + 1)
+        ranked = (above + 1) / (B + 1)
+        # Beyond the last few of them by their own tail: -log p of any test is exponential.
+        few = min(COUNTED, B)
+        last = self.largest[B - few]
+        tail = few / (B + 1) * np.exp(-np.maximum(minus_log_p - last, 0.0))
+        found: FloatArray = np.where(above < few, np.maximum(tail, SMALLEST), ranked)
         return found
 
 

@@ -22,6 +22,7 @@ from mtu_cli.analyses.close_loop.result import (
 from mtu_cli.analyses.close_loop.warnings import check_enough, loop_warnings
 from mtu_cli.model.effect_library import EffectLibrary, candidates
 from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.threads import one_blas_thread
 
 __all__ = [
     "VERDICTS",
@@ -58,9 +59,11 @@ def close_loop(
         check_enough(table)
     rate = alpha / len(tables)
     found = []
-    for table in tables:
-        own = beside_polynomial(table, candidates(table, library, exclude))
-        found.append(loop_on(table, own, library, alpha=rate, most=max_effects, seed=seed))
+    # The order of sums depends on the number of threads; bytes must not.
+    with one_blas_thread():
+        for table in tables:
+            own = beside_polynomial(table, candidates(table, library, exclude))
+            found.append(loop_on(table, own, library, alpha=rate, most=max_effects, seed=seed))
     results = tuple(_adjusted(item.result, len(tables)) for item in found)
     return CloseLoopResult(
         verdict=min((item.verdict for item in results), key=WORST.index),

@@ -135,11 +135,18 @@ def _parameters(told: Described, step: Step, place: int) -> list[tuple[str, str]
     unit = told.prepared.table.unit
     if step.member < 0:
         return [("shift", unit)]
-    levels = [f"level_{axis}" for axis in _level_axes(told, place)]
     return [
         *told.prepared.members[step.member].parameters,
-        *((name, unit) for name in (levels if len(levels) != 1 else ["level"])),
+        *((name, unit) for name in _level_names(told, step, place)),
     ]
+
+
+def _level_names(told: Described, step: Step, place: int) -> list[str]:
+    """Names of an effect's levels that none of its own parameters has."""
+    axes = _level_axes(told, place)
+    names = ["level"] if len(axes) == 1 else [f"level_{axis}" for axis in axes]
+    taken = {name for name, _ in told.prepared.members[step.member].parameters}
+    return [f"own_{name}" if name in taken else name for name in names]
 
 
 def _level_axes(told: Described, place: int) -> list[str]:
@@ -155,10 +162,10 @@ def _equations(told: Described, step: Step, place: int) -> dict[str, str]:
         axis = prepared.scan.offsets[step.index - len(prepared.scan.columns)]
         return {f"E{prepared.table.axes[axis]}": "shift"}
     found = dict(prepared.members[step.member].equations)
-    levels = _level_axes(told, place)
-    for letter in levels if found else ():
-        name = "level" if len(levels) == 1 else f"level_{letter}"
-        found[f"E{letter}"] = f"{found[f'E{letter}']} + {name}"
+    if found:
+        names = _level_names(told, step, place)
+        for letter, name in zip(_level_axes(told, place), names, strict=True):
+            found[f"E{letter}"] = f"{found[f'E{letter}']} + {name}"
     return found
 
 
@@ -199,11 +206,9 @@ def _searched(told: Described, step: Step, place: int) -> dict[str, tuple[float,
         grid, own = grid[order], LR[np.array(same)][order]
         at = int(np.argmin(np.abs(grid - value)))
         inside = own >= own[at] - SUPPORT
-        low = high = at
-        while low > 0 and inside[low - 1]:
-            low -= 1
-        while high < len(grid) - 1 and inside[high + 1]:
-            high += 1
+        # All grid values that the data support, other modes of an aliased grid among them.
+        supported = np.flatnonzero(inside)
+        low, high = int(supported[0]), int(supported[-1])
         low, high = max(low - 1, 0), min(high + 1, len(grid) - 1)
         found[name] = (float(value), float(grid[low]), float(grid[high]))
     return found

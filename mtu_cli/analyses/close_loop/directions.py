@@ -71,12 +71,15 @@ def reversal_pairs(table: ResidualTable) -> FloatArray | None:
     signs = np.broadcast_to(direction, (1, len(place)))[0]
     order = np.argsort(place, kind="stable")
     slack = SAME_PLACE * max(float(np.ptp(place)), 1e-300)
-    found = []
+    found: list[FloatArray] = []
+    paired: set[int] = set()
     for i, j in pairwise(order.tolist()):
-        if abs(place[i] - place[j]) <= slack and signs[i] * signs[j] < 0:
+        near = abs(place[i] - place[j]) <= slack and signs[i] * signs[j] < 0
+        if near and i not in paired:
             column = np.zeros(len(place))
             column[i], column[j] = signs[i], signs[j]
             found.append(column / np.sqrt(2))
+            paired |= {i, j}
     return np.column_stack(found) if len(found) >= FEWEST_PAIRS else None
 
 

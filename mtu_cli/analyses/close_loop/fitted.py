@@ -10,6 +10,7 @@ import numpy as np
 from mtu_cli.model.effect_library import Candidate, Column, Member
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import PARAMETER_UNITS
 
 NOTHING = 1e-9
 """Share of an effect below which a power of the polynomial holds nothing of it."""
@@ -48,6 +49,7 @@ class _Polynomial:
 
     def __init__(self, table: ResidualTable) -> None:
         self.there = table.there
+        self.dimension = 1 if table.unit == "um" else 0
         self.axis = table.axes[0] if table.axes[0] in AXES else None
         self.centre, self.degree = 0.0, 0
         position = np.zeros(self.there.shape)
@@ -69,14 +71,15 @@ class _Polynomial:
         columns: list[Column] = []
         tangents: list[Column] = []
         equations = dict(member.equations)
-        for (name, _), column in zip(member.parameters, member.columns, strict=True):
+        for (name, unit), column in zip(member.parameters, member.columns, strict=True):
             own = {}
             for axis, values in column.items():
                 left, coefficients = self._left(values)
                 own[axis] = left
                 if equations and np.any(coefficients):
                     key = next(iter(equations))
-                    equations[key] += f" - {name}*{self._text(coefficients)}"
+                    dimension = self.dimension - PARAMETER_UNITS[unit].dimension
+                    equations[key] += f" - {name}*({self._text(coefficients, dimension)})"
             columns.append(own)
         tangents += [{a: self._left(v)[0] for a, v in column.items()} for column in member.tangent]
         return replace(member, columns=tuple(columns), tangent=tuple(tangents), equations=equations)
@@ -102,18 +105,21 @@ class _Polynomial:
         alike = values.shape[0] == 1 and not np.ptp(self.position, axis=0).any()
         return (left[:1] if alike else left), found / self.scales
 
-    def _text(self, coefficients: FloatArray) -> str:
-        """The polynomial in the equation language, in nested form.
+    def _text(self, coefficients: FloatArray, dimension: int) -> str:
+        """The polynomial in the equation language, of a power of length as what it stands beside.
 
-        A sum of two numbers is of any dimension, so that the whole is.
+        The language takes a literal factor for a pure number: (1 + 0*x) is a length of 1 mm.
         """
-        last = len(coefficients) - 1
-        while last > 0 and coefficients[last] == 0:
-            last -= 1
-        if last == 0:
-            return f"({float(coefficients[0])!r} + 0)"
+        terms = []
         place = f"({self.axis} - {self.centre!r})" if self.centre else str(self.axis)
-        text = f"({float(coefficients[last])!r} + 0)"
-        for value in coefficients[:last][::-1].tolist():
-            text = f"({value!r} + {place}*{text})"
-        return text
+        length = f"(1 + 0*{self.axis})"
+        for power, value in enumerate(coefficients.tolist()):
+            if value == 0 and power:
+                continue
+            text = repr(value) + (f"*{place}" if power else "")
+            text += f"**{power}" if power > 1 else ""
+            missing = dimension - power if self.axis else 0
+            if missing:
+                text += f"{'*' if missing > 0 else '/'}{length}**{abs(missing)}"
+            terms.append(text)
+        return " + ".join(terms)

@@ -86,7 +86,7 @@ def folds_of(
         own = cut_candidates(candidates, kept, dimension)
         prepared = prepare(cut, own, pass_dof)
         samples = SAMPLES_LARGE if table.errors.size > LARGE else SAMPLES
-        gate = calibrated(prepared.scan, samples, seed + 1 + fold)
+        gate = calibrated(prepared.scan, samples, seed, 1 + fold)
         found.append(Fold(dimension=dimension, kept=kept, prepared=prepared, gate=gate))
     return tuple(found)
 
@@ -172,7 +172,8 @@ def entry_variance(null: NullModel, strata: Strata) -> FloatArray:
     # The coefficients' factor is that of the sum over the parts: one part has 1/P of its square.
     both = np.diag(null.part) + (null.common**2).sum(axis=1) / P
     smooth = both.reshape(A, 1 + k).sum(axis=1)
-    found: FloatArray = null.interaction + null.column + smooth / H
+    turned = null.reversal * len(strata.odd) / H
+    found: FloatArray = null.interaction + null.column + turned + smooth / H
     return found
 
 

@@ -131,6 +131,7 @@ def _searched(
             table, gross = replace(left, errors=errors), still
             table = refitted(table) if gross else table
             prepared = prepared.with_table(table)
+            gate = calibrated(prepared.scan, samples, seed)
             found = search(prepared, gate, alpha=alpha, most=most)
     return _Searched(table=table, gross=gross, prepared=prepared, gate=gate, found=found)
 

@@ -20,6 +20,7 @@ from mtu_cli.stats.remainder import (
     two_scatters_p,
     variance_ratio_p,
 )
+from mtu_cli.stats.streams import stream
 
 BATCH = 200
 MEAN_CHECKS = ("interaction-pattern", "serial-correlation", "serial-shape", "spatial-correlation")
@@ -112,13 +113,19 @@ def _offsets(scan: Scan, y: FloatArray, grand: FloatArray) -> tuple[FloatArray, 
     return T, BF
 
 
-def calibrated(scan: Scan, samples: int, seed: int) -> Gate:
-    """The gate of a scan: its statistics on drawn tables in which nothing is undeclared."""
-    rng = np.random.Generator(np.random.PCG64(seed))
+def calibrated(scan: Scan, samples: int, seed: int, key: int = 0) -> Gate:
+    """The gate of a scan: its statistics on drawn tables in which nothing is undeclared.
+
+    `key` tells the draws of one gate of a call from those of another.
+    """
+    rng = stream(seed, 6, 2, key)
+    empty = [s.slice for s, n in zip(scan.frame.strata.all, scan.dof, strict=True) if n <= 0]
     pack = scan.pack()
     found = []
     for first in range(0, samples, BATCH):
         y, grand = draw(scan.frame, scan.null, min(BATCH, samples - first), rng)
+        for place in empty:
+            y[:, place] = 0.0
         found.append(drawn_statistics(scan, pack, pack.without_found(y), grand)[0])
     closed = len(scan.scatters) + len(SCATTER_CHECKS)
     return gate_of(np.concatenate(found), rng, independent=closed)
@@ -232,6 +239,8 @@ def _direction_p(scan: Scan, y: FloatArray, name: str) -> float:
             total += direction[stratum.axis, stratum.line] * y[stratum.slice]
         elif stratum.kind == "interaction":
             n = float(scan.dof[strata.all.index(stratum)])
+            if n <= 0:
+                return 1.0
             own = float(np.sum(y[stratum.slice] ** 2)) / n
             share = float(np.sum(direction[stratum.axis, 1 : k + 1] ** 2)) * own
             level += share

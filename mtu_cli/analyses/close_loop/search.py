@@ -67,6 +67,8 @@ def search(prepared: Prepared, gate: Gate, *, alpha: float, most: int) -> Search
             break
         steps.append(step)
         state.take_out(step)
+        # An offset found before is the level of what explains it better.
+        steps = [own for own in steps if own.index not in state.owned]
         looked = state.look()
     steps = _beside_others(prepared, steps)
     return Search(
@@ -75,23 +77,24 @@ def search(prepared: Prepared, gate: Gate, *, alpha: float, most: int) -> Search
         log_bayes=start.log_bayes,
         posterior=posterior_of(start.log_bayes),
         checks=tuple(zip(CHECKS, state.checks.tolist(), strict=True)),
-        without_name=bool(steps) and _nameless(start, steps),
+        without_name=bool(steps) and _nameless(start, looked, steps),
     )
 
 
-def _nameless(start: Evidence, steps: list[Step]) -> bool:
+def _nameless(start: Evidence, last: Evidence, steps: list[Step]) -> bool:
     """Whether drifts and fields without a name say as much as the names found.
 
     Either all of them explain the first look better than all names together, or one of them
-    is a likely rival of a name, or parts drift along every axis: parts that wander look like a
-    trend, a step, a warm-up.
+    is a likely rival of a name, or parts drift along every axis and still do beside what was
+    found: parts that wander look like a trend, a step, a warm-up.
     """
     unnamed = np.maximum(start.unnamed, 0.0).sum()
     named = sum(max(step.log_bayes, 0.0) for step in steps)
     if unnamed > named or any(step.unnamed > RIVAL for step in steps):
         return True
-    drifts = start.unnamed[: len(start.unnamed) // 2]
-    return bool(len(drifts) > 1 and drifts.min() > 0)
+    axes = len(start.unnamed) // 2
+    before, after = start.unnamed[:axes], last.unnamed[:axes]
+    return bool(axes > 1 and before.min() > 0 and after.max() > 0)
 
 
 def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:

@@ -56,6 +56,7 @@ class State:
         self.members: list[int] = []
         self.done: set[int] = set()
         self.offsets: set[int] = set()
+        self.owned: set[int] = set()
         self.p = self.first_p = self.checks = np.zeros(0)
 
     def look(self) -> Evidence:
@@ -104,6 +105,8 @@ class State:
             sizes = [float(np.sqrt(np.mean(c[axis] ** 2))) for c in columns if axis in c]
             if sizes and np.abs(means[:, axis]).max() > CENTRED * max(sizes):
                 self.done.add(len(scan.columns) + i)
+                self.owned.add(len(scan.columns) + i)
+                self.offsets.discard(axis)
 
     def _aside(self) -> frozenset[str]:
         """Scatters that were found: the checks must not find them again."""
