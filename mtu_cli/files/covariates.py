@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 COVARIATES = ("dir_x", "dir_y", "dir_z", "time_min", "sequence")
-HOTTEST_DEGC = 1000.0
+HOTTEST_DEGC = 300.0
 """No sensor of a machine reads more, nor less than minus this."""
 _TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
 

@@ -105,7 +105,8 @@ class BoundTemplate:
             size = max(size, np.broadcast(*found, 0.0).size)
         grid = grid_of(self.template.search, along, size)
         if not len(grid):
-            raise NoMember(f"too few values of {of} to search {self.template.searched}")
+            told = of if of is None else resolved(of, self.binding).name
+            raise NoMember(f"too few values of {told} to search {self.template.searched}")
         return grid
 
     def value(self, raw: str, bound: Binding) -> FloatArray | float:

@@ -12,6 +12,7 @@ from mtu_cli.model.basis import TIME, ThermalBasis
 from mtu_cli.model.estimates import ComponentEstimate, Estimates
 from mtu_cli.model.fit import from_machine_file
 from mtu_cli.model.machine_model import AXES, MachineModel, Term, polynomial_term
+from mtu_cli.model.reading_effects import effects_on_readings
 from mtu_cli.model.reading_layout import ReadingLayout, reading_layout
 from mtu_cli.model.residual_cells import IntArray, filled
 from mtu_cli.model.residual_covariates import table_covariates
@@ -43,6 +44,8 @@ def reading_tables(
     less its own least-squares polynomial of these readings, whose degree is `fitted_degree`:
     then neither factor has a column, and what the polynomial may hold cannot be seen.
 
+    Effects of the machine that were found in readings of a component are taken off, too.
+
     A pass takes the place of a part, a target and direction that of a feature. Forward and
     reverse of a pass draw their D independently, as the fit takes them.
     """
@@ -54,6 +57,7 @@ def reading_tables(
             continue
         entry = machine.machine.components[name]
         reader = _Reader(
+            machine=machine,
             name=name,
             of=entry.of,
             degree=entry.degree if entry.of is not None else 0,
@@ -87,6 +91,7 @@ def _estimates(machine: LoadedMachine, known: Estimates | MachineModel | None) -
 class _Reader:
     """The readings `rows` (n,) of one component."""
 
+    machine: LoadedMachine
     name: str
     of: str | None
     degree: int
@@ -101,9 +106,10 @@ class _Reader:
         shapes = {name: value.shape for name, value in shown.items()}
         estimate = estimates.components.get(self.name)
         drift, told = self._drift(estimates.thermal.get(self.name), columns)
-        warned = [*self._instruments(), *gaps, *told]
+        said, left_out = effects_on_readings(self.machine, self.name, self._places(), columns)
+        warned = [*self._instruments(), *gaps, *told, *left_out]
         if estimate is None and drift is None:
-            return self._fitted(shown), warned
+            return self._fitted(shown, self.readings.error[self.rows] - said), warned
         model = _alone(self.name, self.of or AXES[0], estimate, drift)
         values: Values = {
             name: columns[name]
@@ -112,7 +118,7 @@ class _Reader:
         }
         warned += temperature_warnings(model, self._places(), values)
         found = cell_model(model, self._places(), values, self.layout.cells, shapes)
-        errors = self.readings.error[self.rows, None] - found.predicted
+        errors = (self.readings.error[self.rows] - said)[:, None] - found.predicted
         if estimate is None:
             return self._fitted(shown, errors[:, 0], found), warned
         made = self._made(errors, shown, found.common, self._by_direction(found.of_part))

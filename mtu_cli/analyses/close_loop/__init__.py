@@ -71,7 +71,7 @@ def close_loop(
         alpha=alpha,
         datum=tables[0].datum,
         covariance=_joint(found),
-        warnings=loop_warnings(results),
+        warnings=loop_warnings(results, max_effects),
     )
 
 

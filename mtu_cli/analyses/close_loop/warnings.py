@@ -33,11 +33,18 @@ def check_enough(table: ResidualTable) -> None:
     )
 
 
-def loop_warnings(tables: Sequence[TableResult]) -> tuple[Warned, ...]:
-    """Warnings on all tables."""
+def loop_warnings(tables: Sequence[TableResult], most: int) -> tuple[Warned, ...]:
+    """Warnings on all tables, that were searched for `most` effects each."""
     found: list[Warned] = []
     for table in tables:
         found += _of_table(table)
+        if len(table.effects) >= most:
+            name = table.table.component
+            text = (
+                f"the search{'' if name is None else f' of {name}'} stopped at {most} effects; "
+                "there may be more (--max-effects)"
+            )
+            found.append(Warned(code="max-effects", message=text))
     datum = tables[0].table.datum
     if datum in FREES:
         text = f"the datum {datum!r} is free in every part: unseen are {FREES[datum]}"

@@ -109,7 +109,7 @@ def test_temperatures_that_no_sensor_reads(value: float) -> None:
     assert found_at == [(7, "T_02_degC", f"{value:g}"), (11, "T_02_degC", f"{value:g}")]
 
 
-@pytest.mark.parametrize("value", [1000.0, -1000.0])
+@pytest.mark.parametrize("value", [300.0, -300.0])
 def test_the_bound_is_that_of_temperatures_not_of_rises(value: float) -> None:
     found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(19))
     found.covariates["T_02_degC"][5] = value

@@ -1,0 +1,64 @@
+"""Effects of a machine that were found in readings, taken off the readings again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtu_cli.files.machine import LoadedMachine, load_machine
+from mtu_cli.model.reading_effects import effects_on_readings
+
+MACHINE = """\
+schema: mtu/machine/1
+name: two components
+components:
+  dx: {of: x, unit: um, coefficients: [0, 0]}
+  ez: {of: x, unit: arcsec, coefficients: [0, 0]}
+equations: {Ex: dx + y*ez}
+effects:
+- name: backlash-x
+  parameters: {lost: {value: 4, unit: um}}
+  equations: {Ex: lost*dir_x}
+  found: {component: dx}
+- name: bend-x
+  parameters: {bend: {value: 2, unit: um/m^2}}
+  equations: {Ex: y*(bend*(x - 100)**2)*0.001}
+  found: {component: ez}
+- name: of-points
+  parameters: {shift: {value: 9, unit: um}}
+  equations: {Ex: shift}
+"""
+PLACES = np.column_stack([np.array([0.0, 100.0, 300.0]), *[np.full(3, np.nan)] * 2])
+DIRECTION = np.array([1.0, -1.0, 1.0])
+
+
+def machine(tmp_path: Path) -> LoadedMachine:
+    path = tmp_path / "machine.yaml"
+    path.write_text(MACHINE)
+    return load_machine(path)
+
+
+def test_an_effect_is_divided_by_the_lever_arm_of_its_component(tmp_path: Path) -> None:
+    own = machine(tmp_path)
+    total, warned = effects_on_readings(own, "dx", PLACES, {"dir_x": DIRECTION})
+    np.testing.assert_allclose(total, 4e-3 * DIRECTION, rtol=1e-12)
+    assert not warned
+    total, _ = effects_on_readings(own, "ez", PLACES, {})
+    # 2 um/m^2 is 2e-9 /mm; y, which the readings do not tell, falls out.
+    np.testing.assert_allclose(total, 2e-9 * (PLACES[:, 0] - 100) ** 2 * 0.001, rtol=1e-12)
+
+
+def test_a_covariate_that_readings_lack_is_said(tmp_path: Path) -> None:
+    total, warned = effects_on_readings(machine(tmp_path), "dx", PLACES, {})
+    assert not total.any()
+    assert [item.code for item in warned] == ["effect-not-removed"]
+    assert "dir_x" in warned[0].message
+
+
+@pytest.mark.parametrize("component", ["ey", "axy"])
+def test_components_without_effects_are_left_alone(tmp_path: Path, component: str) -> None:
+    total, warned = effects_on_readings(machine(tmp_path), component, PLACES, {})
+    assert not total.any()
+    assert not warned
