@@ -41,7 +41,9 @@ class Gate:
             above = B - np.searchsorted(self.null[:, j], own, side="left")
             ranked = -np.log((above + 0.5) / (B + 1))
             tail = self.level[j] + self.slope[j] * (own - self.start[j])
-            found[..., j] = np.where(own > self.start[j], np.maximum(tail, 0.0), ranked)
+            # Without a slope nothing was drawn but one value: the rank is all that is known.
+            tail = np.maximum(tail, 0.0) if self.slope[j] > 0 else ranked
+            found[..., j] = np.where(own > self.start[j], tail, ranked)
         return found
 
     def statistic_of(self, minus_log_p: float, j: int) -> float:

@@ -22,6 +22,8 @@ from mtu_cli.stats.column_groups import ManyStrata, OneStratum, Packed
 from mtu_cli.stats.least_squares import FloatArray
 
 REWEIGHTED = 3
+TINY = 1e-200
+"""In place of a sum of squares of 0: its inverse times any column is still a number."""
 MOST_EXPLAINED = 1 - 1e-12
 NEVER = -1e6
 """Logarithm of the Bayes factor of a member that cannot be tested."""
@@ -67,7 +69,7 @@ def sums_of_squares(pack: Packed, y: FloatArray) -> FloatArray:
     """R_s(0) (B, S); never quite 0."""
     own = [y[:, stratum.slice] for stratum in pack.strata.all]
     found = np.stack([np.einsum("bn,bn->b", values, values) for values in own], axis=1)
-    least: FloatArray = np.maximum(found, 1e-300)
+    least: FloatArray = np.maximum(found, TINY)
     return least
 
 
@@ -107,14 +109,14 @@ def _add_many(
     for _ in range(REWEIGHTED):
         w = n / R
         A = np.einsum("bms,msij->bmij", w, many.G)
-        A += 1e-12 * np.trace(A, axis1=2, axis2=3)[..., None, None] * np.eye(many.k) + 1e-300
+        A += 1e-12 * np.trace(A, axis1=2, axis2=3)[..., None, None] * np.eye(many.k) + TINY
         beta = np.linalg.solve(A, np.einsum("bms,bmsi->bmi", w, b)[..., None])[..., 0]
         R = R0 - 2 * np.einsum("bmi,bmsi->bms", beta, b)
         R = R + np.einsum("bmi,msij,bmj->bms", beta, many.G, beta)
         R = np.maximum(R, (1 - MOST_EXPLAINED) * R0)
     found = (n * np.log(R0 / R)).sum(axis=2)
     share = w * np.einsum("msii->ms", many.G)
-    share /= np.maximum(share.sum(axis=2, keepdims=True), 1e-300)
+    share /= np.maximum(share.sum(axis=2, keepdims=True), TINY)
     effective = (share * n).sum(axis=2)
     LR[:, many.members] = found
     log_bayes[:, many.members] = unit_information(np.maximum(found, 0.0), effective, many.k)

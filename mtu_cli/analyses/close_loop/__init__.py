@@ -19,7 +19,7 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
     Verdict,
 )
-from mtu_cli.analyses.close_loop.warnings import check_enough, loop_warnings
+from mtu_cli.analyses.close_loop.warnings import judged_tables, loop_warnings
 from mtu_cli.model.effect_library import EffectLibrary, candidates
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.threads import one_blas_thread
@@ -55,8 +55,7 @@ def close_loop(
     Raises InputError for a name in `exclude` that the library does not have, and for a table of
     too few entries.
     """
-    for table in tables:
-        check_enough(table)
+    tables, short = judged_tables(tables)
     rate = alpha / len(tables)
     found = []
     # The order of sums depends on the number of threads; bytes must not.
@@ -71,7 +70,7 @@ def close_loop(
         alpha=alpha,
         datum=tables[0].datum,
         covariance=_joint(found),
-        warnings=loop_warnings(results, max_effects),
+        warnings=(*short, *loop_warnings(results, max_effects)),
     )
 
 

@@ -20,17 +20,32 @@ FREES = {
 }
 
 
-def check_enough(table: ResidualTable) -> None:
-    """Raises InputError for a table in which nothing could be told from scatter."""
+def judged_tables(
+    tables: Sequence[ResidualTable],
+) -> tuple[list[ResidualTable], list[Warned]]:
+    """The tables with enough to tell an effect from scatter, and a warning on each other one.
+
+    Raises InputError where none has.
+    """
+    short = [table for table in tables if max(table.there.shape) < FEWEST_ENTRIES]
+    if len(short) == len(tables):
+        what, size = _size(short[0])
+        raise fault(
+            f"too little to judge by: {size} {what}",
+            expected=f"{FEWEST_ENTRIES} or more of one or the other",
+        )
+    warned = []
+    for table in short:
+        what, size = _size(table)
+        warned.append(Warned(code="too-few", message=f"not judged: {size} {what} alone"))
+    return [table for table in tables if max(table.there.shape) >= FEWEST_ENTRIES], warned
+
+
+def _size(table: ResidualTable) -> tuple[str, str]:
     parts, columns = table.there.shape
-    if max(parts, columns) >= FEWEST_ENTRIES:
-        return
     of = table.component
     what = "parts and features" if of is None else f"passes and places of {of}"
-    raise fault(
-        f"too little to judge by: {parts} by {columns} {what}",
-        expected=f"{FEWEST_ENTRIES} or more of one or the other",
-    )
+    return what, f"{parts} by {columns}"
 
 
 def loop_warnings(tables: Sequence[TableResult], most: int) -> tuple[Warned, ...]:

@@ -23,8 +23,8 @@ effects:
   equations: {Ex: lost*dir_x}
   found: {component: dx}
 - name: bend-x
-  parameters: {bend: {value: 2, unit: um/m^2}}
-  equations: {Ex: y*(bend*(x - 100)**2)*0.001}
+  parameters: {growth: {value: 2, unit: arcsec/m}}
+  equations: {Ex: y*growth*(x - 100)}
   found: {component: ez}
 - name: of-points
   parameters: {shift: {value: 9, unit: um}}
@@ -46,8 +46,9 @@ def test_an_effect_is_divided_by_the_lever_arm_of_its_component(tmp_path: Path) 
     np.testing.assert_allclose(total, 4e-3 * DIRECTION, rtol=1e-12)
     assert not warned
     total, _ = effects_on_readings(own, "ez", PLACES, {})
-    # 2 um/m^2 is 2e-9 /mm; y, which the readings do not tell, falls out.
-    np.testing.assert_allclose(total, 2e-9 * (PLACES[:, 0] - 100) ** 2 * 0.001, rtol=1e-12)
+    # y, which the readings do not tell, falls out.
+    rate = 2 * np.pi / 648_000 / 1000
+    np.testing.assert_allclose(total, rate * (PLACES[:, 0] - 100), rtol=1e-12)
 
 
 def test_a_covariate_that_readings_lack_is_said(tmp_path: Path) -> None:
