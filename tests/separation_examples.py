@@ -13,7 +13,8 @@ from shop_day.day import Floats, Kind
 
 from mtu_cli.analyses.close_loop.added import Added, added
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.search import Search, Step
+from mtu_cli.analyses.close_loop.search import Search
+from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.model.effect_library import candidates, effect_library
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.profile_ratio import ratios

@@ -47,7 +47,8 @@ def rises(rng: np.random.Generator, warm: bool) -> Floats:
     t = STEP_MIN * np.arange(N)[:, None]
     step = 1 - np.exp(-t / np.array([25.0, 90.0]))
     draughts = np.cumsum(0.12 * rng.standard_normal((N, 2)), axis=0)
-    return 6 * (step if warm else 1 - step) + draughts
+    found: Floats = 6 * (step if warm else 1 - step) + draughts
+    return found
 
 
 def unfollowed(rng: np.random.Generator) -> Floats:
