@@ -40,7 +40,7 @@ demo: $(VENV)/.base
 	$(MTU) compare $(UN) -m $(OUT)/machine-extended.yaml --plot $(OUT)/compare.png
 
 test: lint type
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

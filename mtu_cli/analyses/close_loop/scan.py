@@ -106,7 +106,9 @@ def _offsets(scan: Scan, y: FloatArray, grand: FloatArray) -> tuple[FloatArray, 
         spread = np.array([v**2 / n for v, n in squares]).sum(axis=0)
         common = scan.null.common[axis * (1 + strata.lines)]
         variance = level + common @ common
-        nu = np.maximum(level**2 / np.maximum(spread, 1e-300), 1.0)
+        # Without any scatter every part says the same.
+        nu = np.where(level > 0, level**2 / np.maximum(spread, 1e-300), P - 1.0)
+        nu = np.maximum(nu, 1.0)
         t2 = grand[:, axis] ** 2 * P * H / np.maximum(variance, 1e-300)
         T[:, i] = nu * np.log1p(t2 / nu)
         BF[:, i] = unit_information(T[:, i], nu, 1)

@@ -70,7 +70,7 @@ def search(prepared: Prepared, gate: Gate, *, alpha: float, most: int) -> Search
         # An offset found before is the level of what explains it better.
         steps = [own for own in steps if own.index not in state.owned]
         looked = state.look()
-    steps = _beside_others(prepared, steps)
+    steps = _without_found(_beside_others(prepared, steps))
     return Search(
         steps=tuple(steps),
         p=state.first_p,
@@ -114,6 +114,18 @@ def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
         scores[prepared.scan.tested :] = -np.inf
         found.append(_ranked(prepared.scan, own, scores, state.looked.unnamed))
     return found
+
+
+def _without_found(steps: list[Step]) -> list[Step]:
+    """The steps without the others in their classes: what was found itself is no rival."""
+    found = {step.index for step in steps}
+    return [
+        replace(
+            step,
+            credible=tuple(i for i in step.credible if i == step.index or i not in found),
+        )
+        for step in steps
+    ]
 
 
 def _ranked(scan: Scan, step: Step, scores: FloatArray, unnamed: FloatArray) -> Step:
