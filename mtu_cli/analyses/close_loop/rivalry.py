@@ -59,7 +59,7 @@ class Rivalry:
         library: EffectLibrary,
     ) -> None:
         self.prepared, self.beta, self.beside = prepared, beta, beside
-        self.members, self.library = dict(members), library
+        self.members, self.families = dict(members), library
         self.weight = {i: posterior[i] for i in self.members}
         now = as_it_is(prepared.table)
         self.now = sight_of(prepared, now, self.beside)
@@ -139,9 +139,9 @@ class Rivalry:
         if not plan.count or not wanted:
             return {}
         names_of = {c.family for c in wanted.values()}
-        few = tuple(f for f in self.library.families if f.family.family in names_of)
+        few = tuple(f for f in self.families.families if f.family.family in names_of)
         table = longer(self.prepared.table, plan)
-        by_name = {c.name: c for c in candidates(table, replace(self.library, families=few))}
+        by_name = {c.name: c for c in candidates(table, replace(self.families, families=few))}
         return {
             i: [m.columns for m in self._nearest(i, by_name[c.name].members)]
             for i, c in wanted.items()
