@@ -1,0 +1,66 @@
+"""The Makefile pipeline of configs/pipeline: steps by what a study names, gates, nothing twice."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+from cli_runner import MTU, environment
+from support import CONFIGS
+
+GILSINN_LING = CONFIGS / "gilsinn-ling"
+STUDY = "schema: mtu/study/1\nmachine: machine.yaml\npart: part.yaml\n"
+PART = """\
+schema: mtu/part/1
+name: two holes
+features: {a: {x_mm: 10, y_mm: 10}, b: {x_mm: 140, y_mm: 10}}
+lengths: [{from: a, to: b, tolerance_um: 5}]
+"""
+
+
+def make(out: Path, *args: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["make", "-C", str(CONFIGS / "pipeline"), f"OUT={out}", f"MTU={MTU}", *args],
+        env=environment({"MAKEFLAGS": ""}),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=90,
+        check=False,
+    )
+
+
+def test_a_study_runs_once_and_a_gate_stops_every_time(tmp_path: Path) -> None:
+    study, out = tmp_path / "shop" / "mill-1", tmp_path / "out"
+    study.mkdir(parents=True)
+    (study / "machine.yaml").write_bytes((GILSINN_LING / "machine.yaml").read_bytes())
+    (study / "part.yaml").write_text(PART, "utf-8")
+    (study / "mtu.yaml").write_text(STUDY, "utf-8")
+    root = f"ROOT={study.parent}"
+    ran = make(out, "-j2", root)
+    assert ran.returncode == 0, ran.stderr
+    made = {path.name for path in (out / "mill-1").iterdir()}
+    assert made == {"points.json", "points.png", "lengths.json", "lengths.csv", "lengths.done"}
+    assert make(out, "-q", root).returncode == 0
+    for _ in range(2):
+        stopped = make(out, root, "GATE=1")
+        assert stopped.returncode == 2
+        assert "Error 3" in stopped.stderr
+        assert "gate nonconforming" in stopped.stderr
+
+
+def test_steps_follow_from_what_a_study_names(tmp_path: Path) -> None:
+    steps = {
+        name: [
+            line.split()[1]
+            for line in make(tmp_path, "-n", f"STUDIES={name}").stdout.splitlines()
+            if line.startswith(str(MTU))
+        ]
+        for name in ("gilsinn-ling-parts", "undeclared", "valdes-ring")
+    }
+    parts = ["anova", "close-loop", "compare", "correct", "lengths", "predict-points"]
+    assert sorted(steps["gilsinn-ling-parts"]) == parts
+    assert sorted(steps["undeclared"]) == sorted([*parts, "fit-components"])
+    assert sorted(steps["valdes-ring"]) == sorted(
+        [s for s in parts if s != "lengths"] + ["fit-components", "thermal-fit"]
+    )
