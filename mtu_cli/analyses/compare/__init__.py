@@ -77,8 +77,9 @@ def compare(
 ) -> CompareResult:
     """Gilsinn & Ling 2004, section 5 and Table 10, with tests in place of a look.
 
-    The machine is predicted once an operation, with `covariates`, or the points' own averaged
-    over its parts. Means and scatter are tested item by item (see `Evidence`), all tests as
+    The machine is predicted once an operation, with `covariates`, or the points' own: what
+    these change from part to part in the modelled error is taken out of the points. Means and
+    scatter are tested item by item (see `Evidence`), all tests as
     one family (Holm, 5 %): of clean studies one in twenty at most has another verdict.
 
     Raises InputError for points that cannot be what they claim or share no axis with the
@@ -86,15 +87,16 @@ def compare(
     """
     warnings = list(check_measured(points))
     axes = _shared_axes(model, points)
-    loose, complete = freed(points, axes, datum)
+    foreseen = predict_operations(model, points, covariates or {})
+    predictions, alike = foreseen.predictions, foreseen.points
+    loose, complete = freed(alike, axes, datum)
     warnings += [] if complete else [_incomplete()]
     tables = _of_axes(feature_tables(loose), axes)
-    predictions, more = predict_operations(model, points, covariates or {})
     k = settings.coverage_factor
     features = evidence(tables, foretold_features(predictions, tables.labels, axes, datum), k)
     holes = features if datum == "none" else None
-    found, others = judged(features, _lengths(predictions, part, points, holes, k))
-    warnings += [*more, *compare_warnings(model, part, points, tables, found, others)]
+    found, others = judged(features, _lengths(predictions, part, alike, holes, k))
+    warnings += [*foreseen.warnings, *compare_warnings(model, part, points, tables, found, others)]
     seen = np.unique(points.feature)
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mtu_cli.analyses.compare.evidence import Evidence, Foretold, paper_length_variance
-from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
+from mtu_cli.model.basis import TIME
 from mtu_cli.model.datum import Datum, projector
+from mtu_cli.model.design import design, theta
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.length_geometry import differences, length_gradient
-from mtu_cli.model.machine_model import AXES, MachineModel, check_covariates
+from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.residual_covariates import needed_covariates, point_columns
+from mtu_cli.model.residual_factors import PIECE
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.variance import MeanSquares
@@ -25,98 +29,91 @@ Label = tuple[str, str, str]
 Rows = Callable[[Prediction, Sequence[Label]], FloatArray]
 
 
-def predict_operations(
-    model: MachineModel, points: Points, given: Mapping[str, float]
-) -> tuple[dict[str, Prediction], list[Warned]]:
-    """The prediction of every operation, at its features, and what to warn of.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Foreseen:
+    """The prediction of every operation, and `points` less what their own covariates change in
+    the modelled error, so that all readings of a feature are of one state of the machine.
+    """
 
-    A covariate is what `given` says, else the mean of the points' column over all parts and
-    repeats of the (operation, feature).
+    predictions: dict[str, Prediction]
+    points: Points
+    warnings: tuple[Warned, ...]
+
+
+def predict_operations(model: MachineModel, points: Points, given: Mapping[str, float]) -> Foreseen:
+    """The prediction of every operation, at its features.
+
+    A covariate is what `given` says, else the points' own. Means are those over the readings of
+    an (operation, feature) of E = J theta + remainder at their own covariates, which the mean of
+    the covariates does not give where an effect is a step; uncertainties are those at the mean.
 
     Raises InputError for a covariate that nobody gives, and for a column with gaps.
     """
-    values = _covariates(model, points, given)
-    operations, operation = operations_of(points)
+    columns = {name: c for name, c in point_columns(points).items() if name not in given}
+    values = needed_covariates(model, points, columns, given).values
     places = np.full((len(points.features), 3), np.nan)
     places[points.feature] = points.nominal
+    operations, operation = operations_of(points)
     found: dict[str, Prediction] = {}
     warnings: list[Warned] = []
     moving: set[str] = set()
+    measured = points.measured.copy()
     for code, name in enumerate(operations):
         rows = np.flatnonzero(operation == code)
         if not len(rows):
             continue
         seen, place = np.unique(points.feature[rows], return_inverse=True)
-        own = {key: _mean(value, rows, place.reshape(-1)) for key, value in values.items()}
-        moving |= {key for key in values if _moves(values[key], rows, place.reshape(-1))}
-        ids = tuple(points.features[i] for i in seen)
-        found[name] = predict(model, ids, places[seen], own)
+        place = place.reshape(-1)
+        own = {key: _mean(values[key], rows, place) for key in model.covariates()}
+        found[name] = predict(model, tuple(points.features[i] for i in seen), places[seen], own)
         warnings += outside_warnings(found[name])
         warnings += temperature_warnings(model, places[seen], own)
+        differ = {key for key in own if _moves(values[key], rows, place)}
+        if differ:
+            moving |= differ
+            errors = _errors_of_rows(model, points, values, rows)
+            mean = np.column_stack([_mean(e, np.arange(len(rows)), place) for e in errors.T])
+            along = np.array([AXES.index(axis) for axis in model.axes])
+            measured[rows[:, None], along] -= errors - mean[place]
+            shift = mean - _errors(model, places[seen], own)
+            found[name] = replace(found[name], mean=found[name].mean + shift.ravel())
     if moving:
         warnings.append(_averaged(sorted(moving)))
-    return found, warnings
+    moved = replace(points, measured=measured) if moving else points
+    return Foreseen(predictions=found, points=moved, warnings=tuple(warnings))
 
 
-def _covariates(
-    model: MachineModel, points: Points, given: Mapping[str, float]
-) -> dict[str, FloatArray | float]:
-    values: dict[str, FloatArray | float] = dict(given)
-    problems: list[Problem] = []
-    for name in model.covariates():
-        if name in given:
-            continue
-        column = _column(points, name, problems)
-        if column is not None:
-            values[name] = column
-    if problems:
-        raise InputError(problems)
-    check_covariates(model, values)
-    return values
-
-
-def _column(points: Points, name: str, problems: list[Problem]) -> FloatArray | None:
-    """A column of the points (n,) by its name in equations; None where no point has a value."""
-    known: dict[str, np.ndarray] = {
-        "time_min": points.time_min,
-        "sequence": points.sequence.astype(np.float64),
-        **{f"dir_{axis}": points.direction[:, i] for i, axis in enumerate(AXES)},
-    }
-    column = known.get(name, points.covariates.get(name))
-    if column is None:
-        return None
-    if column.dtype == object:
-        bad = np.array([not _is_number(text) for text in column.tolist()])
-    else:
-        bad = ~np.isfinite(column)
-        if bad.all():
-            return None
-    if not bad.any():
-        return column.astype(np.float64)
-    first = int(np.argmax(bad))
-    text = column[first] if column.dtype == object else ""
-    problems.append(
-        Problem(
-            what=f"{name!r} has gaps: {int(bad.sum())} of {len(bad)} points have no number",
-            file=points.sources[points.file_index[first]].shown,
-            row=int(points.row[first]),
-            column=name,
-            value=text or None,
-            expected=f"a number at every point, or --at {name}=VALUE for all of them",
+def _errors_of_rows(
+    model: MachineModel, points: Points, values: Mapping[str, FloatArray | float], rows: np.ndarray
+) -> FloatArray:
+    """The modelled errors (rows, a), mm, at the rows' own covariates; piece by piece, but all at
+    once where a drift lags behind its temperatures: their history is that of all rows.
+    """
+    step = len(points) if TIME in values else PIECE
+    found = [
+        _errors(
+            model,
+            points.nominal[i : i + step],
+            {k: v if np.ndim(v) == 0 else np.asarray(v)[i : i + step] for k, v in values.items()},
         )
-    )
-    return None
+        for i in range(0, len(points), step)
+    ]
+    every: FloatArray = np.concatenate(found)
+    own: FloatArray = every[rows]
+    return own
 
 
-def _is_number(text: str) -> bool:
-    try:
-        return bool(np.isfinite(float(text)))
-    except ValueError:
-        return False
+def _errors(
+    model: MachineModel, places: FloatArray, values: Mapping[str, FloatArray | float]
+) -> FloatArray:
+    """J theta + remainder (n, a), mm."""
+    rows = design(model, places, values)
+    found: FloatArray = (rows.J @ theta(model) + rows.remainder).reshape(len(places), -1)
+    return found
 
 
 def _mean(value: FloatArray | float, rows: np.ndarray, place: np.ndarray) -> FloatArray | float:
-    """The mean (features,) of a column over the rows of each feature."""
+    """The mean (features,) over the rows of each feature of a column (n,)."""
     if np.ndim(value) == 0:
         return value
     own = np.asarray(value)[rows]
@@ -138,8 +135,8 @@ def _moves(value: FloatArray | float, rows: np.ndarray, place: np.ndarray) -> bo
 def _averaged(names: list[str]) -> Warned:
     return Warned(
         code="covariate-averaged",
-        message=f"{', '.join(names)} differs from part to part: predicted is its mean, and what "
-        "it adds to the measured scatter is not in the predicted one",
+        message=f"{', '.join(names)} differs from part to part: what the model says of it is taken "
+        "out of the measured parts, beyond its mean; u is that at the mean",
     )
 
 
