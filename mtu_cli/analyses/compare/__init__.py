@@ -88,15 +88,13 @@ def compare(
     warnings = list(check_measured(points))
     axes = _shared_axes(model, points)
     foreseen = predict_operations(model, points, covariates or {})
-    predictions, alike = foreseen.predictions, foreseen.points
-    loose, complete = freed(alike, axes, datum)
-    warnings += [] if complete else [_incomplete()]
-    tables = _of_axes(feature_tables(loose), axes)
+    predictions, points = foreseen.predictions, foreseen.points
+    tables, more = _freed_tables(points, axes, datum)
     k = settings.coverage_factor
     features = evidence(tables, foretold_features(predictions, tables.labels, axes, datum), k)
-    holes = features if datum == "none" else None
-    found, others = judged(features, _lengths(predictions, part, alike, holes, k))
-    warnings += [*foreseen.warnings, *compare_warnings(model, part, points, tables, found, others)]
+    lengths = _lengths(predictions, part, points, None if datum != "none" else features, k)
+    found, others = judged(features, lengths)
+    warnings += [*more, *foreseen.warnings]
     seen = np.unique(points.feature)
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),
@@ -107,14 +105,22 @@ def compare(
         length_summaries=() if others is None else summarised(others),
         datum=datum,
         coverage_factor=k,
-        warnings=tuple(warnings),
+        warnings=(*warnings, *compare_warnings(model, part, points, tables, found, others)),
     )
 
 
-def _of_axes(tables: MeasuredTables, axes: Sequence[int]) -> MeasuredTables:
-    """The tables of axes that the machine has an equation for."""
-    names = {AXES[k] for k in axes}
-    return tables.only([i for i, label in enumerate(tables.labels) if label[2] in names])
+def _freed_tables(
+    points: Points, axes: tuple[int, ...], datum: Datum
+) -> tuple[MeasuredTables, list[Warned]]:
+    """The tables of axes that the machine has an equation for, less the datum's freedoms."""
+    loose, complete = freed(points, axes, datum)
+    tables, names = feature_tables(loose), {AXES[k] for k in axes}
+    text = (
+        "parts with missing features were freed with the features they have; the prediction is "
+        "freed with all"
+    )
+    warned = [] if complete else [Warned(code="incomplete-datum", message=text)]
+    return tables.only([i for i, label in enumerate(tables.labels) if label[2] in names]), warned
 
 
 def _lengths(
@@ -144,11 +150,3 @@ def _shared_axes(model: MachineModel, points: Points) -> tuple[int, ...]:
             expected=f"{wanted} with a nominal at every point",
         )
     return axes
-
-
-def _incomplete() -> Warned:
-    return Warned(
-        code="incomplete-datum",
-        message="parts with missing features were freed with the features they have; "
-        "the prediction is freed with all",
-    )

@@ -53,11 +53,11 @@ def predict_operations(model: MachineModel, points: Points, given: Mapping[str, 
     values = needed_covariates(model, points, columns, given).values
     places = np.full((len(points.features), 3), np.nan)
     places[points.feature] = points.nominal
-    operations, operation = operations_of(points)
+    measured, along = points.measured.copy(), np.array([AXES.index(name) for name in model.axes])
     found: dict[str, Prediction] = {}
     warnings: list[Warned] = []
     moving: set[str] = set()
-    measured = points.measured.copy()
+    operations, operation = operations_of(points)
     for code, name in enumerate(operations):
         rows = np.flatnonzero(operation == code)
         if not len(rows):
@@ -68,12 +68,10 @@ def predict_operations(model: MachineModel, points: Points, given: Mapping[str, 
         found[name] = predict(model, tuple(points.features[i] for i in seen), places[seen], own)
         warnings += outside_warnings(found[name])
         warnings += temperature_warnings(model, places[seen], own)
-        differ = {key for key in own if _moves(values[key], rows, place)}
-        if differ:
+        if differ := {key for key in own if _moves(values[key], rows, place)}:
             moving |= differ
             errors = _errors_of_rows(model, points, values, rows)
             mean = np.column_stack([_mean(e, np.arange(len(rows)), place) for e in errors.T])
-            along = np.array([AXES.index(axis) for axis in model.axes])
             measured[rows[:, None], along] -= errors - mean[place]
             shift = mean - _errors(model, places[seen], own)
             found[name] = replace(found[name], mean=found[name].mean + shift.ravel())
