@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import fingerprints
 from mtu_cli.model.machine_model import AXES
@@ -45,12 +45,38 @@ def check_measured(points: Points) -> list[Warned]:
     ]
 
 
-def _far(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+def refuse_mistaken(points: Points) -> None:
+    """Raises InputError where most points are so far from their nominal that the error of no
+    machine is behind it: what follows from them would be written into a machine.
+    """
+    axes = axes_of(points)
+    far = _are_far(points, axes)
+    if 2 * int(far.sum()) <= len(far):
+        return
+    errors = np.abs(points.measured[far][:, axes] - points.nominal[far][:, axes])
+    guess = _mistake(points.measured[far][:, axes], points.nominal[far][:, axes])
+    i = int(np.argmax(far))
+    raise fault(
+        f"{int(far.sum())} of {len(far)} points are more than {SUSPICIOUS_MM:g} mm from their "
+        f"nominal, typically {float(np.median(errors.max(axis=1))):.3g} mm: {guess}",
+        file=points.sources[points.file_index[i]].shown,
+        row=int(points.row[i]),
+        expected="measured coordinates in mm, in the frame of the nominal ones",
+    )
+
+
+def _are_far(points: Points, axes: tuple[int, ...]) -> np.ndarray:
+    """Which points (n,) no error of a machine tool brings where they are."""
     far = np.zeros(len(points), bool)
     for block in _blocks(points):
         for axis in axes:
             error = points.measured[block, axis] - points.nominal[block, axis]
             far[block] |= np.abs(error) > SUSPICIOUS_MM
+    return far
+
+
+def _far(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+    far = _are_far(points, axes)
     if not far.any():
         return []
     i = int(np.argmax(far))

@@ -87,13 +87,14 @@ def simulate_points(
         _one_part(model, points, plan, values, part, seed) for part, values in enumerate(covariates)
     ]
     repeats = [len(own) for own in measured]
+    axes = _written(model)
     return SimulatedPoints(
-        axes=model.axes,
+        axes=axes,
         operation=plan.operation,
         part=tuple(str(p + 1) for p, r in enumerate(repeats) for _ in range(r * n)),
         feature=tuple(ids) * sum(repeats),
         repeat=np.concatenate([np.repeat(np.arange(1, r + 1), n) for r in repeats]),
-        measured=np.concatenate([own.reshape(-1, len(model.axes)) for own in measured]),
+        measured=np.concatenate([own.reshape(-1, len(axes)) for own in measured]),
         covariates={
             key: np.concatenate(
                 [np.tile(values[key], r) for values, r in zip(covariates, repeats, strict=True)]
@@ -120,9 +121,21 @@ def _one_part(
     errors += _effects(model, points, plan.effects, values)
     errors += _scatter(model, points, plan.scatter, values, stream(seed, 3, part))
     cmm = stream(seed, 2, part).standard_normal((repeats, *errors.shape)) * plan.cmm_u
-    nominal = points[:, [AXES.index(axis) for axis in model.axes]]
-    measured: FloatArray = nominal + errors + cmm
+    axes = _written(model)
+    measured = np.tile(points[:, [AXES.index(axis) for axis in axes]], (repeats, 1, 1))
+    own = [axes.index(axis) for axis in model.axes]
+    measured[:, :, own] = measured[:, :, own] + errors + cmm
+    others = [i for i in range(len(axes)) if i not in own]
+    noise = stream(seed, 8, part).standard_normal((repeats, len(points), len(others)))
+    measured[:, :, others] += plan.cmm_u * noise
     return measured
+
+
+def _written(model: MachineModel) -> tuple[str, ...]:
+    """The coordinates of a points file: x and y, which every such file has, and those that the
+    machine has an equation for.
+    """
+    return tuple(axis for axis in AXES if axis in {"x", "y", *model.axes})
 
 
 def _check_covariates(model: MachineModel, points: FloatArray, plan: PartsPlan) -> None:

@@ -22,7 +22,7 @@ from mtu_cli.model.measured import (
     only_features,
     visits_of,
 )
-from mtu_cli.model.measured_checks import check_measured
+from mtu_cli.model.measured_checks import check_measured, refuse_mistaken
 
 
 def test_feature_tables_are_errors_by_part() -> None:
@@ -213,6 +213,19 @@ def test_mistakes_are_named(change: object, word: str) -> None:
     assert warning.code == "error-of-millimetres"
     assert word in warning.message
     assert "36 of 36 points" in warning.message or word == "x and y swapped"
+
+
+def test_mistakes_of_most_points_are_refused_where_a_machine_would_be_written() -> None:
+    found = study(6, 2, 3)
+    refuse_mistaken(found)
+    with pytest.raises(InputError, match=r"36 of 36 points .*um taken for mm"):
+        refuse_mistaken(with_measured(found, found.measured * 1000))
+    some = found.measured.copy()
+    some[:18] *= 1000
+    refuse_mistaken(with_measured(found, some))
+    some[:19] = found.measured[:19] * 1000
+    with pytest.raises(InputError, match=r"cmm.csv, row 2: 19 of 36"):
+        refuse_mistaken(with_measured(found, some))
 
 
 def test_mixed_units_are_named_for_the_rows_that_have_them() -> None:

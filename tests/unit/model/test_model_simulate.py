@@ -209,3 +209,17 @@ def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
     row = POINTS[[0, 0]] + [[0, 0, 0], [0, 5, 0]]
     with pytest.raises(InputError, match="need the covariate 'dir_x'"):
         simulate_points(model, ["a", "b"], row, plan, 1)
+
+
+def test_a_lathe_has_a_y_that_only_the_cmm_scatters() -> None:
+    """A points file has x and y; what the machine says nothing of is nominal, and measured."""
+    lathe = model_of([(estimate("a", "x", [1e-3, 2e-5]), {"x": "1", "z": "1"})])
+    found = simulate(replace(PLAN, parts=60, repeats=4), model=lathe)
+    assert found.axes == ("x", "y", "z")
+    errors = found.measured.reshape(-1, 4, 3) - POINTS
+    n = errors[:, :, 1].size
+    # 4 standard errors of a standard deviation, s/sqrt(2 n), and of a mean.
+    assert abs(errors[:, :, 1].std() - 1e-3) < 4 * 1e-3 / np.sqrt(2 * n)
+    assert abs(errors[:, :, 1].mean()) < 4 * 1e-3 / np.sqrt(n)
+    plane = simulate(replace(PLAN, parts=60, repeats=4), model=machine())
+    assert plane.axes == ("x", "y")
