@@ -211,10 +211,15 @@ def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
         simulate_points(model, ["a", "b"], row, plan, 1)
 
 
-def test_a_lathe_has_a_y_that_only_the_cmm_scatters() -> None:
+LATHE = """
+components: {px: {of: x, unit: um, coefficients: [1, 0.01], u_future: 1}}
+equations: {Ex: px, Ez: px}
+"""
+
+
+def test_a_lathe_has_a_y_that_only_the_cmm_scatters(tmp_path: Path) -> None:
     """A points file has x and y; what the machine says nothing of is nominal, and measured."""
-    lathe = model_of([(estimate("a", "x", [1e-3, 2e-5]), {"x": "1", "z": "1"})])
-    found = simulate(replace(PLAN, parts=60, repeats=4), model=lathe)
+    found = simulate(replace(PLAN, parts=60, repeats=4), model=stated(tmp_path, LATHE))
     assert found.axes == ("x", "y", "z")
     errors = found.measured.reshape(-1, 4, 3) - POINTS
     n = errors[:, :, 1].size
