@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -227,6 +227,35 @@ def _check_search(search: Search, path: YamlPath, findings: Findings) -> None:
     if search.of is None and (used or search.grid in ("between", "frequency")):
         expected = "the position or column that span, low and the grid are of"
         findings.add(path, "the key 'of' is missing", expected=expected)
+    if search.grid != "between":
+        _check_bounds(search, path, findings)
+
+
+def _check_bounds(search: Search, path: YamlPath, findings: Findings) -> None:
+    """Numbers among the bounds that leave nothing to search, whatever the data."""
+    low = max(_numbers(search.from_), default=None)
+    high = min(_numbers(search.to), default=None)
+    if search.grid in ("log", "frequency"):
+        # Of several bounds the largest `from` counts, and an expression may be it.
+        settled = len(_numbers(search.from_)) == len(search.from_)
+        for key, value in (("from", low if settled else None), ("to", high)):
+            if value is not None and value <= 0:
+                what = f"a {search.grid} grid has positive values alone"
+                findings.add((*path, key), what, value=f"{value:g}", expected="more than 0")
+    if low is not None and high is not None and low >= high:
+        expected = f"more than {low:g}, where the search begins"
+        findings.add((*path, "to"), "nothing lies between", value=f"{high:g}", expected=expected)
+
+
+def _numbers(texts: Sequence[str]) -> list[float]:
+    """Those of the bounds that are numbers by themselves."""
+    found = []
+    for text in texts:
+        try:
+            found.append(float(text))
+        except ValueError:
+            continue
+    return found
 
 
 def _check_marks(loaded: LoadedFamily, path: YamlPath, findings: Findings) -> None:

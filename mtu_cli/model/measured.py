@@ -90,6 +90,14 @@ def feature_tables(points: Points) -> MeasuredTables:
     return MeasuredTables(labels=tuple(labels), parts=points.parts, cells=_stacked(found))
 
 
+def check_repeats(points: Points) -> None:
+    """Raises InputError for a feature that stands twice in one repeat of one part."""
+    operations, operation = operations_of(points)
+    features, parts = len(points.features), len(points.parts)
+    cell = (operation.astype(np.int64) * features + points.feature) * parts + points.part
+    _check_repeats(points, cell, len(operations) * features * parts)
+
+
 def _check_repeats(points: Points, cell: IntArray, cells: int) -> None:
     """Refuses a repeat that stands twice in a cell."""
     low, high = int(points.repeat.min()), int(points.repeat.max())

@@ -140,6 +140,14 @@ def test_faults_of_equations(tmp_path: Path, equations: str, told: str) -> None:
             "e.yaml:5: effects[0].search.p.to: unknown name: 'reach'",
         ),
         (
+            family("{Ex: k*x*sin(p)}", more="search: {p: {from: 120, to: 5}}"),
+            "e.yaml:5: effects[0].search.p.to: nothing lies between: '5'; expected more than 120",
+        ),
+        (
+            family("{Ex: k*x*sin(p)}", more="search: {p: {grid: log, from: 0, to: 5}}"),
+            "e.yaml:5: effects[0].search.p.from: a log grid has positive values alone: '0'",
+        ),
+        (
             family("{Ex: k*x*sin(p)}", more="search: {p: {of: w, from: 1, to: 2}}"),
             "e.yaml:5: effects[0].search.p.of: unknown name: 'w'",
         ),
