@@ -7,7 +7,7 @@ from math import isfinite
 from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.modelling import modelled
+from mtu_cli.cli.modelling import modelled, one_direction
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
 from mtu_cli.model.settings import Settings
@@ -29,7 +29,12 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         tables=lambda: report.table(result),
         rows=lambda: report.csv_rows(result),
         figure=lambda: report.figure(result),
-        warnings=[*found.warnings, *result.warnings, *report.warnings(result)],
+        warnings=[
+            *found.warnings,
+            *one_direction(inputs, found.model),
+            *result.warnings,
+            *report.warnings(result),
+        ],
         gate=None if limit is None else _nonconforming(result, limit),
     )
 

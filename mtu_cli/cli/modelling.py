@@ -65,6 +65,19 @@ def modelled(inputs: Inputs) -> Modelled:
     return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
 
 
+def one_direction(inputs: Inputs, model: MachineModel) -> list[Warned]:
+    """Of an approach direction that one value is given for: between features it cancels."""
+    names = [name for name in inputs.at if name.startswith("dir_") and name in model.covariates()]
+    if not names:
+        return []
+    text = (
+        f"{', '.join(names)} is one value for all features: what reverses cancels between two "
+        "of them; where the program approaches them from different sides, compare and close-loop "
+        "take each one's own"
+    )
+    return [Warned(code="one-direction", message=text)]
+
+
 def _expand(at: dict[str, float], needed: Sequence[str]) -> None:
     """Names with * and ? stand for all covariates they match that are not given by themselves."""
     for pattern in [name for name in at if "*" in name or "?" in name]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mtu_cli.analyses.orthogonality import predict_orthogonality
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.modelling import modelled
+from mtu_cli.cli.modelling import modelled, one_direction
 from mtu_cli.cli.options import Options
 from mtu_cli.model.settings import Settings
 
@@ -25,5 +25,10 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         tables=lambda: report.table(result, settings.coverage_factor),
         rows=lambda: report.csv_rows(result, settings.coverage_factor),
         figure=lambda: report.figure(result),
-        warnings=[*found.warnings, *result.warnings, *report.warnings(result)],
+        warnings=[
+            *found.warnings,
+            *one_direction(inputs, found.model),
+            *result.warnings,
+            *report.warnings(result),
+        ],
     )

@@ -76,9 +76,11 @@ def test_predictions_need_the_covariates(
     assert code == 2
     for name in ("dir_x", "tool_parts"):
         assert f"need the covariate '{name}'; expected --at {name}=VALUE" in told
-    code, report, _ = run_command(monkeypatch, work, command, *AT)
+    code, report, told = run_command(monkeypatch, work, command, *AT)
     assert code == 0
     assert report["settings"]["at"] == {"dir_x": 1.0, "tool_parts": 5.0}
+    # One direction for both ends of a length takes the reversal out of it: not without a word.
+    assert ("[one-direction]" in told) == (command != "predict-points")
 
 
 def test_what_an_effect_adds(work: Path, monkeypatch: pytest.MonkeyPatch) -> None:
