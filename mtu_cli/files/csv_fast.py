@@ -27,8 +27,9 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
     seen here: the caller counts separators.
     """
     kinds = {name: spec.kind(name) for name in text.header}
-    seen = _first_texts(text)
-    kinds |= {name: "text" for name in seen if kinds[name] == "covariate"}
+    if "covariate" in kinds.values():
+        seen = _first_texts(text)
+        kinds |= {name: "text" for name in seen if kinds[name] == "covariate"}
     capacity = text.newlines + 1
     numeric = {name for name, kind in kinds.items() if kind in ("number", "covariate")}
     numbers, vectors = _number_stores(numeric, spec, capacity)
@@ -36,13 +37,14 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
     times = {name: _Times(capacity) for name, kind in kinds.items() if kind == "time"}
     count = 0
     for frame in frames(text, _dtypes(kinds)):
-        for name in [name for name in numbers if not _is_numeric(frame[name])]:
+        found = dict(frame.items())
+        for name in [name for name in numbers if found[name].dtype.kind not in "iuf"]:
             if kinds[name] == "number":
                 raise Suspect
             del numbers[name]
         for column in (numbers, texts, times):
             for name, store in column.items():
-                store.add(frame[name], count)
+                store.add(found[name], count)
         count += len(frame)
     late = [name for name in text.header if name not in (*numbers, *texts, *times)]
     texts |= _read_texts(text, late, capacity)
@@ -77,13 +79,6 @@ def _first_texts(text: CsvText) -> set[str]:
     return found
 
 
-def _is_numeric(column: pd.Series[Any]) -> bool:
-    import pandas as pd
-
-    types = pd.api.types
-    return types.is_numeric_dtype(column) and not types.is_bool_dtype(column)
-
-
 def _read_texts(text: CsvText, names: list[str], capacity: int) -> dict[str, _Texts]:
     """Columns that turned out to be texts, read again as they are written."""
     found = {name: _Texts(capacity) for name in names}
@@ -113,8 +108,8 @@ def _number_stores(
         for index, name in enumerate(names)
         if name in numeric
     }
-    own = {name: np.empty(capacity) for name in numeric - places.keys()}
-    return {name: _Numbers(values) for name, values in (places | own).items()}, vectors
+    stores = {name: _Numbers(capacity, places.get(name)) for name in numeric}
+    return stores, vectors
 
 
 def _filled(
@@ -127,14 +122,32 @@ def _filled(
 
 
 class _Numbers:
-    def __init__(self, values: NDArray[np.float64]) -> None:
+    def __init__(self, capacity: int, values: NDArray[np.float64] | None) -> None:
+        self.capacity = capacity
         self.values = values
+        self.first: NDArray[np.float64] | None = None
 
     def add(self, column: pd.Series[Any], start: int) -> None:
-        self.values[start : start + len(column)] = column.to_numpy(dtype="float64")
+        import numpy as np
+
+        values = column.to_numpy()
+        if self.values is None and start == 0:
+            # Most often the only one: then it need not be copied.
+            self.first = np.asarray(values, np.float64)
+            return
+        if self.values is None:
+            self.values = np.empty(self.capacity)
+        if self.first is not None:
+            self.values[:start] = self.first
+            self.first = None
+        self.values[start : start + len(values)] = values
 
     def whole(self, count: int) -> NDArray[np.float64]:
-        return self.values[:count]
+        import numpy as np
+
+        if self.first is not None:
+            return self.first
+        return np.empty(0) if self.values is None else self.values[:count]
 
 
 class _Texts:
@@ -163,6 +176,8 @@ def _by_appearance(codes: NDArray[np.int32], labels: tuple[str, ...]) -> TextCol
     import numpy as np
     import pandas as pd
 
+    if len(labels) < 2:
+        return TextColumn(codes, labels)
     order = pd.unique(codes[codes >= 0])
     if (order == np.arange(len(order))).all():
         return TextColumn(codes, labels)
@@ -193,11 +208,8 @@ class _Times:
 
 
 def _check_cells(columns: Columns, spec: TableSpec) -> None:
-    import numpy as np
-
     for name, values in columns.numbers.items():
-        faulty = np.isinf(values) if spec.empty_allowed(name) else ~np.isfinite(values)
-        if faulty.any():
+        if not _finite(values, spec.empty_allowed(name)):
             raise Suspect
     for name, text in columns.texts.items():
         if not spec.empty_allowed(name) and (text.codes < 0).any():
@@ -205,3 +217,14 @@ def _check_cells(columns: Columns, spec: TableSpec) -> None:
     for time in columns.times.values():
         if (time.microseconds == NO_TIME).any():
             raise Suspect
+
+
+def _finite(values: NDArray[np.float64], empty_allowed: bool) -> bool:
+    """Whether no number is infinite and, unless cells may be empty, none is nan."""
+    import numpy as np
+
+    # Both are nan where any number is: two looks at the numbers, and no array of answers.
+    ends = values.min(initial=0.0), values.max(initial=0.0)
+    if np.isfinite(ends).all():
+        return True
+    return empty_allowed and not np.isinf(values).any()

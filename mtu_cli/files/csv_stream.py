@@ -78,9 +78,10 @@ def _whole_records(pieces: Iterator[bytes], shown: str) -> Iterator[bytes]:
         held = b"".join(parts).removeprefix(mark)
         mark = b""
         lines = held.rfind(b"\n") + 1
-        check_text(held[:lines], shown)
+        whole = held[:lines]
+        check_text(whole, shown)
         # Quotes of comments open no cell: comments go before quotes are counted.
-        plain = plain_lines(held[:lines])
+        plain = plain_lines(whole)
         end = _last_record(plain)
         if end and not plain[:end].isspace():
             yield plain[:end]

@@ -12,6 +12,8 @@ from mtu_cli.files.covariates import HOTTEST_DEGC, is_temperature, looks_like_te
 from mtu_cli.units import UNITS, dimension_name
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mtu_cli.files.csv_table import ProblemList, Table
 
 ROLE = "drift"
@@ -38,7 +40,7 @@ def check_drift(
                 )
             )
     for name, values in table.columns.numbers.items():
-        if not is_temperature(name):
+        if not is_temperature(name) or _all_within(values, HOTTEST_DEGC):
             continue
         empty = np.flatnonzero(np.isnan(values))
         problems.add_cells(table, empty, name, "empty cell", [""], TEMPERATURE_EXPECTED)
@@ -50,11 +52,19 @@ def check_drift(
         _check_kinds(table, problems)
 
 
+def _all_within(values: NDArray[np.float64], most: float) -> bool:
+    """Whether all numbers are at most `most` in size; False where one is nan."""
+    return bool(values.min(initial=0.0) >= -most and values.max(initial=0.0) <= most)
+
+
 def _check_kinds(table: Table, problems: ProblemList) -> None:
     """Units of two dimensions, and positions of some readings only, in one component."""
     column, units = table.columns.texts["component"], table.columns.texts["unit"]
     positions = table.columns.numbers.get("position_mm")
     dimension = np.array([UNITS[u].dimension if u in UNITS else -1 for u in units.labels] + [-1])
+    placed = positions is None or not np.isnan(positions.min(initial=0.0))
+    if placed and len(set(dimension.tolist()) - {-1}) < 2:
+        return
     of_row = dimension[units.codes]
     for code, label in enumerate(column.labels):
         inside = np.flatnonzero(column.codes == code)

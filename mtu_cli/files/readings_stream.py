@@ -31,6 +31,7 @@ from mtu_cli.files.readings import (
     read_readings,
     reading_marks,
 )
+from mtu_cli.files.row_marks import AllMarks, in_ascending_order
 from mtu_cli.files.source import Digest, RunningDigest, Source
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ class ReadingsStream(Iterator[Readings]):
                         copied.frombytes(reading_marks(readings).tobytes())
                     yield readings
             sources.append(file.finished(known.sources[index]))
-            marks.append(_sorted(copied))
+            marks.append(in_ascending_order(copied))
         if len({source.sha256 for source in sources}) < len(sources):
             raise Suspect
         if len(marks) > 1 and copied_files(marks, FEWEST_COPIED):
@@ -217,7 +218,7 @@ class _File:
 
     def __init__(self) -> None:
         self._rows = 0
-        self._marks = array("Q")
+        self._marks = AllMarks()
         self._numeric: dict[str, tuple[bool, bool]] = {}
         self._digest: Digest | RunningDigest | None = None
 
@@ -225,23 +226,15 @@ class _File:
         self._rows += len(block.table)
         self._digest = block.digest
         if block.marks is not None:
-            self._marks.frombytes(block.marks.tobytes())
+            self._marks.add(block.marks)
         for name, (any_is, all_are) in block.numeric.items():
             before = self._numeric.get(name, (False, True))
             self._numeric[name] = (before[0] or any_is, before[1] and all_are)
 
     def finished(self, source: Source) -> Source:
         """The file with rows and hash; raises Suspect where it is not sound as a whole."""
-        marks = _sorted(self._marks)
-        doubled = bool((marks[1:] == marks[:-1]).any())
+        doubled = self._marks.any_twice()
         unsound = any(all(found) for found in self._numeric.values())
         if self._digest is None or not self._rows or doubled or unsound:
             raise Suspect
         return replace(source, rows=self._rows, sha256=self._digest.hexadecimal())
-
-
-def _sorted(marks: array[int]) -> Marks:
-    """The marks in ascending order, in the memory they are in."""
-    found = np.frombuffer(marks, np.uint64) if marks else np.zeros(0, np.uint64)
-    found.sort()
-    return found

@@ -164,7 +164,8 @@ def _cell_problems(block: Readings, name: str, values: FloatArray) -> list[Probl
 
 def _groups(block: Readings) -> list[slice | np.ndarray]:
     """Rows of one component, position and cycle: runs of them, or all where runs are short."""
-    position = np.nan_to_num(np.asarray(block.position_mm, np.float64), nan=np.inf)
+    given = np.asarray(block.position_mm, np.float64)
+    position = np.where(np.isnan(given), np.inf, given)
     changed = block.code[1:] != block.code[:-1]
     changed |= position[1:] != position[:-1]
     changed |= block.cycle[1:] != block.cycle[:-1]
@@ -194,7 +195,7 @@ def _add(
     known = series.pieces.get(key)
     piece = compress(Z, known)
     series.pieces[key] = piece if known is None else together([known, piece])
-    here = np.unique(block.file_index[rows]).tolist()
+    here = _different(block.file_index[rows])
     series.files.setdefault(key, set()).update(block.sources[i].shown for i in here)
     series.n += len(Z)
     low, high = span
@@ -202,6 +203,12 @@ def _add(
         before = series.spans[cycle]
         low, high = np.minimum(low, before[0]), np.maximum(high, before[1])
     series.spans[cycle] = (low, high)
+
+
+def _different(values: np.ndarray) -> list[int]:
+    # Most often all are one: no need to sort or hash them.
+    first = int(values[0])
+    return [first] if (values == first).all() else list(map(int, np.unique(values)))
 
 
 def _keep(

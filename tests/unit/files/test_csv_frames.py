@@ -49,6 +49,7 @@ def test_any_block_size(
     assert (whole.measured[:, 0] == np.arange(200) + 0.25).all()
     assert whole.covariates["note"][0] == "line 0\n, next"
     monkeypatch.setattr(csv_frames, "_BLOCK", size)
+    monkeypatch.setattr(csv_frames, "_PIECE", max(1, size // 3))
     monkeypatch.setattr("os.cpu_count", lambda: threads)
     same(whole, read(tmp_path, text))
 
@@ -79,3 +80,42 @@ def test_a_fault_in_any_block_is_told_with_its_row(
     with pytest.raises(InputError) as caught:
         read(tmp_path, head + "".join(rows))
     assert f"row {at + 2}" in str(caught.value)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_longer_row_does_not_make_up_for_a_shorter_one(tmp_path: Path, order: int) -> None:
+    """Separators count right in all, and the last column may be empty."""
+    head = "part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,T_a_degC\n"
+    longer, shorter = ["P1,f,1,2,1,2,20,21\n", "P2,f,1,2,1,2\n"][::order]
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, head + longer + "P3,f,1,2,1,2,20\n" + shorter)
+    assert {problem.row for problem in caught.value.problems} == {2, 4}
+
+
+@pytest.mark.parametrize("size", [20, 1000])
+def test_whole_numbers_and_others_in_one_column(
+    tmp_path: Path, size: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a column that no contract names, pandas finds the type block by block."""
+    monkeypatch.setattr(csv_frames, "_BLOCK", size)
+    head = "part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,load\n"
+    cells = ["1", "-2", "", "0.5", "9007199254740993", "1e3"]
+    rows = [f"P{i},f,1,2,1,2,{cell}\n" for i, cell in enumerate(cells)]
+    found = read(tmp_path, head + "".join(rows)).covariates["load"]
+    np.testing.assert_array_equal(found, [float(cell or "nan") for cell in cells])
+
+
+@pytest.mark.parametrize("cell", ["1e999", "-1e999", "inf", "nan", ""])
+@pytest.mark.parametrize("column", ["x_mm", "T_a_degC"])
+@pytest.mark.parametrize("beside", ["1", ""])
+def test_numbers_that_are_not_finite(tmp_path: Path, cell: str, column: str, beside: str) -> None:
+    """None is let through, be it with empty cells beside it; only a covariate may be empty."""
+    head = "part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,T_a_degC\n"
+    x, temperature = (cell, "20") if column == "x_mm" else ("1", cell)
+    text = f"{head}P1,f,1,2,1,2,{beside}\nP2,f,{x},2,1,2,{temperature}\n"
+    if cell == "" and column == "T_a_degC":
+        assert np.isnan(read(tmp_path, text).covariates[column][1])
+        return
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, text)
+    assert [(p.row, p.column) for p in caught.value.problems] == [(3, column)]

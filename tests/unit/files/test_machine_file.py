@@ -199,6 +199,12 @@ def test_an_angle_needs_its_lever_arm(tmp_path: Path) -> None:
         ("axes: {q: {travel_mm: [0, 1]}}", "axes.q: unknown key: 'q'; expected one of: x, y, z"),
         ("axes: {x: {travel_mm: [0]}}", "axes.x.travel_mm: wrong value: '[0]'"),
         ("reference_temperature_degC: warm", "wrong value: 'warm'; expected a number"),
+        (
+            "reference_temperature_degC: 293.15",
+            "no temperature of a machine: '293.15'; expected degC, at most 200 in size: in kelvin "
+            "it would be 20 degC",
+        ),
+        ("reference_temperature_degC: -400", "no temperature of a machine: '-400'; expected degC"),
         ("fish: 1", "fish: unknown key: 'fish'; expected one of: schema, name, says"),
         ("effects: [3]", "effects[0]: wrong value: '3'; expected keys with values"),
     ],
