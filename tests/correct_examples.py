@@ -22,6 +22,10 @@ ErrorAt = Callable[[Floats, Floats], Floats]
 
 ANGLES = 2 * np.pi * np.arange(11) / 11
 DIAMETER = 180.0124
+ROUNDING = 1e-9
+"""Relative: doubles of 200 mm round by 3e-14 mm, and what is told of them is 1e-4 mm or more."""
+ROUNDING_MM = 1e-12
+"""Some tens of the roundings of 3e-14 mm that a coordinate of 200 mm goes through."""
 
 MACHINE = """\
 components:

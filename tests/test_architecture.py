@@ -25,6 +25,26 @@ FLOORS = {
     "reports": 6,
     "cli": 7,
 }
+SOLVERS = {"lstsq", "lsq_linear", "pinv", "pinvh", "qr", "solve", "solve_triangular", "cho_solve"}
+"""What fits by least squares is made of; `stats` has the one routine, and what it stands on."""
+BEING_REDUCED = "the search's own algebra, on its way into stats"
+SOLVED_ELSEWHERE = {
+    "files/thermal_contract.py": "gradients of a file against their polynomial: files lie lower",
+    "model/drift_simulation.py": "the smallest change that gives a stated drift: nothing is fitted",
+    "model/effect_distinct.py": "orthonormal bases of many effects at once, to compare their spans",
+    "model/estimates.py": "a Schur complement: powers of a covariance eliminated",
+    "model/geometry.py": "the gradient of a circle's minimum, by the implicit function theorem",
+    "model/graph/examine.py": "a partial correlation from a matrix that may be singular",
+    "model/instruments.py": "the weight of a difference, its covariance perhaps singular",
+    "model/variance.py": "a gradient with fewer columns of the same products",
+    "analyses/close_loop/describe.py": BEING_REDUCED,
+    "analyses/close_loop/directions.py": BEING_REDUCED,
+    "analyses/close_loop/estimate.py": BEING_REDUCED,
+    "analyses/close_loop/fitted.py": BEING_REDUCED,
+    "analyses/close_loop/gross.py": BEING_REDUCED,
+    "analyses/close_loop/separation.py": BEING_REDUCED,
+}
+"""Files that solve linear systems outside `stats`, each with its reason; no other may."""
 BODIES = ("body", "orelse", "handlers", "finalbody")
 MODULES = sorted(ROOT.rglob("*.py"))
 
@@ -130,6 +150,48 @@ def test_one_idea_a_function(path: Path) -> None:
         and node.end_lineno - node.lineno >= 40
     ]
     assert not long
+
+
+def solvers(tree: ast.Module) -> list[str]:
+    """`name:line` of what solves linear systems: calls below `linalg`, and imports from there."""
+    found: list[str] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            below = ast.unparse(node.func.value).split(".")[-1]
+            if node.func.attr in SOLVERS and below in ("linalg", "optimize"):
+                found.append(f"{node.func.attr}:{node.lineno}")
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in (
+            "numpy", "scipy",
+        ):  # fmt: skip
+            names = SOLVERS.intersection(alias.name for alias in node.names)
+            found += [f"{name}:{node.lineno}" for name in sorted(names)]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        ("np.linalg.lstsq(X, y)", ["lstsq:1"]),
+        ("import numpy.linalg as linalg\nlinalg.qr(X)", ["qr:2"]),
+        ("from scipy.linalg import solve, norm", ["solve:1"]),
+        ("self.solve(X)\nfactor.qr()\nnp.linalg.norm(X)", []),
+    ],
+)
+def test_solvers_are_seen(code: str, expected: list[str]) -> None:
+    assert solvers(ast.parse(code)) == expected
+
+
+def test_least_squares_is_solved_in_one_place() -> None:
+    found = {
+        str(path.relative_to(ROOT)): lines
+        for path in MODULES
+        if path.relative_to(ROOT).parts[0] != "stats"
+        and (lines := solvers(ast.parse(path.read_text("utf-8"))))
+    }
+    new = {path: lines for path, lines in found.items() if path not in SOLVED_ELSEWHERE}
+    assert not new, "use mtu_cli.stats.least_squares, or give the reason in SOLVED_ELSEWHERE"
+    stale = {path for path in SOLVED_ELSEWHERE if path not in found}
+    assert all(SOLVED_ELSEWHERE[path] == BEING_REDUCED for path in stale), stale
 
 
 def test_analyses_do_not_import_each_other() -> None:

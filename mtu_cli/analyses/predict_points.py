@@ -40,6 +40,16 @@ class PointsResult:
     independent: bool
     warnings: tuple[Warned, ...]
 
+    @property
+    def U(self) -> FloatArray:
+        """Expanded uncertainties k u (rows,), mm (JCGM 100, eq. (18))."""
+        return self.coverage_factor * np.sqrt(self.variance)
+
+    def of_axis(self, values: FloatArray, axis: str) -> FloatArray:
+        """What belongs to one axis, (features,), of `values` (rows,)."""
+        axes = self.prediction.axes
+        return values[axes.index(axis) :: len(axes)]
+
 
 def predict_points(
     model: MachineModel,

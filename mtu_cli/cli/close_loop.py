@@ -39,6 +39,9 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     check_written(inputs)
     library = effect_library(inputs.files("effects"))
     tables, found, warnings = _tables(inputs, choices)
+    axes = inputs.machine.machine.axes
+    travel = {str(name): (axis.travel_mm[0], axis.travel_mm[1]) for name, axis in axes.items()}
+    tables = tuple(replace(table, travel=travel) for table in tables)
     inputs.sources.extend(library.sources)
     result = close_loop(
         tables,
@@ -120,9 +123,24 @@ def _tables(
         before = estimates_from_fit(machine, None)
         fit = fit_machine(machine, readings)
         known = Known(estimates=estimates_from_fit(machine, fit), fit=fit)
+    warnings += _not_used(inputs, choices)
     thermal, doubts = drift_estimates(inputs)
     tables, odd = reading_tables(machine, replace(before, thermal=thermal), readings)
     return tables, known, [*warnings, *doubts, *odd]
+
+
+def _not_used(inputs: Inputs, choices: Choices) -> list[Warned]:
+    """Of what is asked for and means nothing without measured points."""
+    asked = {
+        "--datum": choices.datum != "none",
+        **{f"--at {name}": True for name in inputs.at},
+    }
+    text = "is not used: readings are judged, no points of parts (--cmm) are given"
+    return [
+        Warned(code="option-not-used", message=f"{option} {text}")
+        for option, given in asked.items()
+        if given
+    ]
 
 
 def _gate(verdict: str, choices: Choices) -> str | None:

@@ -122,6 +122,8 @@ def _equations(budget: Budget, findings: Findings) -> list[tuple[str, YamlPath, 
     for name, text in (budget.equations or {}).items():
         found.append((name, ("equations", name), text))
     for name, place, _ in found:
+        if not name.strip():
+            findings.add(place, "an output without a name", expected="a name before its equation")
         if name in findings.keys("inputs"):
             place = ("quantity", "name") if place == ("equation",) else place
             what = "an input has the same name as this output"

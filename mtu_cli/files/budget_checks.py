@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import get_args
 
 from mtu_cli.errors import did_you_mean
-from mtu_cli.files.budget_contract import Budget, Contribution, Input
+from mtu_cli.files.budget_contract import Budget, Contribution, DistributionName, Input
 from mtu_cli.files.contracts import Findings, present
 from mtu_cli.files.yaml_file import YamlPath
 
-SHAPED = ("rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine")
+SHAPED = frozenset(get_args(DistributionName)) - {"normal", "t"}
 WAYS = ("u", "half_width", "low", "U")
 LEAST_BOUNDED_DOF = 0.5
+"""Fewer would let the half-width be uncertain by more than itself."""
 ROUNDING = 1e-9
 
 
@@ -156,6 +158,9 @@ def check_joint(budget: Budget, findings: Findings) -> None:
         for name in (first, second):
             if name not in known:
                 findings.add(path, "unknown input", value=name, expected=did_you_mean(name, known))
+            elif name in (budget.inputs or {}) and _exact(budget.inputs[name]):
+                what = "correlated, but it has no uncertainty"
+                findings.add(path, what, value=name, expected="an input with a width of its own")
         if not -1.0 <= r <= 1.0:
             findings.add(path, "a correlation beyond 1", value=r, expected="-1 to 1")
         if first == second:
@@ -166,6 +171,15 @@ def check_joint(budget: Budget, findings: Findings) -> None:
         if first in grouped and grouped[first] == grouped.get(second):
             what = "the correlation of these comes from their simultaneous readings"
             findings.add(path, what, value=f"{first}, {second}", expected="one of both")
+
+
+def _exact(item: Input) -> bool:
+    """Whether nothing an entry says makes it vary."""
+    widths = ("u", "half_width", "U", "inexact")
+    stated = [getattr(part, way) for part in (item, *item.contributions) for way in widths]
+    apart = item.low is not None and item.high is not None and item.low < item.high
+    scattered = len(set(item.readings or [])) > 1
+    return not (scattered or apart or any(stated))
 
 
 def _check_group(budget: Budget, group: Sequence[str], path: YamlPath, findings: Findings) -> None:

@@ -8,12 +8,13 @@ from pydantic import BeforeValidator, Field
 
 from mtu_cli.files.contract_errors import told
 from mtu_cli.files.contracts import Contract, NonNegative, Positive
+from mtu_cli.files.study import MAX_COVERAGE
 
 DistributionName = Literal[
     "normal", "t", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine"
 ]
-LARGEST_K = 3.2905
-"""Beyond it the coverage probability exceeds 0.999, which takes too many trials to check."""
+LARGEST_PROBABILITY = 0.999
+"""Beyond it a Monte Carlo takes too many trials to check the interval."""
 
 Text = Annotated[str, Field(min_length=1)]
 
@@ -92,10 +93,10 @@ class Quantity(Contract):
 class Coverage(Contract):
     """How U is meant: for a coverage probability, or with a given factor."""
 
-    probability: Annotated[float, Field(gt=0, le=0.999)] | None = Field(
+    probability: Annotated[float, Field(gt=0, le=LARGEST_PROBABILITY)] | None = Field(
         default=None, description="Coverage probability; k is then that of Student's t"
     )
-    k: Annotated[float, Field(gt=0, le=LARGEST_K)] | None = Field(
+    k: Annotated[float, Field(gt=0, lt=MAX_COVERAGE)] | None = Field(
         default=None, description="Coverage factor of U = k u"
     )
 

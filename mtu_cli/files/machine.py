@@ -6,7 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mtu_cli.files.contracts import Findings, Notice, check_contract, present
-from mtu_cli.files.machine_checks import check_components, check_effect_covariance, check_names
+from mtu_cli.files.machine_checks import (
+    check_components,
+    check_effect_covariance,
+    check_names,
+    check_reference,
+)
 from mtu_cli.files.machine_contract import (
     Axis,
     Component,
@@ -72,6 +77,7 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
 
     def check(machine: Machine, findings: Findings) -> None:
         check_names(machine, findings)
+        check_reference(machine, findings)
         check_components(machine, findings)
         vocabulary = Vocabulary.of(machine, findings)
         forms.update(check_equations(machine.equations, vocabulary, findings, ("equations",)))

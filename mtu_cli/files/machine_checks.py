@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mtu_cli.files.contracts import Findings, duplicates, is_identifier, present
-from mtu_cli.files.covariates import is_covariate
+from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature, is_covariate
 from mtu_cli.files.machine_contract import Component, Effect, Machine
 from mtu_cli.files.machine_equations import POSITIONS
 from mtu_cli.files.thermal_contract import check_thermal
@@ -62,6 +62,18 @@ def _check_name(name: str, path: YamlPath, taken: dict[str, str], findings: Find
         findings.add(path, f"the name is taken: it is {taken[name]}", value=name)
     elif is_covariate(name) and path[0] != "covariates":
         findings.add(path, "the name is taken: it is a covariate", value=name)
+
+
+def check_reference(machine: Machine, findings: Findings) -> None:
+    """The temperature that drifts count from: one that a machine can have."""
+    reference = machine.reference_temperature_degC
+    if reference is not None and abs(reference) > HOTTEST_DEGC:
+        findings.add(
+            ("reference_temperature_degC",),
+            "no temperature of a machine",
+            value=f"{reference:g}",
+            expected=expected_temperature(reference),
+        )
 
 
 def check_components(machine: Machine, findings: Findings) -> None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem
-from mtu_cli.files.covariates import HOTTEST_DEGC
+from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.language import LinearForm, Node, names
 from mtu_cli.language.tree import Binary
@@ -221,12 +221,11 @@ def _check_temperatures(model: MachineModel, given: Mapping[str, object]) -> Non
         values = np.atleast_1d(np.asarray(given.get(sensor, 0.0), float))
         faulty = ~(np.abs(values) <= HOTTEST_DEGC)
         if faulty.any():
-            raise InputError(
-                Problem(
-                    what=f"no temperature of a machine: {sensor}",
-                    value=f"{values[faulty][0]:g}",
-                    expected=f"degC, at most {HOTTEST_DEGC:g} in size",
-                )
+            value = float(values[faulty][0])
+            raise fault(
+                f"no temperature of a machine: {sensor}",
+                value=f"{value:g}",
+                expected=expected_temperature(value),
             )
 
 

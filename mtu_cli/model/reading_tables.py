@@ -15,7 +15,7 @@ from mtu_cli.model.machine_model import AXES, MachineModel, Term, polynomial_ter
 from mtu_cli.model.reading_effects import effects_on_readings
 from mtu_cli.model.reading_layout import ReadingLayout, reading_layout
 from mtu_cli.model.residual_cells import IntArray, filled
-from mtu_cli.model.residual_covariates import table_covariates
+from mtu_cli.model.residual_covariates import check_temperatures, table_covariates
 from mtu_cli.model.residual_factors import CellModel, Values, cell_model
 from mtu_cli.model.residual_table import ResidualTable, within
 from mtu_cli.model.settings import Warned
@@ -48,7 +48,10 @@ def reading_tables(
 
     A pass takes the place of a part, a target and direction that of a feature. Forward and
     reverse of a pass draw their D independently, as the fit takes them.
+
+    Raises InputError for cells of a sensor that no sensor of a machine reads.
     """
+    check_temperatures(readings)
     estimates = _estimates(machine, known)
     tables, warned = [], []
     for code, name in enumerate(readings.components):

@@ -1,20 +1,26 @@
-"""Covariates of measured cells in the smallest shape, and those that the model needs."""
+"""Covariates of measured points: those that the model needs, and all in their smallest shape."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature, is_temperature
 from mtu_cli.files.points import Points
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
 from mtu_cli.model.measured import MOST_TOLD
-from mtu_cli.model.residual_cells import Cells
+from mtu_cli.model.moments import moment_problem
+from mtu_cli.model.residual_cells import Cells, IntArray
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
+
+if TYPE_CHECKING:
+    from mtu_cli.files.readings import Readings
 
 ROUNDING = 1e-12
 """Means of repeats that differ by less than this share of their size are equal."""
@@ -117,15 +123,16 @@ def needed_covariates(
 
     Times are added where a drift lags behind its temperatures.
 
-    Raises InputError for a covariate that is neither a column nor given, and for its cells
-    that are empty or no number, with their rows.
+    Raises InputError for a covariate that is neither a column nor given, for its cells that are
+    empty, no number or no temperature of a machine, and for temperatures of one moment that
+    cannot both be right where a drift lags behind them, with their rows.
     """
     values: Values = {}
     problems: list[Problem] = []
     warnings: list[Warned] = []
     for name in model.covariates():
         if name in columns:
-            values[name] = _numbers(points, name, columns[name], problems)
+            values[name] = numbers_of(points, name, columns[name], problems)
             if name in at:
                 text = f"the points' own column {name!r} is used, not --at {name}"
                 warnings.append(Warned(code="covariate-of-the-points", message=text))
@@ -133,12 +140,10 @@ def needed_covariates(
             values[name] = at[name]
         else:
             problems.append(_missing(model, points, name, list(columns)))
-    if any(drift.time_constants.any() for drift in model.drifts()):
-        if TIME in columns:
-            values[TIME] = _numbers(points, TIME, columns[TIME], problems)
-        else:
-            text = "the points have no times: every drift that lags behind counts as settled"
-            warnings.append(Warned(code="lag-without-time", message=text))
+    if TIME in columns and any(drift.time_constants.any() for drift in model.drifts()):
+        values[TIME] = numbers_of(points, TIME, columns[TIME], problems)
+    if not problems and (problem := moment_problem(model, points, values)) is not None:
+        problems.append(problem)
     if problems:
         raise InputError(problems)
     return Needed(values=values, warnings=tuple(warnings))
@@ -158,24 +163,66 @@ def _missing(model: MachineModel, points: Points, name: str, known: Sequence[str
     )
 
 
-def _numbers(points: Points, name: str, column: np.ndarray, problems: list[Problem]) -> FloatArray:
-    values = column
-    if column.dtype == object:
-        values = np.array([_number(text) for text in column.tolist()])
-    for i in np.flatnonzero(~np.isfinite(values))[:MOST_TOLD].tolist():
-        text = column[i] if column.dtype == object else ""
-        problems.append(
-            Problem(
-                what="not a number" if text else "the cell is empty",
-                file=points.sources[points.file_index[i]].shown,
-                row=int(points.row[i]),
-                column="time" if name == TIME else name,
-                value=text or None,
-                expected=f"a number: the prediction needs {name!r} of every point",
-            )
-        )
-    found: FloatArray = values.astype(np.float64)
+def numbers_of(
+    points: Points,
+    name: str,
+    column: np.ndarray,
+    problems: list[Problem],
+    rows: IntArray | None = None,
+) -> FloatArray:
+    """The column (n,) as numbers; cells of `rows` (all of them unless given) that are none, or
+    no temperature of a machine in a sensor's column, become problems.
+    """
+    texts = column.tolist() if column.dtype == object else None
+    found = np.array([_number(text) for text in texts]) if texts else column.astype(np.float64)
+    chosen = np.arange(len(found)) if rows is None else rows
+    for i in chosen[~np.isfinite(found[chosen])][:MOST_TOLD].tolist():
+        text = texts[i] if texts else ""
+        what = "not a number" if text else "the cell is empty"
+        expected = f"a number: {name!r} of every point is needed"
+        problems.append(_cell_problem(points, i, name, what, text or None, expected))
+    problems += _no_temperatures(points, name, found, chosen)
     return found
+
+
+def check_temperatures(measured: Points | Readings) -> None:
+    """Raises InputError for cells in any sensor's column that no sensor of a machine reads."""
+    every = np.arange(len(measured))
+    problems = [
+        problem
+        for name, column in measured.covariates.items()
+        if column.dtype != object
+        for problem in _no_temperatures(measured, name, column.astype(np.float64), every)
+    ]
+    if problems:
+        raise InputError(problems)
+
+
+def _no_temperatures(
+    measured: Points | Readings, name: str, values: FloatArray, rows: IntArray
+) -> list[Problem]:
+    if not is_temperature(name):
+        return []
+    far = rows[np.isfinite(values[rows]) & (np.abs(values[rows]) > HOTTEST_DEGC)]
+    return [
+        _cell_problem(
+            measured, i, name, "no temperature", f"{values[i]:g}", expected_temperature(values[i])
+        )
+        for i in far[:MOST_TOLD].tolist()
+    ]
+
+
+def _cell_problem(
+    measured: Points | Readings, i: int, name: str, what: str, value: str | None, expected: str
+) -> Problem:
+    return Problem(
+        what=what,
+        file=measured.sources[measured.file_index[i]].shown,
+        row=int(measured.row[i]),
+        column="time" if name == TIME else name,
+        value=value,
+        expected=expected,
+    )
 
 
 def _number(text: str) -> float:

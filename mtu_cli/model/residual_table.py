@@ -5,7 +5,7 @@ adds to it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,14 +14,20 @@ from numpy.typing import NDArray
 from mtu_cli.errors import fault
 from mtu_cli.files.points import Points
 from mtu_cli.model.datum import Datum
+from mtu_cli.model.datum import freed as freed_points
 from mtu_cli.model.design import places as fixed_places
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import axes_of
-from mtu_cli.model.measured_checks import check_measured
+from mtu_cli.model.measured import axes_of, check_repeats
+from mtu_cli.model.measured_checks import check_measured, refuse_mistaken
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.residual_cells import Cells, IntArray, filled
-from mtu_cli.model.residual_covariates import needed_covariates, point_columns, table_covariates
+from mtu_cli.model.residual_covariates import (
+    check_temperatures,
+    needed_covariates,
+    point_columns,
+    table_covariates,
+)
 from mtu_cli.model.residual_datum import Motions, freed, motions_of
 from mtu_cli.model.residual_factors import (
     Values,
@@ -55,7 +61,8 @@ class ResidualTable:
     covariances F F' of the errors by what all parts share (the coefficients, C) and by what
     each part draws anew (the pass-to-pass covariance, D). `datum` has been projected out of
     errors and factors; `fitted_degree` is that of the polynomial that the readings themselves
-    gave (-1: none). `pass_dof` are the degrees of freedom that D was estimated with.
+    gave (-1: none). `pass_dof` are the degrees of freedom that D was estimated with; `travel`
+    the ends of the machine's axes, mm, where they are known.
     """
 
     axes: tuple[str, ...]
@@ -76,7 +83,7 @@ class ResidualTable:
     datum: Datum = "none"
     fitted_degree: int = -1
     pass_dof: float = np.inf
-    rows: tuple[str, ...] = ()
+    travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def there(self) -> NDArray[np.bool_]:
@@ -114,7 +121,7 @@ def residual_table(
     Raises InputError for a missing covariate or coordinate, points that cannot be what they
     claim, or points of no axis that an equation is for.
     """
-    warned = _checked(points)
+    warned = _checked(points, datum)
     axes = _axes(model, points, warned)
     layout = layout_of(points)
     table, errors = _measured(model, points, covariates or {}, axes, layout, warned)
@@ -143,6 +150,7 @@ def _measured(
     """The table with nothing set free, and the errors (n, A) of the points."""
     cells = layout.cells
     columns = point_columns(points)
+    check_temperatures(points)
     needed = needed_covariates(model, points, columns, at)
     shown, gaps = table_covariates(columns, cells)
     shapes = {name: value.shape for name, value in shown.items()}
@@ -188,8 +196,11 @@ def within(
     return cells.squares(errors) / dof, least
 
 
-def _checked(points: Points) -> list[Warned]:
+def _checked(points: Points, datum: Datum) -> list[Warned]:
     """What is odd about the points; places that differ are used as they are."""
+    # Parts that lie on the CMM as they were put down may be millimetres off.
+    refuse_mistaken(freed_points(points, axes_of(points), datum)[0])
+    check_repeats(points)
     found = check_measured(points)
     differ = "nominals-differ"
     if any(item.code == differ for item in found):

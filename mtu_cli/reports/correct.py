@@ -135,7 +135,7 @@ def _errors(item: Size, k: float) -> dict[str, Any]:
         "error_um": _sides(*item.error, um),
         "reduction_percent": finite(item.reduction_percent),
         "u_um": um(item.u),
-        "U_um": um(k * item.u),
+        "U_um": um(item.U(k)),
         "dof_effective": finite(item.dof),
         "interval95_mm": [finite(end) for end in item.interval95],
         "u_error_um": um(item.u_error),

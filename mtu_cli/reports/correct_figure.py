@@ -50,9 +50,10 @@ def figure(result: CorrectResult) -> Figure:
                 f"{'measured minus calibrated' if items is rounds else 'measured minus nominal'}"
             )
             return _lines(f"Errors of the {title.lower()}", [_of_size(i) for i in known], label)
-    ids, places, before, after = _features(result)
+    found = result.by_feature()
+    before, after = found.before / UM, found.after / UM
     if {"x", "y"} <= set(result.axes) and np.isfinite(before[:, :2]).all():
-        return _arrows(ids, places, before[:, :2], after[:, :2])
+        return _arrows(found.features, found.places, before[:, :2], after[:, :2])
     lines = [
         _Line(
             name=f"{name} {axis}",
@@ -60,7 +61,7 @@ def figure(result: CorrectResult) -> Figure:
             after=after[i, AXES.index(axis)],
             interval=(float("nan"), float("nan")),
         )
-        for i, name in enumerate(ids)
+        for i, name in enumerate(found.features)
         for axis in result.axes
     ]
     return _lines("Mean errors of the features", lines, "measured minus nominal")
@@ -124,22 +125,6 @@ def _draw(panel: Axes, row: int, line: _Line) -> None:
             line.after, row, "o", color=figures.BLUE, markersize=5, zorder=4,
             label="after" if first else None,
         )  # fmt: skip
-
-
-def _features(result: CorrectResult) -> tuple[tuple[str, ...], FloatArray, FloatArray, FloatArray]:
-    """Features with nominal places (m, 3) mm and mean errors (m, 3) um before and after."""
-    points = result.points
-    m = len(points.features)
-    count = np.bincount(points.feature, minlength=m)[:, None]
-
-    def mean(values: FloatArray) -> FloatArray:
-        sums = [np.bincount(points.feature, values[:, k], minlength=m) for k in range(3)]
-        found: FloatArray = np.column_stack(sums) / count
-        return found
-
-    places = mean(points.nominal)
-    before = mean(points.measured - points.nominal) / UM
-    return points.features, places, before, mean(result.corrected - points.nominal) / UM
 
 
 def _arrows(

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from mtu_cli.analyses.correct.result import CorrectResult, Size
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.document import listed
@@ -193,19 +191,15 @@ def _summed(result: CorrectResult) -> Sheet:
     ]
     rows = []
     for axis in result.axes:
-        correction = -result.error[:, AXES.index(axis)] / UM
-        u = result.u[:, AXES.index(axis)] / UM
-        known = np.isfinite(correction)
-        correction, u = correction[known], u[known]
-        typical = float(u.mean())
+        own = result.along(axis)
+        u = own.u_mean / UM
         rows.append(
             [
                 axis,
-                str(len(u)),
-                *(_rounded(value, typical) for value in (correction.min(), correction.mean())),
-                _rounded(float(correction.max()), typical),
-                significant(typical),
-                significant(float(u.max())),
+                str(own.points),
+                *(_rounded(value / UM, u) for value in (own.least, own.mean, own.largest)),
+                significant(u),
+                significant(own.u_largest / UM),
             ]
         )
     notes = [f"{SIGN}; all points with --csv or -o; {_kind(result)}"]
@@ -213,7 +207,7 @@ def _summed(result: CorrectResult) -> Sheet:
 
 
 def _rounded(value: float, u: float) -> str:
-    return plus_minus(float(value), u).partition(" ")[0]
+    return plus_minus(value, u).partition(" ")[0]
 
 
 def _kind(result: CorrectResult) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, Curve, ThermalFit
+from mtu_cli.model.drift_profile import STEPS, DriftProfile, drift_profile
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import nice
 from mtu_cli.reports.document import listed
@@ -30,8 +31,6 @@ TICKS = 5
 """Steps that all minutes make, at least."""
 CYCLES_WITH_MINUTES = 8
 STATES = (figures.BLUE, figures.GREY, figures.RED)
-STEPS = (0.0, 3.0, 6.0)
-"""Uniform temperatures in K above the reference where the sensors' range is not known."""
 
 
 @figures.styled
@@ -227,21 +226,19 @@ def _sensor_name(item: ComponentDrift, sensor: str) -> str:
 def _along(panel: Axes, item: ComponentDrift) -> None:
     """The modelled drift with all sensors cold, half-way and warm, where it was observed."""
     unit, size = shown_in(item.unit)
-    estimate = item.estimate
-    states, words = _states(item)
+    profile = drift_profile(item.estimate, item.positions)
+    words = _words(profile, item.estimate.reference)
     panel.set_ylabel(f"drift, {unit}")
-    if estimate.degree == 0 or len(item.positions) < 2:
-        _bars(panel, [float(_drift(item, np.zeros(1), T)[0]) / size for T in states], words)
+    if len(profile.places) == 1:
+        _bars(panel, (profile.drift[:, 0] / size).tolist(), words)
         return
-    low, high = estimate.position_range or (min(item.positions), max(item.positions))
-    grid, observed = np.linspace(low, high, 101), np.array(item.positions)
     lines: list[Any] = []
-    for T, colour, name in zip(states, STATES, words, strict=True):
-        lines += panel.plot(grid, _drift(item, grid, T) / size, color=colour, label=name)
-        at = _drift(item, observed, T) / size
-        panel.plot(observed, at, "o", color=colour, markersize=3.5)
-    panel.set_xlabel(f"{estimate.of}, mm (dots: observed positions)")
-    panel.set_title(f"along {estimate.of}")
+    states = zip(profile.drift / size, profile.at_observed / size, STATES, words, strict=True)
+    for drift, at_observed, colour, name in states:
+        lines += panel.plot(profile.places, drift, color=colour, label=name)
+        panel.plot(item.positions, at_observed, "o", color=colour, markersize=3.5)
+    panel.set_xlabel(f"{item.estimate.of}, mm (dots: observed positions)")
+    panel.set_title(f"along {item.estimate.of}")
     _beside(panel, lines[::-1])
 
 
@@ -262,33 +259,14 @@ def _bars(panel: Axes, values: list[float], words: list[str]) -> None:
     panel.set_title("taken as the same everywhere")
 
 
-def _states(item: ComponentDrift) -> tuple[list[FloatArray], list[str]]:
-    """Temperatures (s,) of three states, degC, and what to call them.
-
-    The lowest, middle and highest that each sensor read: in a warm-up they come close to a
-    state of the machine. Without them all sensors at the same temperature.
-    """
-    estimate = item.estimate
-    if estimate.temperature_range is None or not estimate.sensors:
-        everywhere = np.ones(len(estimate.sensors))
-        return (
-            [(estimate.reference + step) * everywhere for step in STEPS],
-            [f"all sensors\nat {estimate.reference + step:g} °C" for step in STEPS],
-        )
-    low, high = estimate.temperature_range.T
-    states = [low, (low + high) / 2, high]
+def _words(profile: DriftProfile, reference: float) -> list[str]:
+    """What to call the three states."""
+    if not profile.ranged:
+        return [f"all sensors\nat {reference + step:g} °C" for step in STEPS]
     names = ("coldest", "half-way", "warmest")
-    return states, [f"{n}\n{_temperatures(T)}" for n, T in zip(names, states, strict=True)]
+    return [f"{n}\n{_temperatures(T)}" for n, T in zip(names, profile.temperatures, strict=True)]
 
 
 def _temperatures(state: FloatArray) -> str:
     low, high = f"{state.min():.1f}", f"{state.max():.1f}"
     return f"{low} °C" if low == high else f"{low} to {high} °C"
-
-
-def _drift(item: ComponentDrift, position: FloatArray, state: FloatArray) -> FloatArray:
-    estimate = item.estimate
-    temperature = {
-        name: np.full(len(position), state[s]) for s, name in enumerate(estimate.sensors)
-    }
-    return estimate.drift(position, temperature)

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 MOST_LEVELS = 3
 PANEL = (3.3, 2.7)
+DARKEST = 0.6
+"""Share of the colour map that is used: lines and numbers are lost on what is darker."""
 
 
 @styled
@@ -33,8 +35,8 @@ def figure(result: PointsResult) -> Figure:
     page = blank(PANEL[0] * len(levels) + 0.9, PANEL[1] * len(axes) + 0.3)
     panels: Any = page.subplots(len(axes), len(levels), squeeze=False, sharex=True, sharey=True)
     for j, axis in enumerate(axes):
-        U = result.coverage_factor * np.sqrt(result.variance[j :: len(axes)]) / UM
-        E = result.prediction.mean[j :: len(axes)] / UM
+        U = result.of_axis(result.U, axis) / UM
+        E = result.of_axis(result.prediction.mean, axis) / UM
         low, high = float(U.min()), float(U.max())
         high = high if high > low else low + 1e-9
         for c, value in enumerate(levels):
@@ -83,7 +85,7 @@ def _panel(
     order = np.lexsort((places[:, 0], places[:, 1]))
     grid, error = U[order].reshape(len(y), len(x)), E[order].reshape(len(y), len(x))
     drawn = panel.pcolormesh(
-        x, y, grid, shading="gouraud", cmap="YlGnBu", vmin=limits[0], vmax=limits[1]
+        x, y, grid, shading="gouraud", cmap=_colours(), vmin=limits[0], vmax=limits[1]
     )
     if np.ptp(error) > 0:
         lines = panel.contour(x, y, error, levels=6, colors=INK, linewidths=0.7)
@@ -92,3 +94,10 @@ def _panel(
     panel.set_ylim(y[0], y[-1])
     panel.grid(visible=False)
     return drawn
+
+
+def _colours() -> Any:
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["YlGnBu"](np.linspace(0.0, DARKEST, 256)))

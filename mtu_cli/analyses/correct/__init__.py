@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mtu_cli.analyses.correct.covariates import row_covariates
 from mtu_cli.analyses.correct.result import CorrectResult, Size, mean_size, with_scatter
 from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, Squares, point_scatter
@@ -18,6 +17,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured_checks import check_measured
+from mtu_cli.model.residual_covariates import needed_covariates, point_columns
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
@@ -71,7 +71,7 @@ def _rows(
     model: MachineModel, points: Points, at: Mapping[str, float], *, independent: bool
 ) -> tuple[RowErrors, list[Warned]]:
     """The machine at the measured places under the rows' covariates, and what these lack."""
-    found = row_covariates(model, points, at)
+    found = needed_covariates(model, points, point_columns(points), at)
     rows = RowErrors(
         model=model,
         points=points,

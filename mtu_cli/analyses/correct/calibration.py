@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.correct.covariates import column_of, known_names, numbers_of
 from mtu_cli.analyses.correct.result import Size
 from mtu_cli.errors import InputError, Problem, closest, did_you_mean
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
+from mtu_cli.model.residual_covariates import numbers_of, point_columns
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -123,7 +123,7 @@ def calibration_of(
 
 
 def _missing(name: str, points: Points, at: Mapping[str, float]) -> str:
-    near = closest(name, known_names(points, at))
+    near = closest(name, [*point_columns(points), *at])
     meant = f" (there is {near!r})" if near else ""
     return f"{name!r}, is neither a column of the points{meant} nor given by --at"
 
@@ -138,14 +138,15 @@ def _temperature(
     needed: bool,
 ) -> FloatArray:
     name, unknown = item.temperature, np.full(len(points), np.nan)
-    column = None if name is None else column_of(points, name)
+    columns = point_columns(points)
+    column = None if name is None else columns.get(name)
     if name is None or (column is None and name not in at and not needed):
         return unknown
     if column is not None:
         codes = [i for i, feature in enumerate(points.features) if feature in item.features]
         problems: list[Problem] = []
         rows = np.flatnonzero(np.isin(points.feature, codes))
-        values = numbers_of(points, name, column, rows, problems)
+        values = numbers_of(points, name, column, problems, rows)
         if problems:
             raise InputError(problems)
         return values
@@ -159,6 +160,6 @@ def _temperature(
             path=f"{place[0]}[{place[1]}].temperature",
             value=name,
             expected=f"a column of this name, or --at {name}=VALUE; "
-            + did_you_mean(name, known_names(points, at)),
+            + did_you_mean(name, [*columns, *at]),
         )
     )

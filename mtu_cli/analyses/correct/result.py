@@ -9,7 +9,14 @@ from typing import Literal
 import numpy as np
 
 from mtu_cli.analyses.correct.scatter import PointScatter
+from mtu_cli.analyses.correct.summary import (
+    AxisCorrections,
+    FeatureErrors,
+    axis_corrections,
+    feature_errors,
+)
 from mtu_cli.files.points import Points
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import PROBABILITY, Warned
 from mtu_cli.stats.coverage import coverage_factor, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
@@ -80,11 +87,15 @@ class Size:
         half = coverage_factor(PROBABILITY, self.dof_error) * self.u_error
         return self.error[1] - half, self.error[1] + half
 
+    def U(self, k: float) -> float:
+        """Expanded uncertainty k u of the corrected size, mm (JCGM 100, eq. (18))."""
+        return k * self.u
+
     def E_n(self, k: float) -> float:  # ISO 13528
         """The error after over its expanded uncertainty, k u and that of the calibration; nan
         where neither is known (ISO 13528, 9.7).
         """
-        expanded = float(np.hypot(k * self.u, np.nan_to_num(self.U_reference)))
+        expanded = float(np.hypot(self.U(k), np.nan_to_num(self.U_reference)))
         return self.error[1] / expanded if expanded > 0 else float("nan")
 
     @property
@@ -176,3 +187,12 @@ class CorrectResult:
     def of_kind(self, kind: Kind) -> tuple[Size, ...]:
         """The circles, spheres or lengths."""
         return tuple(item for item in self.sizes if item.kind == kind)
+
+    def by_feature(self) -> FeatureErrors:
+        """Mean errors of the features before and after."""
+        return feature_errors(self.points, self.corrected)
+
+    def along(self, axis: str) -> AxisCorrections:
+        """The corrections along one of `axes`, summed up."""
+        k = AXES.index(axis)
+        return axis_corrections(self.error[:, k], self.u[:, k])

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mtu_cli.analyses.correct.covariates import rows_of
 from mtu_cli.files.points import Points
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
 from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.residual_factors import rows_of
 from mtu_cli.stats.least_squares import FloatArray
 
 PIECE = 64

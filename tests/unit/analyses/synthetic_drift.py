@@ -17,6 +17,10 @@ from mtu_cli.stats.least_squares import FloatArray
 UM = 1e-3
 DAY = 1440.0
 REFERENCE = 20.0
+ROUNDING = 1e-9
+"""Relative: doubles round by 2.2e-16, and the sensors' columns, of a condition of up to 1e3,
+make its square of it.
+"""
 
 
 def ar1(rng: np.random.Generator, shape: tuple[int, ...], r: float) -> FloatArray:

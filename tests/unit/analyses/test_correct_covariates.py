@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from correct_examples import (
     DIAMETER,
+    ROUNDING_MM,
     codes,
     error_at,
     machine,
@@ -96,7 +97,7 @@ def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
     bare = correct(model, ring_part(tmp_path, calibrated_mm=""), points, SETTINGS)
     assert codes(bare) == ["not-calibrated"]
     assert np.isnan(bare.sizes[0].error).all()
-    assert bare.sizes[0].size[1] == pytest.approx(DIAMETER, abs=1e-11)
+    assert bare.sizes[0].size[1] == pytest.approx(DIAMETER, abs=ROUNDING_MM)
     kept = np.arange(11) != 4
     fewer = replace(
         points,

@@ -109,6 +109,23 @@ def test_covariates_that_are_missing_or_not_numbers(tmp_path: Path) -> None:
     assert codes(residual_table(model, replace(points, covariates={"T_bed_degC": texts}))[1]) == []
 
 
+@pytest.mark.parametrize("value", [293.15, -999.0])
+def test_sensors_that_read_no_temperature(tmp_path: Path, value: float) -> None:
+    """Of all sensors, whether the model needs them or not: each is tried for an effect."""
+    points = measured(3, 2, 2)
+    column = np.full(len(points), 20.5)
+    column[[3, 7]] = value
+    far = replace(points, covariates={"T_bed_degC": column, "load": np.full(len(points), 999.0)})
+    for model in (stated(tmp_path, MACHINE), stated(tmp_path, GROWING)):
+        with pytest.raises(InputError) as raised:
+            residual_table(model, far, {})
+        told = [(p.row, p.column, p.value) for p in raised.value.problems]
+        assert told == [(points.row[i], "T_bed_degC", f"{value:g}") for i in (3, 7)]
+    (first, _) = raised.value.problems
+    kelvin = "in kelvin it would be 20 degC" in str(first)
+    assert kelvin == (value > 0)
+
+
 def thermal_points(parts: int, features: int, *, same_time: bool) -> Points:
     """Measured where they should be, while the machine warms up; a reading a minute."""
     points = measured(parts, features, 2, sigma=0.0)
@@ -151,7 +168,7 @@ def test_a_lag_without_times_is_told(tmp_path: Path) -> None:
     points = thermal_points(3, 2, same_time=True)
     bare = replace(points, time_min=np.full(len(points), np.nan))
     table, warned = residual_table(model, bare, {})
-    assert "lag-without-time" in codes(warned)
+    assert "settled-temperatures" in codes(warned)
     settled, _ = residual_table(warm_machine(tmp_path, line()), bare, {})
     np.testing.assert_allclose(table.errors, settled.errors, atol=1e-15)
     gap = replace(points, time_min=np.where(np.arange(len(points)) == 2, np.nan, points.time_min))

@@ -1,0 +1,45 @@
+"""Corrected points summed up, against a loop over the points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from correct_examples import ROUNDING_MM, machine, ring_points, rings
+
+from mtu_cli.analyses.correct import correct
+from mtu_cli.model.settings import Settings
+
+
+def test_means_by_feature_and_corrections_by_axis(tmp_path: Path) -> None:
+    _, measured, temperature = rings(3)
+    measured = measured.copy()
+    measured[4, 1] = np.nan
+    points = ring_points(measured, ["a", "a", "b"], [1, 2, 1], {"T_scale_degC": temperature})
+    # One feature more often than the others, and one not at all.
+    points = replace(points, feature=np.where(points.feature == 7, 6, points.feature))
+    result = correct(machine(tmp_path), None, points, Settings())
+    found = result.by_feature()
+    assert found.features == tuple(name for name in points.features if name != "r7")
+    for m, name in enumerate(found.features):
+        own = [i for i in range(len(points)) if points.features[points.feature[i]] == name]
+        for values, summed in (
+            (points.nominal, found.places),
+            (points.measured - points.nominal, found.before),
+            (result.corrected - points.nominal, found.after),
+        ):
+            for k in range(2):
+                wanted = sum(values[i, k] for i in own) / len(own)
+                assert summed[m, k] == pytest.approx(wanted, abs=ROUNDING_MM, nan_ok=True)
+    for axis, k in (("x", 0), ("y", 1)):
+        known = [i for i in range(len(points)) if not np.isnan(points.measured[i, k])]
+        along = result.along(axis)
+        assert along.points == len(known) == (33 if axis == "x" else 32)
+        added = [-float(result.error[i, k]) for i in known]
+        assert (along.least, along.largest) == (min(added), max(added))
+        assert along.mean == pytest.approx(sum(added) / len(added), abs=ROUNDING_MM)
+        u = [float(result.u[i, k]) for i in known]
+        assert along.u_largest == max(u)
+        assert along.u_mean == pytest.approx(sum(u) / len(u), abs=ROUNDING_MM)
