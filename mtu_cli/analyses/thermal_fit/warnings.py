@@ -28,7 +28,6 @@ FAR = 1.0
 GROSS = 8.0
 """Robust standard deviations from which on a reading is no part of the others."""
 FAHRENHEIT = (50.0, 130.0)
-KELVIN = (230.0, 400.0)
 """Values that are degC of no shop."""
 
 
@@ -168,13 +167,10 @@ def sensor_warnings(
 
 def _scale(sensors: tuple[str, ...], span: FloatArray) -> list[Warned]:
     middle = float(np.median(span))
-    for (low, high), scale in ((FAHRENHEIT, "degF"), (KELVIN, "K")):
-        if low < middle < high:
-            message = f"the temperatures are about {middle:.0f}: are they {scale}? degC is expected"
-            return [
-                Warned(code="temperature-scale", message=f"{', '.join(sensors[:3])}: {message}")
-            ]
-    return []
+    if not FAHRENHEIT[0] < middle < FAHRENHEIT[1]:
+        return []
+    message = f"the temperatures are about {middle:.0f}: are they degF? degC is expected"
+    return [Warned(code="temperature-scale", message=f"{', '.join(sensors[:3])}: {message}")]
 
 
 def _gross(rest: Rest, drift: ComponentDrift) -> list[Warned]:
