@@ -8,7 +8,7 @@ GL := configs/gilsinn-ling
 VR := configs/valdes-ring
 UN := configs/undeclared
 
-.PHONY: demo test lint type bench loop-bench data clean
+.PHONY: demo test lint type bench peers-bench loop-bench data clean
 
 # Stamps are made again when the project's requirements change.
 $(VENV)/.base: pyproject.toml
@@ -19,6 +19,15 @@ $(VENV)/.base: pyproject.toml
 
 $(VENV)/.dev: $(VENV)/.base
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	touch $@
+
+# One by one: a package that the index does not have is told, and the bench goes on without it.
+$(VENV)/.peers: $(VENV)/.dev
+	$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["peers"], sep="\n")' \
+	| while read peer; do \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check "$$peer" </dev/null \
+	  || echo "$$peer cannot be installed: the bench goes on without it"; \
+	done
 	touch $@
 
 demo: $(VENV)/.base
@@ -51,6 +60,11 @@ type: $(VENV)/.dev
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m pytest tests/bench --benchmark-disable -q -s -o addopts= -p no:cacheprovider
+	$(MAKE) peers-bench
+
+# The right angle by other packages (pyproject.toml, `peers`) as ratios to mtu, in one run.
+peers-bench: $(VENV)/.peers
+	PYTHONPATH=tests:tests/bench $(BIN)/python -m peers_bench $(PEERS_ARGS)
 
 # How often close-loop is right on simulated shop days, against its bar; what was drawn is kept
 # under out/, so that a run that was stopped goes on. LOOP_SCALE=0.1 draws a tenth.

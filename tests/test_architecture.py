@@ -10,6 +10,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from module_graph import drawn
 
 import mtu_cli
 
@@ -233,3 +234,7 @@ def test_only_files_opens_files() -> None:
             )
         ]
         assert not opened, f"{path}:{opened}"
+
+
+def test_the_readme_shows_the_house_as_it_is() -> None:
+    assert drawn() in (ROOT.parent / "README.md").read_text("utf-8")

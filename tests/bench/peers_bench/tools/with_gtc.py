@@ -1,0 +1,17 @@
+"""GTC: first order only."""
+
+from __future__ import annotations
+
+import GTC
+
+from peers_bench.problem import Inputs, angle
+from peers_bench.tools import FirstOrder, MonteCarlo
+
+
+def first_order(inputs: Inputs) -> tuple[float, float]:
+    y = angle([GTC.ureal(x, u) for x, u in zip(inputs.mean, inputs.u, strict=True)])
+    return float(y.x), float(y.u)
+
+
+MONTE_CARLO: dict[str, MonteCarlo] = {}
+FIRST_ORDER: dict[str, FirstOrder] = {"": first_order}
