@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import AbstractContextManager
+from functools import cache
 from typing import Any
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:
     """A context in which BLAS and LAPACK work with a single thread."""
-    # No stubs are published for it.
-    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
-
-    limits: AbstractContextManager[Any] = threadpool_limits(limits=1, user_api="blas")
+    limits: AbstractContextManager[Any] = _libraries("scipy.linalg" in sys.modules).limit(
+        limits=1, user_api="blas"
+    )
     return limits
+
+
+@cache
+def _libraries(scipy: bool) -> Any:
+    """The linear algebra of numpy and, once it is loaded, that of `scipy`: looking for them takes
+    as long as some thousands of trials.
+    """
+    # No stubs are published for it.
+    from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
+
+    return ThreadpoolController()
