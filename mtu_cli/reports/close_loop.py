@@ -1,7 +1,9 @@
 """The report of close-loop: the verdict, what was found, and what it is worth on held-out data.
 
 `before` and `after` are held out (`held_out.by` says what was left out in turn; null: nothing
-could be, and they are in sample); `rms` pools all coordinates, `p95` and `max` are of the error
+could be, and they are in sample): of `held_out.scored`, what the search without the held-out
+data foretells of them, the mean over all explanations of an effect by their posterior, `nothing`
+where the machine gets no equation. `rms` pools all coordinates, `p95` and `max` are of the error
 vector's length. The keys of an angular component end in `_arcsec`, all others in `_um`. With
 several components, `component` names the one whose scores stand at the top, `tables` hold all.
 A `minimum_detectable` is the root mean square over the cells of an effect that would have been
@@ -78,9 +80,18 @@ def _scored(item: TableResult) -> dict[str, Any]:
         "improvement_percent": finite(improvement_percent(item)),
         "held_out": {
             "by": item.held_out_by,
+            "scored": _held_out_scored(item),
             "folds": item.folds or None,
         },
     }
+
+
+def _held_out_scored(item: TableResult) -> str | None:
+    """What `after` takes out of held-out data."""
+    if item.held_out_by is None:
+        return None
+    written = any(effect.kind != "scatter" for effect in item.effects)
+    return "mean by posterior" if written else "nothing"
 
 
 def _scores(item: TableResult, scores: Scores) -> dict[str, Any]:

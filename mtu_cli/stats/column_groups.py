@@ -26,8 +26,8 @@ MemberColumns = Sequence[Column]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneStratum:
-    """Members whose columns lie in one stratum each: `Q` (n_s, M * g) orthonormal in threes of
-    g for each of the M `members`, its coordinates those of stratum `index`.
+    """Members whose columns lie in one stratum each: `Q` (n_s, M * g) for each of the M
+    `members` g orthonormal columns, its coordinates those of stratum `index`.
     """
 
     index: int
@@ -123,7 +123,7 @@ def packed(
     )
 
 
-def _whiten(strata: Strata, whitening: FloatArray, index: int, values: FloatArray) -> None:
+def whiten(strata: Strata, whitening: FloatArray, index: int, values: FloatArray) -> None:
     """Whitens, in place, coordinates (n, ...) of a stratum along its smooth directions."""
     stratum = strata.all[index]
     if stratum.lead:
@@ -136,7 +136,7 @@ def whitened(strata: Strata, whitening: FloatArray, values: FloatArray) -> Float
     """Coordinates (N, ...) with the smooth directions of the column strata whitened."""
     found = values.copy()
     for index, stratum in enumerate(strata.all):
-        _whiten(strata, whitening, index, found[stratum.slice])
+        whiten(strata, whitening, index, found[stratum.slice])
     return found
 
 
@@ -151,7 +151,7 @@ def _nuisance(
     nuisance = {}
     for index, columns in by_stratum.items():
         X = np.column_stack([c / np.linalg.norm(c) for c in columns])
-        _whiten(strata, whitening, index, X)
+        whiten(strata, whitening, index, X)
         U, size, _ = np.linalg.svd(X, full_matrices=False)
         kept = U[:, size > 1e-6 * size[0]]
         # A polynomial through all places leaves nothing: then no rounding must stay either.
@@ -177,7 +177,7 @@ def _one_stratum(
     found = []
     for (index, g), own in sorted(groups.items()):
         X = np.array([np.stack(columns, axis=1) for _, columns in own])
-        _whiten(strata, whitening, index, np.moveaxis(X, 1, 0))
+        whiten(strata, whitening, index, np.moveaxis(X, 1, 0))
         Q, left = _orthonormal(X, nuisance.get(index))
         ids = np.array([i for i, _ in own], np.int64)
         n = strata.all[index].size

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, least_squares
 
 TAIL = 0.85
 """Beyond this quantile -log p is taken as linear in the statistic."""
@@ -93,5 +93,5 @@ def _tail(values: FloatArray, B: int) -> tuple[float, float]:
     if kept < 5 or x[-1] <= 0:
         return 0.0, float(lp[0])
     design = np.column_stack([np.ones(kept), x])
-    level, slope = np.linalg.lstsq(design, lp[:kept], rcond=None)[0]
+    level, slope = least_squares(design, lp[:kept]).coefficients
     return float(max(slope, 0.0)), float(level)

@@ -98,9 +98,8 @@ def mean_squares(strata: Strata, y: FloatArray, dof: FloatArray) -> MeanSquares:
 def null_of(frame: Frame, y: FloatArray, dof: FloatArray, known: KnownScatter) -> NullModel:
     """Fits the null to coordinates `y` (N,).
 
-    In an incomplete table the
-    mean squares are biased by the filling: the components are corrected by what drawn tables
-    of known components give.
+    In an incomplete table the mean squares are biased by the filling: the components are
+    corrected by what drawn tables of known components give.
     """
     strata = frame.strata
     wanted = mean_squares(strata, y[None], dof)

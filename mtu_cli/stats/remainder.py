@@ -25,6 +25,8 @@ CACHED = 200_000
 """Entries of the tables that are turned back at once."""
 REACH = (0.12, 0.3)
 """Correlation lengths of smooth fields over the extent of the columns' places."""
+DRAWN = ("interaction-pattern", "serial-correlation", "serial-shape", "spatial-correlation")
+"""The checks that are calibrated by drawing."""
 LARGEST = 1.0
 """Effects of single columns or parts up to the scatter of one entry are what they may have."""
 
@@ -39,13 +41,8 @@ class Remainder:
     serial: Kernel | None
     spatial: tuple[tuple[Kernel, ...], ...]
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The checks that are calibrated by drawing."""
-        return ("interaction-pattern", "serial-correlation", "serial-shape", "spatial-correlation")
-
-    def statistics(self, y: FloatArray, dof: FloatArray) -> FloatArray:
-        """The checks (B, 4) of coordinates `y` (B, N); 0 where one cannot be had."""
+    def statistics(self, y: FloatArray) -> FloatArray:
+        """The checks `DRAWN` (B, 4) of coordinates `y` (B, N); 0 where one cannot be had."""
         return np.stack(
             [
                 self._pattern(y),

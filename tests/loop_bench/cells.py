@@ -111,7 +111,7 @@ def record(bench: BenchDay, cell: Cell, base: int, index: int) -> Record:
     kept |= _true(bench, truths)
     kept["lone"] = found.lone()
     if cell.measure == "library":
-        kept |= _of_library(bench, cell, truths[0], errors)
+        kept |= _of_library(bench, cell, truths[0], errors, written=found.written)
         kept["covers"] = covers(found, truths[0]) if cell.amplitude >= COVERED_FROM else None
     return kept
 
@@ -153,7 +153,9 @@ def _aliases(bench: BenchDay, truth: Truth) -> tuple[str, ...]:
     return () if signal is None else signal.aliases
 
 
-def _of_library(bench: BenchDay, cell: Cell, truth: Truth, errors: np.ndarray) -> Record:
+def _of_library(
+    bench: BenchDay, cell: Cell, truth: Truth, errors: np.ndarray, *, written: bool
+) -> Record:
     signal = bench.rivals.signal(truth)
     kept: Record = {"z": None, "d": None, "rival": None}
     if signal is not None:
@@ -162,12 +164,15 @@ def _of_library(bench: BenchDay, cell: Cell, truth: Truth, errors: np.ndarray) -
         parts = bench.day.P
         between = oracle_held_out(errors, [truth], interleaved(parts, THIRDS))
         oracle = oracle_held_out(errors, [truth], blocks(parts, FOLDS))
+        always = oracle_held_out(errors, [truth], blocks(parts, FOLDS), always=True)
         kept |= {
             "before": between.before,
             "oracle": between.after,
             "after": held_out_after(bench, errors, bench.interleaved),
             "before_blocks": oracle.before,
             "oracle_blocks": oracle.after,
+            "always_blocks": always.after,
             "after_blocks": held_out_after(bench, errors, bench.folds),
+            "written": written,
         }
     return kept

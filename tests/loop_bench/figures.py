@@ -127,16 +127,24 @@ def by_family(records: Sequence[Record]) -> dict[str, list[Record]]:
 
 
 def oracle_share(
-    records: Sequence[Record], reach: Limits | None, beyond: Limits | None, of: str = ""
+    records: Sequence[Record],
+    reach: Limits | None = None,
+    beyond: Limits | None = None,
+    of: str = "",
+    *,
+    oracle: str = "oracle",
+    reported: bool = False,
 ) -> Figure:
     """Sum of the engine's held-out gains over that of the oracle's; interval by the ratio's
-    linearised variance.
+    linearised variance. `oracle` names the record of the oracle; `reported`: as a command
+    reports, which says before = after where the machine gets no equation.
     """
     pairs = np.array(
         [
             (
-                record["before" + of] - record["after" + of],
-                record["before" + of] - record["oracle" + of],
+                (record["before" + of] - record["after" + of])
+                * (not reported or record["written"]),
+                record["before" + of] - record[oracle + of],
             )
             for record in records
             if "after" + of in record
@@ -144,10 +152,10 @@ def oracle_share(
     )
     if len(pairs) < 2:
         return Figure(value=np.nan, low=0, high=np.inf, count=len(pairs), percent=False)
-    gain, oracle = pairs.sum(axis=0)
-    value = float(gain / oracle)
+    gain, best = pairs.sum(axis=0)
+    value = float(gain / best)
     left = pairs[:, 0] - value * pairs[:, 1]
-    u = float(np.sqrt(len(pairs)) * left.std(ddof=1) / oracle)
+    u = float(np.sqrt(len(pairs)) * left.std(ddof=1) / best)
     return Figure(
         value=value, low=value - 1.96 * u, high=value + 1.96 * u, count=len(pairs), percent=False,
         reach=reach, beyond=beyond,

@@ -9,15 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from shop_day.day import Floats
 
-from loop_bench.days import BenchDay
-from mtu_cli.analyses.close_loop.added import added, contribution
+from loop_bench.days import UM, BenchDay
+from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, candidate_name, found_effects
-from mtu_cli.analyses.close_loop.folds import only_parts
 from mtu_cli.analyses.close_loop.gross import set_aside
-from mtu_cli.analyses.close_loop.held_out import Fold
+from mtu_cli.analyses.close_loop.held_out import Fold, of_fold
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search, search
-from mtu_cli.model.effect_candidate import Member
 
 ALPHA = 0.05
 MOST = 4
@@ -43,6 +41,11 @@ class Diagnosis:
     @property
     def unexplained(self) -> bool:
         return bool(self.fired) or self.nameless
+
+    @property
+    def written(self) -> bool:
+        """Whether a machine gets an equation."""
+        return any(step.index < self.prepared.scan.tested for step in self.found.steps)
 
     def lone(self) -> bool:
         """Whether the first effect is reported as the only cause that the data allow."""
@@ -81,31 +84,13 @@ def diagnosed(bench: BenchDay, errors: Floats) -> Diagnosis:
 
 
 def held_out_after(bench: BenchDay, errors: Floats, folds: Sequence[Fold]) -> float:
-    """Mean square, um^2, of held-out parts' errors less what was found without them, against
-    the training parts' mean: as the oracle counts.
+    """Mean square, um^2, of held-out parts' errors less what is foretold without them, as the
+    command scores it but against the training parts' mean: as the oracle counts.
     """
-    table, _ = set_aside(bench.measured(errors))
-    whole = {_key(c.name, m): m for c in bench.candidates for m in c.members}
+    table = bench.measured(errors)
     total = 0.0
     for fold in folds:
-        prepared = fold.prepared.with_table(only_parts(table, fold.kept))
-        found = search(prepared, fold.gate, alpha=ALPHA, most=MOST)
-        effects = added(prepared, found)
-        names = [prepared.candidates[s.index].name for s in found.steps if s.member >= 0]
-        own = [prepared.members[m] for m in effects.members]
-        members = tuple(whole[_key(n, m)] for n, m in zip(names, own, strict=True))
-        rest = errors - contribution(effects, bench.table, members) / 1e-3
+        rest = errors - of_fold(table, fold, alpha=ALPHA, most=MOST).foretold / UM
         rest = rest[~fold.kept] - rest[fold.kept].mean(axis=(0, 1))
         total += float(np.sum(rest**2))
     return total / errors.size
-
-
-def _key(name: str, member: Member) -> tuple[object, ...]:
-    return (
-        name,
-        tuple(sorted(member.equations.items())),
-        tuple(sorted(member.searched.items())),
-        member.chosen,
-        member.parameters,
-        member.covariate,
-    )

@@ -59,8 +59,12 @@ def rows(drawn: Drawn, kind: Kind) -> Iterator[Row]:
     yield from (row(*item) for item in _wrong(library, misshapen))
     for a, (reach, beyond) in GAINS.items():
         limits = (reach, np.inf), (beyond, np.inf)
-        blocks = oracle_share(library[a], *limits, "_blocks")
+        blocks = oracle_share(library[a], *limits, "_blocks", reported=True)
         yield row(f"share of the oracle's held-out gain, {a:g} sigma", blocks)
+        unseen = oracle_share(library[a], of="_blocks")
+        yield row("  whether the whole data name it or not", unseen)
+        always = oracle_share(library[a], of="_blocks", oracle="always", reported=True)
+        yield row("  of an oracle that fits it in every fold", always)
         between = oracle_share(library[a], *limits)
         yield row(f"  every third part held out, {a:g} sigma", between)
     outside = {name: of(f"outside-{name}-1") for name in OUTSIDE}

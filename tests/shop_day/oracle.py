@@ -146,13 +146,16 @@ def oracle_held_out(
     errors: Floats,
     truths: Sequence[Truth],
     splits: Iterable[tuple[Ints, Ints]] | None = None,
+    *,
+    always: bool = False,
 ) -> HeldOut:
     """The held-out gain of who knows the effects' columns, their sizes and the noise.
 
     `errors` (P, H, 2) um. Coefficients of all columns are fitted on the training parts by
     generalised least squares with the true variances. An effect stays out of a fold whose
-    training parts show it too little to gain by it (a warm-up in the first block). `splits` are
-    blocks of consecutive parts if not given.
+    training parts show it too little to gain by it (a warm-up in the first block), which takes its
+    true size to know; `always`: it is fitted in every fold, gain or loss. `splits` are blocks of
+    consecutive parts if not given.
     """
     sums = np.zeros(3)
     for train, held in blocks(len(errors)) if splits is None else splits:
@@ -160,7 +163,7 @@ def oracle_held_out(
         while used:
             fit = _Fit(used, errors, train, held)
             losing = fit.losing()
-            if losing is None:
+            if always or losing is None:
                 break
             used = [truth for truth in used if truth is not losing]
         rest = errors[held] - errors[train].mean(axis=(0, 1))

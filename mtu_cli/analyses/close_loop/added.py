@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.estimate import (
-    EffectFit,
-    drawn_covariance,
-    estimate,
-    raw_design,
-)
+from mtu_cli.analyses.close_loop.estimate import drawn_covariance, estimate, raw_design
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.model.effect_library import Member
 from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.column_groups import MemberColumns
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.stratified import StratifiedFit
 
 AGREES = 2.0
 """Standard uncertainties within which a mean error agrees with an effect's own mean."""
@@ -41,7 +39,7 @@ class Added:
     """
 
     members: tuple[int, ...]
-    fit: EffectFit | None
+    fit: StratifiedFit | None
     levels: tuple[Level, ...]
     prepared: Prepared
 
@@ -70,15 +68,13 @@ def added(prepared: Prepared, found: Search, seed: int | None = None) -> Added:
         for _ in range(2):
             left = prepared.with_null_of(prepared.y - raw_design(scan, columns) @ fit.beta)
             fit = estimate(left.scan, prepared.y, columns)
-        if seed is not None and not _plain(left):
-            fit = replace(fit, covariance=drawn_covariance(left.scan, columns, fit, seed))
     first = len(scan.columns)
     offsets = [
         scan.offsets[step.index - first]
         for step in found.steps
         if first <= step.index < scan.tested
     ]
-    fit, levels = _with_levels(left, found.members, fit, offsets)
+    fit, levels = _with_levels(left, found.members, fit, offsets, seed)
     return Added(
         members=found.members,
         fit=fit if len(fit.beta) else None,
@@ -87,10 +83,10 @@ def added(prepared: Prepared, found: Search, seed: int | None = None) -> Added:
     )
 
 
-def _no_fit(prepared: Prepared) -> EffectFit:
-    none = np.zeros(0)
+def _no_fit(prepared: Prepared) -> StratifiedFit:
+    none, square = np.zeros(0), np.zeros((0, 0))
     weights = np.ones(len(prepared.scan.dof))
-    return EffectFit(beta=none, covariance=np.zeros((0, 0)), dof=none, weights=weights)
+    return StratifiedFit(beta=none, covariance=square, dof=none, weights=weights, at_weights=square)
 
 
 def _plain(prepared: Prepared) -> bool:
@@ -100,61 +96,90 @@ def _plain(prepared: Prepared) -> bool:
     return frame.completion.complete and frame.freeing is None and not shared
 
 
+def _joint_covariance(
+    prepared: Prepared, columns: Sequence[MemberColumns], fit: StratifiedFit, seed: int | None
+) -> FloatArray:
+    """(k + A) x2: of the coefficients and, behind them, of the mean errors."""
+    k, A = len(fit.beta), len(prepared.grand)
+    found = np.zeros((k + A, k + A))
+    found[:k, :k] = fit.covariance
+    if _plain(prepared):
+        found[k:, k:] = np.diag([mean_variance(prepared, axis) for axis in range(A)])
+        return found
+    found[:k, :k] -= fit.at_weights
+    return found + drawn_covariance(prepared.scan, columns, fit.weights, seed)
+
+
 def _with_levels(
-    prepared: Prepared, members: tuple[int, ...], fit: EffectFit, offsets: list[int]
-) -> tuple[EffectFit, tuple[Level, ...]]:
+    prepared: Prepared,
+    members: tuple[int, ...],
+    fit: StratifiedFit,
+    offsets: list[int],
+    seed: int | None,
+) -> tuple[StratifiedFit, tuple[Level, ...]]:
     """The mean errors: those found, and those that an effect's own mean disagrees with.
 
-    Effects are found beside a free offset. An equation such as a step's has a mean of its own
-    over the data: where the mean error agrees with it, the mean is an observation like others;
-    where it does not, the equation needs a level.
+    Effects are found beside a free offset, and so are they estimated: the mean error says
+    nothing of their coefficients. An equation such as a step's has a mean of its own over the
+    data: where the mean error disagrees with it, the equation needs a level. (To take a mean
+    that agrees for an observation of the coefficient drew it towards whatever level there is.)
     """
-    sizes = [len(prepared.members[m].columns) for m in members]
-    owners = np.repeat(np.arange(len(members)), sizes)
     means = np.concatenate(
         [np.zeros((0, len(prepared.grand)))] + [prepared.means[m] for m in members]
     )
-    beta, C, dof = fit.beta, fit.covariance, fit.dof
-    open_axes: list[tuple[int, int | None]] = [(axis, None) for axis in offsets]
-    for axis in prepared.scan.offsets:
-        m = means[:, axis]
-        if axis in offsets or not (np.abs(m) > CENTRED * _sizes(prepared, members)).any():
-            continue
-        variance = mean_variance(prepared, axis)
-        left = prepared.grand[axis] - m @ beta
-        total = variance + m @ C @ m
-        if left**2 > AGREES**2 * total:
-            open_axes.append((axis, int(owners[int(np.argmax(np.abs(m * beta)))])))
-            continue
-        gain = C @ m / total
-        beta, C = beta + gain * left, C - np.outer(gain, m @ C)
-    return _opened(prepared, replace(fit, beta=beta, covariance=C, dof=dof), means, open_axes)
-
-
-def _opened(
-    prepared: Prepared,
-    fit: EffectFit,
-    means: FloatArray,
-    open_axes: list[tuple[int, int | None]],
-) -> tuple[EffectFit, tuple[Level, ...]]:
-    """Levels g - m' beta behind the coefficients, with their covariance."""
-    axes = [axis for axis, _ in open_axes]
-    k = len(fit.beta)
-    M = means[:, axes].T
-    spread = np.array([mean_variance(prepared, axis) for axis in axes])
-    cross = -M @ fit.covariance
-    C = np.block([[fit.covariance, cross.T], [cross, np.diag(spread) - cross @ M.T]])
-    parts = max(len(prepared.table.parts) - 1, 1)
-    levels = tuple(
-        Level(axis=axis, index=k + i, owner=owner) for i, (axis, owner) in enumerate(open_axes)
-    )
+    flat, k = prepared.flat(), len(fit.beta)
+    joint = _joint_covariance(prepared, [flat[m] for m in members], fit, seed)
+    contrasts = np.concatenate([-means.T, np.eye(len(prepared.grand))], axis=1)
+    left = prepared.grand - fit.beta @ means
+    spread = np.einsum("ai,ij,aj->a", contrasts, joint, contrasts)
+    disagrees = left**2 > AGREES**2 * spread
+    others = [a for a in prepared.scan.offsets if a not in offsets and disagrees[a]]
+    owned = [(axis, _owner(prepared, members, means[:, axis], fit.beta)) for axis in others]
+    opened: list[tuple[int, int | None]] = [(axis, None) for axis in offsets]
+    opened += [(axis, owner) for axis, owner in owned if owner is not None]
+    axes = [axis for axis, _ in opened]
+    turn = np.concatenate([np.eye(k, len(joint)), contrasts[axes]])
+    dof = [_level_dof(prepared, fit, means[:, axis], axis) for axis in axes]
+    levels = tuple(Level(axis=a, index=k + i, owner=owner) for i, (a, owner) in enumerate(opened))
     whole = replace(
         fit,
-        beta=np.concatenate([fit.beta, prepared.grand[axes] - M @ fit.beta]),
-        covariance=C,
-        dof=np.concatenate([fit.dof, np.full(len(axes), float(parts))]),
+        beta=np.concatenate([fit.beta, left[axes]]),
+        covariance=turn @ joint @ turn.T,
+        dof=np.concatenate([fit.dof, dof]),
     )
     return whole, levels
+
+
+def _owner(
+    prepared: Prepared, members: tuple[int, ...], means: FloatArray, beta: FloatArray
+) -> int | None:
+    """The place of the effect whose mean over the data is the largest; None if none has one."""
+    if not (np.abs(means) > CENTRED * _sizes(prepared, members)).any():
+        return None
+    sizes = [len(prepared.members[m].columns) for m in members]
+    owners = np.repeat(np.arange(len(members)), sizes)
+    return int(owners[int(np.argmax(np.abs(means * beta)))])
+
+
+def _level_dof(prepared: Prepared, fit: StratifiedFit, m: FloatArray, axis: int) -> float:
+    """Of the mean error less the effects' means, by Welch-Satterthwaite (GUM, G.4.1)."""
+    scan, null = prepared.scan, prepared.scan.null
+    strata = scan.frame.strata
+    at = axis * (1 + strata.lines)
+    interaction, common = float(null.interaction[axis]), float(null.common[at] @ null.common[at])
+    squares = {
+        "part": interaction + float(null.part[at, at]),
+        "column": interaction + strata.shape[0] * float(null.column[axis]),
+        "interaction": -interaction,
+    }
+    size = strata.shape[0] * strata.shape[1]
+    terms = [(common / size, null.model_dof)]
+    terms += zip((m**2 * np.diag(fit.covariance)).tolist(), fit.dof.tolist(), strict=True)
+    for stratum, n in zip(strata.all, scan.dof, strict=True):
+        if stratum.axis == axis and stratum.kind in squares and n > 0:
+            terms.append((squares[stratum.kind] / size, float(n)))
+    total = sum(variance for variance, _ in terms)
+    return float(max(total**2 / max(sum(v**2 / nu for v, nu in terms), 1e-300), 1.0))
 
 
 def _sizes(prepared: Prepared, members: tuple[int, ...]) -> FloatArray:

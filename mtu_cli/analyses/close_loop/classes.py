@@ -9,13 +9,12 @@ import numpy as np
 from mtu_cli.analyses.close_loop.added import Added
 from mtu_cli.analyses.close_loop.estimate import estimate
 from mtu_cli.analyses.close_loop.experiment import ALIAS, NO_RIVALS, Choice, choice
-from mtu_cli.analyses.close_loop.follow_up import Travel, as_it_is
+from mtu_cli.analyses.close_loop.follow_up import as_it_is
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.separation import sight_of
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.model.effect_library import EffectLibrary
-from mtu_cli.stats.column_groups import MemberColumns
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.profile_ratio import member_ratios, ratios
 
@@ -40,7 +39,6 @@ def experiments(
     found: Search,
     *,
     library: EffectLibrary | None = None,
-    travel: Travel | None = None,
 ) -> tuple[Choice, ...]:
     """For each effect of a search, in the order found, what would tell its class apart."""
     chosen = []
@@ -57,7 +55,6 @@ def experiments(
                 own.members,
                 beside=own.beside,
                 library=library,
-                travel=travel,
             )
         )
     return tuple(chosen)
@@ -71,14 +68,14 @@ def class_of(prepared: Prepared, found: Search, step: Step) -> EffectClass:
     scan, flat = prepared.scan, prepared.flat()
     F = len(scan.columns)
     beside = tuple(m for m in found.members if m != step.member)
-    pack = scan.pack(_taken_out(prepared, beside))
+    pack = scan.pack(prepared.with_tangents(beside))
     left = pack.without_found(prepared.y)[None]
     LR = member_ratios(pack, left)[0][0]
     judged = ratios(pack, left, F)
     members = {i: int(judged.best[0, i]) for i in _first(step, F)}
     members[step.index] = step.member
     if len(members) == 1:
-        for m in _aliases(prepared, step, beside):
+        for m in aliases_of(prepared, step, beside):
             family = int(pack.family[m])
             if family not in members or LR[m] > LR[members[family]]:
                 members[family] = m
@@ -99,18 +96,10 @@ def _first(step: Step, columns: int) -> list[int]:
     return [step.index, *others[: MOST - 1]]
 
 
-def _taken_out(prepared: Prepared, members: tuple[int, ...]) -> list[MemberColumns]:
-    flat = prepared.flat()
-    found = []
-    for m in members:
-        found.append(flat[m])
-        if m in prepared.tangents:
-            found.append(prepared.tangents[m])
-    return found
-
-
-def _aliases(prepared: Prepared, step: Step, beside: tuple[int, ...]) -> list[int]:
-    """Members of other candidates that hold all columns of the step's."""
+def aliases_of(prepared: Prepared, step: Step, beside: tuple[int, ...]) -> list[int]:
+    """Members of other candidates that hold all columns of the step's, whatever the data say,
+    beside the members `beside` that were found as well.
+    """
     flat, own = prepared.flat(), prepared.members[step.member]
     sight = sight_of(prepared, as_it_is(prepared.table), beside)
     effects = dict(enumerate(sight.columns(own.columns)))

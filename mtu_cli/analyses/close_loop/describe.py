@@ -9,17 +9,14 @@ import numpy as np
 from scipy.special import stdtrit
 
 from mtu_cli.analyses.close_loop.added import Added
-from mtu_cli.analyses.close_loop.estimate import raw_design
+from mtu_cli.analyses.close_loop.classes import aliases_of
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.result import DRIFT, FIELD, Experiment, FoundEffect
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.stats.column_groups import MemberColumns, whitened
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.profile_ratio import member_ratios
 
-ALIAS = 0.999
-"""Share of a found column that another candidate describes, from which on they are the same."""
 SUPPORT = 3.841458820694124
 """Drop of the likelihood ratio that bounds a 95 % interval (chi^2, one degree of freedom)."""
 
@@ -169,18 +166,6 @@ def _equations(told: Described, step: Step, place: int) -> dict[str, str]:
     return found
 
 
-def _others(told: Described, place: int) -> list[MemberColumns]:
-    """The columns and tangents of the other effects."""
-    flat = told.prepared.flat()
-    found = []
-    for i, member in enumerate(told.effects.members):
-        if i != place:
-            found.append(flat[member])
-            if member in told.prepared.tangents:
-                found.append(told.prepared.tangents[member])
-    return found
-
-
 def _searched(told: Described, step: Step, place: int) -> dict[str, tuple[float, float, float]]:
     """What was searched, with its 95 % interval by the profile of the likelihood ratio, beside
     the other effects; between the values of the grid it is taken as far as the next one.
@@ -190,7 +175,8 @@ def _searched(told: Described, step: Step, place: int) -> dict[str, tuple[float,
     if not member.searched:
         return {}
     scan = told.effects.prepared.scan
-    pack = scan.pack(_others(told, place))
+    others = [m for i, m in enumerate(told.effects.members) if i != place]
+    pack = scan.pack(prepared.with_tangents(others))
     LR = member_ratios(pack, pack.without_found(prepared.y)[None])[0][0]
     found = {}
     for name, value in member.searched.items():
@@ -235,47 +221,11 @@ def _share(told: Described, step: Step, place: int) -> float:
 
 
 def _aliases(told: Described, step: Step) -> tuple[str, ...]:
-    """Other candidates that hold the found columns, whatever the data say."""
-    prepared = told.prepared
-    scan, flat = prepared.scan, prepared.flat()
-    w = np.concatenate(
-        [
-            np.full(s.size, weight)
-            for s, weight in zip(scan.frame.strata.all, _weights(told), strict=True)
-        ]
+    """Other candidates that hold the found columns."""
+    prepared = told.effects.prepared
+    beside = tuple(m for m in told.effects.members if m != step.member)
+    owners = np.repeat(
+        np.arange(len(prepared.scan.columns)), [len(own) for own in prepared.scan.columns]
     )
-    root = np.sqrt(w)[:, None]
-
-    def columns(member: MemberColumns) -> FloatArray:
-        found: FloatArray = root * whitened(
-            scan.frame.strata, scan.whitening, raw_design(scan, [member])
-        )
-        return found
-
-    own = columns(flat[step.member])
-    found: list[str] = []
-    first = 0
-    for candidate, members in zip(prepared.candidates, scan.columns, strict=False):
-        ids = range(first, first + len(members))
-        first += len(members)
-        if candidate.name == prepared.candidates[step.index].name:
-            continue
-        if any(_holds(columns(flat[i]), own) for i in ids if _overlap(flat[i], flat[step.member])):
-            found.append(candidate.name)
-    return tuple(found)
-
-
-def _overlap(a: MemberColumns, b: MemberColumns) -> bool:
-    """Whether two members lie in the same strata."""
-    return {i for column in a for i in column} >= {i for column in b for i in column}
-
-
-def _holds(X: FloatArray, own: FloatArray) -> bool:
-    Q = np.linalg.qr(X)[0]
-    left = own - Q @ (Q.T @ own)
-    return bool((left**2).sum() < (1 - ALIAS) * (own**2).sum())
-
-
-def _weights(told: Described) -> FloatArray:
-    fit = told.effects.fit
-    return np.ones(len(told.prepared.scan.dof)) if fit is None else fit.weights
+    found = sorted({int(owners[m]) for m in aliases_of(prepared, step, beside)})
+    return tuple(prepared.candidates[i].name for i in found)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.estimate import raw_design
+from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
 from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.stats.column_groups import whitened
 from mtu_cli.stats.family_gate import Gate
 
@@ -13,9 +14,12 @@ POWER_DEVIATE = 0.8416212335729143
 """Normal deviate of a power of 80 %."""
 
 
-def minimum_detectable(prepared: Prepared, gate: Gate, alpha: float) -> dict[str, float]:
+def minimum_detectable(
+    prepared: Prepared, gate: Gate, found: Search, alpha: float
+) -> dict[str, float]:
     """Root mean square (mm, rad) over the cells of the smallest effect of each candidate that
-    passes the gate four times in five; the median over its members.
+    passes the gate four times in five; the median over its members. What was found is no noise:
+    the scatter is that of the data without it.
 
     The likelihood ratio of one column among n coordinates is n log(1 + t^2 / v), v = n - k, t of
     noncentral Student distribution: it passes a limit T where t > c = sqrt(v (exp(T / n) - 1)).
@@ -25,9 +29,9 @@ def minimum_detectable(prepared: Prepared, gate: Gate, alpha: float) -> dict[str
     scan = prepared.scan
     strata = scan.frame.strata
     limit = float(np.quantile(gate.largest, 1 - alpha))
-    weights = _weights(prepared)
+    weights = _weights(prepared, found)
     freedom = np.repeat(scan.dof, [stratum.size for stratum in strata.all])
-    found = {}
+    smallest = {}
     first = 0
     for f, members in enumerate(scan.columns):
         T = gate.statistic_of(limit, f)
@@ -45,8 +49,8 @@ def minimum_detectable(prepared: Prepared, gate: Gate, alpha: float) -> dict[str
                 amplitudes.append(_needed(T, n, k) / np.sqrt(z2))
         first += len(members)
         if amplitudes:
-            found[scan.names[f]] = float(np.median(amplitudes))
-    return found
+            smallest[scan.names[f]] = float(np.median(amplitudes))
+    return smallest
 
 
 def _needed(T: float, n: float, k: int) -> float:
@@ -56,14 +60,19 @@ def _needed(T: float, n: float, k: int) -> float:
     return float(np.sqrt(c2) * (1 - 0.25 / v) + POWER_DEVIATE * np.sqrt(1 + c2 / (2 * v)))
 
 
-def _weights(prepared: Prepared) -> np.ndarray:
-    scan = prepared.scan
-    y = whitened(scan.frame.strata, scan.whitening, prepared.y)
-    found = np.zeros(len(y))
+def _weights(prepared: Prepared, found: Search) -> np.ndarray:
+    """Inverse variances of the coordinates, by stratum, less the effects that were found."""
+    scan, left = prepared.scan, prepared.y
+    if found.members:
+        flat = prepared.flat()
+        columns = [flat[m] for m in found.members]
+        left = left - raw_design(scan, columns) @ estimate(scan, left, columns).beta
+    y = whitened(scan.frame.strata, scan.whitening, left)
+    weights = np.zeros(len(y))
     for s, n in zip(scan.frame.strata.all, scan.dof, strict=True):
         square = float(y[s.slice] @ y[s.slice])
-        found[s.slice] = n / square if square > 0 else 0.0
-    return found
+        weights[s.slice] = n / square if square > 0 else 0.0
+    return weights
 
 
 def _mean_squares(prepared: Prepared, index: int) -> np.ndarray:

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.strata import Strata
 
 MOST_MORE = 3
@@ -46,8 +46,8 @@ def _of_model(table: ResidualTable, lines: FloatArray) -> FloatArray:
     columns = np.concatenate([f.reshape(H, -1) for f in factors], axis=1)
     if not columns.shape[1]:
         return np.zeros((H, 0))
-    base = np.linalg.qr(np.concatenate([np.ones((H, 1)), lines], axis=1))[0]
-    left = columns - base @ (base.T @ columns)
+    base = np.concatenate([np.ones((H, 1)), lines], axis=1)
+    left = np.column_stack([least_squares(base, column).residuals for column in columns.T])
     U, size, _ = np.linalg.svd(left, full_matrices=False)
     entries = table.errors - np.nanmean(table.errors, axis=0)
     level = float(np.nanmean(entries**2)) if P > 1 else float(np.nanvar(table.errors))

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from mtu_cli.analyses.close_loop.follow_up import MORE, Travel, as_it_is, follow_ups
+from mtu_cli.analyses.close_loop.follow_up import MORE, as_it_is, follow_ups
 from mtu_cli.analyses.close_loop.further_parts import FollowUp
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.result import Experiment
@@ -39,30 +39,6 @@ class Choice:
     separations: tuple[tuple[str, float], ...] = ()
 
 
-def separating(
-    prepared: Prepared,
-    beta_by_candidate: Mapping[int, FloatArray],
-    posterior: Mapping[int, float],
-    class_members: Mapping[int, int],
-    *,
-    beside: Sequence[int] = (),
-    library: EffectLibrary | None = None,
-    travel: Travel | None = None,
-    count: int = MORE,
-) -> Experiment | None:
-    """The follow-up that separates a class best; None where none does: see `choice`."""
-    return choice(
-        prepared,
-        beta_by_candidate,
-        posterior,
-        class_members,
-        beside=beside,
-        library=library,
-        travel=travel,
-        count=count,
-    ).experiment
-
-
 def choice(
     prepared: Prepared,
     beta_by_candidate: Mapping[int, FloatArray],
@@ -71,7 +47,6 @@ def choice(
     *,
     beside: Sequence[int] = (),
     library: EffectLibrary | None = None,
-    travel: Travel | None = None,
     count: int = MORE,
 ) -> Choice:
     """Compares all follow-ups of `count` further parts for a class of candidates.
@@ -87,18 +62,18 @@ def choice(
         return Choice(experiment=None, reason=NO_RIVALS)
     if not (prepared.scan.null.interaction > 0).any():
         return Choice(experiment=None, reason=NO_NOISE)
-    klass = Rivalry(
+    rivalry = Rivalry(
         prepared, beta_by_candidate, posterior, members, tuple(beside), library or effect_library()
     )
-    now = klass.separation(as_it_is(prepared.table))
-    plans = follow_ups(prepared.table, klass.wanted(travel), count)
-    found = [klass.separation(plan) for plan in plans]
+    now = rivalry.separation(as_it_is(prepared.table))
+    plans = follow_ups(prepared.table, rivalry.wanted(), count)
+    found = [rivalry.separation(plan) for plan in plans]
     told = tuple((plan.name, value.d) for plan, value in zip(plans, found, strict=True))
     if all(value.share < 1 - ALIAS for value in (now, *found)):
         return Choice(experiment=None, reason=SAME, separations=told)
     best = _easiest_of_the_best([value.square for value in found])
     experiment = Experiment(
-        do=_words(plans[best], plans, klass.candidates()),
+        do=_words(plans[best], plans, rivalry.candidates()),
         predicted_d=found[best].d,
         now_d=now.d,
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from mtu_cli.model.effect_library import Candidate, Column, Member
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.units import PARAMETER_UNITS
 
 NOTHING = 1e-9
@@ -62,8 +62,9 @@ class _Polynomial:
         self.powers = np.stack(
             [(self.position / scale) ** n for n in range(self.degree + 1)], axis=-1
         )
-        Q, R = np.linalg.qr(self.powers[self.there])
-        self.solve = np.linalg.solve(R, Q.T)
+        X = self.powers[self.there]
+        # By one matrix for all columns: (X'X)^-1 X'.
+        self.solve = least_squares(X, np.zeros(len(X))).unscaled_covariance @ X.T
         self.scales = scale ** np.arange(self.degree + 1)
 
     def without(self, member: Member) -> Member:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ SHOWN = 0.2
 """Share of a column's variance that a fold must keep: what it hardly shows it cannot foretell."""
 LEVERAGE = 0.45
 """Share of a column's squares that one part may have in a fold: of a step three parts at least."""
+Identity = tuple[object, ...]
 
 
 def only_parts(table: ResidualTable, kept: NDArray[np.bool_]) -> ResidualTable:
@@ -55,12 +56,24 @@ def only_columns(table: ResidualTable, kept: NDArray[np.bool_]) -> ResidualTable
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class CutCandidates:
+    """Candidates at some of the parts or columns, and `whole`, by what `identity` tells of their
+    members, what each of them is on all cells.
+    """
+
+    candidates: tuple[Candidate, ...]
+    whole: Mapping[Identity, Member]
+
+
 def cut_candidates(
     candidates: Sequence[Candidate], kept: NDArray[np.bool_], dimension: int
-) -> tuple[Candidate, ...]:
+) -> CutCandidates:
     """The candidates' columns at some of the parts (dimension 0) or columns (1).
 
-    Members that what is kept hardly shows are left out: a warm-up without the first parts.
+    Members that what is kept hardly shows are left out: a warm-up without the first parts. Of
+    members that are the same on what is kept, such as steps between the same two parts, one is
+    kept; on all cells it is their mean, as each of them may be meant.
     """
 
     def cut(values: FloatArray) -> FloatArray:
@@ -73,16 +86,15 @@ def cut_candidates(
     ) -> tuple[dict[int, FloatArray], ...]:
         return tuple({a: cut(v) for a, v in column.items()} for column in columns)
 
-    return tuple(
-        replace(
-            candidate,
-            members=tuple(
-                replace(m, columns=cut_all(m.columns), tangent=cut_all(m.tangent))
-                for m in _distinct([m for m in candidate.members if _shown(m.columns, cut)], cut)
-            ),
-        )
-        for candidate in candidates
-    )
+    own, whole = [], {}
+    for candidate in candidates:
+        members = []
+        for same in _alike([m for m in candidate.members if _shown(m.columns, cut)], cut):
+            m = same[len(same) // 2]
+            members.append(replace(m, columns=cut_all(m.columns), tangent=cut_all(m.tangent)))
+            whole[identity(candidate.name, m)] = _mean_of(same) if len(same) > 1 else m
+        own.append(replace(candidate, members=tuple(members)))
+    return CutCandidates(candidates=tuple(own), whole=whole)
 
 
 Cut = Callable[[FloatArray], FloatArray]
@@ -103,10 +115,8 @@ def _shown(columns: Sequence[Mapping[int, FloatArray]], cut: Cut) -> bool:
     return True
 
 
-def _distinct(members: list[Member], cut: Cut) -> list[Member]:
-    """Of members that are the same on what is kept, such as steps between the same two parts,
-    the middle one.
-    """
+def _alike(members: Sequence[Member], cut: Cut) -> Iterable[list[Member]]:
+    """The members, those together that are the same on what is kept."""
     groups: dict[object, list[Member]] = {}
     for member in members:
         key = tuple(
@@ -115,4 +125,26 @@ def _distinct(members: list[Member], cut: Cut) -> list[Member]:
             for axis, values in column.items()
         )
         groups.setdefault(key, []).append(member)
-    return [own[len(own) // 2] for own in groups.values()]
+    return groups.values()
+
+
+def _mean_of(members: Sequence[Member]) -> Member:
+    """A member with the mean of the columns of some that have the same shape."""
+    first = members[0]
+    columns = tuple(
+        {axis: np.mean([m.columns[j][axis] for m in members], axis=0) for axis in column}
+        for j, column in enumerate(first.columns)
+    )
+    return replace(first, columns=columns)
+
+
+def identity(name: str, member: Member) -> Identity:
+    """What tells a candidate's members apart, on all cells as on some."""
+    return (
+        name,
+        tuple(sorted(member.equations.items())),
+        tuple(sorted(member.searched.items())),
+        member.chosen,
+        member.parameters,
+        member.covariate,
+    )

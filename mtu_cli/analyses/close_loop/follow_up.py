@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Wanted:
     used: Collection[str]
     pitches: Mapping[str, float]
     outlying: Collection[int] = ()
-    travel: Travel | None = None
+    travel: Travel = field(default_factory=dict)
 
 
 def as_it_is(table: ResidualTable) -> FollowUp:
@@ -101,7 +101,7 @@ def _shifted(log: FurtherParts, axis: str, wanted: Wanted) -> Iterator[FollowUp]
     """
     at = log.table.places[..., POSITIONS.index(axis)]
     low, high = float(at.min()), float(at.max())
-    ends = (wanted.travel or {}).get(axis)
+    ends = wanted.travel.get(axis)
     if axis in wanted.pitches:
         by, fits = PITCH_SHARE * wanted.pitches[axis], "a quarter of the pitch"
     else:

@@ -1,19 +1,30 @@
-"""Before and after on data that took no part: the whole search, without it, again."""
+"""Before and after on data that took no part: the whole search, without it, again.
+
+`after` scores what the search without the held-out data foretells of them, the mean over all
+explanations by their posterior (`foretold`): a single one would be scored as if it were certain.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.close_loop.added import Added, added, contribution
-from mtu_cli.analyses.close_loop.folds import cut_candidates, only_columns, only_parts
+from mtu_cli.analyses.close_loop.added import Added, added
+from mtu_cli.analyses.close_loop.folds import (
+    Identity,
+    cut_candidates,
+    only_columns,
+    only_parts,
+)
+from mtu_cli.analyses.close_loop.foretold import foretold
+from mtu_cli.analyses.close_loop.gross import set_aside
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.result import Scores
 from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import search
+from mtu_cli.analyses.close_loop.searched import searched
 from mtu_cli.model.effect_library import Candidate, Member
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.family_gate import Gate
@@ -32,19 +43,20 @@ LARGE, SAMPLES_LARGE = 20_000, 199
 @dataclass(frozen=True, kw_only=True)
 class Fold:
     """What is `kept` to search in, of parts (dimension 0) or columns (1); its preparation and
-    gate, that serve all data of the same design.
+    gate, that serve all data of the same design; `whole` its candidates' members on all cells.
     """
 
     dimension: int
     kept: NDArray[np.bool_]
+    whole: Mapping[Identity, Member]
     prepared: Prepared
     gate: Gate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldOut:
-    """Residuals (P, H, A) of held-out cells before and after what was found without them, and
-    `chosen` the names that each fold chose.
+    """Residuals (P, H, A) of held-out cells before and after what is foretold without them, and
+    `chosen` the names that passed the gate in each fold.
     """
 
     before: FloatArray
@@ -64,7 +76,8 @@ def folds_of(
 ) -> tuple[Fold, ...]:
     """Blocks of consecutive parts, so that drifts do not leak; of few parts, every n-th column.
 
-    Empty where there are too few of both. `number` (P,) tells the fold of each part, if not so.
+    Empty where there are too few of both. Gross entries of what is kept are set aside there, fold
+    by fold. `number` (P,) tells the fold of each part, if not so.
     """
     P, H = table.there.shape
     dimension = 0
@@ -84,43 +97,34 @@ def folds_of(
         if not (cut.there.any(axis=0).all() and cut.there.any(axis=1).all()):
             continue
         own = cut_candidates(candidates, kept, dimension)
-        prepared = prepare(cut, own, pass_dof)
+        prepared = prepare(set_aside(cut)[0], own.candidates, pass_dof)
         samples = SAMPLES_LARGE if table.errors.size > LARGE else SAMPLES
         gate = calibrated(prepared.scan, samples, seed, 1 + fold)
-        found.append(Fold(dimension=dimension, kept=kept, prepared=prepared, gate=gate))
+        found.append(
+            Fold(dimension=dimension, kept=kept, whole=own.whole, prepared=prepared, gate=gate)
+        )
     return tuple(found)
 
 
 def held_out(
-    table: ResidualTable,
-    candidates: Sequence[Candidate],
-    folds: Sequence[Fold],
-    *,
-    alpha: float,
-    most: int,
+    table: ResidualTable, folds: Sequence[Fold], *, alpha: float, most: int
 ) -> HeldOut | None:
-    """Searches every fold's kept part of `table` and scores what it left out; None without
-    folds.
+    """Searches every fold's kept part of `table` and scores all that it left out, gross entries
+    too; None without folds.
     """
     if not folds:
         return None
-    whole = _by_identity(candidates)
     before = np.full(table.errors.shape, np.nan)
     after, variance = before.copy(), before.copy()
     chosen: list[frozenset[str]] = []
     for fold in folds:
-        cut = only_parts if fold.dimension == 0 else only_columns
-        prepared = fold.prepared.with_table(cut(table, fold.kept))
-        found = search(prepared, fold.gate, alpha=alpha, most=most)
-        effects = added(prepared, found)
-        chosen.append(frozenset(prepared.candidates[step.index].name for step in found.steps))
-        members = tuple(whole[_identity(prepared, m)] for m in effects.members)
-        predicted = contribution(effects, table, members)
+        own = of_fold(table, fold, alpha=alpha, most=most)
+        chosen.append(own.chosen)
         out = ~fold.kept
         place = (out,) if fold.dimension == 0 else (slice(None), out)
         before[place] = table.errors[place]
-        after[place] = table.errors[place] - predicted[place]
-        variance[place] = _cell_variance(effects, prepared.scan.frame.strata)
+        after[place] = table.errors[place] - own.foretold[place]
+        variance[place] = own.variance
     return HeldOut(
         before=before,
         after=after,
@@ -130,34 +134,31 @@ def held_out(
     )
 
 
-Identity = tuple[object, ...]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OfFold:
+    """What a fold says of all cells: errors `foretold` (P, H, A), the `variance` (A,) of an
+    entry beside what was found, and the names of what passed the gate.
+    """
+
+    foretold: FloatArray
+    variance: FloatArray
+    chosen: frozenset[str]
 
 
-def _by_identity(candidates: Sequence[Candidate]) -> dict[Identity, Member]:
-    return {
-        _key(candidate.name, member): member
-        for candidate in candidates
-        for member in candidate.members
-    }
+def of_fold(table: ResidualTable, fold: Fold, *, alpha: float, most: int) -> OfFold:
+    """Searches what a fold keeps of `table`; what it leaves out takes no part in anything."""
+    cut = only_parts if fold.dimension == 0 else only_columns
 
+    def start(kept: ResidualTable) -> tuple[Prepared, Gate]:
+        return fold.prepared.with_table(kept), fold.gate
 
-def _key(name: str, member: Member) -> Identity:
-    return (
-        name,
-        tuple(sorted(member.equations.items())),
-        tuple(sorted(member.searched.items())),
-        member.chosen,
-        member.parameters,
+    own = searched(cut(table, fold.kept), start, alpha=alpha, most=most)
+    prepared, found = own.prepared, own.found
+    return OfFold(
+        foretold=foretold(prepared, found, table, fold.whole),
+        variance=_cell_variance(added(prepared, found), prepared.scan.frame.strata),
+        chosen=frozenset(prepared.candidates[step.index].name for step in found.steps),
     )
-
-
-def _identity(prepared: Prepared, index: int) -> Identity:
-    family = int(np.searchsorted(_ends(prepared), index, side="right"))
-    return _key(prepared.candidates[family].name, prepared.members[index])
-
-
-def _ends(prepared: Prepared) -> NDArray[np.int64]:
-    return np.cumsum([len(members) for members in prepared.scan.columns])
 
 
 def _cell_variance(effects: Added, strata: Strata) -> FloatArray:

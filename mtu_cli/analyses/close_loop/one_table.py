@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from mtu_cli.analyses.close_loop.classes import experiments
 from mtu_cli.analyses.close_loop.describe import Described, found_effects, indices_of
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.fitted import refitted
-from mtu_cli.analyses.close_loop.gross import Gross, set_aside
 from mtu_cli.analyses.close_loop.held_out import (
     HeldOut,
     entry_variance,
@@ -29,7 +28,8 @@ from mtu_cli.analyses.close_loop.result import (
     Verdict,
 )
 from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import Search, search
+from mtu_cli.analyses.close_loop.search import Search
+from mtu_cli.analyses.close_loop.searched import Searched, searched
 from mtu_cli.model.effect_library import Candidate, EffectLibrary
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.family_gate import Gate
@@ -60,17 +60,13 @@ def loop_on(
 ) -> LoopResult:
     """Closes the loop on one table at the family-wise rate `alpha`."""
     first = _searched(given, candidates, alpha, most, seed)
-    out = _held_out(first.table, candidates, alpha, most, seed)
-    told = Described(
-        prepared=first.prepared,
-        found=first.found,
-        effects=added(first.prepared, first.found, seed),
-        chosen=() if out is None else out.chosen,
-    )
+    folds = folds_of(given, candidates, seed, given.pass_dof)
+    out = held_out(given, folds, alpha=alpha, most=most)
+    told = _told(first, out, seed)
     scored, found, fired = _scored(told, out), first.found, first.found.fired(alpha)
     described = _described(told, library)
     result = TableResult(
-        table=first.table,
+        table=first.prepared.table,
         verdict=_verdict(found, described, fired),
         effects=described,
         candidates=_judged(first, candidates, alpha),
@@ -91,11 +87,13 @@ def loop_on(
     return LoopResult(result=result, covariance=_joint_covariance(told))
 
 
-def _held_out(
-    table: ResidualTable, candidates: Sequence[Candidate], alpha: float, most: int, seed: int
-) -> HeldOut | None:
-    folds = folds_of(table, candidates, seed, table.pass_dof)
-    return held_out(table, candidates, folds, alpha=alpha, most=most)
+def _told(first: Searched, out: HeldOut | None, seed: int) -> Described:
+    return Described(
+        prepared=first.prepared,
+        found=first.found,
+        effects=added(first.prepared, first.found, seed),
+        chosen=() if out is None else out.chosen,
+    )
 
 
 def _described(told: Described, library: EffectLibrary) -> tuple[FoundEffect, ...]:
@@ -103,37 +101,17 @@ def _described(told: Described, library: EffectLibrary) -> tuple[FoundEffect, ..
     return found_effects(told, [choice.experiment for choice in planned])
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Searched:
-    table: ResidualTable
-    gross: tuple[Gross, ...]
-    prepared: Prepared
-    gate: Gate
-    found: Search
-
-
 def _searched(
     given: ResidualTable, candidates: Sequence[Candidate], alpha: float, most: int, seed: int
-) -> _Searched:
-    """The search without gross entries; what an effect explains was none, and is taken back."""
-    table, gross = set_aside(given)
-    table = refitted(table) if gross else table
-    prepared = prepare(table, candidates, table.pass_dof)
-    samples = SAMPLES_LARGE if table.errors.size > LARGE else SAMPLES
-    gate = calibrated(prepared.scan, samples, seed)
-    found = search(prepared, gate, alpha=alpha, most=most)
-    if gross and found.members:
-        effects = added(prepared, found)
-        said = contribution(effects, given, tuple(prepared.members[m] for m in effects.members))
-        left, still = set_aside(replace(given, errors=given.errors - said))
-        if not np.array_equal(left.there, table.there):
-            errors = np.where(left.there[:, :, None], given.errors, np.nan)
-            table, gross = replace(left, errors=errors), still
-            table = refitted(table) if gross else table
-            prepared = prepared.with_table(table)
-            gate = calibrated(prepared.scan, samples, seed)
-            found = search(prepared, gate, alpha=alpha, most=most)
-    return _Searched(table=table, gross=gross, prepared=prepared, gate=gate, found=found)
+) -> Searched:
+    samples = SAMPLES_LARGE if given.errors.size > LARGE else SAMPLES
+
+    def start(table: ResidualTable) -> tuple[Prepared, Gate]:
+        left = refitted(table) if not np.array_equal(table.there, given.there) else table
+        prepared = prepare(left, candidates, given.pass_dof)
+        return prepared, calibrated(prepared.scan, samples, seed)
+
+    return searched(given, start, alpha=alpha, most=most)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,10 +136,18 @@ def _scored(told: Described, out: HeldOut | None) -> _Scored:
     return _Scored(
         explained=explained,
         before=before if out is None else scores(out.before, table.axes, out.variance),
-        after=after if out is None else scores(out.after, table.axes, out.variance),
+        after=_held_out_after(told, out, after),
         in_sample_before=before,
         in_sample_after=after,
     )
+
+
+def _held_out_after(told: Described, out: HeldOut | None, in_sample: Scores) -> Scores:
+    """Of a machine that gets no equation the errors stay as they are, whatever folds foretell."""
+    if out is None:
+        return in_sample
+    left = out.before if told.effects.fit is None else out.after
+    return scores(left, told.prepared.table.axes, out.variance)
 
 
 def _unexplained(found: Search, scored: _Scored, alpha: float) -> float | None:
@@ -178,11 +164,11 @@ def _verdict(found: Search, effects: Sequence[FoundEffect], fired: Sequence[str]
     return "named" if lone else "class"
 
 
-def _judged(first: _Searched, candidates: Sequence[Candidate], alpha: float) -> tuple[Judged, ...]:
+def _judged(first: Searched, candidates: Sequence[Candidate], alpha: float) -> tuple[Judged, ...]:
     """Every candidate of the library as the first look judged it."""
     prepared, found = first.prepared, first.found
     index = {candidate.name: i for i, candidate in enumerate(prepared.candidates)}
-    smallest = minimum_detectable(prepared, first.gate, alpha)
+    smallest = minimum_detectable(prepared, first.gate, found, alpha)
     judged = []
     for candidate in candidates:
         i = index.get(candidate.name)

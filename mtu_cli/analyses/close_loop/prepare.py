@@ -12,13 +12,19 @@ from mtu_cli.analyses.close_loop.directions import (
     scatter_directions,
     smooth_directions,
 )
+from mtu_cli.analyses.close_loop.freedoms import (
+    degrees_of_freedom,
+    fitted_powers,
+    freeing,
+    places_of,
+)
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.model.effect_library import Candidate, Member
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.column_groups import MemberColumns
 from mtu_cli.stats.crossed import completion
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.loop_frame import Frame, Freeing
+from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import KnownScatter, NullModel, null_of, whitening_of
 from mtu_cli.stats.remainder import remainder_of
 from mtu_cli.stats.strata import Strata, strata_of
@@ -70,6 +76,16 @@ class Prepared:
         """The coordinates of all members, end to end."""
         return [member for members in self.scan.columns for member in members]
 
+    def with_tangents(self, members: Sequence[int]) -> list[MemberColumns]:
+        """The coordinates of these members, and of their derivatives by what was searched."""
+        flat = self.flat()
+        found = []
+        for m in members:
+            found.append(flat[m])
+            if m in self.tangents:
+                found.append(self.tangents[m])
+        return found
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Seen:
@@ -91,8 +107,7 @@ def prepare(
     """
     P, _, A = table.errors.shape
     strata = strata_of(P, smooth_directions(table), A, reversal_pairs(table))
-    freeing = None if table.datum == "none" else _freeing(table)
-    frame = Frame(strata=strata, completion=completion(table.there), freeing=freeing)
+    frame = Frame(strata=strata, completion=completion(table.there), freeing=freeing(table))
     known = KnownScatter(*_factors(table, strata), pass_dof)
     chosen = _testable(table, candidates, strata)
     seen = _columns(table, frame, chosen)
@@ -129,7 +144,8 @@ def _scan(
     y: FloatArray,
 ) -> tuple[Scan, tuple[Candidate, ...]]:
     """The scan of coordinates `y`, and all its candidates in their order."""
-    strata, dof = frame.strata, _degrees(table, frame.strata)
+    strata, dof = frame.strata, degrees_of_freedom(table, frame.strata)
+    powers = [frame.column(power) for power in fitted_powers(table)]
     offsets = [c for c in chosen if c.kind == "offset"]
     scatters = [c for c in chosen if c.kind == "scatter"]
     ordered = (*seen.candidates, *offsets, *scatters)
@@ -141,10 +157,10 @@ def _scan(
         whitening=whitening,
         names=tuple(c.name for c in ordered),
         columns=seen.columns,
-        base=_fitted(table, frame),
+        base=(tuple(column for column in powers if column),) if powers else (),
         offsets=tuple(table.axes.index(c.axis or table.axes[0]) for c in offsets),
         scatters=tuple(c.name for c in scatters),
-        remainder=remainder_of(strata, whitening, _places(table)),
+        remainder=remainder_of(strata, whitening, places_of(table)),
         null=null,
         operation=table.operation,
         directions=scatter_directions(table, strata),
@@ -157,39 +173,8 @@ def scan_with_null(scan: Scan, table: ResidualTable, null: NullModel) -> Scan:
     """The scan with another null: its whitening, and the kernels in it, follow."""
     strata = scan.frame.strata
     whitening = whitening_of(strata, null)
-    remainder = remainder_of(strata, whitening, _places(table))
+    remainder = remainder_of(strata, whitening, places_of(table))
     return replace(scan, null=null, whitening=whitening, remainder=remainder)
-
-
-def _freeing(table: ResidualTable) -> Freeing:
-    def freeing(tables: FloatArray) -> FloatArray:
-        flat = tables.reshape(-1, *tables.shape[-3:])
-        freed = table.freed(np.moveaxis(flat, 0, -1))
-        found: FloatArray = np.moveaxis(freed, -1, 0).reshape(tables.shape)
-        return found
-
-    return freeing
-
-
-def _places(table: ResidualTable) -> FloatArray:
-    """Mean places (H, d) of the columns along the coordinates that are known."""
-    places = table.places.mean(axis=0)
-    found: FloatArray = places[:, np.isfinite(places).all(axis=0)]
-    return found
-
-
-def _degrees(table: ResidualTable, strata: Strata) -> FloatArray:
-    """Degrees of freedom (S,): sizes, less what is missing, less what the datum takes."""
-    missing = int((~table.there).sum())
-    found = []
-    for stratum in strata.all:
-        size = float(stratum.size)
-        if stratum.kind == "interaction":
-            size -= missing
-        if stratum.kind == "part" and table.datum != "none":
-            size = 0.0
-        found.append(max(size, 0.0))
-    return np.array(found)
 
 
 def _factors(table: ResidualTable, strata: Strata) -> tuple[FloatArray, FloatArray]:
@@ -207,19 +192,6 @@ def _factors(table: ResidualTable, strata: Strata) -> tuple[FloatArray, FloatArr
     predicted: FloatArray = np.einsum("pir,pjr->ij", parts, parts) / len(parts)
     common: FloatArray = coordinates(table.common).mean(axis=0) * np.sqrt(P)
     return predicted, common
-
-
-def _fitted(table: ResidualTable, frame: Frame) -> tuple[MemberColumns, ...]:
-    """The polynomial that was fitted to the readings themselves, taken out of everything."""
-    if table.fitted_degree < 1:
-        return ()
-    places = _places(table)
-    if not places.shape[1]:
-        return ()
-    position = places[:, 0] - places[:, 0].mean()
-    position = position / max(float(np.abs(position).max()), 1e-300)
-    powers = [frame.column({0: position[None] ** n}) for n in range(1, table.fitted_degree + 1)]
-    return (tuple(column for column in powers if column),)
 
 
 def _testable(

@@ -130,7 +130,7 @@ class TableResult:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CloseLoopResult:
     """The verdict over all tables; `effects` of all, with their joint `covariance` in the order
-    of their parameters, internal units. `first` is the table that the shown scores are of.
+    of their parameters, internal units.
     """
 
     verdict: Verdict

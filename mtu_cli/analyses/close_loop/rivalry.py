@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.follow_up import Travel, Wanted, as_it_is
+from mtu_cli.analyses.close_loop.follow_up import Wanted, as_it_is
 from mtu_cli.analyses.close_loop.further_parts import FollowUp
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.separation import (
@@ -75,7 +75,7 @@ class Rivalry:
         order = sorted(self.members, key=lambda i: -self.weight[i])
         return [self.prepared.candidates[i] for i in order]
 
-    def wanted(self, travel: Travel | None) -> Wanted:
+    def wanted(self) -> Wanted:
         """What the class depends on."""
         used: set[str] = set()
         pitches: dict[str, float] = {}
@@ -91,7 +91,7 @@ class Rivalry:
                         pitches.setdefault(axis, value)
             if member.chosen in table.parts and _is_of_parts(member, len(table.parts)):
                 outlying.append(table.parts.index(member.chosen))
-        return Wanted(used=used, pitches=pitches, outlying=outlying, travel=travel)
+        return Wanted(used=used, pitches=pitches, outlying=outlying, travel=table.travel)
 
     def separation(self, plan: FollowUp) -> Separation:
         """d^2 = z^2 (1 - max R^2 over the rivals), averaged over which effect is the true one."""

@@ -12,8 +12,9 @@ from mtu_cli.stats.family_gate import Gate, gate_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import NullModel, draw
-from mtu_cli.stats.profile_ratio import NEVER, Ratios, ratios, unit_information
+from mtu_cli.stats.profile_ratio import Ratios, ratios, unit_information
 from mtu_cli.stats.remainder import (
+    DRAWN,
     Remainder,
     scatter_p,
     score_of,
@@ -23,9 +24,8 @@ from mtu_cli.stats.remainder import (
 from mtu_cli.stats.streams import stream
 
 BATCH = 200
-MEAN_CHECKS = ("interaction-pattern", "serial-correlation", "serial-shape", "spatial-correlation")
 SCATTER_CHECKS = ("column-variance", "part-variance")
-CHECKS = (*MEAN_CHECKS, *SCATTER_CHECKS)
+CHECKS = (*DRAWN, *SCATTER_CHECKS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,9 +64,9 @@ class Scan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Of B samples: `statistics` (B, F + C) drawn candidates and checks, `closed` (B', S + 2)
-    -log p of scatters and variance checks (of the data alone), `log_bayes` (B, F + S), `best`
-    (B, F) members, `unnamed` (2 A,) log Bayes factors of drifts and of fields without a name.
+    """Of one table: `statistics` (F + C,) of drawn candidates and checks, `closed` (S + 2,)
+    -log p of scatters and variance checks, `log_bayes` (F + S,), `best` (F,) members, `unnamed`
+    (2 A,) log Bayes factors of drifts and of fields without a name.
     """
 
     statistics: FloatArray
@@ -82,7 +82,7 @@ def drawn_statistics(
     """Statistics (B, F + C), the ratios of the mean candidates, log Bayes of offsets (B, A')."""
     found = ratios(pack, y, len(scan.columns))
     offset, log_bayes = _offsets(scan, y, grand)
-    checks = scan.remainder.statistics(y, pack.dof)
+    checks = scan.remainder.statistics(y)
     return np.concatenate([found.ratio, offset, checks], axis=1), found, log_bayes
 
 
@@ -250,4 +250,4 @@ def _direction_p(scan: Scan, y: FloatArray, name: str) -> float:
     return variance_ratio_p(float(np.mean(total**2)), level, P - 1, level**2 / max(spread, 1e-300))
 
 
-__all__ = ["CHECKS", "NEVER", "Evidence", "Scan", "calibrated", "drawn_statistics", "evidence"]
+__all__ = ["CHECKS", "Evidence", "Scan", "calibrated", "drawn_statistics", "evidence"]

@@ -8,20 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtu_cli.analyses.close_loop.directions import reversal_pairs
+from mtu_cli.analyses.close_loop.freedoms import fitted_powers, freeing
 from mtu_cli.analyses.close_loop.further_parts import FollowUp
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.model.effect_candidate import Column, Member
 from mtu_cli.model.effect_data import POSITIONS
 from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.column_groups import whiten
 from mtu_cli.stats.crossed import completion
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import NullModel, whitening_of
 from mtu_cli.stats.strata import Strata, strata_of
-
-RANK = 1e-10
-"""Directions in which columns hold less than this of their squares are rounding."""
+from mtu_cli.stats.stratified import triangle
 
 Seen = dict[int, FloatArray]
 """The coordinates of a column, by the number of the stratum that they lie in."""
@@ -86,30 +86,26 @@ class Sight:
     def _seen(self, column: Column) -> Seen:
         found = {}
         for index, values in self.frame.column(column).items():
-            stratum = self.frame.strata.all[index]
             own = values * self.root[index]
-            if stratum.lead:
-                lead = np.array(stratum.lead) - 1
-                W = self.whitening[stratum.axis][np.ix_(lead, lead)]
-                own[: len(lead)] = W @ own[: len(lead)]
+            whiten(self.frame.strata, self.whitening, index, own)
             found[index] = own
         return found
 
     def left(self, effects: Mapping[int, Seen], columns: Sequence[Seen] = ()) -> dict[int, float]:
         """The squares that `columns`, fitted beside the nuisances, leave of each effect."""
-        X = [*self.nuisance, *columns]
-        found = {i: _inner(e, e) for i, e in effects.items()}
-        size = np.sqrt([_inner(c, c) for c in X])
-        kept = [j for j in range(len(X)) if size[j] > 0]
-        if not kept:
-            return found
-        size = size[kept]
-        G = np.array([[_inner(X[i], X[j]) for j in kept] for i in kept]) / np.outer(size, size)
-        inverse = np.linalg.pinv(G, rcond=RANK, hermitian=True)
-        for i, e in effects.items():
-            b = np.array([_inner(X[j], e) for j in kept]) / size
-            found[i] = max(found[i] - float(b @ inverse @ b), 0.0)
-        return found
+        Z = self._stacked([*self.nuisance, *columns, *effects.values()])
+        rows = triangle(Z)
+        X, Y = np.split(rows, [Z.shape[1] - len(effects)], axis=1)
+        return {i: least_squares(X, y).rss for i, y in zip(effects, Y.T, strict=True)}
+
+    def _stacked(self, columns: Sequence[Seen]) -> FloatArray:
+        """The columns side by side, over the strata that any of them lies in."""
+        strata = self.frame.strata.all
+        blocks = []
+        for index in sorted({index for column in columns for index in column}):
+            none = np.zeros(strata[index].size)
+            blocks.append(np.column_stack([column.get(index, none) for column in columns]))
+        return np.concatenate(blocks) if blocks else np.zeros((1, len(columns)))
 
 
 def combined(columns: Sequence[Seen], beta: FloatArray) -> Seen:
@@ -119,10 +115,6 @@ def combined(columns: Sequence[Seen], beta: FloatArray) -> Seen:
         for index, own in column.items():
             found[index] = found.get(index, 0.0) + value * own
     return found
-
-
-def _inner(a: Seen, b: Seen) -> float:
-    return float(sum(a[index] @ b[index] for index in a.keys() & b.keys()))
 
 
 def sight_of(prepared: Prepared, plan: FollowUp, beside: Sequence[int] = ()) -> Sight:
@@ -148,7 +140,7 @@ def sight_of(prepared: Prepared, plan: FollowUp, beside: Sequence[int] = ()) -> 
     frame = Frame(
         strata=strata,
         completion=completion(whole.there),
-        freeing=None if table.datum == "none" else _freeing(whole),
+        freeing=freeing(whole),
     )
     plain = Sight(
         frame=frame,
@@ -157,7 +149,7 @@ def sight_of(prepared: Prepared, plan: FollowUp, beside: Sequence[int] = ()) -> 
         nuisance=(),
     )
     known = [member_columns(prepared.members[m], table, plan) for m in beside]
-    columns = [*_fitted(table), *(column for member in known for column in member)]
+    columns = [*fitted_powers(table), *(column for member in known for column in member)]
     return replace(plain, nuisance=plain.columns(columns))
 
 
@@ -184,21 +176,3 @@ def longer(table: ResidualTable, plan: FollowUp) -> ResidualTable:
         places=plan.places,
         covariates={n: v for n, v in plan.values.items() if n not in POSITIONS},
     )
-
-
-def _freeing(table: ResidualTable):  # type: ignore[no-untyped-def]  # see Frame.freeing
-    def freeing(tables: FloatArray) -> FloatArray:
-        return table.freed(tables[..., None])[..., 0]
-
-    return freeing
-
-
-def _fitted(table: ResidualTable) -> list[Column]:
-    """Powers of the position that were fitted to the readings themselves."""
-    places = table.places.mean(axis=0)
-    known = places[:, np.isfinite(places).all(axis=0)]
-    if table.fitted_degree < 1 or not known.shape[1]:
-        return []
-    position = known[:, 0] - known[:, 0].mean()
-    position = position / max(float(np.abs(position).max()), 1e-300)
-    return [{0: position[None] ** n} for n in range(1, table.fitted_degree + 1)]

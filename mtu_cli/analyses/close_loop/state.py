@@ -9,7 +9,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.scan import Evidence, Scan, evidence
-from mtu_cli.stats.column_groups import Column, MemberColumns
+from mtu_cli.stats.column_groups import Column, MemberColumns, whiten
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -51,7 +51,7 @@ class State:
 
     def __init__(self, prepared: Prepared, gate: Gate | None) -> None:
         self.prepared, self.gate = prepared, gate
-        self.flat = [member for members in prepared.scan.columns for member in members]
+        self.flat = prepared.flat()
         self.found: list[MemberColumns] = []
         self.members: list[int] = []
         self.done: set[int] = set()
@@ -72,11 +72,14 @@ class State:
             prepared = prepared.with_null_of(y)
             self.found = [
                 tuple(_where_it_counts(prepared.scan, column, fit.weights) for column in member)
-                for member in self._with_tangents()
+                for member in prepared.with_tangents(self.members)
             ]
         grand[list(self.offsets)] = 0.0
         scan = prepared.scan
-        looked = evidence(scan, scan.pack(self.found), y, grand, self._aside())
+        pack = scan.pack(self.found)
+        # Strata that hold little of an effect are not freed of it: there it is no second one.
+        pack.usable[self.members] = False
+        looked = evidence(scan, pack, y, grand, self._aside())
         first = not self.p.size
         self.looked = looked
         if self.gate is not None:
@@ -113,14 +116,6 @@ class State:
         scan = self.prepared.scan
         return frozenset(scan.names[i] for i in self.done if i >= scan.tested)
 
-    def _with_tangents(self) -> list[MemberColumns]:
-        found = []
-        for member in self.members:
-            found.append(self.flat[member])
-            if member in self.prepared.tangents:
-                found.append(self.prepared.tangents[member])
-        return found
-
 
 def _where_it_counts(scan: Scan, column: Column, weights: FloatArray) -> Column:
     """The column in the strata that hold a good share of what it can be told by.
@@ -130,16 +125,8 @@ def _where_it_counts(scan: Scan, column: Column, weights: FloatArray) -> Column:
     """
     shares = {}
     for index, values in column.items():
-        lead = len(scan.frame.strata.all[index].lead)
-        own = whitened_column(scan, index, values) if lead else values
+        own = values.copy()
+        whiten(scan.frame.strata, scan.whitening, index, own)
         shares[index] = float(weights[index] * (own @ own))
     least = COUNTS * sum(shares.values())
     return {index: column[index] for index, share in shares.items() if share >= least}
-
-
-def whitened_column(scan: Scan, index: int, values: FloatArray) -> FloatArray:
-    """Coordinates (n,) of a column in a stratum, whitened."""
-    stratum = scan.frame.strata.all[index]
-    lead = np.array(stratum.lead, int) - 1
-    W = scan.whitening[stratum.axis][np.ix_(lead, lead)]
-    return np.concatenate([W @ values[: len(lead)], values[len(lead) :]])

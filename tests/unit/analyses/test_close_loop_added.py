@@ -63,16 +63,34 @@ def dense(own: Prepared, effects: Added, X: Floats) -> tuple[Floats, Floats]:
     return gls(X, own.table.errors.ravel(), V)
 
 
-def test_a_mean_that_agrees_is_an_observation_like_others() -> None:
-    errors = noise(2) + 3.0 * whole_column(STEP, SHAPE) + 0.8 * whole_column(CELLS, SHAPE)
+@pytest.mark.parametrize("level", [0.0, -1.0])
+def test_a_mean_that_agrees_moves_no_coefficient(level: float) -> None:
+    errors = noise(2) + 3.0 * whole_column(STEP, SHAPE) + 0.8 * whole_column(CELLS, SHAPE) + level
     own = prepared(errors)
     effects = added(own, found(own, "step", "cells"))
     assert effects.levels == ()
-    X = np.stack([whole_column(c, SHAPE).ravel() for c in (STEP, CELLS)], axis=1)
-    beta, C = dense(own, effects, X)
     assert effects.fit is not None
-    np.testing.assert_allclose(effects.fit.beta, beta, rtol=1e-8)
-    np.testing.assert_allclose(effects.fit.covariance, C, rtol=1e-7, atol=1e-14)
+    # Beside a free mean error, whatever it is.
+    X = [whole_column(c, SHAPE).ravel() for c in (STEP, CELLS)]
+    beta, C = dense(own, effects, np.stack([*X, np.ones(90)], axis=1))
+    np.testing.assert_allclose(effects.fit.beta, beta[:2], rtol=1e-8)
+    np.testing.assert_allclose(effects.fit.at_weights, C[:2, :2], rtol=1e-7, atol=1e-14)
+
+
+def test_intervals_cover_whatever_the_level_is() -> None:
+    """A step of 2 um over a level of -1 um, its own mean's size: the mean error is 0.2 um."""
+    rng, count = np.random.default_rng(11), 400
+    own = prepared(crossed(rng, SHAPE))
+    search, hits, levels = found(own, "step"), 0, 0
+    for _ in range(count):
+        errors = crossed(rng, SHAPE) + 2.0 * whole_column(STEP, SHAPE) - 1.0
+        effects = added(own.with_table(replace(own.table, errors=errors)), search)
+        assert effects.fit is not None
+        u = np.sqrt(effects.fit.covariance[0, 0])
+        hits += bool(abs(effects.fit.beta[0] - 2.0) <= t.ppf(0.975, effects.fit.dof[0]) * u)
+        levels += len(effects.levels)
+    assert levels < count / 2
+    assert binom.ppf(1e-3, count, 0.93) <= hits <= binom.ppf(1 - 1e-3, count, 0.97)
 
 
 @pytest.mark.parametrize("names", [("step", "cells"), ("step", "offset-x"), ("offset-x",)])
@@ -87,7 +105,13 @@ def test_a_mean_that_disagrees_becomes_a_level(names: tuple[str, ...]) -> None:
     beta, C = dense(own, effects, np.stack([*X, np.ones(90)], axis=1))
     assert effects.fit is not None
     np.testing.assert_allclose(effects.fit.beta, beta, rtol=1e-8)
-    np.testing.assert_allclose(effects.fit.covariance, C, rtol=1e-7, atol=1e-13)
+    # Beside what the estimated weights add to the coefficients' covariance.
+    k = len(columns)
+    means = np.array([whole_column(c, SHAPE).mean() for c in columns])
+    turn = np.vstack([np.eye(k), -means])
+    more = effects.fit.covariance[:k, :k] - effects.fit.at_weights
+    got = effects.fit.covariance - turn @ more @ turn.T
+    np.testing.assert_allclose(got, C, rtol=1e-7, atol=1e-13)
     if "offset-x" in names:
         assert level.owner is None
         assert effects.offset(0) == level.index

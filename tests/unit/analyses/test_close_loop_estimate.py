@@ -73,7 +73,7 @@ def test_beta_is_dense_least_squares_at_the_fitted_variances(flat: bool) -> None
     y = T @ own.table.errors.ravel()
     beta, C = gls(white @ X, white @ y, dense_weights(own, fit.weights))
     np.testing.assert_allclose(fit.beta, beta, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(fit.covariance, C, rtol=1e-8, atol=1e-13)
+    np.testing.assert_allclose(fit.at_weights, C, rtol=1e-8, atol=1e-13)
 
 
 @pytest.mark.parametrize("seed", [3, 4, 5])
@@ -84,7 +84,7 @@ def test_weights_are_those_of_restricted_maximum_likelihood(seed: int) -> None:
     u = np.sqrt(np.diag(C))
     # Iterations stop far below what the estimates are worth: a hundredth of u.
     assert (np.abs(fit.beta - beta) < 0.01 * u).all()
-    np.testing.assert_allclose(np.sqrt(np.diag(fit.covariance)), u, rtol=0.01)
+    np.testing.assert_allclose(np.sqrt(np.diag(fit.at_weights)), u, rtol=0.01)
 
 
 def test_a_complete_crossed_table_is_that_of_statsmodels() -> None:
@@ -108,7 +108,7 @@ def test_a_complete_crossed_table_is_that_of_statsmodels() -> None:
     fit = estimate(own.scan, own.y, own.flat())
     u = found.bse_fe[1:]
     assert (np.abs(fit.beta - found.fe_params[1:]) < 0.01 * u).all()
-    np.testing.assert_allclose(np.sqrt(np.diag(fit.covariance)), u, rtol=0.01)
+    np.testing.assert_allclose(np.sqrt(np.diag(fit.at_weights)), u, rtol=0.01)
 
 
 def test_degrees_of_freedom_are_those_of_the_stratum_that_tells() -> None:
@@ -134,13 +134,15 @@ def test_intervals_cover() -> None:
 
 
 def simulated(own: Prepared, there: Mask, weights: Floats, C: Floats, count: int) -> Floats:
-    """Covariance of beta with these weights over tables drawn entry by entry."""
+    """Covariance of beta with these weights, and of the grand mean, over tables drawn entry by
+    entry.
+    """
     rng = np.random.default_rng(10)
     X = raw_design(own.scan, own.flat())
     w = 1 / np.diag(dense_weights(own, weights))
     errors = np.array([crossed(rng, SHAPE) for _ in range(count)])
-    y, _ = own.scan.frame.coordinates(np.where(there[:, :, None], errors, 0.0))
-    beta = (y * w) @ X @ C
+    y, grand = own.scan.frame.coordinates(np.where(there[:, :, None], errors, 0.0))
+    beta = np.concatenate([(y * w) @ X @ C, grand], axis=1)
     return np.asarray(beta.T @ beta / count)
 
 
@@ -153,12 +155,12 @@ def test_the_covariance_in_an_incomplete_table_is_that_of_simulated_ones(name: s
         own.scan.null, interaction=np.ones(1), column=np.ones(1), part=np.array([[8 * 4.0]])
     )
     scan = replace(own.scan, null=null)
-    found = drawn_covariance(scan, own.flat(), fit, 1)
-    expected = simulated(own, there, fit.weights, fit.covariance, 4000)
+    found = drawn_covariance(scan, own.flat(), fit.weights, 1)
+    expected = simulated(own, there, fit.weights, fit.at_weights, 4000)
     # 3000 drawn tables against 4000: a variance's relative standard error is sqrt(2 / n) each.
     error = np.sqrt(2 / 3000 + 2 / 4000)
     np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=5 * error)
-    again = drawn_covariance(scan, own.flat(), fit, 1)
+    again = drawn_covariance(scan, own.flat(), fit.weights, 1)
     assert found.tobytes() == again.tobytes()
 
 

@@ -19,7 +19,7 @@ from shop_day import ShopDay, measure
 
 from mtu_cli.analyses.close_loop import rivalry
 from mtu_cli.analyses.close_loop.classes import experiments
-from mtu_cli.analyses.close_loop.experiment import Choice, choice, separating
+from mtu_cli.analyses.close_loop.experiment import Choice, choice
 from mtu_cli.analyses.close_loop.follow_up import Travel
 from mtu_cli.analyses.close_loop.prepare import prepare
 from mtu_cli.model.effect_library import candidates, effect_library
@@ -27,7 +27,8 @@ from mtu_cli.model.effect_library import candidates, effect_library
 
 def chosen(names: list[str], family: str, travel: Travel | None = None) -> Choice:
     prepared, _ = with_effect("A", 3, family, 1.0)
-    (found,) = experiments(*found_as(prepared, names), travel=travel)
+    prepared = replace(prepared, table=replace(prepared.table, travel=travel or {}))
+    (found,) = experiments(*found_as(prepared, names))
     return found
 
 
@@ -118,7 +119,7 @@ def test_effects_on_scatter_alone_and_offsets_have_no_experiment() -> None:
     (own,) = members_of(prepared, "backlash-y")
     i, offset = index(prepared, "backlash-y"), index(prepared, "offset-y")
     arguments = {i: np.array([1e-3]), offset: np.array([1e-3])}, {i: 0.5, offset: 0.5}
-    assert separating(prepared, *arguments, {i: own, offset: -1}) is None
+    assert choice(prepared, *arguments, {i: own, offset: -1}).experiment is None
 
 
 def test_what_another_effect_explains_separates_nothing() -> None:

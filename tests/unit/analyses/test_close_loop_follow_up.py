@@ -115,7 +115,7 @@ def test_the_fixture_is_shifted_within_the_travel(
     travel: tuple[float, float] | None, pitches: dict[str, float], by: list[float]
 ) -> None:
     """The holes stand from 10 to 140 mm."""
-    ends = None if travel is None else {"x": travel}
+    ends = {} if travel is None else {"x": travel}
     wanted = Wanted(used=("x",), pitches=pitches, travel=ends)
     found = [plan for plan in follow_ups(shop(), wanted) if plan.name == "shift-x"]
     shifts = [plan.places[P:, :, 0] - shop().places[-K:, :, 0] for plan in found]

@@ -49,7 +49,7 @@ def measured(seed: int, shape: tuple[int, int, int] = SHAPE) -> Floats:
 
 
 def judged(table: ResidualTable, library: tuple[Candidate, ...] = LIBRARY) -> HeldOut:
-    found = held_out(table, library, folded(table, library), alpha=0.05, most=3)
+    found = held_out(table, folded(table, library), alpha=0.05, most=3)
     assert found is not None
     return found
 
@@ -100,7 +100,7 @@ def test_the_errors_of_held_out_cells_change_their_own_scores_alone() -> None:
         other = errors.copy()
         other[out] = 30.0 * rng.normal(size=other[out].shape)
         one = [folds[i]]
-        a, b = (held_out(residuals(e), LIBRARY, one, alpha=0.05, most=3) for e in (errors, other))
+        a, b = (held_out(residuals(e), one, alpha=0.05, most=3) for e in (errors, other))
         assert a is not None
         assert b is not None
         assert a.chosen == b.chosen
@@ -132,7 +132,7 @@ def test_few_parts_leave_out_columns() -> None:
     folds = folds_of(residuals(errors), library, 1, count=COUNT)
     assert [fold.dimension for fold in folds] == [1] * COUNT
     np.testing.assert_array_equal(np.sum([~fold.kept for fold in folds], axis=0), 1)
-    found = held_out(residuals(errors), library, folds, alpha=0.05, most=3)
+    found = held_out(residuals(errors), folds, alpha=0.05, most=3)
     assert found is not None
     assert found.by == "columns"
     np.testing.assert_array_equal(found.before, errors)
@@ -141,7 +141,7 @@ def test_few_parts_leave_out_columns() -> None:
 def test_too_few_of_both_hold_nothing_out() -> None:
     table = residuals(measured(5, (3, 9, 2)))
     assert folds_of(table, (), 1) == ()
-    assert held_out(table, (), (), alpha=0.05, most=3) is None
+    assert held_out(table, (), alpha=0.05, most=3) is None
 
 
 def test_a_fold_without_which_a_column_was_never_measured_is_left_out() -> None:
@@ -150,7 +150,7 @@ def test_a_fold_without_which_a_column_was_never_measured_is_left_out() -> None:
     there[0, 0] = there[1, 0] = True
     table = residuals(measured(2), there=there)
     assert len(folds_of(table, (), 1, count=COUNT)) == COUNT - 1
-    found = held_out(table, (), folds_of(table, (), 1, count=COUNT), alpha=0.05, most=3)
+    found = held_out(table, folds_of(table, (), 1, count=COUNT), alpha=0.05, most=3)
     assert found is not None
     assert np.isnan(found.before[:2]).all()
     own = scores(found.before, ("x", "y"), found.variance)
@@ -204,11 +204,11 @@ def test_cut_tables_and_candidates_keep_their_cells() -> None:
     np.testing.assert_array_equal(own.covariates["all"], np.eye(8, 12)[parts][:, columns])
     assert own.parts == tuple(np.array(table.parts)[parts])
     assert own.features == tuple(np.array(table.features)[columns])
-    place, cells, step = cut_candidates(LIBRARY, parts, 0)
+    place, cells, step = cut_candidates(LIBRARY, parts, 0).candidates
     np.testing.assert_array_equal(cells.members[0].columns[0][1], CELLS[1][parts])
     np.testing.assert_array_equal(place.members[0].columns[0][0], PLACE[0])
     # Of a step at the last two parts one is left: too little to say it of other parts.
     assert step.members == ()
-    place, cells, step = cut_candidates(LIBRARY, columns, 1)
+    place, cells, step = cut_candidates(LIBRARY, columns, 1).candidates
     np.testing.assert_array_equal(place.members[0].columns[0][0], PLACE[0][:, columns])
     np.testing.assert_array_equal(step.members[0].columns[0][0], STEP[0])

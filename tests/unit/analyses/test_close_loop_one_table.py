@@ -74,6 +74,14 @@ def test_scores_are_those_of_the_errors_less_what_is_explained() -> None:
     assert table.unexplained_rms is None
 
 
+def test_a_machine_that_gets_no_equation_keeps_its_errors() -> None:
+    quiet = closed(errors())
+    (table,) = quiet.tables
+    assert quiet.verdict == "none"
+    assert table.after.rms == table.before.rms
+    assert table.after.largest == table.before.largest
+
+
 def test_the_explained_is_the_effect() -> None:
     (table,) = found().tables
     (one,) = found().effects

@@ -167,8 +167,27 @@ def test_the_smallest_detectable_effect_is_found_four_times_in_five(name: str) -
     for _ in range(count):
         errors = quiet(rng)
         first = own.with_table(replace(own.table, errors=errors))
-        smallest = minimum_detectable(first, gate, 0.05)[name]
+        nothing = search(first, gate, alpha=0.05, most=0)
+        smallest = minimum_detectable(first, gate, nothing, 0.05)[name]
         found = searched(errors + smallest / size * whole, most=0)
         passed += bool(found.p[index] < 0.05)
     # 80 %, and ten more or less for the approximation of Student's noncentral distribution.
     assert binom.ppf(1e-3, count, 0.7) <= passed <= binom.ppf(1 - 1e-3, count, 0.9)
+
+
+def test_what_was_found_is_no_noise_of_what_could_have_been() -> None:
+    """The smallest detectable effect is that of the data without the effect, within what the
+    estimate takes along: one coordinate of some hundred.
+    """
+    own, gate = ready()
+    errors = quiet(np.random.default_rng(56))
+    name, size = "cells", 0.0
+    limits = []
+    for size in (0.0, 20.0):
+        column = whole_column(COLUMNS[name], SHAPE)
+        table = replace(own.table, errors=errors + size * column)
+        first = own.with_table(table)
+        found = search(first, gate, alpha=0.05, most=1)
+        assert len(found.members) == (size > 0)
+        limits.append(minimum_detectable(first, gate, found, 0.05)["trend"])
+    assert limits[1] == pytest.approx(limits[0], rel=0.02)

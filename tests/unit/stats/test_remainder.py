@@ -8,19 +8,19 @@ from crossed_tables import Floats, made
 from scipy.stats import binom, multivariate_normal
 
 from mtu_cli.stats.kernel_ratio import RATIOS
-from mtu_cli.stats.remainder import REACH, Remainder, remainder_of
+from mtu_cli.stats.remainder import DRAWN, REACH, Remainder, remainder_of
 from mtu_cli.stats.strata import Strata
 
 STRATA = made(12, 10, 2)
 PLACES = np.random.default_rng(3).uniform(0.0, 100.0, (10, 2))
 PLAIN = np.broadcast_to(np.eye(2), (2, 2, 2))
 CHECKS = remainder_of(STRATA, PLAIN, PLACES)
-NAMES = CHECKS.names
+NAMES = DRAWN
 
 
 def statistics(tables: Floats, checks: Remainder = CHECKS) -> Floats:
     y, _ = checks.strata.coordinates(tables)
-    return checks.statistics(y, np.zeros(0))
+    return checks.statistics(y)
 
 
 def normal(count: int, seed: int, strata: Strata = STRATA) -> Floats:
@@ -51,7 +51,7 @@ def test_serial_checks_are_random_walks_of_the_parts() -> None:
     K = STRATA.rows[:, 1:].T @ walk @ STRATA.rows[:, 1:]
     offsets = sum(largest_ratio(stratum(y, "part", a), K) for a in (0, 1))
     lines = sum(largest_ratio(stratum(y, "line", a, i), K) for a in (0, 1) for i in (1, 2))
-    found = CHECKS.statistics(y[None], np.zeros(0))[0]
+    found = CHECKS.statistics(y[None])[0]
     assert found[NAMES.index("serial-correlation")] == pytest.approx(offsets, rel=1e-8)
     assert found[NAMES.index("serial-shape")] == pytest.approx(lines, rel=1e-8)
 
@@ -72,7 +72,7 @@ def test_the_spatial_check_is_a_smooth_field_of_the_columns() -> None:
             K = W @ STRATA.columns[:, 1:].T @ field @ STRATA.columns[:, 1:] @ W.T
             total += largest_ratio(stratum(y, "column", axis), K)
         expected.append(total)
-    found = checks.statistics(y[None], np.zeros(0))[0, NAMES.index("spatial-correlation")]
+    found = checks.statistics(y[None])[0, NAMES.index("spatial-correlation")]
     assert found == pytest.approx(max(expected), rel=1e-8)
 
 

@@ -1,0 +1,47 @@
+"""A search without gross entries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.added import added, contribution
+from mtu_cli.analyses.close_loop.gross import Gross, set_aside
+from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.search import Search, search
+from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.family_gate import Gate
+
+Start = Callable[[ResidualTable], tuple[Prepared, Gate]]
+"""Prepares a table without its gross entries, and says by which gate it is judged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Searched:
+    """What was found in a table, `prepared` without the `gross` entries, by its `gate`."""
+
+    gross: tuple[Gross, ...]
+    prepared: Prepared
+    gate: Gate
+    found: Search
+
+
+def searched(given: ResidualTable, start: Start, *, alpha: float, most: int) -> Searched:
+    """Sets gross entries of a table aside and searches the rest; what an effect explains was no
+    gross error, and is taken back.
+    """
+    table, gross = set_aside(given)
+    prepared, gate = start(table)
+    found = search(prepared, gate, alpha=alpha, most=most)
+    if gross and found.members:
+        effects = added(prepared, found)
+        said = contribution(effects, given, tuple(prepared.members[m] for m in effects.members))
+        left, still = set_aside(replace(given, errors=given.errors - said))
+        if not np.array_equal(left.there, table.there):
+            errors = np.where(left.there[:, :, None], given.errors, np.nan)
+            gross = still
+            prepared, gate = start(replace(left, errors=errors))
+            found = search(prepared, gate, alpha=alpha, most=most)
+    return Searched(gross=gross, prepared=prepared, gate=gate, found=found)

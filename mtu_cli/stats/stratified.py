@@ -1,0 +1,101 @@
+"""Generalised least squares over strata whose variances are estimated along with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.stats.least_squares import FloatArray, least_squares
+
+REWEIGHTED = 6
+FEWEST = 1.0
+"""Degrees of freedom that a stratum is judged by at least."""
+LEAST = 1e-12
+"""Share of a stratum's squares below which what is left of them is rounding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StratifiedFit:
+    """`beta` (k,), its `covariance` (k, k), and the effective degrees of freedom (k,) of each by
+    Welch-Satterthwaite over the strata; `weights` (S,) one over the strata's variances, and
+    `at_weights` (k, k) what the covariance would be if these were exactly known.
+    """
+
+    beta: FloatArray
+    covariance: FloatArray
+    dof: FloatArray
+    weights: FloatArray
+    at_weights: FloatArray
+
+    def only(self, count: int) -> StratifiedFit:
+        """The first `count` coefficients, those behind them fitted beside."""
+        return StratifiedFit(
+            beta=self.beta[:count],
+            covariance=self.covariance[:count, :count],
+            dof=self.dof[:count],
+            weights=self.weights,
+            at_weights=self.at_weights[:count, :count],
+        )
+
+
+def stratified_fit(
+    X: FloatArray, y: FloatArray, places: Sequence[slice], dof: FloatArray
+) -> StratifiedFit:
+    """Fits y = X beta + e; X (N, k), y (N,), `places` and `dof` (S,) those of the strata.
+
+    beta = (X' W X)^-1 X' W y with W one over the strata's variances, which are re-estimated
+    from what is left with the degrees of freedom that are left: restricted maximum likelihood
+    where coordinates of a stratum are uncorrelated with one variance.
+    """
+    k = X.shape[1]
+    rows = [triangle(np.column_stack([X[s], y[s]])) for s in places]
+    G = np.array([r[:, :k].T @ r[:, :k] for r in rows]).reshape(-1, k, k)
+    total = np.array([r[:, k] @ r[:, k] for r in rows])
+    left, spent = total, np.zeros(len(rows))
+    for _ in range(REWEIGHTED):
+        w = np.maximum(dof - spent, FEWEST) / np.maximum(left, 1e-300)
+        w = np.where((dof > 0) & (total > 0), w, 0.0)
+        whole = np.concatenate([np.sqrt(v) * r for v, r in zip(w, rows, strict=True)])
+        fit = least_squares(whole[:, :k], whole[:, k])
+        beta, C = fit.coefficients, fit.unscaled_covariance
+        spent = w * np.einsum("sij,ji->s", G, C)
+        squares = np.array([np.sum((r[:, k] - r[:, :k] @ beta) ** 2) for r in rows])
+        left = np.maximum(squares, LEAST * total)
+    nu = np.maximum(dof - spent, FEWEST)
+    # What each stratum adds to C: their sum.
+    own = w[:, None, None] * (C @ G @ C)
+    return StratifiedFit(
+        beta=beta,
+        covariance=C + _of_estimated_weights(C @ (w[:, None, None] * G), own, nu),
+        dof=_effective(C, own, nu),
+        weights=w,
+        at_weights=C,
+    )
+
+
+def _of_estimated_weights(M: FloatArray, own: FloatArray, nu: FloatArray) -> FloatArray:
+    """What C lacks because the weights are estimates: sum_s 4/nu_s (C_s - M_s C_s).
+
+    C_s (S, k, k) is the part of stratum s in C and M_s = C_s C^-1. Half of it is the scatter of
+    beta that the errors of the weights cause, half the bias of C itself: Kenward & Roger,
+    Biometrics 53 (1997) 983, for one variance a stratum; Meier, ibid. 9 (1953) 59, for k = 1.
+    """
+    lacks = (4 / nu[:, None, None] * (own - M @ own)).sum(axis=0)
+    found: FloatArray = 0.5 * (lacks + lacks.T)
+    return found
+
+
+def _effective(C: FloatArray, own: FloatArray, nu: FloatArray) -> FloatArray:
+    """Welch-Satterthwaite (k,): C_ii^2 / sum_s C_s,ii^2 / nu_s."""
+    squares = np.diagonal(own, axis1=1, axis2=2) ** 2 / nu[:, None]
+    found: FloatArray = np.diag(C) ** 2 / np.maximum(squares.sum(axis=0), 1e-300)
+    return found
+
+
+def triangle(rows: FloatArray) -> FloatArray:
+    """As many rows as columns at most, with the same squares and cross products."""
+    if len(rows) <= rows.shape[1]:
+        return rows
+    return np.asarray(np.linalg.qr(rows, mode="r"), np.float64)

@@ -1,0 +1,116 @@
+"""What is foretold of cells that were not seen: the mean over all explanations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from crossed_tables import Floats
+from loop_tables import candidate, crossed, residuals, whole_column
+
+from mtu_cli.analyses.close_loop.folds import CutCandidates, cut_candidates, identity, only_parts
+from mtu_cli.analyses.close_loop.foretold import foretold
+from mtu_cli.analyses.close_loop.held_out import folds_of, held_out
+from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.scan import calibrated
+from mtu_cli.analyses.close_loop.search import Search, search
+from mtu_cli.analyses.close_loop.state import State
+from mtu_cli.model.effect_candidate import Column
+
+SHAPE = (12, 10, 2)
+KEPT = np.arange(12) % 4 != 3
+RNG = np.random.default_rng(1)
+CELLS: Column = {0: RNG.normal(size=(12, 10))}
+LIKE: Column = {0: CELLS[0] + 0.3 * RNG.normal(size=(12, 10))}
+OTHER: Column = {1: RNG.normal(size=(12, 10))}
+LIBRARY = (candidate("cells", (CELLS,)), candidate("like", (LIKE,)), candidate("other", (OTHER,)))
+
+
+def seen(errors: Floats) -> tuple[Prepared, Search, CutCandidates]:
+    own = cut_candidates(LIBRARY, KEPT, 0)
+    prepared = prepare(only_parts(residuals(errors), KEPT), own.candidates)
+    gate = calibrated(prepared.scan, 399, 1)
+    return prepared, search(prepared, gate, alpha=0.05, most=3), own
+
+
+def told(errors: Floats) -> Floats:
+    prepared, found, own = seen(errors)
+    return foretold(prepared, found, residuals(errors), own.whole)
+
+
+def noise(seed: int) -> Floats:
+    return crossed(np.random.default_rng(seed), SHAPE, part=0.5, column=0.3)
+
+
+def test_what_leaves_no_doubt_is_foretold_as_a_single_machine_would() -> None:
+    errors = noise(2) + 4.0 * whole_column(CELLS, SHAPE)
+    _, found, _ = seen(errors)
+    assert len(found.steps) == 1
+    # One coefficient of 90 entries with scatter 1: within four standard errors.
+    slope = told(errors)[..., 0] / CELLS[0]
+    assert np.ptp(slope) < 1e-9
+    assert slope.mean() == pytest.approx(4.0, abs=4 / np.sqrt(90))
+    np.testing.assert_array_equal(told(errors)[..., 1], 0)
+
+
+def test_little_evidence_foretells_little_by_bayes_rule_over_the_candidates() -> None:
+    # 0.2 of a column beside scatter 1: nothing passes the gate, but something speaks for it.
+    errors = noise(5) + 0.2 * whole_column(CELLS, SHAPE)
+    prepared, found, _ = seen(errors)
+    assert not found.steps
+    looked = State(prepared, None).look()
+    weights = np.exp([*looked.log_bayes, np.log(3.0), *looked.unnamed])
+    posterior = weights[:3] / weights.sum()
+    # Each alone by least squares of a table without part and column means, apart from weights
+    # of the strata: interaction holds nearly all of a column.
+    wanted = np.zeros(SHAPE)
+    for p, column in zip(posterior, (CELLS, LIKE, OTHER), strict=True):
+        (axis,) = column
+        X, y = column[axis][KEPT], errors[KEPT][..., axis]
+        X, y = (v - v.mean(0) - v.mean(1, keepdims=True) + v.mean() for v in (X, y))
+        wanted[..., axis] += p * (X * y).sum() / (X * X).sum() * column[axis]
+    assert 0.02 < posterior.sum() < 0.98
+    size = float(np.sqrt(np.mean(wanted**2)))
+    # The strata of parts and columns hold a fifth of a column's entries, with more scatter.
+    assert np.sqrt(np.mean((told(errors) - wanted) ** 2)) < 0.5 * size
+
+
+def test_nothing_that_is_left_out_takes_part() -> None:
+    errors = noise(5) + 0.2 * whole_column(CELLS, SHAPE)
+    other = errors.copy()
+    other[~KEPT] = 50.0
+    np.testing.assert_array_equal(told(errors), told(other))
+
+
+def test_steps_that_are_the_same_on_what_is_kept_foretell_their_mean() -> None:
+    number = np.arange(12)
+    columns: list[Column] = [{0: np.asarray(number >= at, float)[:, None]} for at in range(2, 11)]
+    steps = candidate("step", *((column,) for column in columns))
+    kept = (number < 5) | (number > 7)
+    own = cut_candidates([steps], kept, 0)
+    (left,) = own.candidates
+    # From part 5, 6, 7 or 8 on, counted from 0: parts 5 to 7 are not there to tell.
+    assert len(left.members) == 3 + 1 + 2
+    (between,) = (m for m in left.members if m.columns[0][0].sum() == 4 and kept[5:].sum() == 4)
+    whole = own.whole[identity("step", between)].columns[0][0][:, 0]
+    np.testing.assert_allclose(whole, [0, 0, 0, 0, 0, 0.25, 0.5, 0.75, 1, 1, 1, 1])
+
+
+def test_gross_entries_are_set_aside_where_a_fold_keeps_them_and_scored_where_it_does_not() -> None:
+    clean = noise(3) + 2.0 * whole_column(CELLS, SHAPE)
+    spoilt = clean.copy()
+    spoilt[1, 4, 0] += 60.0
+    found = []
+    for errors in (clean, spoilt):
+        table = residuals(errors)
+        own = held_out(table, folds_of(table, LIBRARY, 1, count=4), alpha=0.05, most=3)
+        assert own is not None
+        found.append(own)
+    one, two = found
+    np.testing.assert_array_equal(two.before, spoilt)
+    assert one.chosen == two.chosen
+    # The fold that leaves it out does not see it; the others lose one of 90 entries.
+    foretold_of = [own.before - own.after for own in found]
+    np.testing.assert_allclose(foretold_of[0][:3], foretold_of[1][:3], rtol=0, atol=60 * 1e-15)
+    assert two.after[1, 4, 0] == pytest.approx(one.after[1, 4, 0] + 60.0)
+    moved = np.abs(foretold_of[0] - foretold_of[1])[3:]
+    assert moved.max() < 3 / np.sqrt(90) * np.abs(CELLS[0]).max()
