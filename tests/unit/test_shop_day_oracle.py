@@ -207,6 +207,8 @@ def test_held_out_gain_is_that_of_dense_least_squares(families: tuple[str, ...])
     errors = measure(day, rng, truths)
     found = oracle_held_out(errors, truths)
     before, after = slow_held_out(errors, truths)
+    always = oracle_held_out(errors, truths, always=True)
+    assert always.after == pytest.approx(after, rel=1e-9)
     assert found.before == pytest.approx(before, rel=1e-9)
     assert found.after == pytest.approx(after, rel=1e-9)
     assert found.gain == pytest.approx(before - after, rel=1e-6)
@@ -230,11 +232,13 @@ def test_an_effect_that_the_training_parts_do_not_show_is_left_out() -> None:
     # Six parts stand off by the jump against the training parts' mean, in the first block.
     wanted = 6 * step.coefficients[0] ** 2 / 21 / 2
     assert oracle_held_out(step.errors, [step]).after == pytest.approx(wanted)
-    costs = []
+    costs, always = [], []
     for seed in range(40):
         warm = effect(day, "warm-up", rng_of(seed), 1.0)
-        costs.append(oracle_held_out(measure(day, rng_of(seed), [warm]), [warm]).gain)
-    assert min(costs) > -(SIGMA**2)
+        errors = measure(day, rng_of(seed), [warm])
+        costs.append(oracle_held_out(errors, [warm]).gain)
+        always.append(oracle_held_out(errors, [warm], always=True).gain)
+    assert min(costs) > -(SIGMA**2) > min(always)
     assert np.mean(costs) > 0
     nothing = oracle_held_out(measure(day, rng), [])
     assert nothing.before == nothing.after == nothing.truth
