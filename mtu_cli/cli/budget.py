@@ -41,10 +41,12 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _with_factor(settings: Settings, result: BudgetResult) -> Settings:
-    """The settings with the factor that was used, where all outputs have the same."""
+    """The settings with the factor that was used; none where each output has its own or has none.
+
+    Those are with the outputs.
+    """
     factors = {output.k for output in result.outputs}
-    k = factors.pop()
-    return settings if factors or math.isnan(k) else replace(settings, coverage_factor=k)
+    return replace(settings, coverage_factor=factors.pop() if len(factors) == 1 else math.nan)
 
 
 def _tables(result: BudgetResult, digits: int) -> list[object]:

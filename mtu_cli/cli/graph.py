@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.execute import Outcome, execute
-from mtu_cli.cli.graph_options import outputs_wanted, varied
+from mtu_cli.cli.graph_options import loaded_graph, outputs_wanted, varied
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
-from mtu_cli.files.graph_file import load_graph
-from mtu_cli.model.graph.examine import examine
-from mtu_cli.model.graph.measurement_graph import MeasurementGraph, build_graph
+from mtu_cli.model.graph.measurement_graph import MeasurementGraph
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
@@ -26,18 +24,12 @@ def run(options: Options) -> None:
     execute(Options(f"graph-{options.command}", values), analyse)
 
 
-def _loaded(inputs: Inputs) -> MeasurementGraph:
-    loaded = load_graph(inputs.options.file, examine)
-    inputs.sources.append(loaded.source)
-    return build_graph(loaded)
-
-
 def check(inputs: Inputs, settings: Settings) -> Outcome:
     """Whether the graph is sound, and its firing order."""
     from mtu_cli.analyses.graph.check import check_graph
     from mtu_cli.reports import graph_check as report
 
-    graph = _loaded(inputs)
+    graph = loaded_graph(inputs)
     result = check_graph(graph)
     return Outcome(
         results=lambda: report.document(result),
@@ -52,7 +44,7 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.analyses.graph.simulate import simulate_graph
     from mtu_cli.reports import graph_simulate as report
 
-    result = simulate_graph(_loaded(inputs), settings, outputs_wanted(inputs.options))
+    result = simulate_graph(loaded_graph(inputs), settings, outputs_wanted(inputs.options))
     return Outcome(
         results=lambda: report.document(result, settings.coverage_factor),
         tables=lambda: report.table(result),
@@ -69,7 +61,7 @@ def sweep(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.reports import graph_simulate, graph_sweep
 
     grid = varied(inputs.options, PARAMETERS)
-    graph = _loaded(inputs)
+    graph = loaded_graph(inputs)
     of = inputs.options.of
     result = sweep_graph(graph, settings, of, grid)
     base = simulate_graph(graph, settings, [of])
@@ -77,6 +69,7 @@ def sweep(inputs: Inputs, settings: Settings) -> Outcome:
         results=lambda: {
             **graph_simulate.document(base, settings.coverage_factor),
             **graph_sweep.document(result),
+            "converged": base.converged and result.converged,
         },
         tables=lambda: graph_sweep.table(result),
         rows=lambda: graph_sweep.csv_rows(result),
@@ -86,10 +79,9 @@ def sweep(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _drawing(graph: MeasurementGraph) -> Figure:
-    from mtu_cli.cli.graph_draw import net_for
-    from mtu_cli.reports.graph_drawing import drawing
+    from mtu_cli.cli.graph_draw import drawn, net_for
 
-    return drawing(net_for(graph))
+    return drawn(net_for(graph))
 
 
 def _figure(name: str, result: Any) -> Figure:

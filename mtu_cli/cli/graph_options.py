@@ -1,15 +1,28 @@
-"""`--vary` and `--of` of the graph's commands, from text to values."""
+"""What the graph's commands are given: the file, `--vary` and `--of`, from text to values."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
+from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import InputError, Problem, did_you_mean, fault
+from mtu_cli.files.graph_file import load_graph
+from mtu_cli.model.graph.examine import examine
+from mtu_cli.model.graph.measurement_graph import MeasurementGraph, build_graph
 
 EXAMPLE = "such as --vary axis_um=0.5:2.5:5 (from 0.5 to 2.5 in 5 steps) or --vary repeats=1,2,4"
 MOST = 10_000
+DIGITS = 12
+"""Digits of a value that count."""
+
+
+def loaded_graph(inputs: Inputs) -> MeasurementGraph:
+    """The graph of the call's file, checked whole."""
+    loaded = load_graph(inputs.options.file, examine)
+    inputs.sources.append(loaded.source)
+    return build_graph(loaded)
 
 
 def outputs_wanted(options: Options) -> tuple[str, ...]:
@@ -39,6 +52,9 @@ def varied(options: Options, known: Sequence[str]) -> dict[str, tuple[float, ...
             problems.append(Problem(what=what, value=text, expected=expected))
         elif values is None:
             problems.append(Problem(what="--vary is not NAME=VALUES", value=text, expected=EXAMPLE))
+        elif len(set(values)) < len(values):
+            what = "--vary gives a value twice"
+            problems.append(Problem(what=what, value=text, expected="each value once"))
         elif name in found:
             problems.append(Problem(what=f"--vary gives {name!r} twice", value=text))
         else:
@@ -58,6 +74,9 @@ def _bad_count(text: str) -> bool:
 
 def _values(text: str) -> tuple[float, ...] | None:
     """Numbers from ``low:high:count`` or ``a,b,c``; None where it is neither."""
+    if "_" in text:
+        # Python reads 1_0 as 10.
+        return None
     try:
         if ":" not in text:
             values = [float(part) for part in text.split(",")]
@@ -71,5 +90,5 @@ def _values(text: str) -> tuple[float, ...] | None:
     except ValueError:
         return None
     # 1:5:5 has whole steps but for rounding.
-    values = [round(value, 12) for value in values]
+    values = [float(f"{value:.{DIGITS}g}") for value in values]
     return tuple(values) if all(map(math.isfinite, values)) else None

@@ -114,6 +114,9 @@ _KEYS = {
 
 
 def _check_own_keys(name: str, place: Place, findings: Findings) -> None:
+    if "." in name:
+        what = "a name with a dot, which stands between a place and its coordinate"
+        findings.add(("places", name), what, value=name, expected=name.replace(".", "_"))
     for key, kinds in _KEYS.items():
         if getattr(place, key) is not None and place.kind not in kinds:
             expected = f"it at a {' or a '.join(kinds)} only"

@@ -9,7 +9,7 @@ needs beside the second.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,11 +17,16 @@ from numpy.typing import NDArray
 
 from mtu_cli.language.errors import EquationError
 from mtu_cli.language.scalar import apply_scalar
+from mtu_cli.language.slopes import ORDER, SLOPES
 from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number
+from mtu_cli.language.tree import names as names_in
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
 
-ORDER = 3
+SLAB = 2**20
+"""Numbers that the directions of one slab of pairs may take, for either of the two."""
 TERMS = tuple((total - b, b) for total in range(ORDER + 1) for b in range(total + 1))
 """Exponents (a, b) of s^a t^b, in the order of the coefficients."""
 PLACE = {term: i for i, term in enumerate(TERMS)}
@@ -38,7 +43,8 @@ class Derivatives:
     """An equation at a point: `value`, `first` (n,), `second` (n, n) and `third` (n,).
 
     `third` is d^3 f / d x_i^3. nan where a derivative does not exist; `faults` then says at
-    which functions, with their columns. A `value` that is not finite is a fault too.
+    which functions, with their columns. So it does of a function without a finite value; a sum
+    or product that overflows leaves a `value` that is not finite without a fault.
     """
 
     value: float
@@ -54,21 +60,40 @@ def derivatives(node: Node, values: Mapping[str, float], names: Sequence[str]) -
     Raises EquationError for a name without a value.
     """
     n = len(names)
-    i, j = np.triu_indices(n)
-    pairs = np.arange(len(i))
-    along = np.zeros((2, n, max(len(i), 1)))
-    along[0, i, pairs] = 1.0
-    along[1, j, pairs] = 1.0
-    found, faults = taylor(node, values, names, along)
-    first, third, second = np.zeros(n), np.zeros(n), np.zeros((n, n))
-    own = pairs[i == j]
-    first[i[own]] = found[PLACE[1, 0], own]
-    third[i[own]] = 6.0 * found[PLACE[3, 0], own]
-    # The coefficient of s t is d2f/dxi dxj on the diagonal too, where s and t run along x_i.
-    second[i, j] = second[j, i] = found[PLACE[1, 1], pairs]
+    used = names_in(node)
+    rows = np.array([k for k, name in enumerate(names) if name in used], dtype=np.intp)
+    own = [names[k] for k in rows]
+    value, first, third, second = math.nan, np.zeros(n), np.zeros(n), np.zeros((n, n))
+    faults: dict[tuple[str, int], EquationError] = {}
+    for i, j in _slabs(len(own)):
+        pairs = np.arange(len(i))
+        along = np.zeros((2, len(own), len(i)))
+        if own:
+            along[0, i, pairs] = 1.0
+            along[1, j, pairs] = 1.0
+        found, slab_faults = taylor(node, values, own, along)
+        faults |= {(fault.what, fault.column): fault for fault in slab_faults}
+        value = float(found[0, 0])
+        if own:
+            same = i == j
+            first[rows[i[same]]] = found[PLACE[1, 0], same]
+            third[rows[i[same]]] = 6.0 * found[PLACE[3, 0], same]
+            # The coefficient of s t is d2f/dxi dxj on the diagonal too, where both run along x_i.
+            second[rows[i], rows[j]] = second[rows[j], rows[i]] = found[PLACE[1, 1]]
     return Derivatives(
-        value=float(found[0, 0]), first=first, second=second, third=third, faults=tuple(faults)
+        value=value, first=first, second=second, third=third, faults=tuple(faults.values())
     )
+
+
+def _slabs(n: int) -> Iterator[tuple[IntArray, IntArray]]:
+    """All pairs i <= j of `n` names, so many at a time that their directions stay small."""
+    if n == 0:
+        yield np.zeros(1, dtype=np.intp), np.zeros(1, dtype=np.intp)
+        return
+    i, j = np.triu_indices(n)
+    step = max(1, SLAB // n)
+    for start in range(0, len(i), step):
+        yield i[start : start + step], j[start : start + step]
 
 
 def taylor(
@@ -112,11 +137,11 @@ class _Expansion:
             case Binary("/", left, right, column):
                 return product(self.of(left), self.power(self.of(right), -1.0, "/", column))
             case Binary("**", base, exponent, column):
-                return self.raised(self.of(base), self.of(exponent), column)
+                return self.raised(self.of(base), self.of(exponent), column, base)
             case Call("atan2", (y, x), column):
                 return self.atan2(self.of(y), self.of(x), column)
             case Call(function, (argument,), column):
-                return self.composed(function, self.of(argument), column)
+                return self.composed(function, self.of(argument), column, argument)
         raise AssertionError(node)
 
     def constant(self, value: float) -> FloatArray:
@@ -132,15 +157,25 @@ class _Expansion:
             series[PLACE[1, 0]], series[PLACE[0, 1]] = self.along[:, self.index[name]]
         return series
 
-    def composed(self, function: str, inner: FloatArray, column: int) -> FloatArray:
+    def composed(
+        self, function: str, inner: FloatArray, column: int, argument: Node | None = None
+    ) -> FloatArray:
         """f(u) = f(u0) + f' h + f'' h^2/2 + f''' h^3/6 with h = u - u0."""
         at = float(inner[0, 0])
         outer = apply_scalar(function, (at,))
         if outer is None:
             return self.undefined(f"{function}()", at, column)
-        return self.chained(outer, _DERIVATIVES[function](at), inner, f"{function}()", column)
+        slopes = SLOPES[function](at)
+        return self.chained(outer, slopes, inner, f"{function}()", column, argument)
 
-    def power(self, base: FloatArray, exponent: float, sign: str, column: int) -> FloatArray:
+    def power(
+        self,
+        base: FloatArray,
+        exponent: float,
+        sign: str,
+        column: int,
+        argument: Node | None = None,
+    ) -> FloatArray:
         """base ** exponent for a constant exponent, negative bases and 0 included."""
         at = float(base[0, 0])
         outer = apply_scalar("**", (at, exponent))
@@ -151,11 +186,13 @@ class _Expansion:
             factor *= exponent - k
             rest = apply_scalar("**", (at, exponent - k - 1)) if factor else 0.0
             slopes.append(math.nan if rest is None else factor * rest)
-        return self.chained(outer, slopes, base, f"{sign!r}", column)
+        return self.chained(outer, slopes, base, f"{sign!r}", column, argument)
 
-    def raised(self, base: FloatArray, exponent: FloatArray, column: int) -> FloatArray:
+    def raised(
+        self, base: FloatArray, exponent: FloatArray, column: int, argument: Node
+    ) -> FloatArray:
         if not np.any(exponent[1:]):
-            return self.power(base, float(exponent[0, 0]), "**", column)
+            return self.power(base, float(exponent[0, 0]), "**", column, argument)
         outer = apply_scalar("**", (float(base[0, 0]), float(exponent[0, 0])))
         if outer is None or base[0, 0] <= 0.0:
             return self.undefined("'**' with an uncertain exponent", float(base[0, 0]), column)
@@ -168,8 +205,11 @@ class _Expansion:
         if not (np.any(y[1:]) or np.any(x[1:])):
             return self.constant(outer)
         if at[0] == 0.0 and at[1] <= 0.0:
-            # The angle jumps by 2 pi there, or is any angle at the origin.
-            return self.undefined("atan2(y, x) with y = 0 and x <= 0", at[1], column)
+            # The angle jumps by 2 pi there, or is any angle at the origin: it has a value alone.
+            self.fault(f"atan2(y, x) with y = 0 has no derivative at x = {at[1]:.6g}", column)
+            series = self.constant(outer)
+            series[1:, np.any(y[1:], axis=0) | np.any(x[1:], axis=0)] = math.nan
+            return series
         # The larger one divides; the derivatives of both forms are those of the angle.
         if abs(at[1]) >= abs(at[0]):
             series = self.composed("atan", product(y, self.power(x, -1.0, "/", column)), column)
@@ -185,15 +225,19 @@ class _Expansion:
         inner: FloatArray,
         what: str,
         column: int,
+        argument: Node | None,
     ) -> FloatArray:
         series = self.constant(outer)
         h = inner.copy()
         h[0] = 0.0
-        if not np.any(h):
-            return series
         if not math.isfinite(slopes[0]):
-            self.fault(f"{what} has no derivative at {float(inner[0, 0]):.6g}", column)
-            series[1:, np.any(h != 0.0, axis=0)] = math.nan
+            # x**4 vanishes to the third order at 0 and yet sqrt(x**4) is x**2.
+            varies = np.any(h != 0.0, axis=0) | self.along_any(argument)
+            if np.any(varies):
+                self.fault(f"{what} has no derivative at {float(inner[0, 0]):.6g}", column)
+                series[1:, varies] = math.nan
+            return series
+        if not np.any(h):
             return series
         rising = h
         for k, slope in enumerate(slopes, start=1):
@@ -201,6 +245,12 @@ class _Expansion:
             series += np.where(rising != 0.0, slope / math.factorial(k) * rising, 0.0)
             rising = product(rising, h)
         return series
+
+    def along_any(self, argument: Node | None) -> BoolArray:
+        """Whether a pair (pairs,) of directions moves a name of the `argument`."""
+        held = {} if argument is None else names_in(argument)
+        rows = [self.index[name] for name in held if name in self.index]
+        return np.asarray(np.any(self.along[:, rows] != 0.0, axis=(0, 1)))
 
     def undefined(self, what: str, at: float, column: int) -> FloatArray:
         self.fault(f"{what} has no finite value or no derivative at {at:.6g}", column)
@@ -216,45 +266,3 @@ def product(left: FloatArray, right: FloatArray) -> FloatArray:
     for i, j, k in _PRODUCTS:
         series[k] += left[i] * right[j]
     return series
-
-
-def _tan(x: float) -> list[float]:
-    t = math.tan(x)
-    q = 1.0 + t * t
-    return [q, 2.0 * t * q, 2.0 * q * (1.0 + 3.0 * t * t)]
-
-
-def _asin(x: float) -> list[float]:
-    q = 1.0 - x * x
-    if q <= 0.0:
-        return [math.nan] * ORDER
-    return [q**-0.5, x * q**-1.5, (1.0 + 2.0 * x * x) * q**-2.5]
-
-
-def _atan(x: float) -> list[float]:
-    q = 1.0 / (1.0 + x * x)
-    return [q, -2.0 * x * q**2, (6.0 * x * x - 2.0) * q**3]
-
-
-def _sqrt(x: float) -> list[float]:
-    return [0.5 * x**-0.5, -0.25 * x**-1.5, 0.375 * x**-2.5] if x > 0.0 else [math.nan] * ORDER
-
-
-def _constant_sides(slope: float) -> list[float]:
-    return [slope, 0.0, 0.0]
-
-
-_DERIVATIVES: dict[str, Callable[[float], list[float]]] = {
-    "sin": lambda x: [math.cos(x), -math.sin(x), -math.cos(x)],
-    "cos": lambda x: [-math.sin(x), -math.cos(x), math.sin(x)],
-    "tan": _tan,
-    "asin": _asin,
-    "acos": lambda x: [-slope for slope in _asin(x)],
-    "atan": _atan,
-    "exp": lambda x: [math.exp(x)] * ORDER,
-    "log": lambda x: [1.0 / x, -1.0 / x**2, 2.0 / x**3],
-    "sqrt": _sqrt,
-    "abs": lambda x: _constant_sides(math.copysign(1.0, x) if x else math.nan),
-    "step": lambda x: _constant_sides(0.0 if x else math.nan),
-}
-"""First to third derivative; nan where there is none: abs and step at 0, sqrt at 0."""

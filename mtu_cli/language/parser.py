@@ -11,7 +11,16 @@ from mtu_cli.errors import did_you_mean
 from mtu_cli.language.errors import EquationError
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.scalar import apply_scalar
-from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number, Operator
+from mtu_cli.language.tree import (
+    PRECEDENCE,
+    Binary,
+    Call,
+    Name,
+    Negative,
+    Node,
+    Number,
+    Operator,
+)
 
 MAX_CHARACTERS = 20_000
 MAX_DEPTH = 60
@@ -23,9 +32,6 @@ _TOKEN = re.compile(
     r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)"
     r"|(?P<operator>\*\*|[-+*/(),]))"
 )
-
-
-_PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
 
 
 class _Token(NamedTuple):
@@ -41,7 +47,7 @@ def parse(text: str, functions: Mapping[str, int] = MACHINE_FUNCTIONS) -> Node:
     ``2*pi/360`` are folded to one number, which must be finite.
 
     Raises EquationError with the column for anything that is not an equation, is longer
-    than 20 000 characters or is nested deeper than 60 levels.
+    than 20 000 characters, has more than 300 operators or is nested deeper than 60 levels.
     """
     if len(text) > MAX_CHARACTERS:
         raise EquationError(
@@ -68,7 +74,7 @@ def _tokens(text: str) -> list[_Token]:
         kind = match.lastgroup or ""
         tokens.append(_Token(kind, match.group(kind), match.start(kind) + 1))
         position = match.end()
-    operators = [token for token in tokens if token.text in _PRECEDENCE]
+    operators = [token for token in tokens if token.text in PRECEDENCE]
     if len(operators) > MAX_OPERATORS:
         raise EquationError(
             f"the equation has {len(operators)} operators",
@@ -117,7 +123,7 @@ class _Parser:
         left = self.prefix()
         while True:
             token = self.peek()
-            power = _PRECEDENCE.get(token.text, 0)
+            power = PRECEDENCE.get(token.text, 0)
             if token.kind != "operator" or power <= minimum:
                 break
             self.take()

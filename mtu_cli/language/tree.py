@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 Operator = Literal["+", "-", "*", "/", "**"]
+PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
+"""How tightly operators bind; unary minus lies between * and **."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +87,6 @@ def names(node: Node) -> dict[str, int]:
     return found
 
 
-_PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
-
-
 def to_text(node: Node) -> str:
     """The equation as text that parses back to the same tree."""
     return _text(node, 0)
@@ -107,7 +106,7 @@ def _text(node: Node, outer: int) -> str:
         case Negative(operand):
             return _wrap(f"-{_text(operand, 3)}", outer > 1)
         case Binary(operator, left, right):
-            own = _PRECEDENCE[operator]
+            own = PRECEDENCE[operator]
             # The left side of ** and the right side of the others need parentheses at
             # equal precedence: ** groups to the right, the others to the left.
             left_text = _text(left, own + (operator == "**"))

@@ -18,8 +18,9 @@ DEFAULT_SEED = 20040126
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """`coverage_factor` k of U = k u; `correlation` shared (full covariance) or independent
-    (Gilsinn & Ling 2004); `trials` None lets the count adapt to `digits` digits of u.
+    """`coverage_factor` k of U = k u, nan where there is not one for all; `correlation` shared
+    (full covariance) or independent (Gilsinn & Ling 2004); `trials` None lets the count adapt to
+    `digits` digits of u.
     """
 
     coverage_factor: float = 2.0

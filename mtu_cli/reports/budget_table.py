@@ -16,10 +16,9 @@ from mtu_cli.reports.numbers import (
 )
 from mtu_cli.reports.tables import Column, Sheet
 
-VERDICT = {True: "yes", False: "no*", None: "not told"}
+VERDICT = {True: "yes", False: "no", None: "not told"}
 SHORT = {"curvilinear-trapezoidal": "curv. trap.", "rectangular": "rect.", "triangular": "triang.",
          "trapezoidal": "trapez."}  # fmt: skip
-MOST_NAME = 16
 
 
 def table(result: BudgetResult, digits: int) -> list[Sheet]:
@@ -144,10 +143,22 @@ def _notes(result: BudgetResult, index: int) -> list[str]:
     run, output = result.run, result.outputs[index]
     errors = [run.se_mean[index], run.se_u[index], run.se_low[index], run.se_high[index]]
     own = ", ".join(significant(float(value)) for value in errors)
-    verdict = VERDICT[output.validation.passed].rstrip("*")
+    verdict = VERDICT[output.validation.passed]
+    notes = []
+    if not math.isclose(output.k, output.k_probability) and output.k_probability > 0.0:
+        dof = output.first.dof
+        of = "the normal distribution"
+        if math.isfinite(dof):
+            of = f"Student's t with {degrees_of_freedom(dof)} degrees of freedom"
+        notes.append(
+            f"U = k u with k = {significant(output.k, 3)}, as asked for; the "
+            f"{100 * result.probability:.4g} % interval of first order takes k = "
+            f"{significant(output.k_probability, 3)}, of {of}"
+        )
     return [
+        *notes,
         f"first order valid (JCGM 101, clause 8): {verdict}; {run.trials} trials, whose own "
-        f"standard errors of mean, u and ends are {own}"
+        f"standard errors of mean, u and ends are {own}",
     ]
 
 

@@ -1,9 +1,9 @@
 """The JSON document that every report is: its envelope, and numbers that JSON can hold.
 
 Every number's unit is in its name, in full precision. What cannot be had is null, and a
-warning says why. Two nulls are values and need none: degrees of freedom that are null are
-infinite, and `settings.trials` null means that the Monte Carlo chose the count itself
-(JCGM 101:2008, 7.9.4).
+warning says why. Three nulls are values and need none: degrees of freedom that are null are
+infinite, `settings.trials` null means that the Monte Carlo chose the count itself (JCGM 101:2008,
+7.9.4), `settings.coverage_factor` null that there is no one factor: `results` have each.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def envelope(
             for item in inputs
         ],
         "settings": {
-            "coverage_factor": float(settings.coverage_factor),
+            "coverage_factor": finite(settings.coverage_factor),
             "seed": settings.seed,
             "correlation": settings.correlation,
             "digits": settings.digits,

@@ -88,6 +88,15 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     return drawn
 
 
+def literal(text: str) -> str:
+    """Text that is not ours (names, titles, units of a file) as Matplotlib shows it sign by sign.
+
+    A pair of dollar signs would set what stands between them as a formula, and fail where it is
+    none.
+    """
+    return text.replace("$", r"\$")
+
+
 def blank(width: float, height: float) -> Figure:
     """An empty figure, inches; 8 inches are 1200 pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

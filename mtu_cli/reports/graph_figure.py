@@ -19,6 +19,7 @@ from mtu_cli.stats.distributions import log_density
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -42,8 +43,11 @@ def simulated(result: GraphSimulation) -> Figure:
         _histogram(panel, item)
     for panel in panels[len(shown) :]:
         panel.set_visible(False)
-    handles, names = panels[0].get_legend_handles_labels()
-    page.legend(handles, names, loc="outside lower center", ncols=3)
+    known: dict[str, Artist] = {}
+    for panel in panels:
+        for handle, name in zip(*panel.get_legend_handles_labels(), strict=True):
+            known.setdefault(str(name), handle)
+    page.legend(list(known.values()), list(known), loc="outside lower center", ncols=2)
     return page
 
 
@@ -59,19 +63,19 @@ def _histogram(panel: Axes, item: SimulatedCoordinate) -> None:
         grid = np.linspace(left, right, 300)
         curve = np.exp(log_density(grid / u, math.inf)) / u
         panel.plot(grid, curve, color=figures.INK, label="first order")
-        for sign in (-1, 1):
-            panel.axvline(
-                sign * coverage_factor(0.95) * u, color=figures.INK, lw=0.9, ls=(0, (4, 3))
-            )
+        for sign, label in ((-1, None), (1, "95 % interval, first order")):
+            end = sign * coverage_factor(0.95) * u
+            panel.axvline(end, color=figures.INK, lw=0.9, ls=(0, (4, 3)), label=label)
     low, high = ((end - item.nominal) * factor for end in item.interval)
     panel.axvspan(low, high, ymax=0.03, color=figures.BLUE, label="95 % interval, Monte Carlo")
     panel.set_xlim(left, right)
     panel.set_ylim(0.0, None)
     panel.set_yticks([])
     shares = shares_text(item.shares)
-    known = "" if shares == "-" else f"\nvariance from: {shares} %"
+    known = "" if shares == "-" else f"\nvariance from: {figures.literal(shares)} %"
     panel.set_xlabel(f"from nominal, {unit}{known}")
-    panel.set_title(f"{item.output}: u {significant(item.u * factor)} {unit}")
+    name = figures.literal(str(item.output))
+    panel.set_title(f"{name}: u {significant(item.u * factor)} {unit}")
 
 
 @figures.styled
@@ -103,7 +107,7 @@ def swept(result: Sweep) -> Figure:
             fine, curve = _curve(result.formula, points, first)
             panel.plot(fine, curve * factor, color=colour)
     panel.set_xlabel(first)
-    panel.set_ylabel(f"u of {result.output}, {unit}")
+    panel.set_ylabel(f"u of {figures.literal(str(result.output))}, {unit}")
     top = max(item.u + 2 * item.se_u for item in result.grid) * factor
     panel.set_ylim(0.0, HEADROOM * top if top > 0 else None)
     if result.formula is not None:

@@ -8,6 +8,7 @@ neighbours, then by exchanges of neighbours.
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_left, bisect_right, insort
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -56,6 +57,8 @@ def _improved(
     order = [list(layer) for layer in start]
     best, fewest = start, _crossings(order, after)
     for sweep in range(SWEEPS):
+        if not fewest:
+            break
         forward = sweep % 2 == 0
         _sort_by_neighbours(order, before if forward else after, forward)
         _exchange(order, before, after)
@@ -149,7 +152,7 @@ def _exchange(order: list[list[int]], before: Neighbours, after: Neighbours) -> 
     """Neighbours change places while that takes crossings away."""
     for layer, nodes in enumerate(order):
         sides = [
-            (neighbours, {node: i for i, node in enumerate(order[near])})
+            _places(nodes, neighbours, order[near])
             for neighbours, near in ((before, layer - 1), (after, layer + 1))
             if 0 <= near < len(order)
         ]
@@ -158,15 +161,23 @@ def _exchange(order: list[list[int]], before: Neighbours, after: Neighbours) -> 
             better = False
             for i in range(len(nodes) - 1):
                 a, b = nodes[i], nodes[i + 1]
-                gain = sum(_pair(a, b, *side) - _pair(b, a, *side) for side in sides)
+                gain = sum(_pair(side[a], side[b]) - _pair(side[b], side[a]) for side in sides)
                 if gain > 0:
                     nodes[i], nodes[i + 1] = b, a
                     better = True
 
 
-def _pair(a: int, b: int, neighbours: Neighbours, at: dict[int, int]) -> int:
-    """Crossings between the arcs of `a`, above, and those of `b`, below."""
-    return sum(at[x] > at[y] for x in neighbours.get(a, []) for y in neighbours.get(b, []))
+def _places(nodes: list[int], neighbours: Neighbours, near: list[int]) -> Neighbours:
+    """Where the neighbours of each node stand in the layer `near`, from top to bottom."""
+    at = {node: i for i, node in enumerate(near)}
+    return {node: sorted(at[other] for other in neighbours.get(node, [])) for node in nodes}
+
+
+def _pair(above: list[int], below: list[int]) -> int:
+    """Crossings between the arcs of a node and those of one below it, whose ends are sorted."""
+    if len(above) <= len(below):
+        return sum(bisect_left(below, end) for end in above)
+    return sum(len(above) - bisect_right(above, end) for end in below)
 
 
 def _crossings(order: list[list[int]], after: Neighbours) -> int:
@@ -174,6 +185,8 @@ def _crossings(order: list[list[int]], after: Neighbours) -> int:
     for layer in range(len(order) - 1):
         at = {node: i for i, node in enumerate(order[layer + 1])}
         ends = [sorted(at[other] for other in after.get(node, [])) for node in order[layer]]
-        flat = [end for group in ends for end in group]
-        total += sum(flat[j] < flat[i] for i in range(len(flat)) for j in range(i + 1, len(flat)))
+        above: list[int] = []
+        for end in (end for group in ends for end in group):
+            total += len(above) - bisect_right(above, end)
+            insort(above, end)
     return total

@@ -19,8 +19,6 @@ SHOWN_SHARES = 3
 """Sources named in the table."""
 LEAST_SHARE = 0.005
 """A smaller share of the variance is not named in the table."""
-TINY = 1e-12
-"""A nominal below this is the rounding of 0."""
 
 
 def document(result: GraphSimulation, coverage_factor: float) -> dict[str, Any]:
@@ -109,7 +107,8 @@ def table(result: GraphSimulation) -> list[Sheet]:
         Column(title="first order\nvalid"),
     ]
     notes = [
-        f"{result.trials} Monte Carlo trials; variance from: shares of the first-order variance",
+        f"{result.trials} Monte Carlo trials; first-order u: differences over one standard "
+        "uncertainty to either side; variance from: shares of its square",
         _verdicts_explained({_verdict(item) for item in result.coordinates}),
     ]
     rows = [_row(item) for item in result.coordinates]
@@ -123,7 +122,7 @@ def _row(item: SimulatedCoordinate) -> list[str]:
     low, high = ((end - item.nominal) * factor for end in item.interval)
     return [
         str(item.output),
-        significant(item.nominal, PLAIN_DIGITS) if abs(item.nominal) > TINY else "0",
+        "0" if item.at_zero else significant(item.nominal, PLAIN_DIGITS),
         with_u((item.mean - item.nominal) * factor, u)[0],
         significant(u),
         "fixed" if item.fixed else interval(low, high, u),

@@ -12,6 +12,7 @@ from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import p_value, significant
 from mtu_cli.reports.tables import Column, Sheet
+from mtu_cli.reports.validations import convergence_warnings
 from mtu_cli.units import UM
 
 UNLIKELY = 0.01
@@ -20,12 +21,13 @@ UNLIKELY = 0.01
 
 def document(result: Sweep) -> dict[str, Any]:
     """`grid` and `formula`; u and the mean in the output's unit, the formula's u in um for a
-    length.
+    length. `unrelated`: what is varied without an effect.
     """
     return {
         "of": str(result.output),
         "unit": result.output.unit,
         "varied": {name: list(values) for name, values in result.varied.items()},
+        "unrelated": list(result.without),
         "grid": [_point(item) for item in result.grid],
         "formula": None if result.formula is None else _formula(result.formula),
     }
@@ -61,8 +63,10 @@ def _formula(found: Formula) -> dict[str, Any]:
 
 
 def warnings(result: Sweep) -> list[Warned]:
-    """No formula; a formula that the Monte Carlo contradicts; an output without first order."""
-    noted = []
+    """No formula; a formula that the Monte Carlo contradicts; an output without first order; what
+    is varied for nothing; grid points that have not converged.
+    """
+    noted = _unrelated(result) + _not_converged(result)
     found = result.formula
     if found is None:
         noted.append(Warned(code="no-formula", message=f"no formula: {result.no_formula}"))
@@ -83,6 +87,24 @@ def warnings(result: Sweep) -> list[Warned]:
             )
         )
     return noted
+
+
+def _unrelated(result: Sweep) -> list[Warned]:
+    if result.formula is None or not result.without:
+        return []
+    names = ", ".join(result.without)
+    message = f"{result.output} does not depend on {names}: not in the formula"
+    return [Warned(code="unrelated", message=message)]
+
+
+def _not_converged(result: Sweep) -> list[Warned]:
+    short = [item for item in result.grid if not item.converged]
+    most = max((item.trials for item in short), default=0)
+    where = f"; at {len(short)} of {len(result.grid)} points of the grid"
+    return [
+        Warned(code=item.code, message=f"{item.message}{where}")
+        for item in convergence_warnings(most, not short)
+    ]
 
 
 def table(result: Sweep) -> list[Sheet]:

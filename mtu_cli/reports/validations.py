@@ -33,11 +33,13 @@ def validation_warnings(
     warnings = []
     if failed:
         largest = max(max(found[i].d_low, found[i].d_high) for i in failed) / factor
+        # A ratio has no unit.
+        up_to = f"{significant(largest)} {unit}".rstrip()
         warnings.append(
             Warned(
                 code="validation-failed",
                 message="the first-order 95 % interval differs from the Monte Carlo one by more "
-                f"than the tolerance of JCGM 101, clause 8 (up to {significant(largest)} {unit}), "
+                f"than the tolerance of JCGM 101, clause 8 (up to {up_to}), "
                 f"for {listed(names[i] for i in failed)}",
             )
         )

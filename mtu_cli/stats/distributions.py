@@ -21,11 +21,8 @@ FloatArray = NDArray[np.float64]
 Kind = Literal[
     "normal", "t", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine"
 ]
-BOUNDED = ("rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine")
 NORMAL_DOF = 1e6
 """From here on Student's t is drawn as normal: its quantiles differ by about a millionth."""
-LEAST_BOUNDED_DOF = 0.5
-"""Fewer would let the half-width be uncertain by more than itself."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +48,7 @@ class Distribution:
 
     @property
     def bounded(self) -> bool:
-        return self.kind in BOUNDED
+        return self.kind not in ("normal", "t")
 
     @property
     def drawn_variance(self) -> float:

@@ -85,3 +85,35 @@ def _refined(
         b = b + step
         r = r + f - S @ step
     return (b / scale).astype(np.float64), (target - S @ b).astype(np.float64)
+
+
+def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Minimises |y - X b|^2 of m small problems at once; X is (k, n, m), y is (n, m), k <= n.
+
+    Returns b (k, m) and the sum of squares (m,) that X explains, |y|^2 - |y - X b|^2. Modified
+    Gram-Schmidt of X with y beside it, which loses no more digits than Householder's (Bjorck
+    1967, BIT 7, 1-21): the condition of X is not squared. Where a problem does not determine
+    its b (to `RANK_TOLERANCE` of a column's length) both are nan.
+    """
+    k, _, m = X.shape
+    Q, rest = X.copy(), y.copy()
+    R, z = np.zeros((k, k, m)), np.empty((k, m))
+    for j in range(k):
+        # What is left of a column beside the ones before it tells the rank.
+        whole, left = _length(X[j]), _length(Q[j])
+        R[j, j] = np.where(left > RANK_TOLERANCE * whole, left, np.nan)
+        Q[j] /= R[j, j]
+        for c in range(j + 1, k):
+            R[j, c] = np.einsum("nm,nm->m", Q[j], Q[c])
+            Q[c] -= R[j, c] * Q[j]
+        z[j] = np.einsum("nm,nm->m", Q[j], rest)
+        rest -= z[j] * Q[j]
+    b = np.empty((k, m))
+    for j in reversed(range(k)):
+        b[j] = (z[j] - np.einsum("cm,cm->m", R[j, j + 1 :], b[j + 1 :])) / R[j, j]
+    return b, np.einsum("km,km->m", z, z)
+
+
+def _length(columns: FloatArray) -> FloatArray:
+    found: FloatArray = np.sqrt(np.einsum("nm,nm->m", columns, columns))
+    return found

@@ -116,3 +116,40 @@ def test_the_settings_of_the_report_have_the_factor_that_was_used() -> None:
     assert document["settings"]["coverage_factor"] == document["results"]["k"] != 2.0
     document = report("budget", H1, "--k", "3")
     assert document["settings"]["coverage_factor"] == 3.0
+
+
+def test_no_single_factor_in_the_settings_where_none_was_used(tmp_path: Path) -> None:
+    """Outputs with degrees of freedom of their own have factors of their own; abs at 0 has none."""
+    head = "schema: mtu/budget/1\nname: b\n"
+    inputs = "inputs: {x: {value: 0, u: 1, dof: 4}, y: {value: 0, u: 1, dof: 9}}\n"
+    (tmp_path / "b.yaml").write_text(head + "equations: {a: x, b: y}\n" + inputs)
+    document = report("budget", "b.yaml", cwd=tmp_path)
+    assert document["settings"]["coverage_factor"] is None
+    # t of 4 and 9 degrees of freedom for 95 %, JCGM 100:2008, table G.2.
+    factors = [item["k"] for item in document["results"]["outputs"].values()]
+    assert factors == pytest.approx([2.78, 2.26], abs=0.005)
+    (tmp_path / "b.yaml").write_text(head + "equation: abs(x) + y\n" + inputs)
+    document = report("budget", "b.yaml", cwd=tmp_path)
+    assert document["settings"]["coverage_factor"] is document["results"]["k"] is None
+    (tmp_path / "b.yaml").write_text(head + "equations: {a: x, b: x + y}\n" + inputs)
+    document = report("budget", "b.yaml", "--k", "2", cwd=tmp_path)
+    assert document["settings"]["coverage_factor"] == 2.0
+
+
+def test_a_factor_that_covers_nothing_is_named(tmp_path: Path) -> None:
+    text = "schema: mtu/budget/1\nname: b\nequation: x\ninputs: {x: {value: 0, u: 1}}\n"
+    (tmp_path / "b.yaml").write_text(text + "coverage: {k: 1.0e-18}\n")
+    found = done(mtu("budget", "b.yaml", cwd=tmp_path), 2).stderr
+    assert found.startswith("mtu: b.yaml:5: coverage.k: a coverage factor that covers nothing")
+    found = done(mtu("budget", "b.yaml", "--k", "1e-18", cwd=tmp_path), 2).stderr
+    assert found.startswith("mtu: --k is a coverage factor that covers nothing")
+
+
+def test_text_of_a_file_is_no_formula(tmp_path: Path) -> None:
+    text = (
+        "schema: mtu/budget/1\nname: b\nquantity: {name: '$y_{', unit: '$'}\n"
+        "equation: x\ninputs: {x: {value: 0, u: 1}}\n"
+    )
+    (tmp_path / "b.yaml").write_text(text)
+    done(mtu("budget", "b.yaml", "--plot", "p.svg", cwd=tmp_path))
+    assert (tmp_path / "p.svg").exists()

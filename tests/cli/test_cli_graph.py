@@ -90,6 +90,35 @@ def test_how_many_probings() -> None:
 
 
 @pytest.mark.parametrize(
+    ("vary", "told"),
+    [
+        ("axis_um=1,1", "a value twice"),
+        ("axis_um=2:2:3", "a value twice"),
+        ("axis_um=1_0", "not NAME=VALUES"),
+        ("axis_um=0:1_0:2", "not NAME=VALUES"),
+    ],
+)
+def test_slips_in_vary(vary: str, told: str, tmp_path: Path) -> None:
+    assert told in refused(tmp_path, "graph", "sweep", BALL, "--vary", vary, "--of", "P1.x")
+
+
+def test_small_values_are_varied_as_they_are() -> None:
+    call = ("graph", "sweep", BALL, "--vary", "axis_um=1e-13:3e-13:3", "--of", "P1.x")
+    results = report(*call, "--trials", "1000")["results"]
+    assert results["varied"] == {"axis_um": [1e-13, 2e-13, 3e-13]}
+
+
+def test_sweep_has_not_converged_where_its_grid_has_not() -> None:
+    """1000 trials are too few; the warning says at how many points."""
+    call = ("graph", "sweep", BALL, "--vary", "repeats=1:3:3", "--of", "P1.x", "--trials", "1000")
+    document = report(*call)
+    assert document["results"]["converged"] is False
+    told = [item["message"] for item in document["warnings"] if item["code"] == "not-converged"]
+    assert len(told) == 1
+    assert "at 3 of 3 points of the grid" in told[0]
+
+
+@pytest.mark.parametrize(
     ("kind", "start"),
     [
         ("svg", b"<?xml"),

@@ -9,6 +9,7 @@ with a test of JCGM GUM-5:2026, which repeats these examples, 121 of 9.4.3 with 
 manual, the inputs of 9.5 with a benchmark's database, Tables 6 and 7 of JCGM 102 with suncal's
 test_examples.py. Not found elsewhere, and given from memory of the document: 17.0 and 19.9 of
 9.2.4, 0.0754 and the shortest interval of 9.3, the intervals of Table 7 of 9.4, those of 9.5.
+test_budget_jcgm101_computed.py has each of these by another calculation.
 """
 
 from __future__ import annotations

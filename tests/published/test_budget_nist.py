@@ -2,8 +2,10 @@
 
 The inputs and printed results of E3, E11 and E13 were compared with the files of Sandia's suncal
 (test_examples.py, ex_viscometer.yaml, ex_stepatten.yaml, ex_expansion.yaml), which quotes them;
-those of E4 with its ex_pitot.yaml and another package's test. The readings of E2 are given from
-memory of the note. Half a unit of the last printed digit, unless both figures are stated.
+those of E4 with its ex_pitot.yaml and another package's test. The readings of E2 and its results
+are given from memory of the note and were compared with nothing: the results follow from these
+readings by hand, which is what is tested. Half a unit of the last printed digit, unless both
+figures are stated.
 
 The note's Monte Carlo gives an input "t with 3 degrees of freedom and standard uncertainty u" a
 standard deviation of u. JCGM 101:2008, 6.4.9, takes u as the scale: its standard deviation is
@@ -28,9 +30,15 @@ TEMPERATURE = """
 
 
 def test_surface_temperature() -> None:
-    """E2: mean of 22 daily readings 25.59 degC, u 0.872, 95 % (23.8, 27.4)."""
+    """E2: mean of 22 daily readings 25.59 degC, u 0.872, 95 % (23.8, 27.4).
+
+    By hand: sum 563 degC, sum of squares 14 759.375 degC^2; s^2 = (14 759.375 - 563^2/22)/21.
+    """
     result = evaluated(TEMPERATURE, digits=3)
     output = single(result)
+    s = math.sqrt((14759.375 - 563**2 / 22) / 21)
+    assert output.first.value == pytest.approx(563 / 22, rel=1e-12)
+    assert output.first.u == pytest.approx(s / math.sqrt(22), rel=1e-9)
     assert output.first.value == pytest.approx(25.59, abs=0.005)
     assert output.first.u == pytest.approx(0.872, abs=0.0005)
     assert output.first.dof == 21.0

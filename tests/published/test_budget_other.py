@@ -1,11 +1,16 @@
 """Printed results of EA-4/02 and EURACHEM QUAM, as budgets.
 
 Half a unit of the last printed digit, unless both figures are stated. QUAM A1 was compared with
-the documentation of GTC (CITAC_A1), S2 with a package's test of EA-4/02 M:2022; the figures of S3
-and of the first edition's S2 are given from memory of the document.
+the documentation of GTC (CITAC_A1), S2 with a package's test of EA-4/02 M:2022, S3 with Metrodata's
+file for the GUM Workbench (metrodata.de/examples/S03.smu: 10 000.178 000 77 ohm, u = 8.328 004
+mohm). The first edition's S2 (29.3 mg, with a drift of 8.95 mg) is given from memory of the
+document and was compared with nothing: Metrodata's S02.smu has 8.66 mg, as the edition of 2022.
+Its u is also computed by hand here.
 """
 
 from __future__ import annotations
+
+import math
 
 import pytest
 from budget_examples import evaluated, single
@@ -56,6 +61,8 @@ def test_weight_of_ten_kilograms() -> None:
     rectangle, as in that of 2022. Unrounded u is then 29.26 mg, U 58.52 mg.
     """
     printed = single(evaluated(WEIGHT.replace("UD", "u: 0.00895, distribution: rectangular")))
+    by_hand = math.sqrt(0.0225**2 + 0.00895**2 + 0.0144**2 + 2 * 0.01**2 / 3)
+    assert printed.first.u == pytest.approx(by_hand, rel=1e-12)
     assert printed.first.value == pytest.approx(10000.025, abs=5e-4)
     assert printed.first.u == pytest.approx(0.0293, abs=5e-5)
     assert printed.expanded == pytest.approx(0.059, abs=5e-4)
@@ -85,3 +92,9 @@ def test_resistor() -> None:
     assert output.first.value == pytest.approx(10000.178, abs=5e-4)
     assert output.first.u == pytest.approx(0.00833, abs=5e-6)
     assert output.expanded == pytest.approx(0.017, abs=5e-4)
+    # 0.07e-6 is the rounded s/sqrt(5) of five ratios; they are from memory, but they alone give
+    # the GUM Workbench's u to all its digits.
+    readings = "{readings: [1.0000104, 1.0000107, 1.0000106, 1.0000103, 1.0000105]}"
+    unrounded = single(evaluated(RESISTOR.replace("{value: 1.0000105, u: 0.07e-6}", readings)))
+    assert unrounded.first.value == pytest.approx(10000.1780007665, abs=1e-9)
+    assert unrounded.first.u == pytest.approx(0.00832800405, abs=5e-10)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -18,7 +17,7 @@ from mtu_cli.analyses.budget.quantities import InputQuantity, input_quantities
 from mtu_cli.analyses.budget.sources import Source, independent_sources
 from mtu_cli.analyses.budget.trials import BudgetTrials
 from mtu_cli.analyses.budget.warnings import budget_warnings
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
 from mtu_cli.stats.block_plan import is_one_block
@@ -88,7 +87,7 @@ def evaluate_budget(
     """Evaluates a budget; `coverage_factor` wins over the file's coverage.
 
     Raises InputError for correlations that no inputs can have, an equation without a finite
-    value at the estimates or in some trials.
+    value at the estimates or in some trials, a factor so small that it covers nothing.
     """
     inputs = input_quantities(loaded)
     covariance = input_covariance(loaded, inputs)
@@ -96,7 +95,7 @@ def evaluate_budget(
     rho = copula_correlations(loaded, inputs, sources)
     first = first_order(loaded, inputs, covariance, sources)
     k = loaded.budget.coverage.k if coverage_factor is None else coverage_factor
-    probability = _probability(loaded, k)
+    probability = _probability(loaded, k, coverage_factor is not None)
     trials = BudgetTrials(
         loaded.trees, inputs, sources, first, rho, not is_one_block(settings.trials, probability)
     )
@@ -129,12 +128,27 @@ def _joint(first: Sequence[FirstOrder], covariance: FloatArray) -> FloatArray:
     return joint
 
 
-def _probability(loaded: LoadedBudget, k: float | None) -> float:
+def _probability(loaded: LoadedBudget, k: float | None, called: bool) -> float:
+    """Of the intervals; `called`: whether k is the call's and not the file's."""
     if k is None:
         stated = loaded.budget.coverage.probability
         return PROBABILITY if stated is None else stated
     # Of a normal distribution; what a short t covers at k is another matter.
-    return min(2.0 * NormalDist().cdf(k) - 1.0, LARGEST_PROBABILITY)
+    probability = min(math.erf(k / math.sqrt(2.0)), LARGEST_PROBABILITY)
+    if 0.5 * (1.0 + probability) == 0.5:
+        what, expected = "a coverage factor that covers nothing", "a factor such as 2"
+        if called:
+            raise fault(f"--k is {what}", value=f"{k:g}", expected=expected)
+        path = ("coverage", "k")
+        raise fault(
+            what,
+            file=loaded.source.shown,
+            line=loaded.line_of(*path),
+            path=".".join(path),
+            value=f"{k:g}",
+            expected=expected,
+        )
+    return probability
 
 
 @dataclass(frozen=True, slots=True)

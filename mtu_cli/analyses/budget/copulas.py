@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,22 +38,23 @@ def _matrix(
     loaded: LoadedBudget,
     problems: list[Problem],
 ) -> FloatArray:
-    from mtu_cli.stats.copula import hermite_coefficients, normal_correlation
+    from mtu_cli.stats.copula import largest_covariance, marginal, normal_correlation
 
-    series = [hermite_coefficients(item) for item in source.members]
-    rho = np.eye(len(series))
+    members = [marginal(item) for item in source.members]
+    rho = np.eye(len(members))
     line = loaded.line_of("correlations")
     shown = loaded.source.shown
-    for a in range(len(series)):
+    for a in range(len(members)):
         for b in range(a):
             wanted = float(source.covariance[a, b])
             if wanted == 0.0:
                 continue
-            r = normal_correlation(series[a], series[b], wanted)
+            r = normal_correlation(members[a], members[b], wanted)
             if r is None:
-                pair = f"{inputs[source.rows[b]].name!r} and {inputs[source.rows[a]].name!r}"
-                what = f"{pair} cannot be so strongly correlated with their distributions"
-                problems.append(Problem(what=what, file=shown, line=line, path="correlations"))
+                unit = math.sqrt(source.covariance[a, a] * source.covariance[b, b])
+                most = largest_covariance(members[a], members[b]) / unit
+                pair = inputs[source.rows[b]].name, inputs[source.rows[a]].name
+                problems.append(_too_strong(loaded, pair, wanted / unit, most))
                 continue
             rho[a, b] = rho[b, a] = r
     least = float(np.linalg.eigvalsh(rho)[0])
@@ -69,3 +71,17 @@ def _matrix(
             )
         )
     return rho
+
+
+def _too_strong(loaded: LoadedBudget, pair: tuple[str, str], wanted: float, most: float) -> Problem:
+    # Rounded towards 0, so that what it says can be had.
+    shown = math.floor(1e6 * most) / 1e6
+    return Problem(
+        what=f"{pair[0]!r} and {pair[1]!r} cannot be so strongly correlated with their "
+        "distributions",
+        file=loaded.source.shown,
+        line=loaded.line_of("correlations"),
+        path="correlations",
+        value=f"{wanted:.9g}",
+        expected=f"-{shown:g} to {shown:g}",
+    )

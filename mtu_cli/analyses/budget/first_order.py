@@ -13,7 +13,7 @@ from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.analyses.budget.sources import Source
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.language import EquationError, Node
+from mtu_cli.language import EquationError, Node, names
 from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
@@ -85,7 +85,9 @@ def _no_value(loaded: LoadedBudget, name: str, slopes: Derivatives) -> Problem:
 
 
 def _derivatives(tree: Node, inputs: Sequence[InputQuantity]) -> Derivatives:
-    """With respect to all inputs; those without uncertainty are constants."""
+    """With respect to all inputs; those without uncertainty are constants. The others that the
+    equation does not have are at no cost: a file may have thousands, an equation has few.
+    """
     values = {item.name: item.value for item in inputs}
     uncertain = [item.name for item in inputs if item.u > 0.0]
     slopes = derivatives(tree, values, uncertain)
@@ -163,17 +165,21 @@ def _second_order(
     fourth moment than a normal one (kappa its fourth cumulant) f_ii^2 kappa/4 + f_i f_iii kappa/3
     is added: x^2 at 0 has u = 0.89 u^2(x) for a rectangle, not 1.41.
     """
-    g, H, V = slopes.first / scale, slopes.second / scale, covariance
+    held = names(tree)
+    rows = np.array([i for i, item in enumerate(inputs) if item.name in held], dtype=np.intp)
+    inputs = [inputs[i] for i in rows]
+    g, third = slopes.first[rows] / scale, slopes.third[rows] / scale
+    H, V = slopes.second[np.ix_(rows, rows)] / scale, covariance[np.ix_(rows, rows)]
     HV = H @ V
     shift = 0.5 * float(np.trace(HV))
     quadratic = 0.5 * float(np.sum(HV * HV.T))
     # Products of small numbers with large ones, in an order in which neither leaves the range.
     u = np.array([item.u for item in inputs])
     kappa = np.array([item.excess for item in inputs])
-    bent, twisted = np.diag(H) * u * u, slopes.third / scale * u * u * u
+    bent, twisted = np.diag(H) * u * u, third * u * u * u
     own = float(np.sum(kappa * (bent**2 / 4.0 + g * u * twisted / 3.0)))
-    third = _third(tree, inputs, V, V @ g) / scale
-    return shift, variance + quadratic + own + third
+    rest = _third(tree, inputs, V, V @ g) / scale
+    return shift, variance + quadratic + own + rest
 
 
 def _third(
@@ -185,6 +191,6 @@ def _third(
     F = factor_of(covariance)
     directions = np.stack([np.repeat(along[:, None], F.shape[1], axis=1), F])
     values = {item.name: item.value for item in inputs}
-    names = [item.name for item in inputs]
-    coefficients, _ = taylor(tree, values, names, directions)
+    ordered = [item.name for item in inputs]
+    coefficients, _ = taylor(tree, values, ordered, directions)
     return 2.0 * float(np.sum(coefficients[PLACE[1, 2]]))

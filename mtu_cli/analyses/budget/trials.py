@@ -18,14 +18,9 @@ from mtu_cli.stats.copula import bounded_quantile
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.distributions import NORMAL_DOF, Distribution, t_scales
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.linear_distribution import (
-    LEAST_DOF,
-    RankMap,
-    Term,
-    linear_distribution,
-    rank_map,
-)
+from mtu_cli.stats.linear_distribution import LEAST_DOF, Term, linear_distribution
 from mtu_cli.stats.monte_carlo import MonteCarloResult
+from mtu_cli.stats.rank_map import RankMap, rank_map
 from mtu_cli.stats.workspace import Workspace
 
 MOMENTS_FROM = 2.0
@@ -102,14 +97,15 @@ class BudgetTrials:
             found = _map(counted, g)
             if found is None:
                 known = False
+                variances[k] = _drawn_variance(counted, g)
                 continue
             self.maps[k] = found
             u[k], dof[k], variances[k] = found.scale, found.dof, found.variance
         with np.errstate(invalid="ignore", divide="ignore"):
             inflation = np.where(np.isinf(dof), 1.0, np.where(dof > 2.0, dof / (dof - 2.0), np.nan))
-        self.linear_variance = np.where(np.isnan(variances), u**2 * inflation, variances)
-        if not known:
-            self.linear_variance[:] = math.nan
+        # Where no quantiles are known the variance of the form may be, and serves u.
+        unknown = np.isnan(variances)
+        self.linear_variance = np.where(unknown & (u > 0.0), u**2 * inflation, variances)
         if known:
             self.linear_dof, self.linear_u = dof, u[:, None]
 
@@ -227,6 +223,14 @@ def _map(sources: Sequence[Source], gradient: FloatArray) -> RankMap | None:
         ),
     )
     return rank_map(known, max(dof, LEAST_DOF))
+
+
+def _drawn_variance(sources: Sequence[Source], gradient: FloatArray) -> float:
+    """Of the first-order form as it is drawn; nan where that has none or is not known."""
+    if not all(map(_is_simple, sources)):
+        return math.nan
+    terms = [term for source in sources for term in _terms(source, gradient)]
+    return math.fsum(c * c * item.drawn_variance for c, item in terms)
 
 
 def _terms(source: Source, gradient: FloatArray) -> list[Term]:

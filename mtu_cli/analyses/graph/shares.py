@@ -13,9 +13,15 @@ def shares_by_place(graph: MeasurementGraph, of: str) -> dict[str, float]:
     """Shares of the first-order variance of `of` by the place where they come in, summing to 1;
     of a place with several coordinates, of the sum of their variances.
 
-    Raises InputError for an unknown place, or where the first-order variance is 0.
+    Raises InputError for an unknown place, one whose coordinates have different units, or where
+    the first-order variance is 0.
     """
-    linear = first_order(evaluation(graph, graph.outputs([of])))
+    outputs = graph.outputs([of])
+    if len({item.unit for item in outputs}) > 1:
+        names = ", ".join(str(item) for item in outputs)
+        what = "mm^2 and the variance of a direction do not add up: --of names several coordinates"
+        raise fault(what, value=of, expected=f"one of: {names}")
+    linear = first_order(evaluation(graph, outputs))
     total = float(np.sum(linear.u**2))
     if total == 0:
         raise fault(

@@ -7,35 +7,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtu_cli.analyses.graph.trial_runs import run_trials, survey
 from mtu_cli.model.graph.first_order import FirstOrder, first_order
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
 from mtu_cli.model.graph.outputs import Output
-from mtu_cli.model.graph.trials import GraphTrials
-from mtu_cli.model.settings import PROBABILITY, Settings, Warned
+from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
-from mtu_cli.stats.streams import stream
+from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 
-PILOT = 4096
-"""Trials that tell which outputs follow their first-order form."""
-LINEAR = 0.5
-"""Share of u that the first-order u must have for the adaptive count to wait for clause 8."""
-ROUNDING = 1e-13
-"""Scatter below this share of the dimensions is rounding: the output does not vary."""
-DRAWN = 2**16
-"""Trials kept for the histogram."""
+ROUNDING = 16 * float(np.finfo(np.float64).eps)
+"""Share of the dimensions that rounding may make of a nominal of 0."""
+NOTHING = 1e-6
+"""Share of u below which a nominal is not told from 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedCoordinate:
     """One coordinate of a place, in its own unit. `shares` of its first-order variance by source
-    (nan where that is 0). `fixed`: it does not vary. `validation` None where it is fixed or its
-    first-order form is nil. `samples`: the first trials.
+    (nan where that is 0). `rounding`: of the nominal. `fixed`: it does not vary. `validation` None
+    where it is fixed or its first-order form is nil. `samples`: the first trials.
     """
 
     output: Output
     nominal: float
+    rounding: float
     mean: float
     u: float
     interval: tuple[float, float]
@@ -48,6 +44,11 @@ class SimulatedCoordinate:
     fixed: bool
     validation: Validation | None
     samples: FloatArray
+
+    @property
+    def at_zero(self) -> bool:
+        """Whether the nominal is 0 for all that can be told."""
+        return abs(self.nominal) <= max(self.rounding, NOTHING * self.u)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,14 +67,12 @@ def simulate_graph(
 ) -> GraphSimulation:
     """Propagates the uncertainty of probings and constants through the graph.
 
-    With an adaptive count, outputs that hardly follow a first-order form (a direction cosine
-    near 1, a distance near 0) are run apart, to the tolerance of JCGM 101:2008, 7.9.4 itself:
-    clause 8 has nothing to compare there, and no control variate helps.
+    With an adaptive count, outputs that hardly follow a first-order form are run apart.
     """
     outputs = graph.outputs(of)
     whole = evaluation(graph, outputs)
     linear = first_order(whole)
-    fixed, bent = _survey(GraphTrials(whole, linear), linear, settings.seed, outputs)
+    fixed, bent = survey(whole, linear, settings.seed)
     varying = np.flatnonzero(~fixed)
     together = settings.trials is not None
     groups = [varying] if together else [np.flatnonzero(~fixed & ~bent), np.flatnonzero(bent)]
@@ -82,8 +81,8 @@ def simulate_graph(
     }
     for group in groups:
         if len(group):
-            bare = bool(bent[group].all()) and not together
-            run = _run(graph, [outputs[i] for i in group], settings, to_tolerance=bare)
+            members = [outputs[i] for i in group]
+            run = run_trials(graph, members, settings, bent=bool(bent[group].all()))
             for at, i in enumerate(group):
                 found[int(i)] = _coordinate(outputs[i], linear, int(i), run, at, settings)
     coordinates = tuple(found[i] for i in range(len(outputs)))
@@ -96,36 +95,6 @@ def simulate_graph(
     )
 
 
-def _survey(
-    model: GraphTrials, linear: FirstOrder, seed: int, outputs: Sequence[Output]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Which outputs (n,) do not vary, and which hardly follow their first-order form."""
-    values = model.draw(stream(seed, 1), PILOT).values
-    u = values.std(axis=1)
-    size = max(1.0, float(np.max(np.abs(model.evaluation.inputs.mean), initial=0.0)))
-    scale = np.array([size if item.unit == "mm" else 1.0 for item in outputs])
-    fixed = (u <= ROUNDING * scale) & (linear.u == 0.0)
-    return fixed, ~fixed & ~(linear.u >= LINEAR * u)
-
-
-def _run(
-    graph: MeasurementGraph, outputs: Sequence[Output], settings: Settings, *, to_tolerance: bool
-) -> MonteCarloResult:
-    part = evaluation(graph, outputs)
-    model = GraphTrials(part, first_order(part))
-    if not to_tolerance:
-        return settings.run(model, keep=DRAWN)
-    return monte_carlo(
-        model,
-        seed=settings.seed,
-        probability=PROBABILITY,
-        digits=settings.digits,
-        threads=settings.threads,
-        keep=DRAWN,
-        progress=settings.progress,
-    )
-
-
 def _shares(linear: FirstOrder, index: int) -> dict[str, float]:
     return {source: float(values[index]) for source, values in linear.shares.items()}
 
@@ -135,6 +104,7 @@ def _fixed(output: Output, linear: FirstOrder, index: int) -> SimulatedCoordinat
     return SimulatedCoordinate(
         output=output,
         nominal=value,
+        rounding=ROUNDING * float(linear.sizes[index]),
         mean=value,
         u=0.0,
         interval=(value, value),
@@ -162,6 +132,7 @@ def _coordinate(
     return SimulatedCoordinate(
         output=output,
         nominal=nominal,
+        rounding=ROUNDING * float(linear.sizes[index]),
         mean=float(run.mean[at]),
         u=float(run.u[at]),
         interval=(float(run.low[at]), float(run.high[at])),

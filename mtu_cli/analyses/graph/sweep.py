@@ -10,15 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtu_cli.analyses.graph.surface import Formula, fit_formula
+from mtu_cli.analyses.graph.trial_runs import run_trials, survey
+from mtu_cli.analyses.graph.varied import REPEATS, probed_with, unrelated
 from mtu_cli.errors import fault
-from mtu_cli.files.graph_contract import LARGEST_U_UM, MAX_REPEATS, Graph
+from mtu_cli.files.graph_contract import LARGEST_U_UM, MAX_REPEATS
 from mtu_cli.model.graph.first_order import first_order
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
 from mtu_cli.model.graph.outputs import Output
-from mtu_cli.model.graph.trials import GraphTrials
 from mtu_cli.model.settings import Settings
 
-REPEATS = "repeats"
 PARAMETERS = ("axis_um", "probe_um", "perpendicular_um", REPEATS)
 LARGEST_GRID = 10_000
 
@@ -43,13 +43,21 @@ class GridPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """The grid of one output, and the formula fitted to it, or why there is none."""
+    """The grid of one output, and the formula fitted to it, or why there is none. `without`: what
+    is varied, and the output does not depend on.
+    """
 
     output: Output
     varied: dict[str, tuple[float, ...]]
     grid: tuple[GridPoint, ...]
+    without: tuple[str, ...]
     formula: Formula | None
     no_formula: str | None = None
+
+    @property
+    def converged(self) -> bool:
+        """Whether the trials of all grid points did."""
+        return all(item.converged for item in self.grid)
 
 
 def sweep_graph(
@@ -74,24 +82,32 @@ def sweep_graph(
     found = []
     for number, values in enumerate(itertools.product(*varied.values())):
         at = dict(zip(varied, map(float, values), strict=True))
-        part = graph.with_probing(_with(graph.graph, at))
+        part = graph.with_probing(probed_with(graph.graph, at))
         found.append(_point(part, outputs[0], replace(settings, seed=_seed(settings, number)), at))
-    grid, formula = _fitted(found, varied, outputs[0])
+    without = unrelated(graph, outputs[0], varied, settings.seed)
+    grid, formula = _fitted(found, varied, without, outputs[0])
     return Sweep(
         output=outputs[0],
         varied={name: tuple(map(float, values)) for name, values in varied.items()},
         grid=grid,
+        without=without,
         formula=None if isinstance(formula, str) else formula,
         no_formula=formula if isinstance(formula, str) else None,
     )
 
 
 def _fitted(
-    found: Sequence[GridPoint], varied: Mapping[str, Sequence[float]], output: Output
+    found: Sequence[GridPoint],
+    varied: Mapping[str, Sequence[float]],
+    without: Sequence[str],
+    output: Output,
 ) -> tuple[tuple[GridPoint, ...], Formula | str]:
     """The grid with the formula's values beside it, and the formula or why there is none."""
+    of = [name for name in varied if name not in without]
+    if not of:
+        return tuple(found), f"{output} does not depend on {', '.join(without)}"
     formula = fit_formula(
-        {name: np.array([item.at[name] for item in found]) for name in varied},
+        {name: np.array([item.at[name] for item in found]) for name in of},
         np.array([item.u for item in found]),
         np.array([item.se_u for item in found]),
         np.array([item.first_order_u for item in found]),
@@ -121,17 +137,6 @@ def _check(varied: Mapping[str, Sequence[float]]) -> None:
         raise fault("the grid is too large", value=str(count), expected=f"at most {LARGEST_GRID}")
 
 
-def _with(graph: Graph, at: Mapping[str, float]) -> Graph:
-    probing = {name: value for name, value in at.items() if name != REPEATS}
-    changes: dict[str, object] = {"uncertainty": graph.uncertainty.model_copy(update=probing)}
-    if REPEATS in at:
-        changes["repeats"] = int(at[REPEATS])
-        changes["transitions"] = [
-            item.model_copy(update={"repeats": None}) for item in graph.transitions
-        ]
-    return graph.model_copy(update=changes)
-
-
 def _seed(settings: Settings, number: int) -> int:
     state = np.random.SeedSequence(settings.seed, spawn_key=(1 << 20, number)).generate_state(2)
     return int(state[0]) << 32 | int(state[1])
@@ -142,7 +147,8 @@ def _point(
 ) -> GridPoint:
     part = evaluation(graph, [output])
     linear = first_order(part)
-    run = settings.run(GraphTrials(part, linear))
+    _, bent = survey(part, linear, settings.seed)
+    run = run_trials(graph, [output], settings, bent=bool(bent[0]))
     return GridPoint(
         at=at,
         mean=float(run.mean[0]),

@@ -174,14 +174,6 @@ def _circle3(*points: FloatArray) -> Outputs:
     return fits.circumcircle(*points)
 
 
-def _sphere(*points: FloatArray) -> Outputs:
-    return fits.sphere(points)
-
-
-def _sphere_of_radius(*places: FloatArray) -> Outputs:
-    return (fits.sphere_of_radius(places[:-1], places[-1]),)
-
-
 CONSTRUCTIONS: dict[tuple[str, str], Construction] = {
     ("displace", "coordinate"): _displace,
     ("displace", "point"): _displace,
@@ -196,8 +188,6 @@ CONSTRUCTIONS: dict[tuple[str, str], Construction] = {
     ("ball", ""): _ball,
     ("hole", ""): _hole,
     ("circle", ""): _circle3,
-    ("sphere", "free"): _sphere,
-    ("sphere", "radius"): _sphere_of_radius,
     ("line", "points"): _line_through,
     ("line", "planes"): _meet,
     ("aline", ""): _along,

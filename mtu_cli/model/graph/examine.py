@@ -9,11 +9,11 @@ from mtu_cli.files.contracts import Findings
 from mtu_cli.files.graph_contract import Graph
 from mtu_cli.files.graph_file import Rounds
 from mtu_cli.model.graph.nominal import correlation_matrix, nominal_values
-from mtu_cli.model.graph.outputs import Faults, place_units
+from mtu_cli.model.graph.units import Faults, not_lengths, place_units
 from mtu_cli.stats.least_squares import FloatArray
 
-NEGATIVE = -1e-9
-"""An eigenvalue of correlations below this is no rounding of 0."""
+ROUNDING = 1e-9
+"""An eigenvalue of n correlations below -n times this is no rounding of 0, as in budgets."""
 
 
 def examine(graph: Graph, rounds: Rounds, findings: Findings) -> None:
@@ -24,13 +24,21 @@ def examine(graph: Graph, rounds: Rounds, findings: Findings) -> None:
     for index, what in degenerate:
         findings.add(("transitions", index), f"degenerate at nominal: {what}")
     faults: Faults = []
-    place_units(graph, (step for fired in rounds for step in fired), faults)
+    steps = [step for fired in rounds for step in fired]
+    place_units(graph, steps, faults)
     for step, error in faults:
         path = ("transitions", step.index, "formula")
         document = findings.document
         line = document.line_of(*path)
         findings.problems.append(
             error.problem(file=document.source.shown, line=line, path=path_text(path))
+        )
+    for step, at, unit in not_lengths(graph, steps):
+        findings.add(
+            ("transitions", step.index, "in", at),
+            f"{step.do} takes a length here, this place is in {unit}",
+            value=step.inputs[at],
+            expected="a length in mm",
         )
     _check_correlations(graph, findings)
 
@@ -42,7 +50,7 @@ def _check_correlations(graph: Graph, findings: Findings) -> None:
     if len(names) < 3 or len(pairs) < len(graph.correlations) or not sound:
         return
     matrix = correlation_matrix(graph, names)
-    if _least(matrix) >= NEGATIVE:
+    if _has_distribution(matrix):
         return
     what = "contradicts the other correlations: their matrix is not positive semi-definite"
     for index, (first, second, r) in reversed(list(enumerate(pairs))):
@@ -57,8 +65,8 @@ def _check_correlations(graph: Graph, findings: Findings) -> None:
     findings.add(("correlations",), what, value=f"{first}, {second} above all")
 
 
-def _least(matrix: FloatArray) -> float:
-    return float(np.linalg.eigvalsh(matrix)[0])
+def _has_distribution(matrix: FloatArray) -> bool:
+    return float(np.linalg.eigvalsh(matrix)[0]) >= -ROUNDING * len(matrix)
 
 
 def _possible(matrix: FloatArray, i: int, j: int) -> tuple[float, float] | None:
@@ -72,7 +80,7 @@ def _possible(matrix: FloatArray, i: int, j: int) -> tuple[float, float] | None:
     left = (1.0 - float(b @ inverse @ b)) * (1.0 - float(c @ inverse @ c))
     tried = matrix.copy()
     tried[i, j] = tried[j, i] = middle
-    if left < 0 or _least(tried) < NEGATIVE:
+    if left < 0 or not _has_distribution(tried):
         return None
     low, high = (middle + sign * float(np.sqrt(left)) for sign in (-1, 1))
     return float(np.ceil(1e3 * low - 1e-6) / 1e3), float(np.floor(1e3 * high + 1e-6) / 1e3)

@@ -15,12 +15,13 @@ ROUNDING = 256 * float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstOrder:
-    """n outputs, k inputs. `nominal` (n,), `gradient` (n, k) with respect to the inputs, `u` (n,)
-    standard uncertainties, `shares`: of the variance of each output by source, (n,) each,
-    nan where it is 0 (JCGM 100:2008, 5.1.2, and 5.2.2 for correlated inputs).
+    """n outputs, k inputs. `nominal` (n,), `sizes` (n,) of `Evaluation`, `gradient` (n, k) with
+    respect to the inputs, `u` (n,) standard uncertainties, `shares`: of the variance of each output
+    by source, (n,) each, nan where it is 0 (JCGM 100:2008, 5.1.2, and 5.2.2 for correlated inputs).
     """
 
     nominal: FloatArray
+    sizes: FloatArray
     gradient: FloatArray
     u: FloatArray
     shares: dict[str, FloatArray]
@@ -30,8 +31,10 @@ class FirstOrder:
 def first_order(evaluation: Evaluation) -> FirstOrder:
     """Central differences over one standard uncertainty of each input, all in one batch.
 
-    (f(x + u_i e_i) - f(x - u_i e_i)) / (2 u_i): exact for what is of second order in the
-    inputs; the error is of third order in u over the dimensions of the part.
+    (f(x + u_i e_i) - f(x - u_i e_i)) / (2 u_i), as JCGM 100:2008, 5.1.3, note 2, allows: exact
+    for what is of second order in the inputs; it differs from the derivative by what is of third
+    order in u over the dimensions of the part. Where one of both has no finite value it is 0, and
+    the trials tell whether the output has one.
     """
     inputs = evaluation.inputs
     k = inputs.k
@@ -40,18 +43,22 @@ def first_order(evaluation: Evaluation) -> FirstOrder:
     X[np.arange(k), 1 + k + np.arange(k)] -= inputs.u
     with np.errstate(all="ignore"):
         values = evaluation.run(X)
+        half = 0.5 * (values[:, 1 : k + 1] - values[:, k + 1 :])
+    change = np.where(np.isfinite(half), half, 0.0)
     nominal = values[:, 0]
-    change = 0.5 * (values[:, 1 : k + 1] - values[:, k + 1 :])
-    size = np.max(np.abs(inputs.mean), initial=1.0)
-    largest = np.array([1.0 if item.unit in ("1", "rad") else size for item in evaluation.outputs])
-    floor = ROUNDING * np.maximum(np.abs(nominal), largest)
+    floor = ROUNDING * np.maximum(np.abs(nominal), evaluation.sizes)
     change[np.abs(change) <= floor[:, None]] = 0.0
     gradient = np.divide(change, inputs.u, out=np.zeros_like(change), where=inputs.u > 0)
-    scaled = gradient @ inputs.factor
-    variance = np.sum(scaled**2, axis=1)
-    shares, by_place = _shares(evaluation, gradient, variance)
+    with np.errstate(over="ignore", invalid="ignore"):
+        variance = np.sum((gradient @ inputs.factor) ** 2, axis=1)
+        shares, by_place = _shares(evaluation, gradient, variance)
     return FirstOrder(
-        nominal=nominal, gradient=gradient, u=np.sqrt(variance), shares=shares, by_place=by_place
+        nominal=nominal,
+        sizes=evaluation.sizes,
+        gradient=gradient,
+        u=np.sqrt(variance),
+        shares=shares,
+        by_place=by_place,
     )
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from mtu_cli.files.graph_contract import Graph, Probing, Transition
 from mtu_cli.model.graph.nominal import Values, correlation_matrix, start_value
+from mtu_cli.stats.distributions import Distribution, shape_moments
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.workspace import Workspace
 from mtu_cli.units import UM
@@ -169,7 +171,8 @@ class Inputs:
         rng.standard_normal(out=z[:normal])
         for item, rows in zip(self.noises, self.rows, strict=True):
             if item.distribution != "normal":
-                _standardised(item.distribution, rng, z[rows])
+                for row in z[rows]:
+                    _SHAPES[item.distribution].draw(rng, row, work)
         return z
 
     def scaled(self, z: FloatArray) -> FloatArray:
@@ -181,13 +184,12 @@ class Inputs:
         return z
 
 
-def _standardised(distribution: str, rng: np.random.Generator, out: FloatArray) -> None:
-    """Variates of mean 0 and variance 1: rectangular or triangular (JCGM 101:2008, 6.4)."""
-    rng.random(out=out)
-    if distribution == "triangular":
-        out += rng.random(out.shape)
-        out -= 1.0
-        out *= np.sqrt(6.0)
-        return
-    out -= 0.5
-    out *= np.sqrt(12.0)
+def _standardised(kind: Literal["rectangular", "triangular"]) -> Distribution:
+    """The shape with a variance of 1 (JCGM 101:2008, 6.4)."""
+    return Distribution(kind=kind, u=1.0, half_width=shape_moments(kind)[0] ** -0.5)
+
+
+_SHAPES = {
+    "rectangular": _standardised("rectangular"),
+    "triangular": _standardised("triangular"),
+}

@@ -5,13 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.graph_contract import Graph
 from mtu_cli.files.graph_file import LoadedGraph
 from mtu_cli.model.graph.inputs import Inputs
 from mtu_cli.model.graph.nominal import Computed, Values, nominal_values
-from mtu_cli.model.graph.outputs import Output, outputs_of, place_units, read
+from mtu_cli.model.graph.not_finite import not_finite
+from mtu_cli.model.graph.outputs import Output, outputs_of, read
+from mtu_cli.model.graph.units import place_units
 from mtu_cli.stats.least_squares import FloatArray
+
+LARGEST = 1e150
+"""Beyond it the square of a value is not finite."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +64,15 @@ class Evaluation:
     inputs: Inputs
     steps: tuple[Computed, ...]
     nominal: Values
+    loaded: LoadedGraph
+
+    @property
+    def sizes(self) -> FloatArray:
+        """What the rounding of each output (n,) is a share of: the part's largest coordinate for
+        a length, 1 for an angle or a ratio.
+        """
+        part = float(np.max(np.abs(self.inputs.mean), initial=1.0))
+        return np.array([1.0 if item.unit in ("1", "rad") else part for item in self.outputs])
 
     def run(self, X: FloatArray, into: FloatArray | None = None) -> FloatArray:
         """Outputs (n, m) for inputs X (k, m)."""
@@ -62,6 +80,33 @@ class Evaluation:
         for step in self.steps:
             step.run(values)
         return read(values, self.outputs, self.nominal, into)
+
+    def raise_not_finite(self, X: FloatArray) -> None:
+        """Raises InputError for the first transition that has no finite value at all inputs X."""
+        values = self.inputs.values(X)
+        for item in self.steps:
+            with np.errstate(all="ignore"):
+                item.run(values)
+            made = [values[name].reshape(-1, X.shape[1]) for name in item.step.outputs]
+            bad = np.any(~(np.abs(np.concatenate(made)) < LARGEST), axis=0)
+            if np.any(bad):
+                raise InputError([self._not_finite(item, values, bad)])
+
+    def _not_finite(self, item: Computed, values: Values, bad: NDArray[np.bool_]) -> Problem:
+        step, count = item.step, int(np.count_nonzero(bad))
+        why = ""
+        if step.formula is not None:
+            at = {name: float(values[name][np.argmax(bad)]) for name in step.inputs}
+            why = f": {not_finite(step.formula, at)}"
+        return Problem(
+            what=f"{step.do} of {', '.join(step.outputs)}: no finite value below {LARGEST:g} in "
+            f"{count} of {len(bad)} Monte Carlo trials{why}",
+            file=self.loaded.source.shown,
+            line=self.loaded.line_of("transitions", step.index),
+            path=path_text(("transitions", step.index)),
+            expected="a step that is defined for all values its inputs may take: bounded "
+            "distributions or smaller uncertainties where it needs them",
+        )
 
 
 def build_graph(loaded: LoadedGraph) -> MeasurementGraph:
@@ -89,4 +134,5 @@ def evaluation(graph: MeasurementGraph, outputs: Sequence[Output]) -> Evaluation
         inputs=Inputs(graph.graph, start),
         steps=steps,
         nominal=graph.nominal,
+        loaded=graph.loaded,
     )

@@ -89,12 +89,32 @@ def construction(step: Step, nominal: Sequence[FloatArray]) -> Construction:
     """What a step computes; a fit starts from, and is oriented as, its `nominal` inputs."""
     if step.formula is not None:
         return _formula(step.formula, step.inputs)
-    if step.do in ("plane", "circle") and step.variant in ("points", "") and len(nominal) > 3:
-        reference = _orientation(nominal)
-        if step.do == "plane":
-            return lambda *points: (fits.plane(points, reference),)
-        return lambda *points: fits.circle(points, reference)
+    if step.do in ("plane", "circle", "sphere") and step.variant != "vector":
+        return _fit(step, nominal)
     return CONSTRUCTIONS[step.do, step.variant]
+
+
+def _fit(step: Step, nominal: Sequence[FloatArray]) -> Construction:
+    if step.do == "sphere":
+        free = step.variant == "free"
+        start = fits.sphere_start(_points(nominal if free else nominal[:-1]))
+        if free:
+            return fits.in_slices(lambda *points: fits.sphere(points, start))
+        return fits.in_slices(
+            lambda *places: (fits.sphere_of_radius(places[:-1], places[-1], start),)
+        )
+    if len(nominal) == 3:
+        return CONSTRUCTIONS[step.do, step.variant]
+    reference = _orientation(nominal)
+    if step.do == "plane":
+        return fits.in_slices(lambda *points: (fits.plane(points, reference),))
+    circle = fits.circle_start(_points(nominal), reference)
+    return fits.in_slices(lambda *points: fits.circle(points, circle))
+
+
+def _points(nominal: Sequence[FloatArray]) -> FloatArray:
+    """Nominal points as (n, 3)."""
+    return np.array([place[:, 0] for place in nominal])
 
 
 def _formula(node: Node, names: Sequence[str]) -> Construction:
@@ -110,7 +130,7 @@ def _orientation(nominal: Sequence[FloatArray]) -> FloatArray:
 
     Where these three lie on a line, the next point that does not decides.
     """
-    points = np.array([place[:, 0] for place in nominal])
+    points = _points(nominal)
     sides = np.cross((points[1] - points[0])[None], points[2:] - points[0])
     sizes = np.linalg.norm(sides, axis=1)
     side = sides[int(np.argmax(sizes > 1e-6 * sizes.max()))]
@@ -120,9 +140,11 @@ def _orientation(nominal: Sequence[FloatArray]) -> FloatArray:
 
 
 def correlation_matrix(graph: Graph, names: Sequence[str]) -> FloatArray:
-    """Correlations (n, n) of constants."""
+    """Correlations (n, n) of some constants; those with others leave these as they are."""
     at = {name: i for i, name in enumerate(names)}
     found = np.eye(len(names))
     for first, second, r in graph.correlations:
+        if first not in at or second not in at:
+            continue
         found[at[first], at[second]] = found[at[second], at[first]] = r
     return found

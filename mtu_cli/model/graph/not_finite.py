@@ -15,7 +15,7 @@ def not_finite(formula: Node, values: Mapping[str, float]) -> str:
         finite = (math.isfinite(_value(item, values)) for item in children(node))
         if not math.isfinite(_value(node, values)) and all(finite):
             return f"{_fault(node, values)}, at column {node.column} of the formula"
-    return "no finite value"
+    return f"it is {_value(formula, values):g}"
 
 
 def _value(node: Node, values: Mapping[str, float]) -> float:

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.errors import did_you_mean, fault
-from mtu_cli.files.graph_contract import Graph, Place
-from mtu_cli.files.graph_steps import Step
-from mtu_cli.language import EquationError, Node, check_dimension
-from mtu_cli.language.tree import Call
+from mtu_cli.files.graph_contract import Place
 from mtu_cli.model.graph.nominal import Values
 from mtu_cli.model.graph.vectors import cross, dot
 from mtu_cli.stats.least_squares import FloatArray
@@ -26,10 +23,6 @@ COORDINATES: dict[str, tuple[str, ...]] = {
     "frame": ("x", "y", "z", "rx", "ry", "rz"),
 }
 """rx, ry, rz: the rotation of a frame about its own nominal axes."""
-EXPONENT = {"mm": 1, "rad": 0, "1": 0}
-INVERSE = ("asin", "acos", "atan", "atan2")
-Unit = str | None
-Faults = list[tuple[Step, EquationError]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,74 +115,3 @@ def _rotation(frame: FloatArray, nominal: FloatArray) -> FloatArray:
     total = cross(axes[0], frame[1]) + cross(axes[1], frame[2]) + cross(axes[2], frame[3])
     total *= 0.5
     return np.stack([dot(axis, total) for axis in axes])
-
-
-def place_units(
-    graph: Graph, steps: Iterable[Step], faults: Faults | None = None
-) -> dict[str, str]:
-    """The unit of every place: mm, rad, 1 (or mm^n of a product); mm where nothing tells it.
-
-    A formula that adds a length to an angle goes to `faults`, with its transition.
-    """
-    units: dict[str, Unit] = {
-        name: place.unit if place.kind == "constant" else "mm"
-        for name, place in graph.places.items()
-    }
-    for step in steps:
-        for name in step.outputs:
-            if units[name] is None or graph.places[name].kind == "vector":
-                try:
-                    units[name] = _unit(step, units)
-                except EquationError as error:
-                    if faults is not None:
-                        faults.append((step, error))
-    return {name: unit or "mm" for name, unit in units.items()}
-
-
-def _unit(step: Step, units: Mapping[str, Unit]) -> Unit:
-    match step.do:
-        case "unit_v" | "normal" | "direction":
-            return "1"
-        case "angle":
-            return "rad"
-        case "ratio":
-            return _product(units[step.inputs[0]], units[step.inputs[1]])
-        case "length" if step.variant == "vector":
-            return units[step.inputs[0]]
-        case "compute" if step.formula is not None:
-            return formula_unit(step.formula, {item: units[item] for item in step.inputs})
-    return "mm"
-
-
-def _product(first: Unit, second: Unit) -> Unit:
-    if first not in EXPONENT or second not in EXPONENT:
-        return None
-    exponent = EXPONENT[first] + EXPONENT[second]
-    if exponent == 0:
-        return "rad" if "rad" in (first, second) else "1"
-    return "mm" if exponent == 1 else f"mm^{exponent}"
-
-
-def formula_unit(node: Node, units: Mapping[str, Unit]) -> Unit:
-    """The unit of a formula's value, or None where the units of its inputs do not tell it.
-
-    Raises EquationError where dimensions do not agree.
-    """
-    known = {name: None if unit is None else EXPONENT.get(unit) for name, unit in units.items()}
-    fitting = []
-    fault_found: EquationError | None = None
-    for exponent in (1, 0, 2, 3, -1, -2):
-        try:
-            check_dimension(node, exponent, known)
-        except EquationError as error:
-            fault_found = fault_found or error
-        else:
-            fitting.append(exponent)
-    if not fitting and fault_found is not None:
-        raise fault_found
-    if len(fitting) != 1:
-        return None
-    if fitting[0] == 0:
-        circular = isinstance(node, Call) and node.function in INVERSE
-        return "rad" if circular or set(units.values()) == {"rad"} else "1"
-    return "mm" if fitting[0] == 1 else f"mm^{fitting[0]}"

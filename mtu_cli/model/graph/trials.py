@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mtu_cli.model.graph.first_order import FirstOrder
-from mtu_cli.model.graph.measurement_graph import Evaluation
+from mtu_cli.model.graph.measurement_graph import LARGEST, Evaluation
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.workspace import Workspace
 
@@ -40,7 +40,10 @@ class GraphTrials:
         keep_freed_memory()
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        """Values and first-order values (outputs, m)."""
+        """Values and first-order values (outputs, m).
+
+        Raises InputError for the first transition behind them that has no finite value.
+        """
         n = len(self.names)
         z = self.evaluation.inputs.draw(rng, m, self._work)
         linear = np.matmul(self._gradient, z, out=self._work.array("linear", (n, m)))
@@ -48,4 +51,7 @@ class GraphTrials:
         X = self.evaluation.inputs.scaled(z)
         with np.errstate(all="ignore"):
             values = self.evaluation.run(X, self._work.array("values", (n, m)))
+        # What is not a number compares as neither.
+        if not (values.max() < LARGEST and values.min() > -LARGEST):
+            self.evaluation.raise_not_finite(X)
         return Draws(values=values, linear=linear, linear_u=self._u)

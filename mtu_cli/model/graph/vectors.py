@@ -48,3 +48,23 @@ def across(a: FloatArray, direction: FloatArray) -> FloatArray:
     """The part of a across a unit vector: a - (a.d) d, (3, m)."""
     out = dot(a, direction) * direction
     return np.subtract(a, out, out=out)
+
+
+def tangents(n: FloatArray) -> list[FloatArray]:
+    """Unit vectors (d, m) across unit vectors n (d, m) and each other; d is 2 or 3."""
+    if len(n) == 2:
+        return [np.stack([-n[1], n[0]])]
+    # The axis that stands most across.
+    axis = (np.argmin(np.abs(n), axis=0) == np.arange(3)[:, None]).astype(np.float64)
+    first = unit(cross(n, axis))
+    return [first, cross(n, first)]
+
+
+def vector_dot(a: FloatArray, b: FloatArray, out: FloatArray | None = None) -> FloatArray:
+    """a.b over the first axis, of any length: of points (d, n, m) with vectors (d, m), (n, m)."""
+    total: FloatArray = np.multiply(a[0], b[0], out=out)
+    part = np.empty_like(total)
+    for left, right in zip(a[1:], b[1:], strict=True):
+        np.multiply(left, right, out=part)
+        total += part
+    return total

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from graph_examples import SHIPPED, graph_of, shipped
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from mtu_cli.analyses.graph.check import check_graph
 from mtu_cli.analyses.graph.simulate import GraphSimulation, simulate_graph
@@ -146,9 +147,15 @@ def test_a_square_at_zero(tmp_path: Path) -> None:
     assert item.first_order_u == 0
     assert [warning.code for warning in result.warnings] == ["first-order-nil"]
     assert item.converged
-    assert item.mean == pytest.approx(9, rel=0.01)
-    assert item.u == pytest.approx(9 * 2**0.5, rel=0.01)
-    assert item.interval == pytest.approx((9 * 0.000982, 9 * 5.02389), rel=0.05, abs=1e-3)
+    assert item.mean == pytest.approx(9, abs=5 * item.u / item.trials**0.5)
+    assert item.u == pytest.approx(9 * 2**0.5, abs=5 * item.se_u)
+    # chi^2 of 1 degree of freedom is the square of a normal variable; five standard errors
+    # sqrt(p(1 - p)/M)/f of an empirical quantile.
+    for end, probability in zip(item.interval, (0.025, 0.975), strict=True):
+        q = float(ndtri((1 + probability) / 2)) ** 2
+        density = math.exp(-q / 2) / math.sqrt(2 * math.pi * q) / 9
+        error = math.sqrt(probability * (1 - probability) / item.trials) / density
+        assert end == pytest.approx(9 * q, abs=5 * error)
     assert item.validation is None
 
 
@@ -170,9 +177,14 @@ transitions:
   - {do: compute, in: [a, b], out: s, formula: a + b}
 """
     (item,) = simulate_graph(graph_of(tmp_path, text), Settings()).coordinates
+    # A sum is its own control variate: its u has no random part.
     assert item.u == pytest.approx(2**0.5, rel=1e-9)
-    end = 2 * 3**0.5 * (1 - 0.05**0.5)
-    assert item.interval == pytest.approx((2 - end, 2 + end), abs=0.02)
+    width = 2 * 3**0.5
+    end = width * (1 - 0.05**0.5)
+    # Five standard errors of an empirical quantile; the density of the triangle there.
+    density = (1 - end / width) / width
+    error = 5 * math.sqrt(0.025 * 0.975 / item.trials) / density
+    assert item.interval == pytest.approx((2 - end, 2 + end), abs=error)
     assert item.validation is not None
     assert item.validation.passed is False
 
@@ -204,7 +216,8 @@ def test_a_grid_of_one_value_has_no_formula() -> None:
     swept = sweep_graph(shipped("ball-centre"), Settings(trials=2000), "P1.x", {"axis_um": [1.0]})
     assert swept.formula is None
     assert swept.no_formula == "nothing varies"
-    assert swept.grid[0].u == pytest.approx(1e-3, rel=0.1)
+    # 2000 trials: five standard errors of a standard deviation.
+    assert swept.grid[0].u == pytest.approx(1e-3, rel=5 / math.sqrt(2 * 2000))
 
 
 def test_one_coordinate_is_swept() -> None:
@@ -240,12 +253,23 @@ def test_a_formula_without_first_order_has_all_terms(tmp_path: Path) -> None:
     assert found is not None
     assert found.form == "u_um = sqrt(a*axis_um^2 + b/repeats + c)"
     share = 2 - np.pi / 2
-    # u has a standard error of about 0.2 %, u^2 of 0.4 %; the terms share it.
-    expected = {"a": share, "b": 0.25 * share, "c": 0.09 * share}
-    assert found.coefficients == pytest.approx(expected, abs=0.01)
+    # Weighted least squares of u^2, whose relative standard error is 2 se(u)/u =
+    # sqrt((kurtosis - 1)/M); of a Rayleigh variable the kurtosis is
+    # (32 - 3 pi^2)/(4 - pi)^2. Five standard errors of the coefficients, (X'WX)^-1.
+    kurtosis = (32 - 3 * np.pi**2) / (4 - np.pi) ** 2
+    relative = math.sqrt((kurtosis - 1) / 200_000)
+    settings = [(n, u1) for n in (1, 2, 4) for u1 in (0.5, 1)]
+    terms = np.array([[u1**2, 1 / n, 1] for n, u1 in settings])
+    expected = share * np.array([1, 0.25, 0.09])
+    weighted = terms / (relative * (terms @ expected))[:, None]
+    covariance = np.linalg.inv(weighted.T @ weighted)
+    coefficients = np.array([found.coefficients[name] for name in "abc"])
+    assert np.all(np.abs(coefficients - expected) <= 5 * np.sqrt(np.diag(covariance)))
     between = {"repeats": np.array([3.0]), "axis_um": np.array([0.8])}
-    u = 1e-3 * np.sqrt(share * (0.64 + 0.25 / 3 + 0.09))
-    assert found.u_at(between, 1) == pytest.approx([u], rel=0.01)
+    term = np.array([0.64, 1 / 3, 1])
+    u2 = float(term @ expected)
+    error = 5 * math.sqrt(term @ covariance @ term) / (2 * u2)
+    assert found.u_at(between, 1) == pytest.approx([1e-3 * math.sqrt(u2)], rel=error)
 
 
 def test_two_points_carry_two_terms(tmp_path: Path) -> None:

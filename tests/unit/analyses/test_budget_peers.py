@@ -133,23 +133,6 @@ def test_perfect_correlation_is_one_source() -> None:
     assert result.run.high[0] - result.run.low[0] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_monte_carlo_tells_its_own_uncertainty() -> None:
-    """Peers: none does (openturns pull request 2882). 40 seeds scatter as the errors say.
-
-    The root mean square of 40 standardised deviations lies within 0.72 and 1.33 with
-    probability 0.99 and more if the standard errors are right; they have a scatter of their own.
-    """
-    text = "equation: x*y\ninputs: {x: {value: 2, u: 0.3, dof: 12}, y: {value: 1, u: 0.2}}\n"
-    runs = [evaluated(text, seed=seed, trials=20_000, threads=1).run for seed in range(40)]
-    long = evaluated(text, seed=99, trials=2_000_000).run
-    for name in ("mean", "u", "low", "high"):
-        z = [
-            (getattr(run, name)[0] - getattr(long, name)[0]) / getattr(run, f"se_{name}")[0]
-            for run in runs
-        ]
-        assert 0.6 < float(np.sqrt(np.mean(np.square(z)))) < 1.6, name
-
-
 def test_the_count_adapts_to_the_digits() -> None:
     """Peers run a fixed count (7.9 of JCGM 101 is implemented by none tabulated)."""
     text = "equation: x + x**2\ninputs: {x: {value: 0, u: 0.2}}\n"

@@ -163,3 +163,20 @@ correlations: [[first, secnd, 2], [first], 3, [first, second, much]]
         "10: correlations[0][1]: unknown place: 'secnd'; did you mean 'second'?",
         "10: correlations[0][2]: a correlation beyond 1: '2'; expected -1 to 1",
     ]
+
+
+def test_a_name_with_a_dot_is_refused(tmp_path: Path) -> None:
+    """P.x would be a place and the coordinate x of the place P."""
+    text = """
+places:
+  P: {kind: point, nominal_mm: [0, 0, 0]}
+  Q: {kind: point, nominal_mm: [1, 0, 0]}
+  P.x: {kind: constant}
+transitions:
+  - {do: meas, out: P, along: x}
+  - {do: meas, out: Q, along: x}
+  - {do: distance, in: [P, Q], out: P.x}
+"""
+    (found,) = faults(tmp_path, text)
+    assert found.startswith("7: places.P.x: a name with a dot")
+    assert found.endswith("expected P_x")

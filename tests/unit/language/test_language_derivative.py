@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -163,3 +164,78 @@ def test_integer_powers_of_zero_and_of_negative_numbers() -> None:
     assert at("x**2", x=0.0).second[0, 0] == 2.0
     assert at("x**3", x=-2.0).first[0] == 12.0
     assert at("x**0", x=0.0).first[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "values", "outer"),
+    [
+        # x^4 vanishes to the third order: these are x^2, |x|, x^2 + y^2 and |x y|.
+        ("sqrt(x**4)", {"x": 0.0}, "sqrt()"),
+        ("(x**4)**0.25", {"x": 0.0}, "'**'"),
+        ("sqrt((x*x + y*y)**2)", {"x": 0.0, "y": 0.0}, "sqrt()"),
+        ("abs(x*x*y*y)", {"x": 0.0, "y": 0.0}, "abs()"),
+    ],
+)
+def test_an_argument_that_vanishes_beyond_the_third_order(
+    text: str, values: dict[str, float], outer: str
+) -> None:
+    found = at(text, **values)
+    assert found.value == 0.0
+    assert np.all(np.isnan(found.first))
+    assert outer in found.faults[0].what
+    # By a name that it does not hold the output does vary.
+    other = at(f"{text} + 2*z", **values, z=1.0)
+    assert other.first[-1] == 2.0
+    assert np.all(np.isnan(other.first[:-1]))
+
+
+@pytest.mark.parametrize(("x", "value"), [(-1.0, math.pi), (-0.25, math.pi), (0.0, 0.0)])
+def test_atan2_on_its_cut_has_a_value_alone(x: float, value: float) -> None:
+    found = at("atan2(y, x) + z", y=0.0, x=x, z=0.5)
+    assert found.value == value + 0.5
+    assert np.all(np.isnan(found.first[:2]))
+    assert found.first[2] == 1.0
+    (fault,) = found.faults
+    assert (fault.what[:5], fault.column) == ("atan2", 1)
+
+
+def test_atan2_of_constants_on_its_cut_is_a_constant() -> None:
+    found = derivatives(parse("x*atan2(0*x, k)", BUDGET_FUNCTIONS), {"x": 2.0, "k": 1.0}, ["x"])
+    assert found.first[0] == 0.0
+    tree = parse("x*atan2(j, k)", BUDGET_FUNCTIONS)
+    found = derivatives(tree, {"x": 2.0, "j": 0.0, "k": -1.0}, ["x"])
+    assert found.first[0] == math.pi
+    assert not found.faults
+
+
+def test_slabs_of_pairs_are_those_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A product sum of 30 names, by hand: the second derivatives are the coefficients."""
+    rng = np.random.default_rng(2)
+    names = [f"x{i}" for i in range(30)]
+    C = np.triu(rng.integers(1, 9, (30, 30)), 1)[:, ::-1] * (rng.random((30, 30)) < 0.15)
+    pairs = np.argwhere(C)
+    text = " + ".join(f"{C[i, j]}*x{i}*x{j}" for i, j in pairs)
+    H = C + C.T
+    point = rng.normal(size=30)
+    values = dict(zip(names, point.tolist(), strict=True))
+    monkeypatch.setattr("mtu_cli.language.derivative.SLAB", 100)
+    found = derivatives(parse(f"{text} + sqrt(x0*x0)"), values, names)
+    sign = math.copysign(1.0, point[0])
+    assert found.second == pytest.approx(H)
+    assert found.first == pytest.approx(H @ point + sign * np.eye(30)[0])
+    faulty = derivatives(parse(f"{text} + sqrt(x0*x0)"), values | {"x0": 0.0}, names)
+    assert len(faulty.faults) == 1
+
+
+def test_names_that_an_equation_does_not_have_cost_nothing() -> None:
+    """x0 + x0*x1 of 1500 names: far below what all their pairs take, 27 GB."""
+    names = [f"x{i}" for i in range(1500)]
+    tree = parse("x0 + x0*x1")
+    tracemalloc.start()
+    found = derivatives(tree, dict.fromkeys(names, 2.0), names)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    # The second derivatives themselves are 1500^2 numbers.
+    assert peak < 2 * 8 * 1500**2
+    assert found.first[:3].tolist() == [3.0, 2.0, 0.0]
+    assert np.argwhere(found.second).tolist() == [[0, 1], [1, 0]]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,72 +16,167 @@ Floats = NDArray[np.float64]
 TRIALS = 12
 TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
 SHIFT = np.array([310.0, -45.0, 120.0])
+NORMAL = TURN[:, 2]
 
 
-def circle_points(n: int, noise: float) -> list[Floats]:
-    rng = np.random.default_rng(n)
-    t = np.linspace(0, 4.5, n)
-    nominal = (TURN @ np.array([40 * np.cos(t), 40 * np.sin(t), 0 * t])).T + SHIFT
-    return [point[:, None] + noise * rng.normal(size=(3, TRIALS)) for point in nominal]
+def arc(n: int, degrees: float, radius: float) -> Floats:
+    """Points (n, 3) of an arc that is turned and far from the origin."""
+    t = np.radians(np.linspace(0, degrees, n))
+    q = np.column_stack([np.cos(t), np.sin(t), 0 * t])
+    return np.asarray(radius * q @ TURN.T + SHIFT)
 
 
-def sphere_points(n: int, noise: float) -> list[Floats]:
-    rng = np.random.default_rng(n)
-    directions = rng.normal(size=(n, 3))
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    return [
-        12.5 * point[:, None] + SHIFT[:, None] + noise * rng.normal(size=(3, TRIALS))
-        for point in directions
-    ]
+def ball(n: int, radius: float, reach: float = np.pi) -> Floats:
+    """Points (n, 3) of a spherical cap: a spiral from the pole down to the angle `reach`."""
+    t = np.arccos(np.linspace(1, np.cos(0.95 * reach), n))
+    a = 2.39996 * np.arange(n)
+    q = np.column_stack([np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t)])
+    return np.asarray(radius * q @ TURN.T + SHIFT)
+
+
+def drawn(nominal: Floats, noise: float, trials: int = TRIALS) -> list[Floats]:
+    rng = np.random.default_rng(len(nominal))
+    return [point[:, None] + noise * rng.normal(size=(3, trials)) for point in nominal]
+
+
+def one(points: list[Floats], trial: int) -> Floats:
+    return np.array([point[:, trial] for point in points])
 
 
 @pytest.mark.parametrize("noise", [1e-3, 0.5])
 @pytest.mark.parametrize("n", [4, 9])
 def test_plane(n: int, noise: float) -> None:
-    points = circle_points(n, noise)
-    centre, normal = fits.plane(points, TURN[:, 2])
+    points = drawn(arc(n, 258, 40), noise)
+    centre, normal = fits.plane(points, NORMAL)
     for trial in range(TRIALS):
-        one = fit_plane(np.array([point[:, trial] for point in points]))
-        assert centre[:, trial] == pytest.approx(one.centroid, rel=1e-13)
-        assert normal[:, trial] @ TURN[:, 2] > 0
-        assert abs(normal[:, trial] @ one.normal) == pytest.approx(1.0, abs=1e-12)
-        assert np.cross(normal[:, trial], one.normal) == pytest.approx(np.zeros(3), abs=1e-10)
+        alone = fit_plane(one(points, trial))
+        assert centre[:, trial] == pytest.approx(alone.centroid, rel=1e-13)
+        assert normal[:, trial] @ NORMAL > 0
+        assert np.cross(normal[:, trial], alone.normal) == pytest.approx(np.zeros(3), abs=1e-10)
 
 
-@pytest.mark.parametrize("noise", [1e-3, 0.5])
-@pytest.mark.parametrize("n", [4, 9])
-def test_circle(n: int, noise: float) -> None:
-    points = circle_points(n, noise)
-    centre, radius = fits.circle(points, TURN[:, 2])
+@pytest.mark.parametrize("width", [10.0, 0.1, 0.01, 0.003])
+def test_plane_of_a_strip(width: float) -> None:
+    """Two edges 1 m long, `width` mm apart, 1 um noise: the narrowest turn about freely.
+
+    Each normal is known as the step ends, 1e-13 of the length, over the least width drawn.
+    """
+    nominal = np.array([[0, 0, 0], [1000, 0, 0], [1000, width, 0], [0, width, 0], [500, width, 0]])
+    points = drawn(nominal, 1e-3, 5000)
+    normal = fits.plane(points, np.array([0.0, 0.0, 1.0]))[1]
+    assert np.isfinite(normal).all()
+    q = np.array(points).transpose(2, 0, 1)
+    _, singular, Vt = np.linalg.svd(q - q.mean(axis=1, keepdims=True), full_matrices=False)
+    away = np.linalg.norm(np.cross(normal.T, Vt[:, 2]), axis=1)
+    # From where singular values are apart by s2^2 - s3^2, an error of 1e-10 mm turns the normal by
+    # s2 over that; the last step may leave another of its own size.
+    bound = 2e-10 * singular[:, 1] / (singular[:, 1] ** 2 - singular[:, 2] ** 2)
+    assert np.all(away <= bound + 1e-12)
+
+
+CIRCLES = [
+    *((4, 258.0, 40.0, noise) for noise in (1e-3, 0.5)),
+    *((9, 258.0, 40.0, noise) for noise in (1e-3, 0.5)),
+    *((8, degrees, 100.0, 1e-3) for degrees in (90.0, 20.0, 10.0, 5.0, 2.0)),
+    *((6, degrees, 12.5, 1e-3) for degrees in (30.0, 15.0)),
+]
+
+
+def curvature_error(degrees: float, radius: float) -> float:
+    """By how much the digits of coordinates of 400 mm, 5e-14 mm, move the radius, relatively:
+    8/theta^2 of a sagitta, of which R theta^2/8 there is. Ten times that is asked for.
+    """
+    sagitta = radius * min(1.0, math.radians(degrees) ** 2 / 8)
+    return 10 * 5e-14 / sagitta
+
+
+@pytest.mark.parametrize(("n", "degrees", "radius", "noise"), CIRCLES)
+def test_circle(n: int, degrees: float, radius: float, noise: float) -> None:
+    """Against the fit of one circle, which iterates on centre and radius."""
+    nominal = arc(n, degrees, radius)
+    points = drawn(nominal, noise, 200)
+    centre, found = fits.circle(points, fits.circle_start(nominal, NORMAL))
+    assert np.isfinite(found).all()
+    # What the iterations end at, 1e-13 and 1e-12 of the extent, adds to the digits.
+    error = 100 * curvature_error(degrees, radius)
+    for trial in range(0, 200, 10):
+        alone = fit_circle(one(points, trial))
+        assert found[trial] == pytest.approx(alone.radius, rel=error)
+        assert centre[:, trial] == pytest.approx(alone.centre, abs=error * alone.radius)
+
+
+@pytest.mark.parametrize("degrees", [90.0, 20.0, 10.0, 5.0])
+def test_circle_has_the_uncertainty_of_its_arc(degrees: float) -> None:
+    """u(R)/u = sqrt of the last diagonal element of (X'X)^-1, X the rows (cos, sin, 1): least
+    squares in the plane to first order (Gilsinn & Ling 2004, eq. (6), with these rows).
+    """
+    m, u = 20_000, 1e-4
+    nominal = arc(8, degrees, 100.0)
+    _, found = fits.circle(drawn(nominal, u, m), fits.circle_start(nominal, NORMAL))
+    t = np.radians(np.linspace(0, degrees, 8))
+    X = np.column_stack([np.cos(t), np.sin(t), np.ones(8)])
+    expected = u * np.sqrt(np.linalg.inv(X.T @ X)[2, 2])
+    # Five standard errors, and the second order, which is as large as u(R)/R.
+    assert found.std() == pytest.approx(expected, rel=5 / np.sqrt(2 * m) + expected / 100)
+    assert found.mean() == pytest.approx(100, abs=5 * expected / np.sqrt(m) + 2 * expected**2 / 100)
+
+
+@pytest.mark.parametrize("order", [[3, 0, 1, 2, 4, 5, 6, 7], [7, 6, 5, 4, 3, 2, 1, 0]])
+def test_the_order_of_the_points_does_not_matter(order: list[int]) -> None:
+    """Also where the first point stands in the middle of the arc, close to the centroid."""
+    nominal = arc(8, 5, 100)
+    points = drawn(nominal, 1e-3, 50)
+    first = fits.circle(points, fits.circle_start(nominal, NORMAL))
+    turned = [points[i] for i in order]
+    other = fits.circle(turned, fits.circle_start(nominal[order], NORMAL))
+    error = 100 * curvature_error(5, 100)
+    assert other[1] == pytest.approx(first[1], rel=error)
+    assert other[0] == pytest.approx(first[0], abs=100 * error)
+
+
+def test_a_trial_does_not_depend_on_the_others() -> None:
+    nominal = arc(8, 2, 100)
+    points = drawn(nominal, 1e-3, 300)
+    start = fits.circle_start(nominal, NORMAL)
+    together = fits.circle(points, start)
+    alone = fits.in_slices(lambda *places: fits.circle(places, start))(
+        *(np.tile(point[:, [7]], (1, fits.SLICE + 1)) for point in points)
+    )
+    error = 100 * curvature_error(2, 100)
+    assert alone[1] == pytest.approx(np.full(fits.SLICE + 1, together[1][7]), rel=error)
+
+
+SPHERES = [(5, np.pi, 1e-3), (12, np.pi, 0.3), (9, 1.2, 1e-3), (9, 0.3, 1e-3), (9, 0.1, 1e-3)]
+
+
+@pytest.mark.parametrize(("n", "reach", "noise"), [*SPHERES, (9, 0.03, 1e-4), (4, np.pi, 0.3)])
+def test_sphere(n: int, reach: float, noise: float) -> None:
+    nominal = ball(n, 12.5, reach)
+    points = drawn(nominal, noise, 200)
+    centre, radius = fits.sphere(points, fits.sphere_start(nominal))
+    assert np.isfinite(radius).all()
+    error = 100 * curvature_error(np.degrees(2 * reach), 12.5)
+    for trial in range(0, 200, 10):
+        alone = fit_sphere(one(points, trial))
+        assert radius[trial] == pytest.approx(alone.radius, rel=error)
+        assert centre[:, trial] == pytest.approx(alone.centre, abs=error * alone.radius)
+
+
+@pytest.mark.parametrize(("n", "reach", "noise"), [(7, np.pi, 0.1), (9, 0.1, 1e-3)])
+def test_sphere_of_radius_against_an_optimiser(n: int, reach: float, noise: float) -> None:
+    nominal = ball(n, 12.5, reach)
+    points = drawn(nominal, noise)
+    radius = 12.5 + noise * np.linspace(-1, 1, TRIALS)
+    centre = fits.sphere_of_radius(points, radius, fits.sphere_start(nominal))
     for trial in range(TRIALS):
-        one = fit_circle(np.array([point[:, trial] for point in points]))
-        assert centre[:, trial] == pytest.approx(one.centre, rel=1e-10)
-        assert radius[trial] == pytest.approx(one.radius, rel=1e-9)
-
-
-@pytest.mark.parametrize("noise", [1e-3, 0.3])
-@pytest.mark.parametrize("n", [5, 12])
-def test_sphere(n: int, noise: float) -> None:
-    points = sphere_points(n, noise)
-    centre, radius = fits.sphere(points)
-    for trial in range(TRIALS):
-        one = fit_sphere(np.array([point[:, trial] for point in points]))
-        assert centre[:, trial] == pytest.approx(one.centre, rel=1e-9)
-        assert radius[trial] == pytest.approx(one.radius, rel=1e-8)
-
-
-def test_sphere_of_radius_against_an_optimiser() -> None:
-    points = sphere_points(7, 0.1)
-    radius = np.linspace(12.4, 12.6, TRIALS)
-    centre = fits.sphere_of_radius(points, radius)
-    for trial in range(TRIALS):
-        p = np.array([point[:, trial] for point in points])
+        p = one(points, trial)
 
         def gaps(c: Floats, p: Floats = p, r: float = float(radius[trial])) -> Floats:
             away: Floats = np.linalg.norm(p - c, axis=1) - r
             return away
 
-        other = least_squares(gaps, SHIFT, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        other = least_squares(gaps, SHIFT, xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac").x
+        # The optimiser sees no more of the sum of squares than its rounding: noise times 1e-8.
         assert centre[:, trial] == pytest.approx(other, abs=1e-6)
 
 
@@ -93,8 +190,11 @@ def test_three_points_of_a_triangle_of_known_sides() -> None:
 
 
 def test_what_cannot_be_fitted_is_not_a_number() -> None:
-    """One trial whose points are no sphere is seen, not hidden."""
-    points = [np.array([[float(i)], [0.0], [0.0]]) for i in range(6)]
+    """One trial whose points are no sphere is seen, not hidden, and hides no other."""
+    nominal = ball(6, 12.5)
+    points = drawn(nominal, 1e-3, 3)
+    for i, point in enumerate(points):
+        point[:, 1] = [float(i), 0.0, 0.0]
     with np.errstate(all="ignore"):
-        centre, _ = fits.sphere(points)
-    assert not np.isfinite(centre).all()
+        centre, _ = fits.sphere(points, fits.sphere_start(nominal))
+    assert np.isfinite(centre).tolist() == [[True, False, True]] * 3

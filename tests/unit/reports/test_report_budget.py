@@ -19,6 +19,8 @@ from mtu_cli.reports.budget_table import table
 from mtu_cli.reports.csv_text import csv_text
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.tables import plain_text
+from mtu_cli.reports.validations import validation_warnings
+from mtu_cli.stats.validation import Validation
 
 CONTRACT = {"value", "u", "second_order", "dof_effective", "k", "U", "rows", "monte_carlo"}
 ROW = {"name", "value", "u", "distribution", "dof", "sensitivity", "contribution", "share"}
@@ -169,3 +171,42 @@ def test_no_shortest_interval_that_is_longer_than_the_symmetric_one() -> None:
             True,
         )
         assert "no-shortest-interval" in {item.code for item in found}
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("$y_{", "$"), ("a $\\frac{ b$", "$q$"), ("y$\\q$", "m$^$")]
+)
+def test_dollar_signs_of_a_file_are_signs(name: str, unit: str) -> None:
+    """Names and units are text: what looks like a formula is none, and never a fault."""
+    text = (
+        f"quantity: {{name: '{name}', unit: '{unit}'}}\nequation: x\n"
+        "inputs: {x: {value: 1, u: 1}}\n"
+    )
+    page = figure(evaluated(text, trials=20_000))
+    assert figure_bytes(page, ".png").startswith(b"\x89PNG")
+    assert figure_bytes(page, ".svg").startswith(b"<?xml")
+    escaped = f"{name}, {unit}".replace("$", "\\$")
+    assert page.axes[1].get_xlabel() == escaped
+
+
+def test_a_stated_factor_beside_an_interval_with_t_is_explained() -> None:
+    """U is k u with the 2 asked for, the 95.45 % interval takes t of 4 degrees of freedom, 2.87.
+
+    JCGM 100:2008, table G.2: 2.87 for 4 degrees of freedom and 95.45 %.
+    """
+    text = "equation: x\ninputs: {x: {value: 0, u: 1, dof: 4}}\n"
+    shown = " ".join(plain_text(table(evaluated(text + "coverage: {k: 2}\n"), 2)).split())
+    assert "U = k u with k = 2.00, as asked for" in shown
+    assert "takes k = 2.87, of Student's t with 4 degrees of freedom" in shown
+    assert "as asked for" not in plain_text(table(evaluated(text), 2))
+    normal = text.replace(", dof: 4", "") + "coverage: {k: 2}\n"
+    assert "as asked for" not in plain_text(table(evaluated(normal), 2))
+    far = " ".join(plain_text(table(evaluated(normal.replace("2}", "5}")), 2)).split())
+    assert "takes k = 3.29, of the normal distribution" in far
+
+
+@pytest.mark.parametrize(("unit", "said"), [("", "(up to 2.8)"), ("um", "(up to 2.8 um)")])
+def test_a_ratio_has_no_unit_in_warnings(unit: str, said: str) -> None:
+    failed = Validation(passed=False, d_low=2.8, d_high=1.0, tolerance=0.05)
+    (warning,) = validation_warnings(["u.i"], [failed], unit, 1.0)
+    assert f"{said}, for u.i" in warning.message

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import time
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,16 @@ from graph_examples import SHIPPED, graph_of, shipped
 from mtu_cli.analyses.graph.simulate import simulate_graph
 from mtu_cli.analyses.graph.sweep import sweep_graph
 from mtu_cli.cli.graph_draw import net_for
+from mtu_cli.errors import InputError
+from mtu_cli.files.graph_file import load_graph
+from mtu_cli.model.graph.examine import examine
+from mtu_cli.model.graph.measurement_graph import build_graph
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph_figure, graph_simulate, graph_sweep, graph_text
-from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.figures import figure_bytes, literal
 from mtu_cli.reports.graph_drawing import drawing
 from mtu_cli.reports.graph_layout import RADIUS, lay_out
-from mtu_cli.reports.graph_net import Net, share_percent
+from mtu_cli.reports.graph_net import Net, Node, share_percent
 
 OF = {
     "ball-centre": "P1.z",
@@ -177,3 +182,101 @@ def test_halves_are_rounded_up_whatever_the_noise(noise: float) -> None:
     assert share_percent(0.0625 + noise) == "6.3"
     assert share_percent(0.125 + noise, 0) == "13"
     assert share_percent(0.0624) == "6.2"
+
+
+def test_dollar_signs_are_no_formula(tmp_path: Path) -> None:
+    """Names and titles with two of them, and a backslash between, are drawn sign by sign."""
+    path = tmp_path / "graph.yaml"
+    path.write_text(DOLLARS, "utf-8")
+    graph = build_graph(load_graph(path, examine))
+    (y,) = (name for name in graph.graph.places if name.startswith("y"))
+    figure = drawing(net_for(graph, y))
+    assert figure_bytes(figure, "svg").startswith(b"<?xml")
+    result = simulate_graph(graph, Settings(trials=1000))
+    histogram = graph_figure.simulated(result)
+    assert figure_bytes(histogram, "png").startswith(b"\x89PNG")
+    for text in (*figure.axes[0].texts, histogram.axes[0].title, histogram.axes[0].xaxis.label):
+        # Matplotlib takes text with an even number of signs that are not escaped for a formula.
+        assert text.get_text().count("$") == text.get_text().count(r"\$")
+
+
+DOLLARS = r"""
+schema: mtu/graph/1
+name: 'a $\frac{ b$'
+places:
+  'x$\q$': {kind: constant, value: 1, u: 0.1}
+  'y$_{$': {kind: constant}
+transitions:
+  - {do: ratio, in: ['x$\q$', 'x$\q$'], out: 'y$_{$'}
+"""
+
+
+@pytest.mark.parametrize("text", ["a$b", "$a$", r"\$a$", r"$\frac{$", "no sign"])
+def test_literal_text_is_shown_as_it_is(text: str) -> None:
+    from matplotlib.figure import Figure
+
+    shown = Figure().text(0, 0, literal(text))
+    assert shown._preprocess_math(shown.get_text()) == (text, False)  # type: ignore[attr-defined]  # what is drawn
+
+
+@pytest.mark.parametrize("of", [["P1"], ["VA.i", "VA.j"]])
+def test_every_line_of_the_histograms_is_in_their_legend(of: list[str]) -> None:
+    """Also where the first of them has no first order."""
+    graph = shipped("ball-centre" if of == ["P1"] else "rotary-axis-a")
+    result = simulate_graph(graph, Settings(trials=1000), of)
+    (legend,) = graph_figure.simulated(result).legends
+    named = [item.get_text() for item in legend.get_texts()]
+    assert len(named) == len(set(named))
+    assert set(named) == {
+        "Monte Carlo trials",
+        "first order",
+        "95 % interval, first order",
+        "95 % interval, Monte Carlo",
+    }
+
+
+@pytest.mark.parametrize("size", [1.0, 1e8])
+def test_a_nominal_that_is_the_rounding_of_nothing_reads_0(size: float, tmp_path: Path) -> None:
+    """x (0.1 + 0.2) - 0.3 x is 5.6e-17 x and no more."""
+    text = f"""
+places:
+  x: {{kind: constant, value: {size}, u: 0.001}}
+  y: {{kind: constant}}
+  z: {{kind: constant}}
+transitions:
+  - {{do: compute, in: [x], out: y, formula: x*(0.1 + 0.2) - 0.3*x}}
+  - {{do: compute, in: [x], out: z, formula: x - {size} + 1e-5}}
+"""
+    result = simulate_graph(graph_of(tmp_path, text), Settings(trials=1000))
+    (sheet,) = graph_simulate.table(result)
+    shown = {row[0]: row[1] for row in sheet.rows}
+    assert shown["y"] == "0"
+    assert float(shown["z"]) == pytest.approx(1e-5, abs=size * 1.2e-16)
+    assert "first-order u: differences over one standard uncertainty" in sheet.notes[0]
+
+
+def test_variances_of_lengths_and_directions_are_not_added() -> None:
+    graph = shipped("work-coordinates")
+    (frame,) = (name for name, item in graph.graph.places.items() if item.kind == "frame")
+    with pytest.raises(InputError, match=rf"one of: {frame}\.x, .*{frame}\.rz"):
+        net_for(graph, frame)
+    assert sum(net_for(graph, f"{frame}.rz").shares.values()) == pytest.approx(1)
+
+
+def test_a_wide_net_is_laid_out_in_seconds() -> None:
+    """A sum of 1500 probings: pairs of arcs are 1e6, and were counted one by one."""
+    count = 1500
+    places = [
+        Node(name=f"x{i}", label=f"x{i}", kind="coordinate", place=True) for i in range(count)
+    ]
+    total = Node(name="s", label="s", kind="constant", place=True)
+    bars = [Node(name=f"t{i}", label="meas", kind="meas", place=False) for i in range(count)]
+    last = Node(name="t", label="compute", kind="compute", place=False)
+    arcs = [(count + 1 + i, i) for i in range(count)]
+    arcs += [(i, 2 * count + 1) for i in range(count)] + [(2 * count + 1, count)]
+    wide = Net(title="wide", nodes=(*places, total, *bars, last), arcs=tuple(arcs))
+    start = time.process_time()
+    layout = lay_out(wide)
+    assert len(layout.routes) == len(arcs)
+    # It takes 1 s, and 11 s where every pair is counted by itself.
+    assert time.process_time() - start < 8

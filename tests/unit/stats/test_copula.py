@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from mtu_cli.stats.copula import bounded_quantile, hermite_coefficients, normal_correlation
+from mtu_cli.stats.copula import (
+    bounded_quantile,
+    bounded_rank,
+    largest_covariance,
+    marginal,
+    normal_correlation,
+)
 from mtu_cli.stats.distributions import Distribution, Kind, shape_moments
 
 
@@ -24,13 +30,13 @@ SHAPES = [item("rectangular"), item("triangular"), item("arcsine"), item("trapez
 @pytest.mark.parametrize("r", [-0.95, -0.3, 0.5, 0.9])
 def test_two_rectangles_in_closed_form(r: float) -> None:
     """Pearson's r = (6/pi) asin(rho/2) for uniform marginals (Pearson 1907)."""
-    a = hermite_coefficients(item("rectangular"))
+    a = marginal(item("rectangular"))
     assert normal_correlation(a, a, r / 3) == pytest.approx(2 * math.sin(math.pi * r / 6), abs=1e-6)
 
 
 def test_a_rectangle_and_a_normal_in_closed_form() -> None:
     """r = rho sqrt(3/pi), so at most 0.977 can be had."""
-    a, b = hermite_coefficients(item("rectangular")), hermite_coefficients(NORMAL)
+    a, b = marginal(item("rectangular")), marginal(NORMAL)
     u = 2.0 / math.sqrt(3.0)
     assert normal_correlation(a, b, 0.5 * u) == pytest.approx(
         0.5 * math.sqrt(math.pi / 3), abs=1e-6
@@ -45,13 +51,13 @@ def test_quantiles_and_coefficients(shape: Distribution) -> None:
     q = bounded_quantile(shape, p)
     assert np.all(np.diff(q) >= 0.0)
     assert q.var() == pytest.approx(shape.u**2, rel=1e-4)
-    assert np.sum(hermite_coefficients(shape) ** 2) == pytest.approx(shape.u**2, rel=1e-5)
+    assert np.sum(marginal(shape).coefficients ** 2) == pytest.approx(shape.u**2, rel=1e-5)
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda x: x.kind)
 def test_samples_have_the_stated_correlation(shape: Distribution) -> None:
     m, r = 400_000, 0.7
-    a = hermite_coefficients(shape)
+    a = marginal(shape)
     rho = normal_correlation(a, a, r * shape.u**2)
     assert rho is not None
     z = np.random.default_rng(8).standard_normal((2, m))
@@ -64,3 +70,47 @@ def test_samples_have_the_stated_correlation(shape: Distribution) -> None:
 def test_a_normal_has_no_bounded_quantile() -> None:
     with pytest.raises(ValueError, match="no closed quantile"):
         bounded_quantile(NORMAL, np.array([0.5]))
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda x: x.kind)
+def test_ranks_undo_quantiles(shape: Distribution) -> None:
+    p = np.linspace(0.0, 1.0, 1001)
+    assert bounded_rank(shape, bounded_quantile(shape, p)) == pytest.approx(p, abs=1e-7)
+    assert bounded_rank(shape, np.array([-1.1, 1.1])) == pytest.approx([0.0, 1.0], abs=0.0)
+    with pytest.raises(ValueError, match="no closed rank"):
+        bounded_rank(NORMAL, p)
+
+
+@pytest.mark.parametrize("shape", [*SHAPES, item("trapezoidal", 0.95)], ids=lambda x: x.kind)
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_full_correlation_of_one_shape_is_full(shape: Distribution, sign: float) -> None:
+    """r = +-1 between inputs of one shape, whatever their widths: exactly one normal for both."""
+    wide = Distribution(
+        kind=shape.kind, u=3.0 * shape.u, half_width=3.0 * shape.half_width, top=3.0 * shape.top
+    )
+    a, b = marginal(shape), marginal(wide)
+    assert normal_correlation(a, b, sign * shape.u * wide.u) == sign
+
+
+# The most that can be had, E Q_1(U) Q_2(U)/(u_1 u_2), by hand: rectangle and normal sqrt(3/pi);
+# rectangle and arcsine sqrt(6) times the integral of (2 p - 1) sin(pi (p - 1/2)) = 4/pi^2;
+# rectangle and triangle 3 sqrt(2) times that of (2 p - 1) Q(p) = 7/30.
+LARGEST = [
+    (item("rectangular"), NORMAL, math.sqrt(3.0 / math.pi)),
+    (item("rectangular"), item("arcsine"), math.sqrt(6.0) * 4.0 / math.pi**2),
+    (item("rectangular"), item("triangular"), 3.0 * math.sqrt(2.0) * 7.0 / 30.0),
+]
+
+
+@pytest.mark.parametrize(("first", "second", "most"), LARGEST)
+def test_no_coefficient_is_lowered(first: Distribution, second: Distribution, most: float) -> None:
+    """The largest coefficient is had, as is one below it; one a millionth above is refused."""
+    a, b, unit = marginal(first), marginal(second), first.u * second.u
+    assert largest_covariance(a, b) / unit == pytest.approx(most, abs=1e-9)
+    rho = normal_correlation(a, b, most * (1.0 - 1e-6) * unit)
+    assert rho is not None
+    assert 0.99 < rho < 1.0
+    for sign in (-1.0, 1.0):
+        assert normal_correlation(a, b, sign * most * (1.0 + 1e-6) * unit) is None
+        found = normal_correlation(a, b, sign * most * unit)
+        assert found == pytest.approx(sign, abs=1e-8)

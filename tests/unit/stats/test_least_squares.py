@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mtu_cli.stats.least_squares import least_squares
+from mtu_cli.stats.least_squares import batched_least_squares, least_squares
 
 FloatArray = NDArray[np.float64]
 
@@ -180,3 +180,45 @@ def test_the_input_is_left_alone() -> None:
     least_squares(X, y)
     np.testing.assert_array_equal(X, kept[0])
     np.testing.assert_array_equal(y, kept[1])
+
+
+def problems(k: int, n: int, m: int) -> tuple[FloatArray, FloatArray]:
+    rng = np.random.default_rng(k)
+    X = rng.normal(size=(k, n, m)) * 10.0 ** np.arange(-3, k - 3)[:, None, None]
+    return X, rng.normal(size=(n, m))
+
+
+@pytest.mark.parametrize(("k", "n"), [(1, 1), (2, 5), (3, 8), (4, 4)])
+def test_a_batch_against_one_at_a_time(k: int, n: int) -> None:
+    X, y = problems(k, n, 40)
+    given = X.copy(), y.copy()
+    b, explained = batched_least_squares(X, y)
+    assert np.array_equal(X, given[0])
+    assert np.array_equal(y, given[1])
+    for i in range(40):
+        alone = least_squares(X[:, :, i].T, y[:, i])
+        # Digits are lost in proportion to the condition of the columns at length 1.
+        columns = X[:, :, i] / np.linalg.norm(X[:, :, i], axis=1)[:, None]
+        lost = 20 * np.linalg.cond(columns) * np.finfo(float).eps
+        scale = np.linalg.norm(X[:, :, i], axis=1)
+        away = np.abs(b[:, i] - alone.coefficients) * scale
+        assert away.max() <= lost * np.linalg.norm(alone.coefficients * scale)
+        assert explained[i] == pytest.approx(y[:, i] @ y[:, i] - alone.rss, rel=1e-9, abs=1e-12)
+
+
+def test_a_batch_of_nearly_parallel_columns_keeps_its_digits() -> None:
+    """Columns apart by e: the condition 1/e is lost, not its square, which would be all digits."""
+    t = np.linspace(0, 1, 6)
+    e = 1e-6
+    X = np.array([np.ones(6), 1 + e * t])[:, :, None]
+    b, _ = batched_least_squares(X, (X[0] + 2 * X[1]).copy())
+    assert b[:, 0] == pytest.approx([1, 2], abs=100 * np.finfo(float).eps / e)
+
+
+def test_a_batch_tells_what_is_not_determined() -> None:
+    """One problem of three has two equal columns; the others are solved."""
+    X, y = problems(2, 5, 3)
+    X[1, :, 1] = 2 * X[0, :, 1]
+    b, explained = batched_least_squares(X, y)
+    assert np.isfinite(b).tolist() == [[True, False, True]] * 2
+    assert np.isfinite(explained).tolist() == [True, False, True]

@@ -1,0 +1,129 @@
+"""Units of places: what transitions tell of them, and where a length must stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from mtu_cli.files.graph_contract import Graph
+from mtu_cli.files.graph_steps import Step
+from mtu_cli.language import EquationError, Node, check_dimension
+from mtu_cli.language.tree import Call
+
+INVERSE = ("asin", "acos", "atan", "atan2")
+LARGEST_EXPONENT = 64
+LENGTHS = {
+    ("displace", "coordinate"): 1,
+    ("displace", "point"): 1,
+    ("ball", ""): 5,
+    ("hole", ""): 4,
+    ("sphere", "radius"): -1,
+}
+"""Which input of a transition is a length, of those that may hold something else."""
+Unit = str | None
+Faults = list[tuple[Step, EquationError]]
+
+
+def place_units(
+    graph: Graph, steps: Iterable[Step], faults: Faults | None = None
+) -> dict[str, str]:
+    """The unit of every place: mm, rad, 1 (or mm^n of a product); mm where nothing tells it.
+
+    A formula that adds a length to an angle goes to `faults`, with its transition.
+    """
+    return {name: unit or "mm" for name, unit in _told(graph, steps, faults).items()}
+
+
+def not_lengths(graph: Graph, steps: Iterable[Step]) -> Iterator[tuple[Step, int, str]]:
+    """Inputs that must be lengths and are something else: transition, number of the input, unit.
+
+    An input of which nothing tells the unit counts as a length.
+    """
+    steps = list(steps)
+    units = _told(graph, steps, None)
+    for step in steps:
+        at = LENGTHS.get((step.do, step.variant))
+        if at is None or at >= len(step.inputs):
+            continue
+        unit = units[step.inputs[at]]
+        if unit not in (None, "mm"):
+            yield step, at % len(step.inputs), unit
+
+
+def _told(graph: Graph, steps: Iterable[Step], faults: Faults | None) -> dict[str, Unit]:
+    units: dict[str, Unit] = {
+        name: place.unit if place.kind == "constant" else "mm"
+        for name, place in graph.places.items()
+    }
+    for step in steps:
+        for name in step.outputs:
+            if units[name] is None or graph.places[name].kind == "vector":
+                try:
+                    units[name] = _unit(step, units)
+                except EquationError as error:
+                    if faults is not None:
+                        faults.append((step, error))
+    return units
+
+
+def _unit(step: Step, units: Mapping[str, Unit]) -> Unit:
+    match step.do:
+        case "unit_v" | "normal" | "direction":
+            return "1"
+        case "angle":
+            return "rad"
+        case "ratio":
+            return _product(units[step.inputs[0]], units[step.inputs[1]])
+        case "length" if step.variant == "vector":
+            return units[step.inputs[0]]
+        case "compute" if step.formula is not None:
+            return formula_unit(step.formula, {item: units[item] for item in step.inputs})
+    return "mm"
+
+
+def _product(first: Unit, second: Unit) -> Unit:
+    one, other = _exponent(first), _exponent(second)
+    if one is None or other is None:
+        return None
+    return _named(one + other, angle="rad" in (first, second))
+
+
+def _exponent(unit: Unit) -> int | None:
+    """Of length in mm, mm^n, rad (0) or 1 (0); None where the unit is not known."""
+    if unit is None or unit in ("1", "rad"):
+        return None if unit is None else 0
+    return 1 if unit == "mm" else int(unit.removeprefix("mm^"))
+
+
+def _named(exponent: int, *, angle: bool) -> str:
+    if exponent == 0:
+        return "rad" if angle else "1"
+    return "mm" if exponent == 1 else f"mm^{exponent}"
+
+
+def formula_unit(node: Node, units: Mapping[str, Unit]) -> Unit:
+    """The unit of a formula's value, or None where the units of its inputs do not tell it.
+
+    Raises EquationError where dimensions do not agree.
+    """
+    known = {name: _exponent(unit) for name, unit in units.items()}
+    # As an argument the formula is one term: its sums are held against themselves alone.
+    whole = Call("abs", (node,), node.column)
+    length, ratio = _misfit(whole, 1, known), _misfit(whole, 0, known)
+    if length is None and ratio is None:
+        return None
+    if length is not None and ratio is not None and length.what == ratio.what:
+        raise length
+    exponents = sorted(range(-LARGEST_EXPONENT, LARGEST_EXPONENT + 1), key=abs)
+    found = next((item for item in exponents if _misfit(whole, item, known) is None), None)
+    if found is None:
+        return None
+    circular = isinstance(node, Call) and node.function in INVERSE
+    return _named(found, angle=circular or set(units.values()) == {"rad"})
+
+
+def _misfit(node: Node, exponent: int, known: Mapping[str, int | None]) -> EquationError | None:
+    try:
+        check_dimension(node, exponent, known)
+    except EquationError as error:
+        return error
+    return None
