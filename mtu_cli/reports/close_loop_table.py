@@ -198,6 +198,10 @@ def _candidates(item: TableResult, several: bool) -> Sheet:
     notes = [f"{len(best)} candidates tested at the first look"]
     if marked:
         notes[0] += "; *: found, or in the class of what was"
+        first = next((i for i, judged in enumerate(best) if judged.name in marked), 0)
+        if above := [judged.name for judged in best[:first]]:
+            # A scatter may be likelier at first: what moves the mean is taken out before it.
+            notes.append(f"{listed(above, 3)}: at the first look; not beside what was found")
     return Sheet(title=f"Likeliest candidates{of}", columns=columns, rows=rows, notes=notes)
 
 

@@ -9,6 +9,7 @@ import pytest
 from close_loop_examples import (
     ambiguous,
     effect,
+    judged,
     left_over,
     named,
     nothing,
@@ -101,6 +102,15 @@ def test_the_best_five_candidates_are_listed_with_the_class_marked() -> None:
     # Rounding leaves no minus before nothing.
     assert lines[start + 5].split()[1] == "0.0"
     assert "not tested: covariate-x: no other numeric column" in lines
+
+
+def test_a_scatter_that_stood_higher_at_first_has_its_reason() -> None:
+    """An effect that differs from part to part scatters, until it is taken out."""
+    own = on_table("named", (effect(),))
+    higher = (judged("scale-scatter", log_bayes_factor=61.2, posterior=0.99), *own.candidates)
+    told = plain_text(table(result(replace(own, candidates=higher))))
+    assert "scale-scatter: at the first look; not beside what was found" in told
+    assert "at the first look;" not in plain_text(table(result(own)))
 
 
 def test_several_components_have_a_line_each_and_none_twice() -> None:
