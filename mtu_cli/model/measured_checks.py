@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -98,6 +98,19 @@ def _left_out(points: Points, axes: tuple[int, ...]) -> list[Warned]:
         if axis not in axes and np.isfinite(points.measured[:, axis]).any():
             what = f"{AXES[axis]}_mm is left out: not every point has it with a nominal"
             found.append(Warned(code="axis-left-out", message=what))
+    return found
+
+
+def not_measured(predicted: Sequence[str], points: Points) -> list[Warned]:
+    """Of axes with an equation along which no point was measured: nothing is judged there."""
+    found = []
+    for axis, name in enumerate(AXES):
+        if name in predicted and not np.isfinite(points.measured[:, axis]).any():
+            text = (
+                f"the points have no {name}_mm: the E{name} of the machine is not judged "
+                "(is the column named otherwise?)"
+            )
+            found.append(Warned(code="axis-not-measured", message=text))
     return found
 
 

@@ -19,7 +19,7 @@ from mtu_cli.model.design import places as fixed_places
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import axes_of, check_repeats
-from mtu_cli.model.measured_checks import check_measured, refuse_mistaken
+from mtu_cli.model.measured_checks import check_measured, not_measured, refuse_mistaken
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.residual_cells import Cells, IntArray, filled
 from mtu_cli.model.residual_covariates import (
@@ -216,6 +216,7 @@ def _axes(model: MachineModel, points: Points, warned: list[Warned]) -> tuple[in
         if AXES[axis] not in model.axes:
             text = f"the machine has no E{AXES[axis]}: errors along {AXES[axis]} are left out"
             warned.append(Warned(code="axis-without-equation", message=text))
+    warned += not_measured(model.axes, points)
     axes = tuple(axis for axis in measured if AXES[axis] in model.axes)
     if not axes:
         raise fault(

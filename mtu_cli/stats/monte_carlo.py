@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.errors import fault
+from mtu_cli.stats.atoms import with_atoms
 from mtu_cli.stats.block_plan import FIRST_LOOK, BlockPlan
 from mtu_cli.stats.blocks import TrialModel
 from mtu_cli.stats.coverage import coverage_factor, numerical_tolerance
@@ -124,7 +125,8 @@ def _estimates(
     """Runs the plan, at most `most` trials where the count adapts."""
     exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
     if plan.blocks == 1:
-        return single_block_estimates(run.only_block(), plan.probability, exists)
+        estimates = single_block_estimates(run.only_block(), plan.probability, exists)
+        return with_atoms(estimates, run.samples(), plan.probability)
     return _grow(run, Pool(plan, exists), criterion, plan.blocks, most // plan.size)
 
 
@@ -133,11 +135,11 @@ def _grow(
 ) -> Estimates:
     if blocks is not None:
         run.run_to(blocks, pool)
-        return pool.estimates()
+        return with_atoms(pool.estimates(), run.samples(), pool.plan.probability)
     goal = FIRST_LOOK
     while True:
         run.run_to(goal, pool)
-        estimates = pool.estimates()
+        estimates = with_atoms(pool.estimates(), run.samples(), pool.plan.probability)
         ratio = criterion.ratio(estimates)
         if ratio <= 1.0 or goal >= most:
             return estimates

@@ -13,7 +13,7 @@ from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
 
 CREDIBLE = 0.95
-RIVAL = 0.25
+RIVAL = 0.1
 """Posterior of drifts and fields without a name from which on they are a likely rival."""
 HALF = 0.49
 """Of a column that lies evenly in two axes each holds this share."""

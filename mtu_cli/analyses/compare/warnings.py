@@ -12,6 +12,7 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.model.measured_checks import not_measured
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import axes_of
 
@@ -39,7 +40,7 @@ def compare_warnings(
 
 
 def _axes(model: MachineModel, points: Points) -> list[Warned]:
-    found = []
+    found = not_measured(model.axes, points)
     for i in axes_of(points):
         if AXES[i] not in model.axes:
             text = (

@@ -72,7 +72,7 @@ def simulate_graph(
     outputs = graph.outputs(of)
     whole = evaluation(graph, outputs)
     linear = first_order(whole)
-    fixed, bent = survey(whole, linear, settings.seed)
+    fixed, bent = survey(graph, whole, linear, settings.seed)
     varying = np.flatnonzero(~fixed)
     together = settings.trials is not None
     groups = [varying] if together else [np.flatnonzero(~fixed & ~bent), np.flatnonzero(bent)]

@@ -147,7 +147,7 @@ def _point(
 ) -> GridPoint:
     part = evaluation(graph, [output])
     linear = first_order(part)
-    _, bent = survey(part, linear, settings.seed)
+    _, bent = survey(graph, part, linear, settings.seed)
     run = run_trials(graph, [output], settings, bent=bool(bent[0]))
     return GridPoint(
         at=at,

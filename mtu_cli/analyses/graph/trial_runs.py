@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.language.tree import Call, walk
 from mtu_cli.model.graph.first_order import FirstOrder, first_order
+from mtu_cli.model.graph.inputs import noises
 from mtu_cli.model.graph.measurement_graph import Evaluation, MeasurementGraph, evaluation
 from mtu_cli.model.graph.outputs import Output
 from mtu_cli.model.graph.trials import GraphTrials
@@ -26,13 +28,29 @@ DRAWN = 2**16
 
 
 def survey(
-    whole: Evaluation, linear: FirstOrder, seed: int
+    graph: MeasurementGraph, whole: Evaluation, linear: FirstOrder, seed: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which outputs (n,) do not vary, and which hardly follow their first-order form."""
+    """Which outputs (n,) do not vary, and which hardly follow their first-order form.
+
+    What goes through a step may vary in so few trials that a pilot sees none of them: it counts
+    as varying, whatever the pilot says.
+    """
     model = GraphTrials(whole, linear)
     u = model.draw(stream(seed, 1), PILOT).values.std(axis=1)
-    fixed = (u <= ROUNDING * whole.sizes) & (linear.u == 0.0)
-    return fixed, ~fixed & ~(linear.u >= LINEAR * u)
+    jumps = np.array([_may_jump(graph, item) for item in whole.outputs], dtype=bool)
+    fixed = (u <= ROUNDING * whole.sizes) & (linear.u == 0.0) & ~jumps
+    return fixed, ~fixed & ~((linear.u >= LINEAR * u) & (linear.u > 0.0))
+
+
+def _may_jump(graph: MeasurementGraph, output: Output) -> bool:
+    """Whether a random input reaches the output through the equation language's step."""
+    start, steps = graph.needed([output])
+    return bool(noises(graph.graph, start)) and any(
+        isinstance(node, Call) and node.function == "step"
+        for item in steps
+        if item.step.formula is not None
+        for node in walk(item.step.formula)
+    )
 
 
 def run_trials(

@@ -166,6 +166,32 @@ def test_a_place_that_does_not_vary(tmp_path: Path) -> None:
     assert (item.mean, item.u, item.interval) == (2.25, 0.0, (2.25, 2.25))
 
 
+RARE = """
+uncertainty: {axis_um: 1.0}
+places:
+  x: {kind: coordinate, axis: x, nominal_mm: 10}
+  lim: {kind: constant, value: 10.0035, unit: mm}
+  ok: {kind: constant, unit: '1'}
+transitions:
+  - {do: meas, out: x}
+  - {do: compute, in: [x, lim], out: ok, formula: step(lim - x)}
+report: [ok]
+"""
+
+
+def test_a_rare_failure_is_not_taken_for_none(tmp_path: Path) -> None:
+    """One in 4300 fails, 1 - Phi(3.5): a pilot of some thousand trials may see none."""
+    chance = 0.5 * math.erfc(-3.5 / math.sqrt(2))
+    count = 400_000
+    found = simulate_graph(graph_of(tmp_path, RARE), replace(Settings(), trials=count))
+    (ok,) = found.coordinates
+    assert not ok.fixed
+    assert ok.trials == count
+    # Four standard errors of a share.
+    assert abs(ok.mean - chance) < 4 * math.sqrt(chance * (1 - chance) / count)
+    assert ok.interval == ok.shortest == (1.0, 1.0)
+
+
 def test_rectangular_inputs(tmp_path: Path) -> None:
     """Two equal ones sum to a triangle: half width w, 95 % within w (1 - sqrt 0.05)."""
     text = """

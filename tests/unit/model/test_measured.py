@@ -22,7 +22,7 @@ from mtu_cli.model.measured import (
     only_features,
     visits_of,
 )
-from mtu_cli.model.measured_checks import check_measured, refuse_mistaken
+from mtu_cli.model.measured_checks import check_measured, not_measured, refuse_mistaken
 
 
 def test_feature_tables_are_errors_by_part() -> None:
@@ -226,6 +226,15 @@ def test_mistakes_of_most_points_are_refused_where_a_machine_would_be_written() 
     some[:19] = found.measured[:19] * 1000
     with pytest.raises(InputError, match=r"cmm.csv, row 2: 19 of 36"):
         refuse_mistaken(with_measured(found, some))
+
+
+def test_an_axis_of_the_machine_that_was_not_measured_is_told() -> None:
+    found = study(6, 2, 3)
+    flat = with_measured(found, found.measured * [1, 1, np.nan])
+    (warning,) = not_measured(("x", "y", "z"), flat)
+    assert warning.code == "axis-not-measured"
+    assert "no z_mm" in warning.message
+    assert not not_measured(("x", "y"), flat)
 
 
 def test_mixed_units_are_named_for_the_rows_that_have_them() -> None:
