@@ -8,7 +8,7 @@ GL := configs/gilsinn-ling
 VR := configs/valdes-ring
 UN := configs/undeclared
 
-.PHONY: demo test lint type bench peers-bench loop-bench data clean
+.PHONY: demo test lint type fuzz bench peers-bench loop-bench data clean
 
 # Stamps are made again when the project's requirements change.
 $(VENV)/.base: pyproject.toml
@@ -57,6 +57,14 @@ lint: $(VENV)/.dev
 
 type: $(VENV)/.dev
 	$(BIN)/mypy
+
+# Shipped files, damaged at random, through every reader and command, and the properties of both
+# on many examples: about two hours. FUZZ_ARGS='--readers 1000 --seed 2' tries less, or others.
+FUZZ_ARGS ?= --readers 110000 --commands 2000
+PROPERTIES := $(patsubst %,tests/properties/test_%.py,files_properties values_properties write_properties language_bounds)
+fuzz: $(VENV)/.dev
+	PYTHONPATH=tests:tests/cli $(BIN)/python -m fuzz $(FUZZ_ARGS)
+	MTU_EXAMPLES=20 $(BIN)/python -m pytest $(PROPERTIES)
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m pytest tests/bench --benchmark-disable -q -s -o addopts= -p no:cacheprovider

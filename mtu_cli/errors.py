@@ -10,6 +10,9 @@ EXIT_INPUT = 2
 EXIT_GATE = 3
 
 SHOWN_PROBLEMS = 20
+LONGEST_PATH = 200
+LONGEST_WORDS = 500
+"""Characters of a problem's parts; only names that are no names reach them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,18 +40,20 @@ class Problem:
         if self.row is not None:
             place += f", row {self.row}" if place else f"row {self.row}"
         if isinstance(self.column, str):
-            place += f", column '{self.column}'" if place else f"column '{self.column}'"
+            name = f"column '{shorten(self.column)}'"
+            place += f", {name}" if place else name
         text = f"{place}: " if place else ""
         if self.path:
-            text += f"{self.path}: "
-        text += self.what
+            text += f"{shorten(self.path, LONGEST_PATH)}: "
+        text += shorten(self.what, LONGEST_WORDS)
         if isinstance(self.column, int):
             text += f" at column {self.column}"
         if self.value is not None:
             text += f": {shorten(self.value)!r}"
         if self.expected:
             asks = self.expected.startswith("did you mean")
-            text += f"; {self.expected}" if asks else f"; expected {self.expected}"
+            expected = shorten(self.expected, LONGEST_WORDS)
+            text += f"; {expected}" if asks else f"; expected {expected}"
         return printable(text)
 
 

@@ -80,7 +80,10 @@ def _first_texts(text: CsvText) -> set[str]:
 
 
 def _read_texts(text: CsvText, names: list[str], capacity: int) -> dict[str, _Texts]:
-    """Columns that turned out to be texts, read again as they are written."""
+    """Columns that turned out to be texts, read again as they are written.
+
+    Raises Suspect for one that holds numbers alone, or what is not finite.
+    """
     found = {name: _Texts(capacity) for name in names}
     count = 0
     if found:
@@ -88,6 +91,10 @@ def _read_texts(text: CsvText, names: list[str], capacity: int) -> dict[str, _Te
             for name, store in found.items():
                 store.add(frame[name], count)
             count += len(frame)
+    for store in found.values():
+        # Whole numbers beyond 64 bits are objects to pandas, and numbers all the same.
+        if store.index and not any(is_text(label, text.decimal) for label in store.index):
+            raise Suspect
     return found
 
 

@@ -40,6 +40,8 @@ def editor_rows(text: CsvText, count: int, *, complete: bool = False) -> Positio
         quotes = np.zeros(0, np.int64)
     else:
         quotes = _positions(content, body, _QUOTE)
+        if not _well_placed(text, quotes):
+            return None
         if _outside(content, body, ord(text.separator), quotes) != separators:
             return None
         if not _no_row_is_longer(text, quotes):
@@ -66,6 +68,26 @@ def _positions(content: bytes, body: int, byte: int) -> Positions:
         chunk = np.frombuffer(content, np.uint8, size, start)
         found.append(np.flatnonzero(chunk == byte) + (start - body))
     return np.concatenate(found) if found else np.zeros(0, np.int64)
+
+
+def _well_placed(text: CsvText, quotes: Positions) -> bool:
+    """Whether quotes enclose whole cells alone; the parser takes more, and rows with it."""
+    import numpy as np
+
+    if len(quotes) % 2:
+        return False
+    size = len(text.content) - text.body
+    view = np.frombuffer(text.content, np.uint8, size, text.body)
+    opened, closed = quotes[::2], quotes[1::2]
+    before = np.where(opened > 0, view[np.maximum(opened - 1, 0)], _NEWLINE)
+    after = np.where(closed + 1 < size, view[np.minimum(closed + 1, size - 1)], _NEWLINE)
+    ends = [ord(text.separator), _NEWLINE]
+    # A quote within a cell stands doubled: the cell closes and opens again.
+    again = np.zeros(len(opened) + 1, bool)
+    again[1:-1] = opened[1:] == closed[:-1] + 1
+    opens = np.isin(before, ends) | again[:-1]
+    closes = np.isin(after, [*ends, _RETURN]) | again[1:]
+    return bool(opens.all() and closes.all())
 
 
 def _outside(content: bytes, body: int, byte: int, quotes: Positions) -> int:

@@ -21,9 +21,8 @@ NUMBER_ENDS = ("_low", "0", "3")
 CHOSEN = "chosen"
 COLUMNS = "a position, a column that `needs` names, or {a} {b} {T} {c} {v}"
 
-_BRACED = re.compile(
-    r"(?:[A-Za-z_0-9]|\{[A-Za-z_0-9]+\})*\{[A-Za-z_0-9]+\}(?:[A-Za-z_0-9]|\{[A-Za-z_0-9]+\})*"
-)
+_WORD = re.compile(r"(?:[A-Za-z_0-9]++|\{[A-Za-z_0-9]++\})++")
+"""A name, of which parts may stand in braces; without a way back, so that long ones cost little."""
 _BRACES = re.compile(r"\{([A-Za-z_0-9]+)\}")
 _POSITIONS = ("x", "y", "z", "{a}", "{b}", "{n}", "{each}")
 _EQUATION = re.compile(r"E(?:[xyz]|\{(?:a|b|n|each)\})")
@@ -155,11 +154,13 @@ def _is_column(raw: str) -> bool:
 def _mangled(text: str, braced: dict[str, str]) -> str:
     # A name of equal length, so that the column of a fault is that of the file.
     def plain(match: re.Match[str]) -> str:
+        if "{" not in match.group():
+            return match.group()
         name = _BRACES.sub(lambda inner: inner.group(1) + "__", match.group())
         braced[name] = match.group()
         return name
 
-    return _BRACED.sub(plain, text)
+    return _WORD.sub(plain, text)
 
 
 def _check_key(key: str, equations: Mapping[str, str], findings: Findings, path: YamlPath) -> None:

@@ -132,7 +132,7 @@ def _check_matrix(
             path, f"{len(rows)} rows of {widths} numbers", expected=f"{size} rows of {size}"
         )
         return
-    fault = covariance_fault(rows)
+    fault = covariance_fault(rows) if size else None
     if fault is not None:
         findings.add(path, fault, value=rows, expected="a covariance matrix")
 
@@ -147,7 +147,12 @@ def covariance_fault(rows: Sequence[Sequence[float]]) -> str | None:
         return "a variance is negative"
     # Coefficients differ by powers of mm: only scaled to correlations are they comparable.
     scale = np.sqrt(variances)
-    correlation = matrix / np.outer(*[np.where(scale > 0, scale, 1.0)] * 2)
+    scale = np.where(scale > 0, scale, 1.0)
+    # One after the other: the product of two small ones may be zero.
+    with np.errstate(over="ignore"):
+        correlation = matrix / scale / scale[:, None]
+    if not np.isfinite(correlation).all():
+        return "not positive semidefinite: a covariance is far beyond its variances"
     if np.abs(correlation - correlation.T).max() > TOLERANCE:
         return "not symmetric"
     if np.linalg.eigvalsh((correlation + correlation.T) / 2)[0] < -TOLERANCE * len(matrix):

@@ -14,6 +14,9 @@ from mtu_cli.files.yaml_scalars import plain_scalar
 _NO_FOLDING = 1 << 30
 _ESCAPED = re.compile("[\x00-\x1f\x7f-\xa0\u2028\u2029\ufeff]")
 
+_NO_YAML = re.compile("[\x7f-\xa0\u2028\u2029\ufeff\ufffe\uffff]")
+"""What JSON takes as it is, and YAML for a line end or for no sign at all."""
+
 
 class _Block(dict[str, Any]):
     """A mapping with an entry a line; all other collections stand on one line."""
@@ -65,6 +68,7 @@ def _blocks(data: Any, depth: int) -> Any:
 def flow_text(data: Any, *, quoted: bool = False) -> str:
     """A value on one line; `quoted` writes it as JSON, which is YAML too."""
     if quoted:
-        return json.dumps(data, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(data, ensure_ascii=False, allow_nan=False)
+        return _NO_YAML.sub(lambda sign: f"\\u{ord(sign[0]):04x}", text)
     # In a list, since a lone scalar would end with a document mark.
     return _dumped([data]).strip().removeprefix("[").removesuffix("]")

@@ -68,6 +68,15 @@ def test_fault_is_an_input_error_with_one_problem() -> None:
     assert error.problems == (Problem(what="is missing", file="a.csv", column="pass"),)
 
 
+def test_names_that_are_no_names_do_not_fill_the_screen() -> None:
+    long = "a" * 100_000
+    told = str(Problem(what=long, file="a", path=long, column=long, value=long, expected=long))
+    assert len(told) < 1500
+    assert told.count("...") == 5
+    path = "results.components.dx_x.pass_covariance_moment"
+    assert path in str(Problem(what="is missing", file="a.json", path=path))
+
+
 @pytest.mark.parametrize(("width", "text"), [(6, "abcdef"), (5, "ab...")])
 def test_shorten(width: int, text: str) -> None:
     assert shorten("abcdef", width) == text

@@ -97,6 +97,35 @@ def test_faulty_rows(tmp_path: Path, row: str, words: str) -> None:
     assert words in found[0]
 
 
+@pytest.mark.parametrize(
+    ("rows", "row"),
+    [
+        ('"open,1,2\na,1,2\n"open,1,2\n', 2),
+        ('"a"b,1,2\n', 2),
+        ('a,1,2\n"a" ,1,2\n', 3),
+        ('a,1,"2"x"3"\n', 2),
+    ],
+)
+def test_a_quote_encloses_a_whole_cell_or_is_told(tmp_path: Path, rows: str, row: int) -> None:
+    """The parser of sound tables takes these: rows between two quotes would be part of a cell."""
+    (found,) = faults(tmp_path, f"name,value,size\n{rows}")
+    assert found.startswith(f", row {row}: a cell cannot be read")
+
+
+@pytest.mark.parametrize(
+    ("rows", "label"),
+    [
+        ('"a",1,2\n', "a"),
+        ('"a"",""b",1,""\n', 'a","b'),
+        ('"""",1,2\r\n', '"'),
+        ('a"b"c,1,"2"\n', 'a"b"c'),
+        ('"a\nb",1,"2"', "a\nb"),
+    ],
+)
+def test_quotes_that_are_well_placed(tmp_path: Path, rows: str, label: str) -> None:
+    assert names(table(tmp_path, f"name,value,size\n{rows}")) == [label]
+
+
 def test_all_bad_cells_are_collected_and_counted(tmp_path: Path) -> None:
     content = "name,value,size\n" + "a,1,2\n" * 3 + ",x,y\n" + "a,z\n" + "a,1,2\n" + "b,,q\n"
     assert [line.split(":")[0] for line in faults(tmp_path, content)] == [

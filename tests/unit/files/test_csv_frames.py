@@ -105,6 +105,18 @@ def test_whole_numbers_and_others_in_one_column(
     np.testing.assert_array_equal(found, [float(cell or "nan") for cell in cells])
 
 
+@pytest.mark.parametrize("cell", ["18446744073709551616", "-9223372036854775809", "9" * 300])
+@pytest.mark.parametrize("beside", [[], ["1"], ["0.5", ""]])
+def test_whole_numbers_beyond_64_bits_are_numbers(
+    tmp_path: Path, cell: str, beside: list[str]
+) -> None:
+    head = "part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,load\n"
+    cells = [cell, *beside]
+    rows = [f"P{i},f,1,2,1,2,{value}\n" for i, value in enumerate(cells)]
+    found = read(tmp_path, head + "".join(rows)).covariates["load"]
+    np.testing.assert_array_equal(found, [float(value or "nan") for value in cells])
+
+
 @pytest.mark.parametrize("cell", ["1e999", "-1e999", "inf", "nan", ""])
 @pytest.mark.parametrize("column", ["x_mm", "T_a_degC"])
 @pytest.mark.parametrize("beside", ["1", ""])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from textwrap import dedent
 
@@ -203,6 +204,14 @@ def test_names_of_built_in_families_and_of_other_files_are_taken(tmp_path: Path)
     (tmp_path / "b.yaml").write_text(family())
     with pytest.raises(InputError, match=r"the name is taken: a family of b\.yaml"):
         effect_library([tmp_path / "b.yaml", tmp_path / "b.yaml"])
+
+
+@pytest.mark.parametrize("name", ["a" * 200_000, "{a}" * 50_000, "{" * 200_000, "a{b" * 50_000])
+def test_a_very_long_name_costs_nothing(tmp_path: Path, name: str) -> None:
+    """Names of parameters are searched for braces: in linear time, whatever they are."""
+    start = time.process_time()
+    faults(tmp_path, family(parameters=f"{{? '{name}' : um}}", equations=f"{{Ex: '{name}'}}"))
+    assert time.process_time() - start < 5.0
 
 
 def test_a_missing_file(tmp_path: Path) -> None:

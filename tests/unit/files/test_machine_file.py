@@ -130,6 +130,10 @@ def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
         ("{of: x, unit: um, covariance: [[1, 2], [2, 1]]}", "not positive semidefinite"),
         ("{of: x, unit: um, covariance: [[-1, 0], [0, 1]]}", "a variance is negative"),
         ("{of: x, unit: um, covariance: [[0, 1], [1, 1]]}", "not positive semidefinite"),
+        (
+            "{of: x, unit: um, covariance: [[1e-320, 1], [1, 1e-320]]}",
+            "not positive semidefinite: a covariance is far beyond its variances",
+        ),
         ("3", "components.a: wrong value: '3'; expected keys with values"),
     ],
 )
@@ -141,6 +145,12 @@ def test_faulty_components(tmp_path: Path, component: str, words: str) -> None:
     assert len(found) == 1
     assert found[0].startswith("m.yaml:3: components.a")
     assert words in found[0]
+
+
+def test_a_covariance_over_no_parameters(tmp_path: Path) -> None:
+    effect = "effects: [{name: e, parameters: {}, covariance: [], equations: {Ex: a}}]\n"
+    text = machine("{a: {of: x, unit: um}}") + effect
+    assert load(tmp_path, text).machine.effects[0].covariance == []
 
 
 def test_a_singular_covariance_of_printed_digits_is_one(tmp_path: Path) -> None:

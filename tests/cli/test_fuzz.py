@@ -1,0 +1,207 @@
+"""The fuzzer: what it must notice, that it repeats itself, and a small run of it."""
+
+from __future__ import annotations
+
+import gzip
+import warnings
+from contextlib import suppress
+from pathlib import Path
+from random import Random
+
+import pytest
+from cli_runner import listing
+from fuzz import readers
+from fuzz.bytes_damage import DAMAGES as BYTES
+from fuzz.calls import OLD, Call, drawn_call
+from fuzz.cases import Case, drawn_case
+from fuzz.commands import Ended, failure_of, judged_call, whole
+from fuzz.messages import unclean, warned
+from fuzz.readers import Hang, judged, within_time
+from fuzz.samples import KINDS, Sample, prepared_folder, samples_of
+from fuzz.tally import Tally
+
+from mtu_cli.errors import fault
+
+SEED = 5
+
+
+@pytest.fixture(scope="session")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return prepared_folder(tmp_path_factory.mktemp("fuzz") / "sound")
+
+
+def test_sound_samples_are_read(prepared: Path) -> None:
+    for samples in samples_of(prepared).values():
+        for sample in samples:
+            case = Case(number=0, sample=sample, content=sample.content, rng=Random(1))
+            verdict = judged(case)
+            assert verdict.outcome == "read", verdict
+            assert verdict.failure is None
+
+
+def test_a_small_run_of_the_readers(prepared: Path, tmp_path: Path) -> None:
+    samples = samples_of(prepared)
+    tally = Tally("readers", SEED, tmp_path)
+    for number in range(150):
+        case = drawn_case(samples, SEED, number)
+        assert drawn_case(samples, SEED, number).content == case.content
+        tally.add(number, case.sample.kind, case.content, "damaged", judged(case))
+    assert not tally.failures
+    assert not any(tmp_path.iterdir())
+    kinds, outcomes = zip(*tally.outcomes, strict=True)
+    assert set(outcomes) == {"read", "refused"}
+    assert len(set(kinds)) > len(KINDS) // 2
+    assert len(tally.contents) > 140
+
+
+def test_a_small_run_of_the_commands(prepared: Path, tmp_path: Path) -> None:
+    for number in range(2):
+        call = drawn_call(prepared, tmp_path / "w" / "work", SEED, number)
+        verdict = judged_call(call, tmp_path / "w" / "work")
+        assert verdict.failure is None, verdict
+        assert verdict.outcome in ("done", "refused", "gate")
+
+
+def failing(how: str) -> object:
+    match how:
+        case "crash":
+            return dict[str, object]()["no such key"]
+        case "hang":
+            while True:
+                pass
+        case "warning":
+            warnings.warn("overflow", RuntimeWarning, stacklevel=2)
+        case "words":
+            raise fault("TypeError: 'NoneType' object is not subscriptable")
+    return None
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ("crash", "KeyError: 'no such key'"),
+        ("hang", "over the limit at"),
+        ("warning", "RuntimeWarning: overflow"),
+        ("words", "words of the program, 'TypeError'"),
+    ],
+)
+def test_failing_readers_are_noticed_and_kept(
+    how: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(readers, "LIMIT_S", 0.05)
+    monkeypatch.setitem(readers.READERS, "part", lambda path, sample, rng: failing(how))
+    sample = Sample(kind="part", path=tmp_path / "part.yaml", content=b"sound")
+    verdict = judged(Case(number=7, sample=sample, content=b"damaged", rng=Random(1)))
+    assert verdict.failure is not None
+    assert words in verdict.failure
+    tally = Tally("readers", 3, tmp_path / "kept")
+    tally.add(7, "part", b"damaged", "part.yaml", verdict)
+    assert (tmp_path / "kept" / "readers-3-7-part.yaml").read_bytes() == b"damaged"
+    told = (tmp_path / "kept" / "readers-3-7.txt").read_text()
+    assert told.startswith("python -m fuzz --seed 3 --first 7 --readers 1\n")
+    assert "failures: 1" in "\n".join(tally.lines())
+
+
+def test_no_except_clause_of_a_reader_holds_a_hang(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(readers, "LIMIT_S", 0.05)
+    with pytest.raises(Hang), within_time(), suppress(Exception):
+        failing("hang")
+
+
+@pytest.mark.parametrize(
+    ("message", "wrong"),
+    [
+        ("a.csv, row 2: not a number: 'x'\na.csv, row 3: empty cell", None),
+        ("", "the message is empty"),
+        ("a.csv: fault\n\nb", "an empty line"),
+        ("a.csv: \x1b[31mred", "signs that a terminal obeys"),
+        ("a" * 3000, "a line of 3000 characters"),
+        ("ValueError: cannot convert", "words of the program"),
+        ("a.yaml: Input should be valid [pydantic]", "words of the program"),
+    ],
+)
+def test_messages_that_are_not_clean(message: str, wrong: str | None) -> None:
+    found = unclean(message)
+    assert (found is None) == (wrong is None)
+    assert wrong is None or wrong in str(found)
+    assert warned("warning: a sensor is missing [code]") is None
+    assert warned("x.py:3: RuntimeWarning: divide by zero") is not None
+
+
+REPORT = b'{"schema": "mtu/lengths/1"}\n'
+
+
+@pytest.mark.parametrize(
+    ("code", "error", "output", "after", "wrong"),
+    [
+        (0, "", "table", {"out.json": REPORT}, None),
+        (3, "mtu: gate", "table", {"out.json": REPORT}, None),
+        (2, "mtu: a.csv: fault\n", "", {}, None),
+        (2, "Usage: mtu lengths\n", "", {}, None),
+        (1, "Traceback (most recent call last)", "", {}, "exit code 1"),
+        (-9, "", "", {}, "exit code -9"),
+        (0, "Traceback (most", "", {"out.json": REPORT}, "a traceback"),
+        (0, "x: RuntimeWarning: y", "", {"out.json": REPORT}, "a warning"),
+        (2, "mtu: a.csv: fault\n", "table", {}, "with output"),
+        (2, "mtu: a.csv: fault\n", "", {"out.json": REPORT}, "files changed: ['out.json']"),
+        (2, "mtu: a.csv: fault\n", "", {".out.tmp": b""}, "files changed: ['.out.tmp']"),
+        (2, "KeyError: 'a'\n", "", {}, "without words of its own"),
+        (0, "", "table", {}, "without out.json"),
+        (0, "", "table", {"out.json": REPORT[:9]}, "cannot be read"),
+        (0, "", "table", {"out.json": b'{"schema": "mtu/a/1", "b": NaN}'}, "NaN in a report"),
+        (0, "", "table", {"out.json": OLD}, "cannot be read"),
+        (0, "", "table", {"out.json": REPORT, ".out.tmp": b""}, "that are no outputs"),
+    ],
+)  # fmt: skip
+def test_calls_that_end_badly(
+    code: int, error: str, output: str, after: dict[str, bytes | None], wrong: str | None
+) -> None:
+    ended = Ended(code=code, output=output, error=error, seconds=1.0, kilobytes=1)
+    call = Call(number=1, arguments=["lengths"], outputs=("out.json",), damaged="part.yaml")
+    sound: dict[str, bytes | None] = {"a": b"1"}
+    found = failure_of(ended, sound, sound | after, call)
+    assert (found is None) == (wrong is None), found
+    assert wrong is None or wrong in str(found)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sound"),
+    [
+        ("a.csv", b"# a\nb,c\n1,2\n", True),
+        ("a.csv", b"b,c\n1,2\n3", False),
+        ("a.csv", b"b,c\n1,2", False),
+        ("a.csv", b'b,c\n1,"2\n', False),
+        ("a.svg", b"<svg></svg>\n", True),
+        ("a.svg", b"<svg>", False),
+        ("a.dot", b"digraph {\n}\n", True),
+        ("a.dot", b"digraph {\n", False),
+        ("a.mmd", b"", False),
+        ("a.yaml", b"\xff", False),
+    ],
+)
+def test_halves_are_told_from_wholes(name: str, content: bytes, sound: bool) -> None:
+    assert (whole(name, content) is None) == sound
+
+
+def test_a_slow_or_swollen_call_is_a_failure() -> None:
+    call = Call(number=1, arguments=["lengths"], outputs=(), damaged="part.yaml")
+    for seconds, kilobytes in ((11.0, 1), (1.0, 3_000_000)):
+        ended = Ended(code=0, output="", error="", seconds=seconds, kilobytes=kilobytes)
+        assert failure_of(ended, {}, {}, call) is not None
+
+
+@pytest.mark.parametrize("damage", BYTES, ids=lambda item: item.__name__)
+def test_damages_of_bytes_repeat_themselves(damage: object) -> None:
+    assert callable(damage)
+    content = b"part,feature\n1,2\n3,4\n" * 20
+    for start in (content, b"", b"\n"):
+        found = [damage(start, Random(number)) for number in range(20)]
+        assert found == [damage(start, Random(number)) for number in range(20)]
+        assert start != content or any(item != content for item in found)
+
+
+def test_a_packed_file_is_given_its_name(tmp_path: Path) -> None:
+    sample = Sample(kind="points", path=tmp_path / "a.csv", content=b"")
+    assert readers.written(sample, gzip.compress(b"a")).name == "damaged.csv.gz"
+    assert readers.written(sample, b"a").name == "damaged.csv"
+    assert set(listing(tmp_path)) == {"damaged.csv", "damaged.csv.gz"}

@@ -1,0 +1,79 @@
+"""Cases by their number: which sample, and what is done to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from fuzz.bytes_damage import damaged_bytes
+from fuzz.samples import Kind, Sample
+from fuzz.table_damage import damaged_table, mildly_damaged_table
+from fuzz.tree_damage import damaged_tree, mildly_damaged_tree
+from mtu_cli.files.source import Source
+from mtu_cli.files.yaml_file import parse_yaml
+
+SHARES: Mapping[Kind, int] = {
+    "readings": 16, "drift": 12, "points": 18, "machine": 14, "part": 8, "study": 6, "effects": 8,
+    "budget": 10, "graph": 4, "components": 2, "thermal": 2,
+}  # fmt: skip
+"""Of a hundred cases; a graph takes longest."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A damaged sample; `rng` goes on with what the reader or the command is asked for."""
+
+    number: int
+    sample: Sample
+    content: bytes
+    rng: Random
+
+
+def generator(seed: int, task: str, number: int) -> Random:
+    """The random numbers of one case, of their own whatever ran before."""
+    return Random(f"{seed} {task} {number}")
+
+
+def drawn_case(samples: Mapping[Kind, Sequence[Sample]], seed: int, number: int) -> Case:
+    """Case `number` of the readers."""
+    rng = generator(seed, "readers", number)
+    kind = rng.choices([*SHARES], [*SHARES.values()])[0]
+    sample = rng.choice(samples[kind])
+    return Case(number=number, sample=sample, content=damaged(sample, rng), rng=rng)
+
+
+def damaged(sample: Sample, rng: Random, mild: float = 0.2) -> bytes:
+    """The content of a sample with its structure, its bytes, or both damaged.
+
+    `mild` is the share of those that are damaged but little.
+    """
+    content = sample.content
+    if rng.random() < mild:
+        return damaged_structure(sample, rng, mild=True).encode("utf-8", "surrogatepass")
+    draw = rng.random()
+    if draw < 0.75:
+        content = damaged_structure(sample, rng).encode("utf-8", "surrogatepass")
+    if draw > 0.6:
+        for _ in range(rng.choice((1, 1, 1, 2, 4))):
+            content = damaged_bytes(content, rng)
+    return content
+
+
+def damaged_structure(sample: Sample, rng: Random, *, mild: bool = False) -> str:
+    """The text of a sample that is a table or a tree of values still."""
+    text = sample.content.decode()
+    if sample.form == "csv":
+        return mildly_damaged_table(text, rng) if mild else damaged_table(text, rng)
+    tree = mildly_damaged_tree if mild else damaged_tree
+    return tree(deepcopy(_values(text)), rng, sample.form)
+
+
+@cache
+def _values(text: str) -> Any:
+    source = Source(role="sample", path=Path(), shown="sound", sha256="")
+    return parse_yaml(text, source).data

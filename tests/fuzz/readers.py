@@ -1,0 +1,272 @@
+"""One damaged file through its reader: read, refused, or a failure with its reason."""
+
+from __future__ import annotations
+
+import gzip
+import signal
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from random import Random
+from types import FrameType
+
+import numpy as np
+
+from fuzz.cases import Case
+from fuzz.messages import unclean
+from fuzz.samples import Kind, Sample
+from mtu_cli.errors import InputError
+from mtu_cli.files.budget import load_budget
+from mtu_cli.files.csv_file import read_table
+from mtu_cli.files.csv_slow import read_slow
+from mtu_cli.files.csv_table import ProblemList, TableSpec
+from mtu_cli.files.csv_text import read_csv_text
+from mtu_cli.files.effects_file import load_effects
+from mtu_cli.files.machine import LoadedMachine, load_machine
+from mtu_cli.files.machine_write import WrittenEffect, extended_machine
+from mtu_cli.files.model_reports import read_report
+from mtu_cli.files.part import LoadedPart, load_part
+from mtu_cli.files.points import SPEC as POINTS_SPEC
+from mtu_cli.files.points import Points, read_points
+from mtu_cli.files.readings import SPEC as READINGS_SPEC
+from mtu_cli.files.readings import ComponentLike, Readings, read_readings
+from mtu_cli.files.readings_stream import stream_readings
+from mtu_cli.files.study import load_study
+from mtu_cli.model.effect_library import effect_library
+from mtu_cli.model.graph.examine import examine
+
+LIMIT_S = 10.0
+"""Of processor time; with the clock of the wall other programs could make a hang."""
+WALL_S = 60.0
+
+
+class Hang(BaseException):
+    """The time is up; no `except Exception` of the reader may catch it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """`outcome` read or refused, with `failure` None; else what went wrong."""
+
+    outcome: str
+    seconds: float
+    failure: str | None = None
+    message: str = ""
+
+
+def _over(number: int, frame: FrameType | None) -> None:
+    raise Hang(f"over the limit at {'' if frame is None else traceback.format_stack(frame)[-1]}")
+
+
+@contextmanager
+def within_time() -> Iterator[None]:
+    """Raises Hang inside where the limits are passed."""
+    handlers = {signal.SIGPROF: signal.ITIMER_PROF, signal.SIGALRM: signal.ITIMER_REAL}
+    before = {number: signal.signal(number, _over) for number in handlers}
+    try:
+        signal.setitimer(signal.ITIMER_PROF, LIMIT_S)
+        signal.setitimer(signal.ITIMER_REAL, WALL_S)
+        yield
+    finally:
+        for number, timer in handlers.items():
+            signal.setitimer(timer, 0)
+            signal.signal(number, before[number])
+
+
+def judged(case: Case) -> Verdict:
+    """The verdict on one case, its file written beside the sound one."""
+    path = written(case.sample, case.content)
+    reader = READERS[case.sample.kind]
+    start = time.process_time()
+    outcome, failure, message = "read", None, ""
+    try:
+        with warnings.catch_warnings(), within_time():
+            warnings.simplefilter("error")
+            reader(path, case.sample, case.rng)
+    except InputError as error:
+        outcome, message = "refused", str(error)
+        failure = unclean(message)
+    except (Exception, Hang):
+        outcome, failure = "failed", traceback.format_exc()
+    return Verdict(
+        outcome=outcome, seconds=time.process_time() - start, failure=failure, message=message
+    )
+
+
+def written(sample: Sample, content: bytes) -> Path:
+    """The damaged file in the place where its sound neighbours are found."""
+    suffix = sample.path.suffix + (".gz" if content[:2] == gzip.compress(b"")[:2] else "")
+    path = sample.path.with_name(f"damaged{suffix}")
+    path.write_bytes(content)
+    return path
+
+
+def _machine(path: Path, sample: Sample, rng: Random) -> object:
+    loaded = load_machine(path)
+    _extended(loaded)
+    return loaded
+
+
+def _extended(machine: LoadedMachine) -> None:
+    """A machine that was read takes an effect, and is itself but for it when read again."""
+    equation = next(iter(machine.machine.equations), "Ex")
+    effect = WrittenEffect(
+        name="found", parameters={"slope": (1.5, 0.1, "um/m")}, equations={equation: "slope*x"}
+    )
+    try:
+        found = extended_machine(machine, [effect])
+    except InputError as error:
+        # A machine may have no room for it: a constant called x, say.
+        if "gives back" in str(error):
+            raise AssertionError(str(error)) from error
+        return
+    before, after = machine.machine, found.machine.machine
+    assert after.effects[:-1] == before.effects, "the effects were changed"
+    assert after.components == before.components, "the components were changed"
+    assert after.equations == before.equations, "the equations were changed"
+
+
+def _part(path: Path, sample: Sample, rng: Random) -> object:
+    return load_part(path).part.places()
+
+
+def _study(path: Path, sample: Sample, rng: Random) -> object:
+    return load_study(path).files
+
+
+def _effects(path: Path, sample: Sample, rng: Random) -> object:
+    if sample.path.stem == "few":
+        # As close-loop reads it; the built-in families would take their own names.
+        return effect_library([path])
+    return load_effects(path)
+
+
+def _budget(path: Path, sample: Sample, rng: Random) -> object:
+    return load_budget(path)
+
+
+def _graph(path: Path, sample: Sample, rng: Random) -> object:
+    from mtu_cli.files.graph_file import load_graph
+
+    return load_graph(path, examine)
+
+
+def _report(path: Path, sample: Sample, rng: Random) -> object:
+    return read_report(path)
+
+
+def _readings(path: Path, sample: Sample, rng: Random) -> object:
+    components = _components(sample, rng)
+    if rng.random() < 0.4:
+        _check_agreement(path, "lbb", READINGS_SPEC)
+    found = read_readings([(path, "lbb")], components, for_fit=rng.random() < 0.7)
+    _check_readings(found)
+    return found
+
+
+def _components(sample: Sample, rng: Random) -> Mapping[str, ComponentLike] | None:
+    """Those of the sample's machine, or none: drift may be read without a machine."""
+    if sample.context is None or rng.random() < 0.2:
+        return None
+    return _machine_of(sample.context).machine.components
+
+
+@cache
+def _machine_of(path: Path) -> LoadedMachine:
+    return load_machine(path)
+
+
+@cache
+def _part_of(path: Path) -> LoadedPart:
+    return load_part(path)
+
+
+def _check_readings(found: Readings) -> None:
+    assert len(found), "no readings"
+    assert np.isfinite(found.error).all(), "an error that is no number"
+    assert (found.code >= 0).all(), "a reading of no component"
+    assert (found.pass_number[found.has_pass] > -(2**53)).all(), "a pass beyond whole numbers"
+    for values in found.covariates.values():
+        assert len(values) == len(found), "a covariate of another length"
+        if values.dtype.kind == "f":
+            assert not np.isinf(values).any(), "an infinite covariate"
+
+
+def _drift(path: Path, sample: Sample, rng: Random) -> object:
+    """In one piece and block by block, with the same rows or the same words."""
+    components = _components(sample, rng)
+    refused = None
+    try:
+        whole = read_readings([(path, "drift")], components, for_fit=False)
+    except InputError as error:
+        refused = error
+    try:
+        stream = stream_readings([(path, "drift")], components)
+        rows = [row for block in stream for row in block.row.tolist()]
+    except InputError as error:
+        if str(error) != str(refused):
+            raise AssertionError(f"as a whole {refused}, block by block {error}") from error
+        raise
+    assert refused is None, f"refused as a whole: {refused}"
+    assert rows == whole.row.tolist(), "other rows as a whole"
+    _check_readings(whole)
+    return rows
+
+
+def _points(path: Path, sample: Sample, rng: Random) -> object:
+    places = None
+    if sample.context is not None and rng.random() < 0.9:
+        places = _part_of(sample.context).part.places()
+    if rng.random() < 0.4:
+        _check_agreement(path, "cmm", POINTS_SPEC)
+    found = read_points([(path, "cmm")], places)
+    _check_points(found)
+    return found
+
+
+def _check_points(found: Points) -> None:
+    assert len(found), "no points"
+    assert np.isfinite(found.measured[:, :2]).all(), "a place that is no number"
+    assert np.isfinite(found.nominal[:, :2]).all(), "a nominal place that is no number"
+    assert not np.isinf(found.measured).any(), "an infinite place"
+    known = np.isnan(found.direction) | (np.abs(found.direction) == 1)
+    assert known.all(), "a direction that is none"
+
+
+def _check_agreement(path: Path, role: str, spec: TableSpec) -> None:
+    """The quick way through a table and the one cell by cell give the same."""
+    told, exact = ProblemList(), ProblemList()
+    try:
+        found = read_table(path, role, spec, told)
+    except InputError:
+        return
+    rows, columns = read_slow(read_csv_text(path, role), spec, exact)
+    assert _cells(exact) <= _cells(told), "more problems cell by cell"
+    if told.listed:
+        return
+    assert found.rows.tolist() == rows.tolist(), "other rows cell by cell"
+    for name, values in columns.numbers.items():
+        np.testing.assert_array_equal(found.columns.numbers[name], values, err_msg=name)
+    for name, texts in columns.texts.items():
+        mine = found.columns.texts[name]
+        assert mine.labels == texts.labels, f"other texts cell by cell: {name}"
+        np.testing.assert_array_equal(mine.codes, texts.codes, err_msg=name)
+    for name, times in columns.times.items():
+        mine_too = found.columns.times[name]
+        np.testing.assert_array_equal(mine_too.microseconds, times.microseconds, err_msg=name)
+
+
+def _cells(problems: ProblemList) -> set[tuple[int | None, str | int | None]]:
+    return {(problem.row, problem.column) for problem in problems.listed}
+
+
+READERS: dict[Kind, Callable[[Path, Sample, Random], object]] = {
+    "readings": _readings, "drift": _drift, "points": _points, "machine": _machine, "part": _part,
+    "study": _study, "effects": _effects, "budget": _budget, "graph": _graph,
+    "components": _report, "thermal": _report,
+}  # fmt: skip

@@ -1,0 +1,253 @@
+"""Tables through their readers: what was written is read, and what must not matter does not."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+from typing import Literal
+
+import numpy as np
+import pytest
+from fuzz.messages import unclean
+from fuzz.readers import READERS, within_time
+from fuzz.samples import KINDS, Kind, Sample
+from hypothesis import given
+from hypothesis import strategies as st
+from property_settings import tried
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.machine_contract import Component
+from mtu_cli.files.points import read_points
+from mtu_cli.files.readings import Readings, read_readings
+from mtu_cli.files.readings_stream import stream_readings
+from mtu_cli.units import UNITS
+
+HEADER = ("component", "position_mm", "pass", "direction", "error", "unit", "note", "load")
+LENGTHS, ANGLES = ("um", "mm", "nm"), ("arcsec", "urad", "mrad", "rad", "deg")
+COMPONENTS = {
+    "px": Component.model_validate({"of": "x", "unit": "um"}),
+    "yaw": Component.model_validate({"of": "y", "unit": "arcsec"}),
+    "ort": Component.model_validate({"unit": "arcsec"}),
+}
+Rows = list[tuple[str, ...]]
+
+finite = st.floats(-1e3, 1e3, allow_subnormal=False)
+# A text has a letter at either end: blanks around a cell mean nothing, and 007 is a number.
+notes = st.text(
+    st.characters(exclude_categories=("Cs", "Cc"), include_characters='"\n\t,;#'), max_size=6
+).map(lambda text: f"n{text}n")
+row = st.tuples(
+    st.sampled_from([*COMPONENTS]), st.integers(-5, 5), st.integers(1, 3),
+    st.sampled_from(["forward", "-", "+1", ""]), finite, st.sampled_from([0, 1, 2]), notes,
+    st.one_of(st.just(""), finite.map(repr)),
+)  # fmt: skip
+
+
+def cells(drawn: tuple[str, int, int, str, float, int, str, str]) -> tuple[str, ...]:
+    name, position, number, direction, error, unit, note, load = drawn
+    units = LENGTHS if name == "px" else ANGLES
+    return (
+        name, str(position * 12.5), str(number), direction, repr(error), units[unit], note, load,
+    )  # fmt: skip
+
+
+# Rows that are equal in all but their note are copies: one of each.
+tables: st.SearchStrategy[Rows] = st.lists(
+    row.map(cells), min_size=1, max_size=12, unique_by=lambda item: (*item[:4], item[6])
+)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a table is written."""
+
+    separator: str
+    end: str
+    mark: bool
+    packed: bool
+    quoted: bool
+    comment: str
+
+
+layouts = st.builds(
+    Layout,
+    separator=st.sampled_from([",", ";"]),
+    end=st.sampled_from(["\n", "\r\n"]),
+    mark=st.booleans(),
+    packed=st.booleans(),
+    quoted=st.booleans(),
+    comment=st.sampled_from(["", '# a, b; "c\n', "#\n\n"]),
+)
+PLAIN = Layout(",", "\n", False, False, False, "")
+
+
+def saved(folder: Path, header: Sequence[str], rows: Rows, layout: Layout = PLAIN) -> Path:
+    out = io.StringIO()
+    quoting: Literal[0, 1] = csv.QUOTE_ALL if layout.quoted else csv.QUOTE_MINIMAL
+    writer = csv.writer(out, delimiter=layout.separator, lineterminator=layout.end, quoting=quoting)
+    comma = layout.separator == ";"
+    writer.writerow(header)
+    writer.writerows(
+        [cell.replace(".", ",") if comma and number(cell) else cell for cell in item]
+        for item in rows
+    )
+    text = layout.comment.replace("\n", layout.end) + out.getvalue()
+    content = text.encode("utf-8-sig" if layout.mark else "utf-8")
+    path = folder / ("t.csv.gz" if layout.packed else "t.csv")
+    path.write_bytes(gzip.compress(content) if layout.packed else content)
+    return path
+
+
+def number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def read(path: Path) -> Readings:
+    return read_readings([(path, "lbb")], COMPONENTS, for_fit=False)
+
+
+def in_rows(found: Readings, order: Sequence[int] | None = None) -> list[tuple[object, ...]]:
+    """The readings as tuples; what is not given, or has no meaning, is None."""
+    columns = (
+        np.array(found.components)[found.code], found.position_mm, found.pass_number,
+        found.direction, found.error, found.dimension,
+        *(found.covariates[name] for name in sorted(found.covariates)),
+    )  # fmt: skip
+    plain = [tuple(None if v != v else v for v in item) for item in zip(*columns, strict=True)]
+    return plain if order is None else [plain[i] for i in order]
+
+
+@tried(60)
+@given(rows=tables, layout=layouts)
+def test_what_was_written_is_read(tmp_path: Path, rows: Rows, layout: Layout) -> None:
+    found = read(saved(tmp_path, HEADER, rows, layout))
+    assert len(found) == len(rows)
+    line = 2 + layout.comment.count("\n")
+    for i, (name, position, count, direction, error, unit, note, load) in enumerate(rows):
+        assert found.components[found.code[i]] == name
+        assert name == "ort" or found.position_mm[i] == float(position)
+        assert found.pass_number[i] == int(count)
+        assert found.direction[i] == {"forward": 1, "-": -1, "+1": 1, "": 0}[direction]
+        assert found.error[i] == float(error) * UNITS[unit].to_internal
+        assert found.covariates["note"][i] == note.strip()
+        np.testing.assert_equal(found.covariates["load"][i], float(load or "nan"))
+        assert found.row[i] == line
+        line += 1 + note.count("\n")
+
+
+@tried(40)
+@given(rows=tables, data=st.data())
+def test_the_order_of_rows_and_columns_does_not_matter(
+    tmp_path: Path, rows: Rows, data: st.DataObject
+) -> None:
+    order = data.draw(st.permutations(range(len(rows))))
+    columns = data.draw(st.permutations(range(len(HEADER))))
+    plain = read(saved(tmp_path, HEADER, rows))
+    header = [HEADER[j] for j in columns]
+    mixed = [tuple(rows[i][j] for j in columns) for i in order]
+    assert in_rows(read(saved(tmp_path, header, mixed))) == in_rows(plain, order)
+
+
+@tried(40)
+@given(rows=tables, data=st.data())
+def test_the_unit_of_a_reading_does_not_matter(
+    tmp_path: Path, rows: Rows, data: st.DataObject
+) -> None:
+    """Each reading in a unit of its own: the same lengths and angles."""
+    other: Rows = []
+    for item in rows:
+        unit = data.draw(st.sampled_from(LENGTHS if item[0] == "px" else ANGLES))
+        value = float(item[4]) * UNITS[item[5]].to_internal / UNITS[unit].to_internal
+        other.append((*item[:4], repr(value), unit, *item[6:]))
+    one = read(saved(tmp_path, HEADER, rows)).error
+    two = read(saved(tmp_path, HEADER, other)).error
+    assert two == pytest.approx(one, rel=1e-14, abs=1e-300)
+
+
+@tried(30)
+@given(rows=tables, layout=layouts, cut=st.integers(0, 8))
+def test_a_stream_is_the_whole(tmp_path: Path, rows: Rows, layout: Layout, cut: int) -> None:
+    paths = []
+    for name, part in (("a", rows[:cut]), ("b", rows[cut:])):
+        if part:
+            (tmp_path / name).mkdir(exist_ok=True)
+            paths.append((saved(tmp_path / name, HEADER, part, layout), "lbb"))
+    whole = read_readings(paths, COMPONENTS, for_fit=False)
+    blocks = [item for block in stream_readings(paths, COMPONENTS) for item in in_rows(block)]
+    assert blocks == in_rows(whole)
+
+
+PLACES = {"1": (0.0, 0.0, None), "2": (50.0, 0.0, None), "B 3": (0.0, 50.0, 7.5)}
+point = st.tuples(
+    st.sampled_from(["7", "007", "p"]), st.sampled_from([*PLACES]), st.integers(1, 3),
+    finite, finite, st.sampled_from(["-1", "1", ""]),
+)  # fmt: skip
+
+
+@tried(40)
+@given(
+    drawn=st.lists(point, min_size=1, max_size=9, unique_by=lambda item: item[:3]),
+    layout=layouts,
+    data=st.data(),
+)
+def test_points_are_read_as_written_in_any_order(
+    tmp_path: Path,
+    drawn: list[tuple[str, str, int, float, float, str]],
+    layout: Layout,
+    data: st.DataObject,
+) -> None:
+    order = data.draw(st.permutations(range(len(drawn))))
+    header = ("part", "feature", "repeat", "x_mm", "y_mm", "dir_x")
+    rows = [(p, f, str(n), repr(x), repr(y), sign) for p, f, n, x, y, sign in drawn]
+    path = saved(tmp_path, header, [rows[i] for i in order], layout)
+    found = read_points([(path, "cmm")], PLACES)
+    for i, place in enumerate(order):
+        part, feature, repeat, x, y, sign = drawn[place]
+        assert found.parts[found.part[i]] == part
+        assert found.features[found.feature[i]] == feature
+        assert found.repeat[i] == repeat
+        assert (found.measured[i, 0], found.measured[i, 1]) == (x, y)
+        assert tuple(found.nominal[i, :2]) == PLACES[feature][:2]
+        np.testing.assert_equal(found.direction[i, 0], float(sign or "nan"))
+
+
+WORDS = (
+    "component,error,unit\n", "a,1,um\n", "part,feature,x_mm,y_mm\n", "schema: mtu/machine/1\n",
+    "name: m\n", "components: {a: {unit: um}}\n", "equations: {Ex: a}\n", "- ", "? ", "&a ", "*a",
+    "[", "{", "]", "}", ": ", '"', "'", ",", ";", "\n", "\r", "\t", "#", "nan", "1e999", "\x00",
+    "\ufeff", "\x85", "!!int", "|\n", "---\n", "mtu/part/1", "features:\n", '{"schema": "mtu/',
+    "fit-components/1", "results", "effects:\n", "inputs:\n", "places:\n", "\\", "\ud800",
+)  # fmt: skip
+contents = st.one_of(
+    st.binary(max_size=200),
+    st.text(max_size=100).map(str.encode),
+    st.lists(st.sampled_from(WORDS), max_size=20).map(
+        lambda words: "".join(words).encode("utf-8", "surrogatepass")
+    ),
+)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@tried(40)
+@given(content=contents, seed=st.randoms(use_true_random=False))
+def test_any_bytes_are_a_file_or_an_input_error(
+    tmp_path: Path, kind: Kind, content: bytes, seed: Random
+) -> None:
+    path = tmp_path / "any"
+    path.write_bytes(content)
+    message = "read"
+    try:
+        with within_time():
+            READERS[kind](path, Sample(kind=kind, path=path, content=content), seed)
+    except InputError as error:
+        message = str(error)
+    assert unclean(message) is None

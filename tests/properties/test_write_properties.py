@@ -1,0 +1,125 @@
+"""Writing that is killed: every file is the old one or the new one, at whatever moment."""
+
+from __future__ import annotations
+
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from property_settings import TIMES
+
+OLD = {"a.json": b"old a\n" * 100, "b.csv": b"old b\n" * 100}
+NEW = {"a.json": b"new a\n" * 40_000, "b.csv": b"new b\n" * 40_000, "c.svg": b"new c\n"}
+WRITING = """
+import os, sys
+from pathlib import Path
+from mtu_cli.files import write
+folder = Path(sys.argv[1])
+new = {folder / name: (name[0].join(("new ", "\\n")) * count).encode()
+       for name, count in (("a.json", 40_000), ("b.csv", 40_000), ("c.svg", 1))}
+"""
+STEP_BY_STEP = (
+    WRITING
+    + """
+WATCHED = ("open", "fdopen", "fsync", "access", "link", "replace", "unlink", "chmod", "stat")
+def killed_at(last):
+    done = 0
+    def counted(call):
+        def step(*args, **kwargs):
+            nonlocal done
+            done += 1
+            if done > last:
+                os.kill(os.getpid(), 9)
+            return call(*args, **kwargs)
+        return step
+    for name in WATCHED:
+        setattr(os, name, counted(getattr(os, name)))
+    write.write_files(new)
+    os._exit(0)
+for line in sys.stdin:
+    child = os.fork()
+    if child == 0:
+        killed_at(int(line))
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+)
+WITHOUT_END = (
+    WRITING
+    + """
+old = {path: b"old " + path.name[:1].encode() + b"\\n" for path in new}
+print("ready", flush=True)
+while True:
+    write.write_files(new)
+    write.write_files({path: text * 100 for path, text in old.items()})
+"""
+)
+
+
+def whole(folder: Path) -> set[str]:
+    """Which of the files are new, all of them being whole."""
+    new = set()
+    for name, content in NEW.items():
+        path = folder / name
+        if not path.exists():
+            assert name not in OLD, f"{name} is gone"
+            continue
+        found = path.read_bytes()
+        old = OLD.get(name, b"old c\n" * 100)
+        assert found in (old, content), f"{name} has {len(found)} bytes"
+        if found == content:
+            new.add(name)
+    return new
+
+
+def fresh(folder: Path) -> None:
+    for path in folder.iterdir():
+        path.unlink()
+    for name, content in OLD.items():
+        (folder / name).write_bytes(content)
+
+
+def test_killed_before_every_step(tmp_path: Path) -> None:
+    """A kill before the first call to the system, before the second, and so on to the end."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", STEP_BY_STEP, str(tmp_path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    seen: list[int] = []
+    code = -signal.SIGKILL
+    for last in range(200):
+        fresh(tmp_path)
+        assert process.stdin is not None
+        assert process.stdout is not None
+        print(last, file=process.stdin, flush=True)
+        code = int(process.stdout.readline())
+        seen.append(len(whole(tmp_path)))
+        if code != -signal.SIGKILL:
+            break
+    process.communicate(timeout=30)
+    assert code == 0
+    assert len(seen) > 20
+    assert seen[0] == 0
+    assert seen[-1] == len(NEW)
+    assert seen == sorted(seen)
+    assert not [path for path in tmp_path.iterdir() if path.name not in NEW]
+
+
+def test_killed_at_any_time(tmp_path: Path) -> None:
+    rng = random.Random(7)
+    for _ in range(6 * TIMES):
+        fresh(tmp_path)
+        process = subprocess.Popen(
+            [sys.executable, "-c", WITHOUT_END, str(tmp_path)], stdout=subprocess.PIPE
+        )
+        assert process.stdout is not None
+        with process.stdout as stream:
+            assert stream.readline() == b"ready\n"
+        time.sleep(rng.uniform(0.0, 0.05))
+        process.kill()
+        process.wait(30)
+        whole(tmp_path)
