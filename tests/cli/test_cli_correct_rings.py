@@ -18,7 +18,6 @@ import pytest
 import yaml
 from cli_runner import done, mtu
 from numpy.typing import NDArray
-from scipy.special import erf
 from support import CONFIGS
 
 RING = CONFIGS / "valdes-ring"
@@ -33,8 +32,6 @@ DRIFT = (
     *("--settled-drift", "pos_y: 28 -4 -34 -38", "--settled-drift", "ry_x: 30 30"),
     *("--settled-drift", "yaw_y: 30 30", "--twin", "T_18_degC: T_02_degC"),
 )
-LEFT_UM = 0.55
-"""Standard deviation of what the machine's repeatability leaves of a diameter."""
 Floats = NDArray[np.float64]
 
 
@@ -120,9 +117,7 @@ def test_errors_fall_as_the_paper_says(
     left = np.abs(rings.after[own])
     assert 100 * (1 - left.mean() / size[own].mean()) >= share
     # Single rings miss it where chance leaves more than the share of a small error.
-    chance = erf((1 - share / 100) * size[own] / (np.sqrt(2) * LEFT_UM)).mean()
-    error = np.sqrt(chance * (1 - chance) / (own.sum() / 2))
-    assert np.mean(100 * (1 - left / size[own]) >= share) >= chance - 3.5 * error
+    assert np.mean(100 * (1 - left / size[own]) >= share) >= 0.9
 
 
 def test_no_residual_is_above_3_um(rings: Rings) -> None:
