@@ -55,7 +55,8 @@ def nominal_values(
     for step in (step for fired in rounds for step in fired):
         if step.do == "meas":
             place = places[step.outputs[0]]
-            if place.nominal_mm is not None:
+            # A point of other than three coordinates is a fault of its own, told elsewhere.
+            if place.nominal_mm is not None and (place.kind != "point" or len(place.nominal_mm) == 3):
                 values[step.outputs[0]] = start_value(place)
             continue
         if not all(name in values for name in step.inputs):
