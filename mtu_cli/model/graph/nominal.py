@@ -56,7 +56,9 @@ def nominal_values(
         if step.do == "meas":
             place = places[step.outputs[0]]
             # A point of other than three coordinates is a fault of its own, told elsewhere.
-            if place.nominal_mm is not None and (place.kind != "point" or len(place.nominal_mm) == 3):
+            if place.nominal_mm is not None and (
+                place.kind != "point" or len(place.nominal_mm) == 3
+            ):
                 values[step.outputs[0]] = start_value(place)
             continue
         if not all(name in values for name in step.inputs):
