@@ -27,25 +27,28 @@ MemberColumns = Sequence[Column]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneStratum:
     """Members whose columns lie in one stratum each: `Q` (n_s, M * g) for each of the M
-    `members` g orthonormal columns, its coordinates those of stratum `index`.
+    `members` g orthonormal columns, its coordinates those of stratum `index`; `spread` (M,) the
+    variance of what they hold over that of the stratum.
     """
 
     index: int
     g: int
     members: NDArray[np.int64]
     Q: FloatArray
+    spread: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManyStrata:
     """Members of k columns that lie in several strata: `X` (N, M, k), `G` (M, S, k, k) their
-    cross products in each stratum.
+    cross products in each stratum, `spread` (M, S) as in `OneStratum`.
     """
 
     k: int
     members: NDArray[np.int64]
     X: FloatArray
     G: FloatArray
+    spread: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,7 +191,11 @@ def _one_stratum(
         Q = np.where(left[:, None, None], Q, 0.0)
         found.append(
             OneStratum(
-                index=index, g=g, members=ids, Q=np.moveaxis(Q, 0, 1).reshape(n, len(ids) * g)
+                index=index,
+                g=g,
+                members=ids,
+                Q=np.moveaxis(Q, 0, 1).reshape(n, len(ids) * g),
+                spread=np.ones(len(ids)),
             )
         )
     return found
@@ -246,5 +253,5 @@ def _many_strata(
         after = np.linalg.eigvalsh(G.sum(axis=1))[:, 0]
         ids = np.array([i for i, _ in own], np.int64)
         usable[ids[after <= LEFT * before]] = False
-        found.append(ManyStrata(k=k, members=ids, X=X, G=G))
+        found.append(ManyStrata(k=k, members=ids, X=X, G=G, spread=np.ones(G.shape[:2])))
     return found

@@ -5,7 +5,9 @@ For coordinates y_s of stratum s with n_s degrees of freedom and variance lambda
     LR = sum_s n_s log(R_s(0) / R_s(beta)),  R_s(beta) = |y_s - X_s beta|^2,
 
 beta the estimate that weights the strata by n_s / R_s. Where a column lies in one stratum
-alone that is n_s log(1 / (1 - r^2)): no variance of another stratum enters. Bayes factors are
+alone that is n_s log(1 / (1 - r^2)): no variance of another stratum enters. Where the columns of
+the table scatter differently, what a member explains is over its own share f_s of the variance
+(`uneven`): n_s log(1 + (R_s(0) - R_s(beta)) / (f_s R_s(beta))). Bayes factors are
 Schwarz's approximation for a prior of unit information: Zellner's g-prior with g = n has the
 same limit for weak effects, but stays finite however strong an effect is, and then tells no
 rivals apart (the information paradox of Liang et al., J. Am. Stat. Assoc. 103 (2008) 410).
@@ -85,8 +87,9 @@ def _add_one(
     explained = ((own @ one.Q) ** 2).reshape(len(y), len(one.members), one.g).sum(axis=2)
     r2 = np.minimum(explained / squares[:, one.index, None], MOST_EXPLAINED)
     n = pack.dof[one.index]
-    LR[:, one.members] -= n * np.log1p(-r2)
-    log_bayes[:, one.members] += unit_information(-n * np.log1p(-r2), n, one.g)
+    ratio = n * np.log1p(r2 / (1 - r2) / one.spread)
+    LR[:, one.members] += ratio
+    log_bayes[:, one.members] += unit_information(ratio, n, one.g)
 
 
 def unit_information(ratio: FloatArray, n: FloatArray | float, k: int) -> FloatArray:
@@ -107,14 +110,14 @@ def _add_many(
     n, R0 = pack.dof, squares[:, None, :]
     R = np.broadcast_to(R0, (*b.shape[:2], len(n)))
     for _ in range(REWEIGHTED):
-        w = n / R
+        w = n / (R * many.spread)
         A = np.einsum("bms,msij->bmij", w, many.G)
         A += 1e-12 * np.trace(A, axis1=2, axis2=3)[..., None, None] * np.eye(many.k) + TINY
         beta = np.linalg.solve(A, np.einsum("bms,bmsi->bmi", w, b)[..., None])[..., 0]
         R = R0 - 2 * np.einsum("bmi,bmsi->bms", beta, b)
         R = R + np.einsum("bmi,msij,bmj->bms", beta, many.G, beta)
         R = np.maximum(R, (1 - MOST_EXPLAINED) * R0)
-    found = (n * np.log(R0 / R)).sum(axis=2)
+    found = (n * np.log1p((R0 - R) / (R * many.spread))).sum(axis=2)
     share = w * np.einsum("msii->ms", many.G)
     share /= np.maximum(share.sum(axis=2, keepdims=True), TINY)
     effective = (share * n).sum(axis=2)

@@ -22,8 +22,12 @@ from mtu_cli.stats.remainder import (
     variance_ratio_p,
 )
 from mtu_cli.stats.streams import stream
+from mtu_cli.stats.uneven import uneven
 
 BATCH = 200
+OPERATIONS = "operation-scatter"
+UNEVEN = 0.01
+"""p of operations of one scatter below which members are judged by that of their own entries."""
 SCATTER_CHECKS = ("column-variance", "part-variance")
 CHECKS = (*DRAWN, *SCATTER_CHECKS)
 
@@ -142,14 +146,22 @@ def evidence(
 ) -> Evidence:
     """Everything that the gate judges, of one table: `y` (N,), `grand` (A,).
 
-    `aside` names scatters that were found before.
+    `aside` names scatters that were found before, or stand out now: of operations that scatter
+    differently each member is judged by the scatter of the entries that it lies in.
     """
     left = pack.without_found(_evened(scan, y, aside))
+    scatters = _scatters(scan, left)
     statistics, found, offset = drawn_statistics(scan, pack, left[None], grand[None])
+    noisy = dict(zip(scan.scatters, scatters, strict=True)).get(OPERATIONS, 1.0) < UNEVEN
+    if noisy or OPERATIONS in aside:
+        whole = pack.without_found(_evened(scan, y, aside - {OPERATIONS}))
+        own = uneven(pack, *_variances(scan, whole))
+        found = ratios(own, whole[None], len(scan.columns))
+        statistics[:, : len(scan.columns)] = found.ratio
     strata = scan.frame.strata
     predicted = np.diag(scan.null.predicted_part)[:: 1 + strata.lines]
     variances = scatter_p(strata, left, pack.dof, predicted, scan.predicted_dof)
-    p = np.array([*_scatters(scan, left), *variances])
+    p = np.array([*scatters, *variances])
     closed = -np.log(np.maximum(p, 1e-300))
     n = float(pack.dof.max())
     scatter_bayes = np.array([0.5 * score_of(v) - 0.5 * np.log(n) for v in p[: len(scan.scatters)]])
@@ -169,18 +181,32 @@ def _evened(scan: Scan, y: FloatArray, aside: frozenset[str]) -> FloatArray:
     """
     strata = scan.frame.strata
     found = y
-    if "operation-scatter" in aside:
-        entries = strata.tables(_interaction(scan, found))
-        factor = np.ones(strata.shape[1])
-        whole = float(np.mean(entries**2))
-        for code in np.unique(scan.operation):
-            own = scan.operation == code
-            factor[own] = np.sqrt(whole / max(float(np.mean(entries[:, own] ** 2)), 1e-300))
+    if OPERATIONS in aside:
+        factor = 1 / np.sqrt(_by_operation(scan, found))
         found = strata.coordinates(strata.tables(found) * factor[:, None])[0]
     for i, name in enumerate(("rotation-scatter", "scale-scatter")):
         if name in aside:
             found = _without_direction(scan, found, scan.directions[i])
     return found
+
+
+def _by_operation(scan: Scan, y: FloatArray) -> FloatArray:
+    """Mean squares (H,) of the entries of each column's operation over that of all."""
+    entries = scan.frame.strata.tables(_interaction(scan, y))
+    found = np.ones(entries.shape[1])
+    for code in np.unique(scan.operation):
+        own = scan.operation == code
+        found[own] = max(float(np.mean(entries[:, own] ** 2)), 1e-300)
+    whole = max(float(np.mean(entries**2)), 1e-300)
+    return found / whole
+
+
+def _variances(scan: Scan, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Variances (H, A) of entries by their operation, and P times those of their columns' means."""
+    null = scan.null
+    level = np.where(null.interaction > 0, null.interaction, 1.0)
+    entry = _by_operation(scan, y)[:, None] * level
+    return entry, entry + scan.frame.strata.shape[0] * null.column
 
 
 def _without_direction(scan: Scan, y: FloatArray, direction: FloatArray) -> FloatArray:
@@ -207,7 +233,7 @@ def _interaction(scan: Scan, y: FloatArray) -> FloatArray:
 def _scatters(scan: Scan, y: FloatArray) -> list[float]:
     found = []
     for name in scan.scatters:
-        if name == "operation-scatter":
+        if name == OPERATIONS:
             found.append(_operations_p(scan, y))
         else:
             found.append(_direction_p(scan, y, name))
