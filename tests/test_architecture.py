@@ -28,7 +28,6 @@ FLOORS = {
 }
 SOLVERS = {"lstsq", "lsq_linear", "pinv", "pinvh", "qr", "solve", "solve_triangular", "cho_solve"}
 """What fits by least squares is made of; `stats` has the one routine, and what it stands on."""
-BEING_REDUCED = "the search's own algebra, on its way into stats"
 SOLVED_ELSEWHERE = {
     "files/thermal_contract.py": "gradients of a file against their polynomial: files lie lower",
     "model/drift_simulation.py": "the smallest change that gives a stated drift: nothing is fitted",
@@ -38,12 +37,6 @@ SOLVED_ELSEWHERE = {
     "model/graph/examine.py": "a partial correlation from a matrix that may be singular",
     "model/instruments.py": "the weight of a difference, its covariance perhaps singular",
     "model/variance.py": "a gradient with fewer columns of the same products",
-    "analyses/close_loop/describe.py": BEING_REDUCED,
-    "analyses/close_loop/directions.py": BEING_REDUCED,
-    "analyses/close_loop/estimate.py": BEING_REDUCED,
-    "analyses/close_loop/fitted.py": BEING_REDUCED,
-    "analyses/close_loop/gross.py": BEING_REDUCED,
-    "analyses/close_loop/separation.py": BEING_REDUCED,
 }
 """Files that solve linear systems outside `stats`, each with its reason; no other may."""
 BODIES = ("body", "orelse", "handlers", "finalbody")
@@ -192,7 +185,7 @@ def test_least_squares_is_solved_in_one_place() -> None:
     new = {path: lines for path, lines in found.items() if path not in SOLVED_ELSEWHERE}
     assert not new, "use mtu_cli.stats.least_squares, or give the reason in SOLVED_ELSEWHERE"
     stale = {path for path in SOLVED_ELSEWHERE if path not in found}
-    assert all(SOLVED_ELSEWHERE[path] == BEING_REDUCED for path in stale), stale
+    assert not stale, "these solve nothing any more: take them off the list"
 
 
 def test_analyses_do_not_import_each_other() -> None:

@@ -9,6 +9,9 @@ several components, `component` names the one whose scores stand at the top, `ta
 A `minimum_detectable` is the root mean square over the cells of an effect that would have been
 found four times in five. The `rms` of an effect is over all coordinates, `explained_share` the
 share of their mean square. Fields of a candidate are of the first look at the data.
+`fixed_points` are the places where effects that grow along an axis and effects that move it as a
+whole cancel; one is `told` where its 95 % interval is no longer than the machine's travel.
+`predicted_d` is what the experiment adds to `now_d`, as d^2.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from mtu_cli.analyses.close_loop.fixed_point import FixedPoint, fixed_points
 from mtu_cli.analyses.close_loop.gross import Gross
 from mtu_cli.analyses.close_loop.result import (
     CloseLoopResult,
@@ -24,12 +28,11 @@ from mtu_cli.analyses.close_loop.result import (
     Scores,
     TableResult,
 )
+from mtu_cli.analyses.close_loop.shown import effect_rms, improvement_percent
 from mtu_cli.reports.close_loop_figure import figure
 from mtu_cli.reports.close_loop_shown import (
     class_of,
-    effect_rms,
     first_table,
-    improvement_percent,
     parameters_of,
     size_of,
     something_left,
@@ -57,6 +60,7 @@ def document(result: CloseLoopResult) -> dict[str, Any]:
         "component": first.table.component,
         **_scored(first),
         "effects": [_effect(e, t) for t in result.tables for e in t.effects],
+        "fixed_points": _fixed_points(result),
         "candidates": [_candidate(c, t) for t in result.tables for c in t.candidates],
         "unexplained": {
             "found": any(something_left(item) for item in result.tables),
@@ -150,6 +154,26 @@ def _parameters(effect: FoundEffect) -> dict[str, Any]:
             "dof_effective": finite(shown.dof),
         }
         for shown in parameters_of(effect)
+    }
+
+
+def _fixed_points(result: CloseLoopResult) -> list[dict[str, Any]]:
+    return [_fixed_point(p, item) for item in result.tables for p in fixed_points(result, item)]
+
+
+def _fixed_point(point: FixedPoint, item: TableResult) -> dict[str, Any]:
+    effects = [item.effects[e].name for e in (*point.growth, *point.drift)]
+    ends = point.interval
+    return {
+        "axis": point.axis,
+        "covariate": point.covariate,
+        "effects": effects,
+        "at_mm": {
+            "value": finite(point.at),
+            "u": finite(point.u),
+            "interval95": None if ends is None else [finite(end) for end in ends],
+        },
+        "told": point.told,
     }
 
 

@@ -65,6 +65,12 @@ def curves(item: TableResult) -> list[Curve]:
     ]
 
 
+def by_column(item: TableResult) -> Curve:
+    """Residuals from feature to feature (position to position)."""
+    column = things(item)[1]
+    return _by_category(item, f"residuals, {column} by {column}", column, None)
+
+
 def _of_equation(effect: FoundEffect, item: TableResult) -> Curve:
     """Residuals less the other effects, over the variable of the effect's first equation.
 

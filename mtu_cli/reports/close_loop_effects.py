@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 
-from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.fixed_point import FixedPoint, fixed_points
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.shown import amplitude, is_level
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_shown import (
     Shown,
-    amplitude,
-    is_level,
     parameters_of,
     things,
 )
@@ -42,6 +43,52 @@ SENTENCES = {
 """By family; what is missing falls back to what the library says of the effect."""
 TWICE = 2.0
 """The reversal value is twice the parameter, which acts in both directions (ISO 230-2, 2.13)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sentence:
+    """What is said of `effects`: of one, of those that are one cause, or (none) of all before."""
+
+    effects: tuple[FoundEffect, ...]
+    text: str
+
+    @property
+    def named(self) -> str:
+        """The text with the names of the effects behind it."""
+        names = " and ".join(effect.name for effect in self.effects)
+        return f"{self.text} ({names})" if names else self.text
+
+
+def sentences(result: CloseLoopResult, item: TableResult) -> list[Sentence]:
+    """One an effect, in the order found; an axis that grows from a fixed point takes one."""
+    joined: dict[int, Sentence] = {}
+    left_out: set[int] = set()
+    last = []
+    for point in fixed_points(result, item):
+        first = item.effects[point.growth[0]]
+        if point.told and len(point.growth) == 1 and first.axis == point.axis:
+            text = f"{effect_text(first, item)} from a fixed point at {_place(point)}"
+            own = tuple(item.effects[e] for e in (*point.growth, *point.drift))
+            joined[point.growth[0]] = Sentence(effects=own, text=text)
+            left_out.update(point.drift)
+        else:
+            last.append(Sentence(effects=(), text=_fixed(point)))
+    return [
+        joined.get(e, Sentence(effects=(effect,), text=effect_text(effect, item)))
+        for e, effect in enumerate(item.effects)
+        if e not in left_out
+    ] + last
+
+
+def _fixed(point: FixedPoint) -> str:
+    axis = point.axis.upper()
+    if not point.told:
+        return f"the fixed point of {axis} is not told"
+    return f"in all, the fixed point of {axis} is {_place(point)}"
+
+
+def _place(point: FixedPoint) -> str:
+    return f"{point.axis} = {plus_minus(point.at, point.u)} mm"
 
 
 def effect_text(effect: FoundEffect, item: TableResult) -> str:

@@ -13,12 +13,13 @@ from mtu_cli.analyses.close_loop.result import CloseLoopResult, TableResult
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_cells import IntArray
 from mtu_cli.reports import figures
-from mtu_cli.reports.arrows import Plane, View, common_view, draw_plane, scale_arrow
-from mtu_cli.reports.close_loop_curves import Curve, Series, curves
+from mtu_cli.reports.arrows import Plane
+from mtu_cli.reports.close_loop_arrows import SIDES, draw_arrows, view_of
+from mtu_cli.reports.close_loop_curves import Curve, Series, by_column, curves
 from mtu_cli.reports.close_loop_shown import (
     class_of,
+    either,
     first_table,
-    in_words,
     ranked,
     things,
     unit_of,
@@ -46,35 +47,40 @@ CHARACTERS = 40
 """Of names that fit beside one another below a panel."""
 TICKS = 30
 """More columns than this are drawn without their names."""
-SIDES = (("before", figures.ORANGE), ("after", figures.BLUE))
 
 
 @figures.styled
 def figure(result: CloseLoopResult) -> Figure:
     """Mean errors before and after as arrows (or column by column where they are not in a
-    plane), residuals over the covariate of each effect with the effect, and the ranking.
+    plane), residuals over the covariate of each effect with the effect (of none: part by part
+    and feature by feature), and the ranking.
 
     Of several components the one that gave the verdict is drawn.
     """
     item = first_table(result)
     planes = _planes(item)
-    view = common_view(planes, (5.0, 4.6)) if planes else None
+    view = view_of(planes, (5.0, 4.6)) if planes else None
     above = 3.4 if view is None else float(view.high[1] - view.low[1]) / view.inch + 1.1
     shown = curves(item)
+    changed = bool(item.effects)
     page = figures.blank(WIDTH, above + 4.3)
     grid = page.add_gridspec(2, 1, height_ratios=[above, 4.1])
     top, bottom = page.add_subfigure(grid[0]), page.add_subfigure(grid[1])
     if view is None:
         _columns(top, item)
     else:
-        _arrows(top, planes, view, bool(item.effects))
+        panels = top.subplots(1, 2, squeeze=False)[0]
+        draw_arrows(panels if changed else panels[:1], planes, view)
+        if not changed:
+            draw_curve(panels[1], shown[0])
+            shown = [by_column(item)]
     _lower(bottom, item, shown, result.alpha / len(result.tables))
     page.suptitle(_title(result, item), x=0.012, ha="left", fontsize=10.5, fontweight="bold")
     return page
 
 
 def _title(result: CloseLoopResult, item: TableResult) -> str:
-    names = ", ".join(" or ".join(map(in_words, class_of(effect))) for effect in item.effects)
+    names = "; ".join(either(class_of(effect)) for effect in item.effects)
     component = item.table.component
     of = "" if component is None else f" of {component}"
     if len(result.tables) > 1:
@@ -111,19 +117,6 @@ def _planes(item: TableResult) -> list[Plane]:
     ids = tuple(name.rpartition(" ")[2] for name in table.features)
     ids = ids if len(set(ids)) == len(ids) else table.features
     return [Plane(ids=ids, places=places, errors=mean[:, axes]) for mean in _means(item)]
-
-
-def _arrows(page: SubFigure, planes: list[Plane], view: View, changed: bool) -> None:
-    """Two planes beside one another; one where nothing was taken out."""
-    panels = page.subplots(1, 2 if changed else 1, squeeze=False)[0]
-    for panel, plane, (title, colour) in zip(panels, planes, SIDES, strict=False):
-        draw_plane(panel, plane, view, colour)
-        panel.set_title(
-            f"{title if changed else 'mean errors'} ({len(plane.ids)} features)", pad=22
-        )
-        scale_arrow(panel, view, colour, rise=11.0)
-        panel.set_xlabel("x, mm")
-        panel.set_ylabel("y, mm")
 
 
 def _columns(page: SubFigure, item: TableResult) -> None:
@@ -193,7 +186,8 @@ def draw_curve(panel: Axes, curve: Curve) -> None:
     panel.set_xlabel(curve.xlabel)
     panel.set_ylabel(curve.ylabel)
     if several:
-        panel.legend(ncols=2, loc="upper left")
+        # Its width must not push the panels apart.
+        panel.legend(loc="upper left").set_in_layout(False)
 
 
 def _crowded(names: tuple[str, ...]) -> bool:
@@ -276,4 +270,4 @@ def _ranking(panel: Axes, item: TableResult, alpha: float) -> None:
     ]
     if marked:
         handles.insert(0, Patch(facecolor=figures.ORANGE, label="found, or its class"))
-    panel.legend(handles=handles, loc="lower right")
+    panel.legend(handles=handles, loc="lower right", fontsize=7.5).set_in_layout(False)

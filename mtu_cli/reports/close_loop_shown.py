@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-
-import numpy as np
 
 from mtu_cli.analyses.close_loop.result import (
     DRIFT,
@@ -18,7 +15,8 @@ from mtu_cli.analyses.close_loop.result import (
 from mtu_cli.reports.document import finite
 from mtu_cli.units import PARAMETER_UNITS, UNITS, Unit
 
-LEVEL = "level"
+RIVALS = 3
+"""Rivals that a sentence names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,38 +68,9 @@ def parameters_of(effect: FoundEffect) -> tuple[Shown, ...]:
     return tuple(found)
 
 
-def is_level(name: str) -> bool:
-    """Whether a parameter is only the level that an equation needs beside what it says."""
-    return name == LEVEL or name.startswith(f"{LEVEL}_")
-
-
-def amplitude(effect: FoundEffect) -> tuple[float, float]:
-    """Length sqrt(sum p_i^2) of the parameters as a vector, levels left out, and its
-    u = sqrt(g' C g) with g = p/length (JCGM 100:2008, 5.2.2); internal units.
-    """
-    p = np.array([0.0 if is_level(name) else value for name, _, value, _ in effect.parameters])
-    length = float(np.linalg.norm(p))
-    if length == 0:
-        return 0.0, math.nan
-    g = p / length
-    return length, math.sqrt(max(float(g @ effect.covariance @ g), 0.0))
-
-
-def effect_rms(effect: FoundEffect, item: TableResult) -> float:
-    """Root mean square of an effect over all coordinates of a table, mm (rad)."""
-    return math.sqrt(effect.explained_share) * item.in_sample_before.rms
-
-
 def class_of(effect: FoundEffect) -> tuple[str, ...]:
     """What the data cannot tell apart: the effect, its rivals, what is the same on these points."""
     return tuple(dict.fromkeys([effect.name, *effect.class_names, *effect.aliases]))
-
-
-def improvement_percent(item: TableResult) -> float | None:
-    """By how much the root mean square of held-out errors fell; None where there was none."""
-    if item.before.rms == 0:
-        return None
-    return 100 * (1 - item.after.rms / item.before.rms)
 
 
 def something_left(item: TableResult) -> bool:
@@ -121,6 +90,16 @@ def in_words(name: str) -> str:
         if name.startswith(f"{prefix}-"):
             return f"{text} {name.removeprefix(f'{prefix}-')} without a name"
     return name
+
+
+def either(names: tuple[str, ...]) -> str:
+    """Rivals for a sentence, the likeliest few of them: "a, b or c"."""
+    known = [in_words(name) for name in names]
+    more = len(known) - RIVALS
+    if more > 0:
+        last = "one other" if more == 1 else f"one of {more} others"
+        known = [*known[:RIVALS], last]
+    return " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
 
 
 def things(item: TableResult) -> tuple[str, str]:

@@ -11,12 +11,13 @@ from mtu_cli.analyses.close_loop.result import (
     Scores,
     TableResult,
 )
+from mtu_cli.analyses.close_loop.shown import effect_rms, improvement_percent, is_level
 from mtu_cli.reports.close_loop_effects import searched_text
 from mtu_cli.reports.close_loop_shown import (
+    RIVALS,
     class_of,
-    effect_rms,
     first_table,
-    improvement_percent,
+    in_words,
     parameters_of,
     plural,
     ranked,
@@ -79,7 +80,19 @@ def _effects(result: CloseLoopResult) -> Sheet:
         Column(title="its rms\n"),
         Column(title="chosen in\nfolds"),
     ]
-    return Sheet(title="Effects", columns=columns, rows=rows)
+    return Sheet(title="Effects", columns=columns, rows=rows, notes=_effect_notes(result))
+
+
+def _effect_notes(result: CloseLoopResult) -> list[str]:
+    """What a level is, and the classes that are too long for the sentence."""
+    notes = [
+        f"{effect.name} may be: {', '.join(in_words(name) for name in class_of(effect))}"
+        for effect in result.effects
+        if len(class_of(effect)) > RIVALS
+    ]
+    if any(is_level(name) for effect in result.effects for name, _, _, _ in effect.parameters):
+        notes.insert(0, "level: a constant of the equation, the error where the effect itself is 0")
+    return notes
 
 
 def _effect(effect: FoundEffect, item: TableResult) -> list[list[str]]:

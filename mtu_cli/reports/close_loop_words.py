@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
-from mtu_cli.reports.close_loop_effects import effect_text
+from mtu_cli.analyses.close_loop.shown import should_be_told
+from mtu_cli.reports.close_loop_effects import Sentence, sentences
 from mtu_cli.reports.close_loop_shown import (
+    RIVALS,
     class_of,
-    in_words,
+    either,
     plural,
     ranked,
     size_of,
@@ -26,6 +28,8 @@ MEANINGS = {
 }
 """What a check of the remainder says where it fires."""
 
+NO_DISTANCE = 0.05
+"""Standard deviations below which rivals are the same in the data so far."""
 COPY = " is a copy of "
 """What the note of a candidate says of a column that is."""
 
@@ -42,44 +46,46 @@ def verdict_text(item: TableResult, result: CloseLoopResult) -> str:
 
 
 def _named(item: TableResult, result: CloseLoopResult) -> str:
-    """Such as "X loses 8.2 ± 0.6 um at reversal (backlash-x); taking it out brings ..."."""
-    found = "; ".join(f"{effect_text(e, item)} ({e.name})" for e in item.effects)
-    return f"{_sentence(found, item)}. {_before_after(item)}"
+    """Such as "X loses 8.2 ± 0.6 um at reversal (backlash-x). Held-out parts: ..."."""
+    found = "; ".join(said.named for said in sentences(result, item))
+    return f"{_capital(found, item)}. {_before_after(item)}"
 
 
-def _sentence(text: str, item: TableResult) -> str:
+def _capital(text: str, item: TableResult) -> str:
     """With a capital, where no component's name stands in front."""
     return text if item.table.component is not None else text[:1].upper() + text[1:]
 
 
 def _class(item: TableResult, result: CloseLoopResult) -> str:
-    sentences = []
-    for effect in item.effects:
-        names = class_of(effect)
-        said = effect_text(effect, item)
-        if len(names) == 1:
-            sentences.append(_sentence(f"{said} ({effect.name}).", item))
+    words = []
+    for said in sentences(result, item):
+        names = class_of(said.effects[0]) if len(said.effects) == 1 else ()
+        if len(names) < 2:
+            words.append(_capital(f"{said.named}.", item))
         else:
-            sentences.append(f"{_either(names)}: this data cannot tell.")
-            sentences.append(f"If {effect.name}: {said}.")
-            sentences += _experiment(effect)
-    return " ".join([*sentences, _before_after(item)])
-
-
-def _either(names: tuple[str, ...]) -> str:
-    known = [in_words(name) for name in names]
-    return f"{', '.join(known[:-1])} or {known[-1]}"
+            more = " (see the table)" if len(names) > RIVALS else ""
+            words.append(f"{either(names)}{more}: this data cannot tell.")
+            words.append(f"If {names[0]}: {said.text}.")
+            words += _experiment(said.effects[0])
+    return " ".join([*words, _before_after(item)])
 
 
 def _experiment(effect: FoundEffect) -> list[str]:
     """What to do to tell the class apart, where anything is known of it."""
     planned = effect.experiment
-    if planned is not None:
+    if planned is None:
+        return [] if effect.separates is None else [f"To tell: {effect.separates}."]
+    further = significant(planned.predicted_d)
+    now = significant(planned.now_d) if planned.now_d >= NO_DISTANCE else "none"
+    if should_be_told(effect):
         return [
-            f"To tell: {planned.do}: that should set them {significant(planned.predicted_d)} "
-            f"standard deviations apart, now they are {significant(planned.now_d)}."
+            f"One of them alone would show in this data ({now} standard deviations): "
+            f"more than one may act, or none. To tell: {planned.do}."
         ]
-    return [] if effect.separates is None else [f"To tell: {effect.separates}."]
+    return [
+        f"To tell: {planned.do}: that should set them a further {further} standard deviations "
+        f"apart (so far {now})."
+    ]
 
 
 def _unexplained(item: TableResult, result: CloseLoopResult) -> str:
@@ -96,21 +102,23 @@ def _unexplained(item: TableResult, result: CloseLoopResult) -> str:
     left = f"What is left has an rms of {rest} {item.table.unit}"
     left += f"; repeatability is {floor} {item.table.unit}." if item.floor is not None else "."
     said = f"Something is there that no effect of the library describes: {'; '.join(fired)}."
-    return " ".join([said, _hint(item), left])
+    return " ".join([said, _hint(item, result), left])
 
 
-def _hint(item: TableResult) -> str:
+def _hint(item: TableResult, result: CloseLoopResult) -> str:
     """The nearest name, which is not to be trusted where something is left."""
     if item.effects:
-        named = "; ".join(
-            f"{' or '.join(in_words(n) for n in class_of(e))} ({effect_text(e, item)})"
-            for e in item.effects
-        )
-        return f"As a hint only: {named}."
+        return f"As a hint only: {'; '.join(_hinted(s) for s in sentences(result, item))}."
     best = ranked(item)
     if not best:
         return "No effect comes near it."
     return f"As a hint only: of the named effects {best[0].name} comes nearest."
+
+
+def _hinted(said: Sentence) -> str:
+    if len(said.effects) == 1:
+        return f"{either(class_of(said.effects[0]))} ({said.text})"
+    return said.named
 
 
 def _none(item: TableResult, result: CloseLoopResult) -> str:
@@ -134,7 +142,7 @@ def _none(item: TableResult, result: CloseLoopResult) -> str:
 
 
 def _before_after(item: TableResult) -> str:
-    """What taking the effects out is worth on data that took no part in finding them."""
+    """The error before and after on data that took no part in finding the effects."""
     unit = item.table.unit
     if all(effect.kind == "scatter" for effect in item.effects):
         rms, floor = _together(item, item.before.rms, item.floor)
@@ -142,13 +150,11 @@ def _before_after(item: TableResult) -> str:
         return f"{said}; repeatability is {floor} {unit}." if item.floor is not None else f"{said}."
     before, after, floor = _together(item, item.before.rms, item.after.rms, item.floor)
     row, column = things(item)
-    of = {"parts": f"held-out {plural(row)}", "columns": f"held-out {plural(column)}"}.get(
-        item.held_out_by or "", "all data (none could be held out)"
+    of = {"parts": f"Held-out {plural(row)}", "columns": f"Held-out {plural(column)}"}.get(
+        item.held_out_by or "", "All data (none could be held out)"
     )
-    it = "it" if len(item.effects) == 1 else "them"
-    verb = "brings" if item.after.rms <= item.before.rms else "moves"
-    said = f"Taking {it} out {verb} the rms of {of} from {before} to {after} {unit}"
-    return f"{said}; repeatability is {floor} {unit}." if item.floor is not None else f"{said}."
+    said = f"{of}: rms {before} -> {after} {unit}"
+    return f"{said}; repeatability {floor} {unit}." if item.floor is not None else f"{said}."
 
 
 def _together(item: TableResult, *values: float | None) -> list[str]:

@@ -122,7 +122,7 @@ def test_the_table_says_it_first_and_in_words(first: Run) -> None:
     assert heading == "Undeclared effects: named"
     said = " ".join(rest[:3])
     assert re.search(r"X loses \d\.\d+ ± 0\.\d+ um at reversal \(backlash-x\)", said)
-    assert "the rms of held-out parts from 3." in said
+    assert "Held-out parts: rms 3." in said
     assert max(map(len, first.result.stdout.splitlines())) <= 100
     assert "verdict named" in first.result.stderr
 

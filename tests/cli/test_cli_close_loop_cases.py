@@ -127,6 +127,10 @@ def test_a_warming_measuring_machine(ring_day: Path) -> None:
         value = by_name[name]["parameters"][parameter]
         # Passes of the machine scatter a little, which u holds: 4 u in three parameters.
         assert abs(value["value"] - true) < 4 * value["u"], name
+    # Growth and drift of Y are one cause, and where it is fixed is what they say together.
+    (point,) = (item for item in found["fixed_points"] if item["axis"] == "y")
+    assert point["effects"] == ["thermal-growth-y", "thermal-drift-y"]
+    assert abs(point["at_mm"]["value"] - FIXED_AT_MM) < 4 * point["at_mm"]["u"]
     again = closed(ring_day, *EXTENDED, "--cmm", "ring.csv")
     assert again["verdict"] == "none"
 

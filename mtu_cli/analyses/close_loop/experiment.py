@@ -2,13 +2,16 @@
 
 T-optimality (Atkinson & Fedorov, Biometrika 62 (1975) 57): each effect of the class in turn is
 taken for the truth, as fitted, and a follow-up is worth what the best of its rivals, fitted
-anew, leaves of it: z^2 (1 - max R^2), averaged over the posterior.
+anew, leaves of it: z^2 (1 - max R^2), averaged over the posterior. Of that the part counts that
+the data so far do not hold: what they tell is in the posterior already.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from mtu_cli.analyses.close_loop.follow_up import MORE, as_it_is, follow_ups
 from mtu_cli.analyses.close_loop.further_parts import FollowUp
@@ -31,7 +34,7 @@ NO_NOISE = "the data leave no scatter to measure a separation by"
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
     """The `experiment`, or the `reason` why there is none; `separations` (name of the follow-up,
-    d) of all that were compared, more of the same first.
+    d with the data so far) of all that were compared, more of the same first.
     """
 
     experiment: Experiment | None
@@ -71,10 +74,11 @@ def choice(
     told = tuple((plan.name, value.d) for plan, value in zip(plans, found, strict=True))
     if all(value.share < 1 - ALIAS for value in (now, *found)):
         return Choice(experiment=None, reason=SAME, separations=told)
-    best = _easiest_of_the_best([value.square for value in found])
+    gained = [max(value.square - now.square, 0.0) for value in found]
+    best = _easiest_of_the_best(gained)
     experiment = Experiment(
         do=_words(plans[best], plans, rivalry.candidates()),
-        predicted_d=found[best].d,
+        predicted_d=float(np.sqrt(gained[best])),
         now_d=now.d,
     )
     return Choice(experiment=experiment, reason=None, separations=told)

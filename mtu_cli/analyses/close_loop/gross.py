@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, batched_least_squares, least_squares
 
 RATE = 0.05
 """Chance of the largest normal deviate of a table to pass the limit before the margin."""
@@ -24,6 +24,8 @@ LEAST = 0.1
 """Share of the degrees of freedom that medians and lines leave at least."""
 NORMAL_MAD = 1.4826
 LINE_SWEEPS = 4
+NOTHING = 1e-12
+"""Share of the places' squares below which they do not differ along a direction."""
 FAR = 3.0
 """Standard deviations beyond which an entry does not bend its part's line."""
 
@@ -112,12 +114,10 @@ def _without_lines(errors: FloatArray, places: FloatArray) -> tuple[FloatArray, 
     the number of its slopes: parts turn and grow, and that is no gross error of single entries.
     """
     P, H, _ = errors.shape
-    known = np.isfinite(places).all(axis=(0, 1)) & (np.ptp(places, axis=(0, 1)) > 0)
-    X = places[:, :, known] - places[:, :, known].mean(axis=1, keepdims=True)
+    X = _slopes(places)
     k = X.shape[2]
     if k == 0 or 2 * (k + 2) > H:
         return errors, 0
-    X = X / np.maximum(np.abs(X).max(axis=(0, 1)), 1e-300)
     X = np.concatenate([np.ones((P, H, 1)), X], axis=2)
     left = errors
     # A line through few entries goes where the one that it should judge pulls it.
@@ -127,12 +127,35 @@ def _without_lines(errors: FloatArray, places: FloatArray) -> tuple[FloatArray, 
         spread = NORMAL_MAD * np.nanmedian(np.abs(left), axis=(0, 1)) / np.sqrt(share)
         near = np.isfinite(left) & (np.abs(left) <= FAR * np.maximum(spread, 1e-300))
         near &= enough[:, None, None]
-        w = near.astype(float)
-        G = np.einsum("phi,pha,phj->paij", X, w, X) + 1e-9 * np.eye(k + 1)
-        b = np.einsum("phi,pha->pai", X, w * np.where(near, errors, 0.0))
-        beta = np.linalg.solve(G, b[..., None])[..., 0]
-        left = errors - np.einsum("phi,pai->pha", X, beta)
+        left = errors - np.einsum("phi,pia->pha", X, _lines(X, np.where(near, errors, 0.0), near))
     return left, k * int(enough.sum())
+
+
+def _slopes(places: FloatArray) -> FloatArray:
+    """(P, H, k): places (P, H, d) about their part's mean, along the k directions they lie in."""
+    known = np.isfinite(places).all(axis=(0, 1)) & (np.ptp(places, axis=(0, 1)) > 0)
+    X = places[:, :, known] - places[:, :, known].mean(axis=1, keepdims=True)
+    X = X / np.maximum(np.abs(X).max(axis=(0, 1), initial=0.0), 1e-300)
+    square, turn = np.linalg.eigh(np.einsum("phi,phj->ij", X, X))
+    lies = square > NOTHING * square.max(initial=0.0)
+    found: FloatArray = X if lies.all() else X @ turn[:, lies]
+    return found
+
+
+def _lines(X: FloatArray, y: FloatArray, near: NDArray[np.bool_]) -> FloatArray:
+    """(P, i, A): least squares of y (P, H, A) on X (P, H, i) over what is `near` (P, H, A);
+    zeros where nothing is.
+    """
+    P, H, A = y.shape
+    i = X.shape[2]
+    design = np.where(near[:, :, None], X[..., None], 0.0).transpose(2, 1, 0, 3).reshape(i, H, -1)
+    target = y.transpose(1, 0, 2).reshape(H, -1)
+    found, _ = batched_least_squares(design, target)
+    found[:, ~near.any(axis=1).ravel()] = 0.0
+    for m in np.flatnonzero(np.isnan(found).any(axis=0)):
+        # Places on one line tell no slope across it.
+        found[:, m] = least_squares(design[:, :, m].T, target[:, m]).coefficients
+    return found.reshape(i, P, A).transpose(1, 0, 2)
 
 
 def _still_needed(kept: NDArray[np.bool_], gross: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -18,8 +18,8 @@ DRIFT, FIELD = "unnamed-drift", "unnamed-field"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """What to do to tell a class apart, and `predicted_d`, the rivals' separation by then in
-    standard deviations; `now_d` without it.
+    """What to do to tell a class apart. `now_d` is the rivals' separation in the data so far, in
+    standard deviations; `predicted_d` what the experiment adds: sqrt(d^2 of all - now_d^2).
     """
 
     do: str

@@ -138,3 +138,33 @@ def test_repeats_go_with_their_entry() -> None:
     assert table.repeats[1, 2] == 0
     assert table.repeats.sum() == 3 * 119
     assert given.repeats[1, 2] == 3
+
+
+def test_features_on_a_slanting_line_turn_and_grow_alike() -> None:
+    """One slope is all that such places tell, whichever way the line lies."""
+    rng, count = np.random.default_rng(15), 60
+    touched = 0
+    for _ in range(count):
+        table = residuals(crossed(rng, (12, 20, 2)))
+        along = np.linspace(0.0, 200.0, 20)
+        places = table.places.copy()
+        places[:, :, 0], places[:, :, 1] = along, 40 + 0.3 * along
+        motion = 0.03 * rng.normal(size=(12, 1, 2)) * (along - 100.0)[:, None]
+        turned = replace(table, errors=table.errors + motion, places=places)
+        touched += bool(set_aside(turned)[1])
+    assert touched <= binom.ppf(1 - 1e-3, count, 0.05)
+
+
+def test_a_part_that_was_measured_on_one_line_is_judged_with_the_others() -> None:
+    """It tells no slope across the line: of all slopes the smallest is taken."""
+    there = np.ones((12, 24), bool)
+    there[4, 10:] = False
+    errors = crossed(np.random.default_rng(16), (12, 24, 2))
+    places = residuals(errors).places
+    places[4, :, 1] = places[4, 0, 1]
+    places[4, :, 0] = np.linspace(10.0, 140.0, 24)
+    errors[4, :, 0] += 0.03 * places[4, :, 0]
+    assert set_aside(replace(residuals(errors, there=there), places=places))[1] == ()
+    errors[4, 2, 1] += 60.0
+    _, (one,) = set_aside(replace(residuals(errors, there=there), places=places))
+    assert (one.part, one.feature) == ("P5", "H3")

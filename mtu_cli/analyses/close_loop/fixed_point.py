@@ -1,0 +1,189 @@
+"""An axis that grows from a fixed point: a growth and a drift that were found together.
+
+About the middle of the data such an axis shows two effects, a growth and a drift of the middle.
+They are one physical cause, and what a mechanic asks is where it is fixed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtrit
+
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.language import Node, evaluate, linear_form, names, parse
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.stats.least_squares import FloatArray
+
+STRAIGHT = 1e-9
+"""Share of its size by which a lever may bend and still be a straight line."""
+
+PROBES = (-1.0, 0.0, 1.0)
+
+Over = frozenset[str]
+"""The one covariate that errors are proportional to; empty where they are constant."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixedPoint:
+    """Where along `axis` effects (by their place in the table's list) cancel: those of `growth`,
+    and those of `drift` that move the whole axis, all with the same `covariate` (None: constant).
+
+    `at`, its standard uncertainty `u` and 95 % `interval` (None: unbounded) in mm. It is `told`
+    where the interval is no longer than the machine's travel, or than the parts where no travel
+    is known.
+    """
+
+    axis: str
+    covariate: str | None
+    growth: tuple[int, ...]
+    drift: tuple[int, ...]
+    at: float
+    u: float
+    interval: tuple[float, float] | None
+    told: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Lever:
+    """What a parameter does at the middle of the axis, and its change over half of the places."""
+
+    effect: int
+    parameter: int
+    shift: float
+    growth: float
+
+
+def fixed_points(result: CloseLoopResult, item: TableResult) -> tuple[FixedPoint, ...]:
+    """All that the effects of a table of a result tell together.
+
+    Where the errors are a + g (x - c), or that times a covariate, a and g sums over all such
+    effects, the fixed point is c - a/g; its u is by the joint covariance (JCGM 100:2008, 5.2.2),
+    its interval that of Fieller (J. R. Stat. Soc. B 16 (1954) 175). Effects that are one of
+    several which the data cannot tell apart give none, nor do any beside one that bends.
+    """
+    found = []
+    for axis in item.table.axes if item.table.component is None else ():
+        over = [_beside(effect, axis) for effect in item.effects]
+        for own in dict.fromkeys(known for known in over if known is not None and len(known) < 2):
+            chosen = [e for e, known in enumerate(over) if known == own]
+            levers = [lever for e in chosen for lever in _levers(item, e, axis, own)]
+            growth = tuple(dict.fromkeys(x.effect for x in levers if x.growth))
+            drift = tuple(
+                dict.fromkeys(x.effect for x in levers if x.shift and x.effect not in growth)
+            )
+            straight = all(np.isfinite(x.shift) for x in levers)
+            if growth and drift and straight and all(_alone(item.effects[e]) for e in chosen):
+                ratio = _ratio(result, item, levers)
+                found.append(_point(item, axis, next(iter(own), None), growth, drift, ratio))
+    return tuple(found)
+
+
+def _alone(effect: FoundEffect) -> bool:
+    return set(effect.class_names) <= {effect.name} and not effect.aliases
+
+
+def _beside(effect: FoundEffect, axis: str) -> Over | None:
+    """What the error along an axis depends on beside the place there; None without an equation."""
+    text = effect.equations.get(f"E{axis}")
+    if text is None:
+        return None
+    return frozenset(names(parse(text))) - {axis} - {name for name, _, _, _ in effect.parameters}
+
+
+def _levers(item: TableResult, e: int, axis: str, over: Over) -> Iterator[_Lever]:
+    """Of the parameters of an effect; nan where it is no straight line along the axis."""
+    effect = item.effects[e]
+    own = [name for name, _, _, _ in effect.parameters]
+    middle, half = _extent(item, axis)
+    x = middle + half * np.array([-1.0, 0.0, 1.0])
+    form = linear_form(parse(effect.equations[f"E{axis}"]), own)
+    for name, node in form.coefficients.items():
+        line = _line(node, axis, x, over)
+        low, shift, high = (float(value) for value in line)
+        size = STRAIGHT * max(abs(low), abs(shift), abs(high))
+        growth, bend = 0.5 * (high - low), high + low - 2 * shift
+        if not (np.isfinite(size) and abs(bend) <= size):
+            shift = np.nan
+        yield _Lever(e, own.index(name), shift, 0.0 if abs(growth) <= size else growth)
+
+
+def _line(node: Node, axis: str, x: FloatArray, over: Over) -> FloatArray:
+    """The lever at the places `x` (3,), or its slope in a covariate; nan where that is none."""
+    at = [np.asarray(evaluate(node, {axis: x, **dict.fromkeys(over, value)})) for value in PROBES]
+    low, zero, high = (np.broadcast_to(value, x.shape).astype(float) for value in at)
+    if not over:
+        return zero
+    with np.errstate(invalid="ignore"):
+        straight = np.abs(high + low - 2 * zero) <= STRAIGHT * np.abs([low, zero, high]).max()
+        found: FloatArray = np.where(straight, (high - low) / (PROBES[2] - PROBES[0]), np.nan)
+    return found
+
+
+def _extent(item: TableResult, axis: str) -> tuple[float, float]:
+    """The middle of the places along an axis and half of their extent, mm."""
+    at = item.table.places[..., AXES.index(axis)]
+    low, high = float(np.nanmin(at)), float(np.nanmax(at))
+    return 0.5 * (low + high), max(0.5 * (high - low), 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ratio:
+    """-a/g with its u and 95 % interval (None: unbounded), a and g sums over levers."""
+
+    value: float
+    u: float
+    interval: tuple[float, float] | None
+
+
+def _ratio(result: CloseLoopResult, item: TableResult, levers: Sequence[_Lever]) -> _Ratio:
+    # Points are one table: the joint covariance is that of its effects.
+    first = np.cumsum([0, *(len(effect.parameters) for effect in item.effects)])
+    rows = [int(first[lever.effect]) + lever.parameter for lever in levers]
+    C = result.covariance[np.ix_(rows, rows)]
+    J = np.array([[lever.shift for lever in levers], [lever.growth for lever in levers]])
+    a, g = J @ [item.effects[x.effect].parameters[x.parameter][2] for x in levers]
+    if g == 0:
+        return _Ratio(np.nan, np.nan, None)
+    V = J @ C @ J.T
+    value = -a / g
+    own = np.array([1.0, value])
+    dof = min(item.effects[x.effect].intervals[x.parameter][2] for x in levers)
+    t2 = float(stdtrit(max(dof, 1.0), 0.975)) ** 2
+    # The r with (a + g r)^2 <= t^2 Var(a + g r).
+    A, B, C0 = g**2 - t2 * V[1, 1], a * g - t2 * V[0, 1], a**2 - t2 * V[0, 0]
+    root = np.sqrt(max(B**2 - A * C0, 0.0))
+    return _Ratio(
+        float(value),
+        float(np.sqrt(max(own @ V @ own, 0.0)) / abs(g)),
+        (float((-B - root) / A), float((-B + root) / A)) if A > 0 else None,
+    )
+
+
+def _point(
+    item: TableResult,
+    axis: str,
+    covariate: str | None,
+    growth: tuple[int, ...],
+    drift: tuple[int, ...],
+    ratio: _Ratio,
+) -> FixedPoint:
+    """In mm: the ratio is in halves of the places' extent from their middle."""
+    middle, half = _extent(item, axis)
+    travel = item.table.travel.get(axis, (middle - half, middle + half))
+    ends = None
+    if ratio.interval is not None:
+        low, high = ratio.interval
+        ends = (middle + half * low, middle + half * high)
+    return FixedPoint(
+        axis=axis,
+        covariate=covariate,
+        growth=growth,
+        drift=drift,
+        at=middle + half * ratio.value,
+        u=half * ratio.u,
+        interval=ends,
+        told=ends is not None and ends[1] - ends[0] <= travel[1] - travel[0],
+    )
