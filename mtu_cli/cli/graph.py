@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.execute import Outcome, execute
@@ -64,7 +65,7 @@ def sweep(inputs: Inputs, settings: Settings) -> Outcome:
     graph = loaded_graph(inputs)
     of = inputs.options.of
     result = sweep_graph(graph, settings, of, grid)
-    base = simulate_graph(graph, settings, [of])
+    base = simulate_graph(graph, _all_done(settings, len(result.grid)), [of])
     return Outcome(
         results=lambda: {
             **graph_simulate.document(base, settings.coverage_factor),
@@ -75,6 +76,14 @@ def sweep(inputs: Inputs, settings: Settings) -> Outcome:
         rows=lambda: graph_sweep.csv_rows(result),
         figure=lambda: _figure("swept", result),
         warnings=graph_sweep.warnings(result),
+    )
+
+
+def _all_done(settings: Settings, count: int) -> Settings:
+    """Settings of what follows a grid: its bar stays full."""
+    tell = settings.progress
+    return replace(
+        settings, progress=None if tell is None else lambda done, total: tell(count, count)
     )
 
 

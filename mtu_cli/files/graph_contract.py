@@ -159,7 +159,9 @@ class Transition(Contract):
     repeats: Repeats | None = Field(default=None, description="Probings averaged")
     uncertainty: OwnProbing | None = None
     along: Direction | None = Field(default=None, description="Direction of probing")
-    formula: str | None = Field(default=None, description="Of compute, in the input places")
+    formula: str | None = Field(
+        default=None, description="Of compute, in the input places; H1.x of a point H1"
+    )
     says: str | None = Field(default=None, description="What it is, in words")
 
 

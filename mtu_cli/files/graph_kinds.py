@@ -8,6 +8,18 @@ from typing import Literal, get_args
 
 PlaceKind = Literal["coordinate", "point", "vector", "line", "plane", "frame", "constant"]
 KINDS: tuple[str, ...] = get_args(PlaceKind)
+COORDINATES: dict[str, tuple[str, ...]] = {
+    "coordinate": ("value",),
+    "constant": ("value",),
+    "point": ("x", "y", "z"),
+    "vector": ("i", "j", "k"),
+    "line": ("x", "y", "z", "i", "j", "k"),
+    "plane": ("x", "y", "z", "i", "j", "k"),
+    "frame": ("x", "y", "z", "rx", "ry", "rz"),
+}
+"""rx, ry, rz: the rotation of a frame about its own nominal axes."""
+NAMED_BY_COORDINATE = ("point", "vector")
+"""Kinds that a formula takes by their coordinates."""
 TransitionKind = Literal[
     "meas", "displace", "middle", "vector", "unit_v", "ratio", "length", "ball", "hole",
     "circle", "sphere", "line", "aline", "plane", "point", "normal", "direction", "project",
@@ -145,7 +157,10 @@ TRANSITIONS: dict[str, tuple[Variant, ...]] = {
     "frame": (Variant("", (_PLANE, _LINE, _POINT), ("frame",)),),
     "transform": (Variant("", (_one("frame"), _POINT), ("point",)),),
     "compute": (
-        Variant("", (Slot(("constant", "coordinate"), None, 1, None),), ("constant",)),
+        Variant(
+            "", (Slot(("constant", "coordinate", *NAMED_BY_COORDINATE), None, 1, None),),
+            ("constant",),
+        ),
     ),
 }  # fmt: skip
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mtu_cli.errors import did_you_mean
-from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings, duplicates, present
 from mtu_cli.files.graph_contract import Graph, Place, Transition
+from mtu_cli.files.graph_formulas import formula_of
 from mtu_cli.files.graph_kinds import TRANSITIONS, Given, Variant, described
+from mtu_cli.files.graph_names import known_places
 from mtu_cli.files.yaml_file import YamlPath
-from mtu_cli.language import EquationError, Node, names, parse
-from mtu_cli.language.functions import BUDGET_FUNCTIONS
+from mtu_cli.language import Node
 
 ONLY = {"repeats": "meas", "uncertainty": "meas", "along": "meas", "formula": "compute"}
 
@@ -54,7 +53,7 @@ def _step(
             _check_known(name, (*path, side, at), findings)
     for at, name, _ in duplicates(enumerate(item.out)):
         findings.add((*path, "out", at), "the place is put out twice", value=name)
-    formula = _formula(item, path, findings) if item.do == "compute" else None
+    formula = formula_of(item, places, path, findings) if item.do == "compute" else None
     given = [_given(name, places) for name in item.in_]
     variant = _variant(item, given, places, path, findings)
     if variant is None or len(findings.problems) > before:
@@ -80,7 +79,7 @@ def _check_keys(item: Transition, path: YamlPath, findings: Findings) -> None:
 def _check_known(name: str, path: YamlPath, findings: Findings) -> None:
     known = findings.keys("places")
     if name not in known:
-        findings.add(path, "unknown place", value=name, expected=did_you_mean(name, known))
+        findings.add(path, "unknown place", value=name, expected=known_places(name, known))
 
 
 def _given(name: str, places: Mapping[str, Place]) -> Given:
@@ -172,27 +171,3 @@ def _add_misfit(
         return
     count = f"{len(given)} input{'' if len(given) == 1 else 's'}"
     findings.add((*path, "in"), f"{item.do} with {count}", expected=expected)
-
-
-def _formula(item: Transition, path: YamlPath, findings: Findings) -> Node | None:
-    where = (*path, "formula")
-    if item.formula is None:
-        findings.add(path, "compute without a formula", expected="`formula:` in the input places")
-        return None
-    try:
-        node = parse(item.formula, BUDGET_FUNCTIONS)
-        for name, column in names(node).items():
-            if name not in item.in_:
-                hint = did_you_mean(name, item.in_)
-                raise EquationError(f"{name!r} is not an input of this transition", column, hint)
-    except EquationError as error:
-        document = findings.document
-        line = document.line_of(*where)
-        findings.problems.append(
-            error.problem(file=document.source.shown, line=line, path=path_text(where))
-        )
-        return None
-    for at, name in enumerate(item.in_):
-        if name not in names(node):
-            findings.add((*path, "in", at), "the formula does not use this input", value=name)
-    return node

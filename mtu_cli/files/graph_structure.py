@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from mtu_cli.errors import did_you_mean
 from mtu_cli.files.contracts import Findings, duplicates, present
 from mtu_cli.files.graph_contract import Graph, Place
+from mtu_cli.files.graph_names import known_places
 from mtu_cli.files.graph_steps import Step
 
 SHOWN_REPORT = 6
@@ -189,7 +189,7 @@ def _check_used(graph: Graph, used: set[str], makers: Makers, findings: Findings
     reported = list(graph.report)
     for index, name in enumerate(reported):
         if name is not None and name not in known:
-            hint = did_you_mean(name, known)
+            hint = known_places(name, known)
             findings.add(("report", index), "unknown place", value=name, expected=hint)
     for index, name, _ in duplicates(present(reported)):
         findings.add(("report", index), "the place is reported twice", value=name)
@@ -201,8 +201,17 @@ def _check_used(graph: Graph, used: set[str], makers: Makers, findings: Findings
         if name not in used and name not in ends:
             hint = f"`report: [{', '.join([*listed, name])}]`"
             hint = hint if len(listed) < SHOWN_REPORT else "listed under `report:`"
-            expected = f"an input of a transition, or {hint}"
+            expected = f"an input of a transition, or {hint}{_left_out(name, graph, makers)}"
             findings.add(("places", name), "leads nowhere", expected=expected)
+
+
+def _left_out(name: str, graph: Graph, makers: Makers) -> str:
+    """That a radius need not be put out, where the place is one."""
+    for index in makers.get(name, []):
+        item = graph.transitions[index] if graph.transitions else None
+        if item is not None and item.do in ("circle", "sphere") and item.out[1:] == [name]:
+            return f"; or without the radius: `out: {item.out[0]}`"
+    return ""
 
 
 def _computed(graph: Graph, makers: Makers) -> set[str]:
@@ -259,7 +268,7 @@ def _check_correlated(
     known = findings.keys("places")
     place = graph.places.get(name)
     if name not in known:
-        findings.add(path, "unknown place", value=name, expected=did_you_mean(name, known))
+        findings.add(path, "unknown place", value=name, expected=known_places(name, known))
     elif place is not None and (place.value is None or not place.u):
         expected = "a constant with `value` and `u`"
         findings.add(path, "has no uncertainty of its own", value=name, expected=expected)

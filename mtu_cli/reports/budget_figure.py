@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -119,6 +120,10 @@ def _frame(
 def _headline(result: BudgetResult, output: OutputBudget, index: int) -> str:
     first = output.first
     value, _ = with_u(first.value, first.u if first.u > 0.0 else None)
-    own = significant(float(result.run.u[index]))
-    name = figures.literal(first.name)
-    return f"{name} = {value}, u = {significant(first.u)}, by Monte Carlo {own}"
+    own = float(result.run.u[index])
+    found = f"{figures.literal(first.name)} = {value}"
+    if math.isfinite(first.u):
+        found += f", u = {significant(first.u)}"
+    if math.isfinite(own):
+        return f"{found}, by Monte Carlo {significant(own)}"
+    return f"{found}, none by Monte Carlo"

@@ -68,8 +68,13 @@ def _row(output: OutputBudget, which: int, item: InputQuantity) -> list[str]:
         MISSING if exact else degrees_of_freedom(item.dof),
         MISSING if exact else significant(c, 4),
         MISSING if exact else significant(float(output.first.contribution[which])),
-        MISSING if exact or math.isnan(share) else f"{100 * share:.1f}",
+        MISSING if exact or math.isnan(share) else _percent(share),
     ]
+
+
+def _percent(share: float) -> str:
+    # Adding 0 takes the sign off a zero.
+    return f"{round(100 * share, 1) + 0.0:.1f}"
 
 
 def _result(result: BudgetResult, index: int, digits: int) -> Sheet:

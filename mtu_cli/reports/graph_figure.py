@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from mtu_cli.analyses.graph.surface import Formula
 from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
 from mtu_cli.reports import figures
 from mtu_cli.reports.graph_simulate import shares_text, small_unit
-from mtu_cli.reports.numbers import significant, with_u
+from mtu_cli.reports.numbers import plus_minus, significant, with_u
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.distributions import log_density
 from mtu_cli.stats.least_squares import FloatArray
@@ -40,7 +40,7 @@ def simulated(result: GraphSimulation) -> Figure:
     page = figures.blank(max(5.0, 3.6 * columns), 0.8 + 2.7 * rows)
     panels = page.subplots(rows, columns, squeeze=False).ravel()
     for panel, item in zip(panels, shown, strict=False):
-        _histogram(panel, item)
+        (_bars if item.chance else _histogram)(panel, item)
     for panel in panels[len(shown) :]:
         panel.set_visible(False)
     known: dict[str, Artist] = {}
@@ -51,10 +51,23 @@ def simulated(result: GraphSimulation) -> Figure:
     return page
 
 
+def _bars(panel: Axes, item: SimulatedCoordinate) -> None:
+    """How often a place is 0, and how often 1."""
+    panel.bar([0, 1], [1 - item.mean, item.mean], width=0.6, color=figures.PALE)
+    panel.set_xticks([0, 1])
+    panel.set_ylim(0.0, 1.0)
+    panel.set_xlabel("value of the place")
+    name = figures.literal(str(item.output))
+    panel.set_title(f"{name}: chance of 1 {plus_minus(item.mean, item.errors.mean)}")
+
+
 def _histogram(panel: Axes, item: SimulatedCoordinate) -> None:
     factor, unit = small_unit(item.output.unit)
     values = (item.samples - item.nominal) * factor
     left, right = np.quantile(values, [0.0005, 0.9995])
+    if not right > left:
+        # Nearly all trials have one value.
+        left, right = values.min() - 1e-9, values.max() + 1e-9
     bins = np.linspace(left, right, 61)
     density = np.histogram(values, bins)[0] / (len(values) * np.diff(bins))
     panel.stairs(density, bins, fill=True, color=figures.PALE, label="Monte Carlo trials")
@@ -80,10 +93,10 @@ def _histogram(panel: Axes, item: SimulatedCoordinate) -> None:
 
 @figures.styled
 def swept(result: Sweep) -> Figure:
-    """u against the first of what is varied, a line for each value of the rest; dots are Monte
-    Carlo with two standard errors, curves the formula.
+    """u, or the chance, against the first of what is varied, a line for each value of the rest;
+    dots are Monte Carlo with two standard errors, curves the formula.
     """
-    factor, unit = small_unit(result.output.unit)
+    factor, unit = (1.0, "") if result.chance else small_unit(result.output.unit)
     names = [name for name, values in result.varied.items() if len(values) > 1]
     names = names or list(result.varied)
     first, rest = names[0], names[1:]
@@ -98,18 +111,14 @@ def swept(result: Sweep) -> Figure:
     for shade, (key, members) in zip(shades, groups.items(), strict=True):
         colour = colormaps["Blues"](shade) if len(groups) > 1 else figures.BLUE
         points = [result.grid[i] for i in members]
-        x = [item.at[first] for item in points]
         label = ", ".join(f"{n} {v:g}" for n, v in zip(rest, key, strict=True)) or None
-        y = np.array([item.u for item in points]) * factor
-        error = 2 * np.array([item.se_u for item in points]) * factor
-        panel.errorbar(x, y, error, fmt="o", ms=4, color=colour, label=label)
-        if result.formula is not None:
-            fine, curve = _curve(result.formula, points, first)
-            panel.plot(fine, curve * factor, color=colour)
+        _dots(panel, result, points, first, factor, colour, label)
     panel.set_xlabel(first)
-    panel.set_ylabel(f"u of {figures.literal(str(result.output))}, {unit}")
-    top = max(item.u + 2 * item.se_u for item in result.grid) * factor
-    panel.set_ylim(0.0, HEADROOM * top if top > 0 else None)
+    name = figures.literal(str(result.output))
+    panel.set_ylabel(f"chance that {name} is 1" if result.chance else f"u of {name}, {unit}")
+    if not result.chance:
+        top = max(item.u + 2 * item.se_u for item in result.grid) * factor
+        panel.set_ylim(0.0, HEADROOM * top if top > 0 else None)
     if result.formula is not None:
         numbers = ", ".join(
             f"{name} = {with_u(value, None)[0]}"
@@ -119,6 +128,30 @@ def swept(result: Sweep) -> Figure:
     if rest:
         panel.legend()
     return page
+
+
+def _dots(
+    panel: Axes,
+    result: Sweep,
+    points: Sequence[GridPoint],
+    first: str,
+    factor: float,
+    colour: object,
+    label: str | None,
+) -> None:
+    """Points of the grid that differ in `first` alone, and what joins them."""
+    x = [item.at[first] for item in points]
+    y, se = np.array([_dot(item, result.chance) for item in points]).T * factor
+    form: dict[str, Any] = {"color": colour, "label": label}
+    panel.errorbar(x, y, 2 * se, fmt="o-" if result.chance else "o", ms=4, **form)
+    if result.formula is not None:
+        fine, curve = _curve(result.formula, points, first)
+        panel.plot(fine, curve * factor, color=form["color"])
+
+
+def _dot(item: GridPoint, chance: bool) -> tuple[float, float]:
+    """What is drawn of a point of the grid, and its standard error."""
+    return (item.mean, item.se_mean) if chance else (item.u, item.se_u)
 
 
 def _curve(

@@ -47,7 +47,8 @@ class Net:
 
 def share_percent(share: float, decimals: int = 1) -> str:
     """A share in percent, halves up: equal shares differ by rounding noise, and read the same."""
-    return f"{100 * share + NOISE:.{decimals}f}"
+    text = f"{100 * share + NOISE:.{decimals}f}"
+    return text.removeprefix("-") if not text.strip("-0.") else text
 
 
 def net_of(

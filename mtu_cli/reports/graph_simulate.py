@@ -10,9 +10,9 @@ from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite, listed
 from mtu_cli.reports.graph_net import share_percent
-from mtu_cli.reports.numbers import PLAIN_DIGITS, interval, significant, with_u
+from mtu_cli.reports.numbers import PLAIN_DIGITS, interval, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
-from mtu_cli.reports.validations import convergence_warnings, validation_warnings
+from mtu_cli.reports.validations import validation_warnings
 from mtu_cli.units import UM
 
 SHOWN_SHARES = 3
@@ -53,10 +53,21 @@ def _coordinate(item: SimulatedCoordinate, k: float) -> dict[str, Any]:
         "shortest95": [finite(end) for end in item.shortest],
         "first_order_u": finite(item.first_order_u),
         "validation": _validation(item),
+        "chance": _chance(item),
         "trials": item.trials,
         "converged": item.converged,
-        "monte_carlo": {"se_u": finite(item.se_u)},
+        "monte_carlo": {
+            f"se_{name}": finite(getattr(item.errors, name))
+            for name in ("mean", "u", "low", "high")
+        },
     }
+
+
+def _chance(item: SimulatedCoordinate) -> dict[str, Any] | None:
+    """Of a place that is 0 or 1: how likely 1 is."""
+    if not item.chance:
+        return None
+    return {"probability": finite(item.mean), "standard_error": finite(item.errors.mean)}
 
 
 def _validation(item: SimulatedCoordinate) -> dict[str, Any] | None:
@@ -84,17 +95,47 @@ def warnings(result: GraphSimulation) -> list[Warned]:
         noted += validation_warnings(
             [text for text, _ in judged], [found for _, found in judged], name, factor
         )
-    short = [str(item.output) for item in result.coordinates if not item.converged]
-    if short:
-        noted += [
-            Warned(code=item.code, message=f"{item.message}; for {listed(short)}")
-            for item in convergence_warnings(result.trials, False)
-        ]
-    return list(dict.fromkeys(noted))
+    return list(dict.fromkeys(noted + _not_converged(result)))
+
+
+def _not_converged(result: GraphSimulation) -> list[Warned]:
+    """Outputs that ended, as asked or at their largest count, before they had their digits."""
+    short = [item for item in result.coordinates if not item.converged]
+    digits = f"{result.digits} significant digit{'s' if result.digits > 1 else ''}"
+    return [
+        Warned(
+            code="not-converged",
+            message=f"{count} Monte Carlo trials: not converged to {digits} of u (JCGM 101, "
+            f"7.9.4), for {listed(_known_to(item) for item in short if item.trials == count)}",
+        )
+        for count in dict.fromkeys(item.trials for item in short)
+    ]
+
+
+def _known_to(item: SimulatedCoordinate) -> str:
+    """What there is instead: ``d2 (u 0.785 ± 0.012 um, ends of the interval ± 0.05 um)``."""
+    if item.chance:
+        return f"{item.output} (chance {plus_minus(item.mean, item.errors.mean)})"
+    factor, unit = small_unit(item.output.unit)
+    own = plus_minus(item.u * factor, item.errors.u * factor)
+    ends = significant(max(item.errors.low, item.errors.high) * factor)
+    return f"{item.output} (u {own} {unit}, ends of the interval ± {ends} {unit})"
 
 
 def table(result: GraphSimulation) -> list[Sheet]:
-    """One row a coordinate: its nominal, and what differs from it in um, urad or millionths."""
+    """One row a coordinate: its nominal, and what differs from it in um, urad or millionths; and
+    one a chance.
+    """
+    plain = [item for item in result.coordinates if not item.chance]
+    chances = [item for item in result.coordinates if item.chance]
+    title = f"Graph: {result.graph.graph.name}"
+    sheets = [_places(title, plain)] if plain else []
+    if chances:
+        sheets.append(_chances(title if not plain else "Chances", chances))
+    return sheets
+
+
+def _places(title: str, coordinates: Sequence[SimulatedCoordinate]) -> Sheet:
     columns = [
         Column(title="place\n", text=True, folds=True),
         Column(title="nominal\nmm, rad, 1"),
@@ -107,13 +148,38 @@ def table(result: GraphSimulation) -> list[Sheet]:
         Column(title="first order\nvalid"),
     ]
     notes = [
-        f"{result.trials} Monte Carlo trials; first-order u: differences over one standard "
+        f"{_counts(coordinates)} Monte Carlo trials; first-order u: differences over one standard "
         "uncertainty to either side; variance from: shares of its square",
-        _verdicts_explained({_verdict(item) for item in result.coordinates}),
+        _verdicts_explained({_verdict(item) for item in coordinates}),
     ]
-    rows = [_row(item) for item in result.coordinates]
-    title = f"Graph: {result.graph.graph.name}"
-    return [Sheet(title=title, columns=columns, rows=rows, notes=notes)]
+    rows = [_row(item) for item in coordinates]
+    return Sheet(title=title, columns=columns, rows=rows, notes=notes)
+
+
+def _chances(title: str, coordinates: Sequence[SimulatedCoordinate]) -> Sheet:
+    columns = [
+        Column(title="place", text=True, folds=True),
+        Column(title="at nominal"),
+        Column(title="chance of 1"),
+        Column(title="trials"),
+    ]
+    rows = [
+        [
+            str(item.output),
+            significant(item.nominal, PLAIN_DIGITS),
+            plus_minus(item.mean, item.errors.mean),
+            str(item.trials),
+        ]
+        for item in coordinates
+    ]
+    notes = ["chance of 1: the share of the trials in which the place is 1, ± its standard error"]
+    return Sheet(title=title, columns=columns, rows=rows, notes=notes)
+
+
+def _counts(coordinates: Sequence[SimulatedCoordinate]) -> str:
+    counts = {item.trials for item in coordinates if not item.fixed} or {0}
+    low, high = min(counts), max(counts)
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def _row(item: SimulatedCoordinate) -> list[str]:
@@ -182,7 +248,7 @@ def source_name(source: str) -> str:
 CSV_COLUMNS = [
     "place", "coordinate", "unit", "nominal", "mean", "u", "U", "interval95_low",
     "interval95_high", "shortest95_low", "shortest95_high", "first_order_u",
-    "validation_passed", "trials", "converged",
+    "validation_passed", "trials", "converged", "se_mean", "se_u",
 ]  # fmt: skip
 
 
@@ -207,5 +273,7 @@ def _csv_row(item: SimulatedCoordinate, k: float, sources: Sequence[str]) -> lis
         None if item.validation is None else item.validation.passed,
         item.trials,
         item.converged,
+        item.errors.mean,
+        item.errors.u,
         *(item.shares.get(name) for name in sources),
     ]

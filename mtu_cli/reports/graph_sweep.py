@@ -10,9 +10,8 @@ from mtu_cli.analyses.graph.surface import Formula
 from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite
-from mtu_cli.reports.numbers import p_value, significant
+from mtu_cli.reports.numbers import PLAIN_DIGITS, p_value, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
-from mtu_cli.reports.validations import convergence_warnings
 from mtu_cli.units import UM
 
 UNLIKELY = 0.01
@@ -21,11 +20,12 @@ UNLIKELY = 0.01
 
 def document(result: Sweep) -> dict[str, Any]:
     """`grid` and `formula`; u and the mean in the output's unit, the formula's u in um for a
-    length. `unrelated`: what is varied without an effect.
+    length. `chance`: the means are chances. `unrelated`: what is varied without an effect.
     """
     return {
         "of": str(result.output),
         "unit": result.output.unit,
+        "chance": result.chance,
         "varied": {name: list(values) for name, values in result.varied.items()},
         "unrelated": list(result.without),
         "grid": [_point(item) for item in result.grid],
@@ -44,7 +44,7 @@ def _point(item: GridPoint) -> dict[str, Any]:
         "error_percent": finite(item.error_percent),
         "trials": item.trials,
         "converged": item.converged,
-        "monte_carlo": {"se_u": finite(item.se_u)},
+        "monte_carlo": {"se_mean": finite(item.se_mean), "se_u": finite(item.se_u)},
     }
 
 
@@ -69,7 +69,8 @@ def warnings(result: Sweep) -> list[Warned]:
     noted = _unrelated(result) + _not_converged(result)
     found = result.formula
     if found is None:
-        noted.append(Warned(code="no-formula", message=f"no formula: {result.no_formula}"))
+        if not result.chance:
+            noted.append(Warned(code="no-formula", message=f"no formula: {result.no_formula}"))
     elif found.p < UNLIKELY and found.max_error_percent > 1.0:
         noted.append(
             Warned(
@@ -90,50 +91,79 @@ def warnings(result: Sweep) -> list[Warned]:
 
 
 def _unrelated(result: Sweep) -> list[Warned]:
-    if result.formula is None or not result.without:
+    if not result.without or (result.formula is None and not result.chance):
         return []
     names = ", ".join(result.without)
-    message = f"{result.output} does not depend on {names}: not in the formula"
+    message = f"{result.output} does not depend on {names}"
+    if result.formula is not None:
+        message += ": not in the formula"
     return [Warned(code="unrelated", message=message)]
 
 
 def _not_converged(result: Sweep) -> list[Warned]:
     short = [item for item in result.grid if not item.converged]
-    most = max((item.trials for item in short), default=0)
-    where = f"; at {len(short)} of {len(result.grid)} points of the grid"
+    if not short:
+        return []
+    most = max(item.trials for item in short)
+    digits = f"{result.digits} significant digit{'s' if result.digits > 1 else ''}"
     return [
-        Warned(code=item.code, message=f"{item.message}{where}")
-        for item in convergence_warnings(most, not short)
+        Warned(
+            code="not-converged",
+            message=f"{most} Monte Carlo trials: not converged to {digits} of u (JCGM 101, 7.9.4), "
+            f"{_known_to(result, short)}; at {len(short)} of {len(result.grid)} points of the grid",
+        )
     ]
 
 
+def _known_to(result: Sweep, short: Sequence[GridPoint]) -> str:
+    if result.chance:
+        largest = max(item.se_mean for item in short)
+        return f"the standard error of a chance is up to {significant(largest)}"
+    largest = max((item.se_u / item.u for item in short if item.u > 0), default=0.0)
+    return f"the standard error of u is up to {significant(100 * largest)} %"
+
+
 def table(result: Sweep) -> list[Sheet]:
-    """One row a grid point; u in um for a length."""
-    factor, unit = _shown(result)
+    """One row a grid point: mean and u, in um for a length; or the chance."""
     names = list(result.varied)
+    varied = [
+        Column(title=name.replace("_um", "\num") if "_" in name else f"{name}\n") for name in names
+    ]
+    columns, cells = _chances(result) if result.chance else _uncertainties(result)
+    rows = [
+        [*(f"{item.at[name]:g}" for name in names), *own, str(item.trials)]
+        for item, own in zip(result.grid, cells, strict=True)
+    ]
+    title = f"{'chance' if result.chance else 'u'} of {result.output}"
+    columns = [*varied, *columns, Column(title="trials\n")]
+    return [Sheet(title=title, columns=columns, rows=rows, notes=_notes(result))]
+
+
+def _chances(result: Sweep) -> tuple[list[Column], list[list[str]]]:
+    columns = [Column(title="chance of 1\n± standard error")]
+    return columns, [[plus_minus(item.mean, item.se_mean)] for item in result.grid]
+
+
+def _uncertainties(result: Sweep) -> tuple[list[Column], list[list[str]]]:
+    factor, unit = _shown(result)
     columns = [
-        *(
-            Column(title=name.replace("_um", "\num") if "_" in name else f"{name}\n")
-            for name in names
-        ),
+        Column(title=f"mean less nominal\n{unit}"),
         Column(title=f"u\n{unit}"),
         Column(title=f"first-order u\n{unit}"),
         Column(title=f"formula\n{unit}"),
         Column(title="error\n%"),
-        Column(title="trials\n"),
     ]
-    rows = [
+    cells = [
         [
-            *(f"{item.at[name]:g}" for name in names),
+            with_u((item.mean - result.nominal) * factor, item.u * factor)[0],
             significant(item.u * factor, 4),
             significant(item.first_order_u * factor, 4),
             significant(item.formula_u * factor, 4),
             significant(item.error_percent),
-            str(item.trials),
         ]
         for item in result.grid
     ]
-    return [Sheet(title=f"u of {result.output}", columns=columns, rows=rows, notes=_notes(result))]
+    return columns, cells
 
 
 def _shown(result: Sweep) -> tuple[float, str]:
@@ -142,8 +172,14 @@ def _shown(result: Sweep) -> tuple[float, str]:
 
 def _notes(result: Sweep) -> list[str]:
     found = result.formula
+    if result.chance:
+        return [
+            f"{result.output} is 0 or 1: the chance of 1 is the share of the trials in which it "
+            "is; no formula is fitted to it"
+        ]
+    at_nominal = f"nominal {significant(result.nominal, PLAIN_DIGITS)} {result.output.unit}"
     if found is None:
-        return []
+        return [at_nominal]
     values = ", ".join(f"{name} = {significant(v, 4)}" for name, v in found.coefficients.items())
     notes = [
         f"{found.form}; {values}",
@@ -157,7 +193,7 @@ def _notes(result: Sweep) -> list[str]:
         own = found.own_max_percent
         text = "less than 0.001" if own < 0.001 else significant(own)
         notes.append(f"the formula's own largest error, on the first-order u: {text} %")
-    return notes
+    return [*notes, at_nominal]
 
 
 def csv_rows(result: Sweep) -> tuple[list[str], Iterable[Sequence[object]]]:
@@ -165,7 +201,7 @@ def csv_rows(result: Sweep) -> tuple[list[str], Iterable[Sequence[object]]]:
     names = list(result.varied)
     header = [
         *names, "unit", "mean", "u", "interval95_low", "interval95_high", "first_order_u",
-        "formula_u", "error_percent", "se_u", "trials", "converged",
+        "formula_u", "error_percent", "se_mean", "se_u", "trials", "converged",
     ]  # fmt: skip
     rows = [
         [
@@ -177,6 +213,7 @@ def csv_rows(result: Sweep) -> tuple[list[str], Iterable[Sequence[object]]]:
             item.first_order_u,
             finite(item.formula_u),
             finite(item.error_percent),
+            item.se_mean,
             item.se_u,
             item.trials,
             item.converged,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -177,6 +177,9 @@ class _Judge:
             verdict = Validation(passed=None, d_low=math.nan, d_high=math.nan, tolerance=math.nan)
         else:
             verdict = clause8(first.value, first.u, factor, run, self.digits, index)
+            # The ends of a step's interval may agree: no u is still wrong where there is one.
+            if first.u == 0.0 and run.u[index] > 0.0:
+                verdict = replace(verdict, passed=False)
         return OutputBudget(
             first=first,
             unit=self.units[first.name],

@@ -22,6 +22,8 @@ FEW_DOF = 4.0
 """The square of a t distribution with no more has no variance."""
 NO_WEAKER = 0.9995
 """A factor of a correlation that shows as 1."""
+ROUNDING = 1e-9
+"""Share of a value below which ends of an interval agree."""
 SHORTEST = 1.05
 """More than its own scatter may make the shortest interval longer than the symmetric one."""
 
@@ -225,8 +227,14 @@ def _validation(item: OutputBudget, run: MonteCarloResult, index: int) -> list[W
         return []
     percent = f"{100 * run.probability:.4g} %"
     unit = f" {item.unit}" if item.unit else ""
+    largest = float(np.max([verdict.d_low, verdict.d_high]))
+    if verdict.passed is False and first.u == 0.0 and largest <= ROUNDING * abs(first.value):
+        message = (
+            f"{first.name}: the first-order u is 0 and the Monte Carlo's {run.u[index]:.2g}{unit}: "
+            "first order is not valid (JCGM 101, clause 8), although the intervals agree"
+        )
+        return [Warned(code="validation-failed", message=message)]
     if verdict.passed is False:
-        largest = float(np.max([verdict.d_low, verdict.d_high]))
         message = (
             f"{first.name}: the first-order {percent} interval differs from the Monte Carlo one "
             f"by {largest:.2g}{unit}, more than the tolerance {verdict.tolerance:.2g}{unit} of "

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.graph.trial_runs import run_trials, survey
+from mtu_cli.analyses.graph.trial_runs import SIMULATED, TrialRuns, Trials
 from mtu_cli.model.graph.first_order import FirstOrder, first_order
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
 from mtu_cli.model.graph.outputs import Output
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 
 ROUNDING = 16 * float(np.finfo(np.float64).eps)
@@ -23,10 +22,21 @@ NOTHING = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Errors:
+    """The Monte Carlo's own standard errors, in the unit of the output."""
+
+    mean: float
+    u: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedCoordinate:
     """One coordinate of a place, in its own unit. `shares` of its first-order variance by source
-    (nan where that is 0). `rounding`: of the nominal. `fixed`: it does not vary. `validation` None
-    where it is fixed or its first-order form is nil. `samples`: the first trials.
+    (nan where that is 0). `rounding`: of the nominal. `fixed`: it does not vary. `chance`: it is 0
+    or 1, and its `mean` the chance of 1. `converged`: to the digits of u asked for. `validation`
+    None where it is fixed, a chance, or its first-order form is nil. `samples`: the first trials.
     """
 
     output: Output
@@ -36,14 +46,20 @@ class SimulatedCoordinate:
     u: float
     interval: tuple[float, float]
     shortest: tuple[float, float]
-    se_u: float
+    errors: Errors
     trials: int
     converged: bool
     first_order_u: float
     shares: dict[str, float]
     fixed: bool
+    chance: bool
     validation: Validation | None
     samples: FloatArray
+
+    @property
+    def se_u(self) -> float:
+        """Standard error of u."""
+        return self.errors.u
 
     @property
     def at_zero(self) -> bool:
@@ -53,11 +69,14 @@ class SimulatedCoordinate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GraphSimulation:
-    """All coordinates asked for; `trials` is the largest count that one of them took."""
+    """All coordinates asked for; `trials` is the largest count that one of them took, `digits`
+    those of u that were asked for.
+    """
 
     graph: MeasurementGraph
     coordinates: tuple[SimulatedCoordinate, ...]
     trials: int
+    digits: int
     converged: bool
     warnings: tuple[Warned, ...]
 
@@ -67,29 +86,22 @@ def simulate_graph(
 ) -> GraphSimulation:
     """Propagates the uncertainty of probings and constants through the graph.
 
-    With an adaptive count, outputs that hardly follow a first-order form are run apart.
+    With an adaptive count every output ends by itself (see `TrialRuns`).
     """
     outputs = graph.outputs(of)
     whole = evaluation(graph, outputs)
     linear = first_order(whole)
-    fixed, bent = survey(graph, whole, linear, settings.seed)
-    varying = np.flatnonzero(~fixed)
-    together = settings.trials is not None
-    groups = [varying] if together else [np.flatnonzero(~fixed & ~bent), np.flatnonzero(bent)]
-    found: dict[int, SimulatedCoordinate] = {
-        int(i): _fixed(outputs[i], linear, int(i)) for i in np.flatnonzero(fixed)
-    }
-    for group in groups:
-        if len(group):
-            members = [outputs[i] for i in group]
-            run = run_trials(graph, members, settings, bent=bool(bent[group].all()))
-            for at, i in enumerate(group):
-                found[int(i)] = _coordinate(outputs[i], linear, int(i), run, at, settings)
-    coordinates = tuple(found[i] for i in range(len(outputs)))
+    runs = TrialRuns(graph, whole, linear, settings, SIMULATED)
+    found = runs.run()
+    coordinates = tuple(
+        _coordinate(item, linear, i, runs, found[i]) if i in found else _fixed(item, linear, i)
+        for i, item in enumerate(outputs)
+    )
     return GraphSimulation(
         graph=graph,
         coordinates=coordinates,
         trials=max((item.trials for item in coordinates), default=0),
+        digits=settings.digits,
         converged=all(item.converged for item in coordinates),
         warnings=tuple(_warnings(coordinates)),
     )
@@ -109,47 +121,53 @@ def _fixed(output: Output, linear: FirstOrder, index: int) -> SimulatedCoordinat
         u=0.0,
         interval=(value, value),
         shortest=(value, value),
-        se_u=0.0,
+        errors=Errors(mean=0.0, u=0.0, low=0.0, high=0.0),
         trials=0,
         converged=True,
         first_order_u=0.0,
         shares=_shares(linear, index),
         fixed=True,
+        chance=False,
         validation=None,
         samples=np.full(1, value),
     )
 
 
 def _coordinate(
-    output: Output,
-    linear: FirstOrder,
-    index: int,
-    run: MonteCarloResult,
-    at: int,
-    settings: Settings,
+    output: Output, linear: FirstOrder, index: int, runs: TrialRuns, own: Trials
 ) -> SimulatedCoordinate:
-    nominal, u = float(linear.nominal[index]), float(linear.u[index])
+    u, run, at = float(linear.u[index]), own.run, own.at
     return SimulatedCoordinate(
         output=output,
-        nominal=nominal,
+        nominal=float(linear.nominal[index]),
         rounding=ROUNDING * float(linear.sizes[index]),
-        mean=float(run.mean[at]),
+        mean=own.mean,
         u=float(run.u[at]),
         interval=(float(run.low[at]), float(run.high[at])),
         shortest=(float(run.shortest_low[at]), float(run.shortest_high[at])),
-        se_u=float(run.se_u[at]),
+        errors=Errors(
+            mean=own.se_mean,
+            u=float(run.se_u[at]),
+            low=float(run.se_low[at]),
+            high=float(run.se_high[at]),
+        ),
         trials=run.trials,
-        converged=run.converged,
+        converged=own.converged,
         first_order_u=u,
         shares=_shares(linear, index),
         fixed=False,
-        validation=settings.validate(nominal, u, np.inf, run, at) if u > 0 else None,
+        chance=own.chance,
+        validation=runs.verdict(index) if u > 0 and not own.chance else None,
         samples=run.samples[at],
     )
 
 
 def _warnings(coordinates: Sequence[SimulatedCoordinate]) -> list[Warned]:
-    nil = [str(item.output) for item in coordinates if not item.fixed and item.first_order_u == 0]
+    nil = [
+        str(item.output)
+        for item in coordinates
+        if not (item.fixed or item.chance) and item.first_order_u == 0
+    ]
     warnings = []
     if nil:
         more = f" and {len(nil) - 6} more" if len(nil) > 6 else ""

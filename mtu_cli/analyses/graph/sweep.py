@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtu_cli.analyses.graph.surface import Formula, fit_formula
-from mtu_cli.analyses.graph.trial_runs import run_trials, survey
+from mtu_cli.analyses.graph.trial_runs import SWEPT, TrialRuns
 from mtu_cli.analyses.graph.varied import REPEATS, probed_with, unrelated
 from mtu_cli.errors import fault
 from mtu_cli.files.graph_contract import LARGEST_U_UM, MAX_REPEATS
+from mtu_cli.model.graph.chances import chance_places
 from mtu_cli.model.graph.first_order import first_order
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
-from mtu_cli.model.graph.outputs import Output
+from mtu_cli.model.graph.outputs import Output, read
 from mtu_cli.model.settings import Settings
 
 PARAMETERS = ("axis_um", "probe_um", "perpendicular_um", REPEATS)
@@ -25,12 +26,14 @@ LARGEST_GRID = 10_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridPoint:
-    """One setting and what came of it, in the unit of the output. `formula_u` and
-    `error_percent` (formula less Monte Carlo) are nan where no formula could be fitted.
+    """One setting and what came of it, in the unit of the output. `converged`: mean and u, which
+    `se_mean` and `se_u` are the standard errors of. `formula_u` and `error_percent` (formula less
+    Monte Carlo) are nan where no formula could be fitted.
     """
 
     at: dict[str, float]
     mean: float
+    se_mean: float
     u: float
     se_u: float
     interval: tuple[float, float]
@@ -43,11 +46,15 @@ class GridPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """The grid of one output, and the formula fitted to it, or why there is none. `without`: what
-    is varied, and the output does not depend on.
+    """The grid of one output, and the formula fitted to it, or why there is none. `nominal`: the
+    output's. `chance`: it is 0 or 1, and its means are chances. `without`: what is varied, and the
+    output does not depend on. `digits`: those of u that were asked for.
     """
 
     output: Output
+    nominal: float
+    chance: bool
+    digits: int
     varied: dict[str, tuple[float, ...]]
     grid: tuple[GridPoint, ...]
     without: tuple[str, ...]
@@ -74,20 +81,24 @@ def sweep_graph(
 
     Raises InputError for a place with several coordinates, or values out of range.
     """
-    outputs = graph.outputs([of])
-    if len(outputs) != 1:
-        names = ", ".join(str(item) for item in outputs)
-        raise fault("--of names several coordinates", value=of, expected=f"one of: {names}")
+    output = _one_output(graph, of)
     _check(varied)
+    points = [
+        dict(zip(varied, map(float, values), strict=True))
+        for values in itertools.product(*varied.values())
+    ]
     found = []
-    for number, values in enumerate(itertools.product(*varied.values())):
-        at = dict(zip(varied, map(float, values), strict=True))
+    for number, at in enumerate(points):
         part = graph.with_probing(probed_with(graph.graph, at))
-        found.append(_point(part, outputs[0], replace(settings, seed=_seed(settings, number)), at))
-    without = unrelated(graph, outputs[0], varied, settings.seed)
-    grid, formula = _fitted(found, varied, without, outputs[0])
+        found.append(_point(part, output, _settings_at(settings, number, len(points)), at))
+    without = unrelated(graph, output, varied, settings.seed)
+    chance = output.place in chance_places(item.step for item in graph.computed)
+    grid, formula = _fitted(found, varied, without, output, chance)
     return Sweep(
-        output=outputs[0],
+        output=output,
+        nominal=float(read(graph.nominal, [output], graph.nominal)[0, 0]),
+        chance=chance,
+        digits=settings.digits,
         varied={name: tuple(map(float, values)) for name, values in varied.items()},
         grid=grid,
         without=without,
@@ -96,16 +107,37 @@ def sweep_graph(
     )
 
 
+def _one_output(graph: MeasurementGraph, of: str) -> Output:
+    outputs = graph.outputs([of])
+    if len(outputs) != 1:
+        names = ", ".join(str(item) for item in outputs)
+        raise fault("--of names several coordinates", value=of, expected=f"one of: {names}")
+    return outputs[0]
+
+
+def _settings_at(settings: Settings, number: int, count: int) -> Settings:
+    """Those of one of the points: it tells how many of all are done."""
+    tell = settings.progress
+    return replace(
+        settings,
+        seed=_seed(settings, number),
+        progress=None if tell is None else lambda done, total: tell(number, count),
+    )
+
+
 def _fitted(
     found: Sequence[GridPoint],
     varied: Mapping[str, Sequence[float]],
     without: Sequence[str],
     output: Output,
+    chance: bool,
 ) -> tuple[tuple[GridPoint, ...], Formula | str]:
     """The grid with the formula's values beside it, and the formula or why there is none."""
     of = [name for name in varied if name not in without]
     if not of:
         return tuple(found), f"{output} does not depend on {', '.join(without)}"
+    if chance:
+        return tuple(found), f"{output} is 0 or 1: its mean is a chance, its u no uncertainty"
     formula = fit_formula(
         {name: np.array([item.at[name] for item in found]) for name in of},
         np.array([item.u for item in found]),
@@ -147,17 +179,37 @@ def _point(
 ) -> GridPoint:
     part = evaluation(graph, [output])
     linear = first_order(part)
-    _, bent = survey(graph, part, linear, settings.seed)
-    run = run_trials(graph, [output], settings, bent=bool(bent[0]))
+    own = TrialRuns(graph, part, linear, settings, SWEPT).run().get(0)
+    value = float(linear.nominal[0])
+    if own is None:
+        return _fixed(value, at)
+    run, i = own.run, own.at
     return GridPoint(
         at=at,
-        mean=float(run.mean[0]),
-        u=float(run.u[0]),
-        se_u=float(run.se_u[0]),
-        interval=(float(run.low[0]), float(run.high[0])),
+        mean=own.mean,
+        se_mean=own.se_mean,
+        u=float(run.u[i]),
+        se_u=float(run.se_u[i]),
+        interval=(float(run.low[i]), float(run.high[i])),
         first_order_u=float(linear.u[0]),
         trials=run.trials,
-        converged=run.converged,
+        converged=own.converged,
+        formula_u=math.nan,
+        error_percent=math.nan,
+    )
+
+
+def _fixed(value: float, at: dict[str, float]) -> GridPoint:
+    return GridPoint(
+        at=at,
+        mean=value,
+        se_mean=0.0,
+        u=0.0,
+        se_u=0.0,
+        interval=(value, value),
+        first_order_u=0.0,
+        trials=0,
+        converged=True,
         formula_u=math.nan,
         error_percent=math.nan,
     )

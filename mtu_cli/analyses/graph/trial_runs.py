@@ -1,13 +1,21 @@
-"""The Monte Carlo runs of simulate and sweep: which outputs vary, and to which tolerance."""
+"""The Monte Carlo runs of simulate and sweep: which outputs vary, and how far each one goes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.language.tree import Call, walk
+from mtu_cli.analyses.graph.convergence import (
+    MARGIN,
+    chance_error,
+    chance_trials,
+    ratios,
+    wanted_trials,
+)
+from mtu_cli.model.graph.chances import chance_places, may_jump
 from mtu_cli.model.graph.first_order import FirstOrder, first_order
 from mtu_cli.model.graph.inputs import noises
 from mtu_cli.model.graph.measurement_graph import Evaluation, MeasurementGraph, evaluation
@@ -16,6 +24,7 @@ from mtu_cli.model.graph.trials import GraphTrials
 from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
 from mtu_cli.stats.streams import stream
+from mtu_cli.stats.validation import CONVERGED_TO, Validation
 
 PILOT = 4096
 """Trials that tell which outputs follow their first-order form."""
@@ -25,54 +34,188 @@ ROUNDING = 1e-13
 """Scatter below this share of the dimensions is rounding: the output does not vary."""
 DRAWN = 2**16
 """Trials kept for the histogram."""
+TURNS = 4
+"""Runs after the first look that a chance may take."""
+LOOK = 2**16
+"""Trials of the first look at all outputs together, at most."""
 
 
-def survey(
-    graph: MeasurementGraph, whole: Evaluation, linear: FirstOrder, seed: int
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which outputs (n,) do not vary, and which hardly follow their first-order form.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How far the trials of one output go at most, and whether the interval's ends count."""
 
-    What goes through a step may vary in so few trials that a pilot sees none of them: it counts
+    most: int
+    ends: bool
+
+
+SIMULATED = Effort(most=2_500_000, ends=True)
+SWEPT = Effort(most=2**18, ends=False)
+"""Of a point of the grid, whose mean and u are what is asked for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Survey:
+    """What is known of n outputs before their trials, (n,) each: `fixed` ones do not vary, `bent`
+    ones hardly follow their first-order form, `chance` ones are 0 or 1.
+    """
+
+    fixed: NDArray[np.bool_]
+    bent: NDArray[np.bool_]
+    chance: NDArray[np.bool_]
+
+
+def survey(graph: MeasurementGraph, whole: Evaluation, linear: FirstOrder, seed: int) -> Survey:
+    """What goes through a step may vary in so few trials that a pilot sees none of them: it counts
     as varying, whatever the pilot says.
     """
     model = GraphTrials(whole, linear)
     u = model.draw(stream(seed, 1), PILOT).values.std(axis=1)
     jumps = np.array([_may_jump(graph, item) for item in whole.outputs], dtype=bool)
     fixed = (u <= ROUNDING * whole.sizes) & (linear.u == 0.0) & ~jumps
-    return fixed, ~fixed & ~((linear.u >= LINEAR * u) & (linear.u > 0.0))
+    bent = ~fixed & ~((linear.u >= LINEAR * u) & (linear.u > 0.0))
+    chances = chance_places(item.step for item in whole.steps)
+    chance = np.array([item.place in chances for item in whole.outputs], dtype=bool)
+    return Survey(fixed=fixed, bent=bent, chance=chance & ~fixed)
 
 
 def _may_jump(graph: MeasurementGraph, output: Output) -> bool:
     """Whether a random input reaches the output through the equation language's step."""
     start, steps = graph.needed([output])
-    return bool(noises(graph.graph, start)) and any(
-        isinstance(node, Call) and node.function == "step"
-        for item in steps
-        if item.step.formula is not None
-        for node in walk(item.step.formula)
-    )
+    return bool(noises(graph.graph, start)) and may_jump(item.step for item in steps)
 
 
-def run_trials(
-    graph: MeasurementGraph, outputs: Sequence[Output], settings: Settings, *, bent: bool
-) -> MonteCarloResult:
-    """The trials of some outputs.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trials:
+    """What became of one output: its row `at` in a `run`, and whether it has its digits."""
 
-    An adaptive count of outputs that hardly follow a first-order form (`bent`: a direction
-    cosine near 1, a distance near 0) goes on to the tolerance of JCGM 101:2008, 7.9.4 itself, of
-    others to the fifth of it that clause 8 wants: it has nothing to compare there, and no control
-    variate helps.
+    run: MonteCarloResult
+    at: int
+    ratio: float
+    chance: bool
+
+    @property
+    def converged(self) -> bool:
+        """Whether mean, u and interval are sure to the digits of u asked for."""
+        return self.ratio <= 1.0
+
+    @property
+    def mean(self) -> float:
+        """Of the trials; of a chance the share of 1."""
+        return float(self.run.mean[self.at])
+
+    @property
+    def se_mean(self) -> float:
+        """Standard error of the mean; of a chance it is never 0."""
+        if self.chance:
+            return chance_error(self.mean, self.run.trials)
+        return float(self.run.se_mean[self.at])
+
+
+class TrialRuns:
+    """The trials of the outputs of an evaluation, to first order `linear`, under given settings.
+
+    With a given count all are run together. Else a first look at all of them together tells how
+    many trials each needs. Those that have their digits by it are done. The others go on without
+    them: until they have theirs, or to the most that the effort allows, which is said of them
+    alone. What follows its first-order form goes on to the fifth of the tolerance at which clause
+    8 can judge it (JCGM 101:2008, 8.2), where that is within reach; of what hardly does, the
+    verdict is known or of no interest, and no control variate helps. A chance is sure when its
+    mean is: its u and interval follow from that.
     """
-    part = evaluation(graph, outputs)
-    model = GraphTrials(part, first_order(part))
-    if not bent or settings.trials is not None:
-        return settings.run(model, keep=DRAWN)
-    return monte_carlo(
-        model,
-        seed=settings.seed,
-        probability=PROBABILITY,
-        digits=settings.digits,
-        threads=settings.threads,
-        keep=DRAWN,
-        progress=settings.progress,
-    )
+
+    def __init__(
+        self,
+        graph: MeasurementGraph,
+        whole: Evaluation,
+        linear: FirstOrder,
+        settings: Settings,
+        effort: Effort,
+    ) -> None:
+        self.graph, self.outputs, self.linear = graph, whole.outputs, linear
+        self.known = survey(graph, whole, linear, settings.seed)
+        self.settings, self.effort = settings, effort
+        self.found: dict[int, Trials] = {}
+
+    def run(self) -> dict[int, Trials]:
+        """The trials of every output that is not fixed, by its number."""
+        varying = [int(i) for i in np.flatnonzero(~self.known.fixed)]
+        if not varying:
+            return {}
+        count, most = self.settings.trials, self.effort.most
+        if count is not None:
+            self._together(varying, CONVERGED_TO, trials=count)
+            return self.found
+        self._together(varying, CONVERGED_TO, most=min(LOOK, most))
+        self._chances(varying)
+        plain = [i for i in varying if not self.known.chance[i]]
+        if any(not self.found[i].converged for i in plain):
+            self._together([i for i in plain if self._goes_on(i)], 1.0, most=most)
+        undecided = [i for i in plain if self._judgeable(i)]
+        if undecided:
+            self._together(undecided, CONVERGED_TO, most=most)
+        return self.found
+
+    def _goes_on(self, i: int) -> bool:
+        return not self.found[i].converged or self._judgeable(i)
+
+    def _judgeable(self, i: int) -> bool:
+        """Whether clause 8 is still open, and its fifth of the tolerance within reach."""
+        item = self.found[i]
+        if self.known.bent[i] or not self.effort.ends or not item.converged:
+            return False
+        wanted = wanted_trials(item.run.trials, item.ratio, CONVERGED_TO)
+        open_ = item.ratio > CONVERGED_TO and self.verdict(i).passed is None
+        return open_ and item.run.trials < wanted <= self.effort.most
+
+    def verdict(self, i: int) -> Validation:
+        """Clause 8 for an output with a first-order u."""
+        item, linear = self.found[i], self.linear
+        return self.settings.validate(
+            float(linear.nominal[i]), float(linear.u[i]), np.inf, item.run, item.at
+        )
+
+    def _chances(self, varying: Sequence[int]) -> None:
+        """Chances that are still unsure, all to the count that the least sure of them needs: by the
+        chance as it is known so far, which is why it may take more than one turn.
+        """
+        digits, most = self.settings.digits, self.effort.most
+        for _ in range(TURNS):
+            short = [i for i in varying if self.known.chance[i] and not self.found[i].converged]
+            done = max((self.found[i].run.trials for i in short), default=most)
+            if done >= most:
+                return
+            wanted = max(chance_trials(self.found[i].mean, digits) for i in short)
+            self._together(short, 1.0, trials=min(most, int(MARGIN * wanted)))
+
+    def _together(
+        self, members: Sequence[int], fraction: float, *, trials: int | None = None, most: int = 0
+    ) -> None:
+        chance = self.known.chance[list(members)]
+        part = evaluation(self.graph, [self.outputs[i] for i in members])
+        run = monte_carlo(
+            GraphTrials(part, _without(first_order(part), chance)),
+            seed=self.settings.seed,
+            trials=trials,
+            max_trials=trials or most,
+            probability=PROBABILITY,
+            digits=self.settings.digits,
+            tolerance_fraction=fraction,
+            threads=self.settings.threads,
+            keep=DRAWN,
+            progress=self.settings.progress,
+        )
+        found = ratios(run, self.settings.digits, ends=self.effort.ends)
+        for at, i in enumerate(members):
+            ratio = float(found[at])
+            if chance[at]:
+                wanted = chance_trials(float(run.mean[at]), self.settings.digits)
+                ratio = (wanted / run.trials) ** 0.5
+            before = self.found.get(i)
+            if before is None or not before.converged or before.run.trials < run.trials:
+                self.found[i] = Trials(run=run, at=at, ratio=ratio, chance=bool(chance[at]))
+
+
+def _without(linear: FirstOrder, chance: NDArray[np.bool_]) -> FirstOrder:
+    """The first order without that of chances: the mean of 0 and 1 stays the share of 1."""
+    kept = ~chance
+    return replace(linear, gradient=linear.gradient * kept[:, None], u=linear.u * kept)

@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mtu_cli.files.graph_contract import Graph
+from mtu_cli.model.graph.chances import may_jump
 from mtu_cli.model.graph.first_order import first_order
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
 from mtu_cli.model.graph.outputs import Output
 from mtu_cli.model.graph.trials import GraphTrials
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import stream
+from mtu_cli.stats.workspace import Workspace
 
 REPEATS = "repeats"
 TRIED = 256
@@ -40,7 +42,8 @@ def unrelated(
 
     The same random numbers are propagated with the largest of all varied values and with half of
     one: where nothing behind the output takes it (every measurement states its own), or
-    where the output does not follow those that do, its trials stay where they are.
+    where the output does not follow those that do, its trials stay where they are. What a step
+    makes may stay so by chance: there the scatter of what is behind it tells.
     """
     largest = {name: float(max(values)) for name, values in varied.items()}
     if REPEATS in largest:
@@ -49,15 +52,22 @@ def unrelated(
     found = []
     for name, value in largest.items():
         other = 4.0 if name == REPEATS else value / 2
-        after = _trials(graph, output, {**largest, name: other}, seed)
-        if value > 0 and np.max(np.abs(after - before)) <= SAME * before.std():
+        if value > 0 and _alike(before, _trials(graph, output, {**largest, name: other}, seed)):
             found.append(name)
     return tuple(found)
+
+
+def _alike(before: FloatArray, after: FloatArray) -> bool:
+    scatter = before.std(axis=1, keepdims=True)
+    return bool(np.all(np.abs(after - before) <= SAME * scatter))
 
 
 def _trials(
     graph: MeasurementGraph, output: Output, at: Mapping[str, float], seed: int
 ) -> FloatArray:
+    """Values (1, m) of the output or, of one behind a step, (k, m) of the random inputs."""
     part = evaluation(graph.with_probing(probed_with(graph.graph, at)), [output])
-    values: FloatArray = GraphTrials(part, first_order(part)).draw(stream(seed, 2), TRIED).values[0]
-    return values
+    if may_jump(item.step for item in part.steps):
+        work = Workspace()
+        return part.inputs.scaled(part.inputs.draw(stream(seed, 2), TRIED, work))
+    return GraphTrials(part, first_order(part)).draw(stream(seed, 2), TRIED).values

@@ -21,8 +21,8 @@ TURNS = 20
 thick as they are wide, steps hardly lead anywhere.
 """
 
-SLICE = 1024
-"""Trials fitted together: the arrays of an iteration stay in the cache."""
+SLICE = 4096
+"""Trials fitted together: few enough for the cache, many enough for what every call costs."""
 
 Points = Sequence[FloatArray]
 Fit = Callable[..., tuple[FloatArray, ...]]

@@ -13,7 +13,7 @@ from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.graph_contract import Graph
 from mtu_cli.files.graph_file import LoadedGraph
 from mtu_cli.model.graph.inputs import Inputs
-from mtu_cli.model.graph.nominal import Computed, Values, nominal_values
+from mtu_cli.model.graph.nominal import Computed, Values, named_scalars, nominal_values
 from mtu_cli.model.graph.not_finite import not_finite
 from mtu_cli.model.graph.outputs import Output, outputs_of, read
 from mtu_cli.model.graph.units import place_units
@@ -96,7 +96,7 @@ class Evaluation:
         step, count = item.step, int(np.count_nonzero(bad))
         why = ""
         if step.formula is not None:
-            at = {name: float(values[name][np.argmax(bad)]) for name in step.inputs}
+            at = named_scalars(step.formula, values, int(np.argmax(bad)))
             why = f": {not_finite(step.formula, at)}"
         return Problem(
             what=f"{step.do} of {', '.join(step.outputs)}: no finite value below {LARGEST:g} in "

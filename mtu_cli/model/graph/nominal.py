@@ -9,8 +9,10 @@ import numpy as np
 
 from mtu_cli.files.graph_contract import Graph, Place
 from mtu_cli.files.graph_file import Rounds
+from mtu_cli.files.graph_formulas import place_of
+from mtu_cli.files.graph_kinds import COORDINATES, NAMED_BY_COORDINATE
 from mtu_cli.files.graph_steps import Step
-from mtu_cli.language import Node, evaluate
+from mtu_cli.language import Node, evaluate, names
 from mtu_cli.model.graph import fits
 from mtu_cli.model.graph.constructions import CONSTRUCTIONS, Construction, Outputs
 from mtu_cli.model.graph.degenerate import degenerate
@@ -80,8 +82,7 @@ def _prepare(step: Step, values: Values, computed: list[Computed]) -> str | None
         ready.run(found)
     if not all(np.isfinite(found[name]).all() for name in step.outputs):
         if step.formula is not None:
-            scalars = {name: float(value[0]) for name, value in found.items() if value.ndim == 1}
-            return not_finite(step.formula, scalars)
+            return not_finite(step.formula, named_scalars(step.formula, found))
         return "no finite value at nominal"
     values.update({name: found[name] for name in step.outputs})
     computed.append(ready)
@@ -120,12 +121,33 @@ def _points(nominal: Sequence[FloatArray]) -> FloatArray:
     return np.array([place[:, 0] for place in nominal])
 
 
-def _formula(node: Node, names: Sequence[str]) -> Construction:
-    def compute(*inputs: FloatArray) -> Outputs:
-        value = evaluate(node, dict(zip(names, inputs, strict=True)))
-        return (np.broadcast_to(np.asarray(value, dtype=np.float64), inputs[0].shape),)
+def _formula(node: Node, inputs: Sequence[str]) -> Construction:
+    at = {name: (inputs.index(place_of(name)), _row(name)) for name in names(node)}
+
+    def compute(*places: FloatArray) -> Outputs:
+        given = {
+            name: places[i] if row is None else places[i][row] for name, (i, row) in at.items()
+        }
+        value = evaluate(node, given)
+        return (np.broadcast_to(np.asarray(value, dtype=np.float64), places[0].shape[-1:]),)
 
     return compute
+
+
+def _row(name: str) -> int | None:
+    """The coordinate that a formula means by ``H1.x``; None where it names the whole place."""
+    coordinate = name.partition(".")[2]
+    known = (COORDINATES[kind] for kind in NAMED_BY_COORDINATE)
+    return next((item.index(coordinate) for item in known if coordinate in item), None)
+
+
+def named_scalars(node: Node, values: Mapping[str, FloatArray], trial: int = 0) -> dict[str, float]:
+    """The names of a formula with their values in one of the trials of `values`."""
+    found = {}
+    for name in names(node):
+        value, row = values[place_of(name)], _row(name)
+        found[name] = float((value if row is None else value[row])[trial])
+    return found
 
 
 def _orientation(nominal: Sequence[FloatArray]) -> FloatArray:

@@ -7,22 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.errors import did_you_mean, fault
+from mtu_cli.errors import fault
 from mtu_cli.files.graph_contract import Place
+from mtu_cli.files.graph_kinds import COORDINATES
+from mtu_cli.files.graph_names import known_places
 from mtu_cli.model.graph.nominal import Values
 from mtu_cli.model.graph.vectors import cross, dot
 from mtu_cli.stats.least_squares import FloatArray
-
-COORDINATES: dict[str, tuple[str, ...]] = {
-    "coordinate": ("value",),
-    "constant": ("value",),
-    "point": ("x", "y", "z"),
-    "vector": ("i", "j", "k"),
-    "line": ("x", "y", "z", "i", "j", "k"),
-    "plane": ("x", "y", "z", "i", "j", "k"),
-    "frame": ("x", "y", "z", "rx", "ry", "rz"),
-}
-"""rx, ry, rz: the rotation of a frame about its own nominal axes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +59,7 @@ def _split(name: str, places: Mapping[str, Place]) -> tuple[str, str | None]:
         return name, None
     place, dot_, coordinate = name.rpartition(".")
     if not dot_ or place not in places:
-        hint = did_you_mean(place if dot_ else name, places)
+        hint = known_places(place if dot_ else name, places)
         raise fault("unknown place", value=name, expected=hint)
     known = COORDINATES[places[place].kind]
     if coordinate not in known:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from mtu_cli.files.graph_contract import Graph
+from mtu_cli.files.graph_formulas import place_of
 from mtu_cli.files.graph_steps import Step
-from mtu_cli.language import EquationError, Node, check_dimension
+from mtu_cli.language import EquationError, Node, check_dimension, names
 from mtu_cli.language.tree import Call
 
 INVERSE = ("asin", "acos", "atan", "atan2")
@@ -76,7 +77,8 @@ def _unit(step: Step, units: Mapping[str, Unit]) -> Unit:
         case "length" if step.variant == "vector":
             return units[step.inputs[0]]
         case "compute" if step.formula is not None:
-            return formula_unit(step.formula, {item: units[item] for item in step.inputs})
+            known = {name: units[place_of(name)] for name in names(step.formula)}
+            return formula_unit(step.formula, known)
     return "mm"
 
 

@@ -103,3 +103,22 @@ def test_inputs_that_no_equation_has_take_little_memory() -> None:
     assert first.u == pytest.approx(0.1 * math.sqrt(2))
     # u^2(x0 x1) = 0.02 + 0.1^4 exactly, which is its second order.
     assert first.second_u == pytest.approx(math.sqrt(0.02 + 1e-4))
+
+
+def test_first_order_of_a_step_is_not_valid() -> None:
+    """P(N(10, 0.001) <= 10.0035) = 1 - 2.3e-4: both intervals are [1, 1], u is not 0."""
+    text = "equation: step(10.0035 - x)\ninputs:\n  x: {value: 10, u: 0.001}\n"
+    result = evaluated(text, trials=400_000)
+    (item,) = result.outputs
+    assert item.first.u == 0
+    assert result.run.low[0] == result.run.high[0] == 1
+    chance = 0.5 * math.erfc(-3.5 / math.sqrt(2))
+    # Five relative standard errors of u = sqrt(q), 1/(2 sqrt(n q)).
+    u = math.sqrt(chance * (1 - chance))
+    assert result.run.u[0] == pytest.approx(u, rel=2.5 / math.sqrt(400_000 * (1 - chance)))
+    assert item.validation.passed is False
+    (told,) = (item for item in result.warnings if item.code == "validation-failed")
+    assert "the first-order u is 0 and the Monte Carlo's 0.01" in told.message
+    # Where no trial differs there is nothing that first order misses.
+    sure = evaluated(text.replace("10.0035", "11"), trials=10_000)
+    assert sure.outputs[0].validation.passed is True

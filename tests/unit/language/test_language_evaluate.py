@@ -26,6 +26,11 @@ def test_step_is_one_from_zero_on(u: float, value: float) -> None:
     np.testing.assert_array_equal(evaluate(parse("step(u)"), {"u": np.array([u, u])}), [value] * 2)
 
 
+def test_step_of_what_has_no_value_has_none() -> None:
+    found = np.asarray(evaluate(parse("step(1 - sqrt(x))"), {"x": np.array([-1.0, 0.5, 4.0])}))
+    np.testing.assert_array_equal(found, [np.nan, 1.0, 0.0])
+
+
 def test_step_of_a_literal() -> None:
     assert evaluate(parse("step(0)"), {}) == 1.0
 

@@ -210,3 +210,21 @@ def test_a_ratio_has_no_unit_in_warnings(unit: str, said: str) -> None:
     failed = Validation(passed=False, d_low=2.8, d_high=1.0, tolerance=0.05)
     (warning,) = validation_warnings(["u.i"], [failed], unit, 1.0)
     assert f"{said}, for u.i" in warning.message
+
+
+def test_a_share_of_nothing_has_no_sign() -> None:
+    """x has no sensitivity and is correlated with what has a negative one."""
+    text = (
+        "equation: 0*x - y\ninputs:\n  x: {value: 1, u: 1}\n  y: {value: 1, u: 1}\n"
+        "correlations: [[x, y, 0.5]]\n"
+    )
+    result = evaluated(text, trials=1000)
+    shown = {row[0]: row[-1] for row in table(result, 2)[0].rows}
+    assert shown == {"x": "0.0", "y": "100.0"}
+
+
+def test_no_u_by_monte_carlo_is_said_in_words() -> None:
+    result = evaluated("equation: x\ninputs: {x: {value: 1, u: 1, dof: 1}}\n", trials=1000)
+    title = figure(result).axes[1].get_title(loc="left")
+    assert title.endswith(", none by Monte Carlo")
+    assert "-" not in title

@@ -280,3 +280,9 @@ def test_a_wide_net_is_laid_out_in_seconds() -> None:
     assert len(layout.routes) == len(arcs)
     # It takes 1 s, and 11 s where every pair is counted by itself.
     assert time.process_time() - start < 8
+
+
+def test_a_share_that_rounds_to_nothing_has_no_sign() -> None:
+    assert share_percent(-1e-5) == "0.0"
+    assert share_percent(-1e-3) == "-0.1"
+    assert share_percent(-1e-3, 0) == "0"
