@@ -12,7 +12,7 @@ from mtu_cli.cli.parameters import Parameter
 
 def _number(name: str, default: float, text: str) -> Parameter:
     option = f"--{name.replace('_', '-')}".replace("degc", "degC")
-    return (name, Annotated[float, typer.Option(option, min=0.0, help=text)], default)
+    return (name, Annotated[float, typer.Option(option, help=text)], default)
 
 
 def _text(name: str, metavar: str, default: str, text: str) -> Parameter:
@@ -42,9 +42,7 @@ DRIFT: list[Parameter] = [
         "cycles",
         Annotated[
             int,
-            typer.Option(
-                "--cycles", min=1, max=1000, help="Warm-ups and cool-downs in turn, each a cycle."
-            ),
+            typer.Option("--cycles", help="Warm-ups and cool-downs in turn, each a cycle."),
         ],
         4,
     ),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import shlex
 import sys
@@ -18,13 +17,13 @@ from mtu_cli.cli.simulate_drift import (
     drift_plan,
     drifting,
     grown,
-    option_name,
     sensors_heading,
     temperatures,
     with_readings,
 )
 from mtu_cli.cli.simulate_positions import read_positions
-from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.cli.simulate_ranges import check_ranges, option_name
+from mtu_cli.errors import fault
 from mtu_cli.files.write import check_targets, write_files
 from mtu_cli.language import EquationError, Node, parse
 from mtu_cli.model.drift_simulation import simulate_drift
@@ -64,7 +63,7 @@ def run(options: Options) -> None:
     check_cmm_room(options)
     inputs = Inputs(options)
     seed = _seed(inputs)
-    _check_numbers(options, seed)
+    check_ranges(options, seed)
     model = modelled(inputs).model
     files: dict[Path, str] = {}
     if options.write_lbb is not None:
@@ -125,22 +124,6 @@ def _drift(inputs: Inputs, model: MachineModel, seed: int) -> str:
     return drift_csv(
         simulate_drift(drifts, plan, seed), heading + sensors_heading(plan, drifts, seed)
     )
-
-
-def _check_numbers(options: Options, seed: int) -> None:
-    checks = [(seed >= 0, "--seed", seed, "0 or more")]
-    checks += [
-        (math.isfinite(value), f"--{name.replace('_', '-')}", value, "a finite number")
-        for name in ("cmm_u_um", "part_offset_um", "minutes")
-        for value in [options.values[name]]
-    ]
-    problems = [
-        Problem(what=f"{option} is out of range", value=str(value), expected=expected)
-        for good, option, value, expected in checks
-        if not good
-    ]
-    if problems:
-        raise InputError(problems)
 
 
 def _readings_rows(plan: ReadingsPlan, model: MachineModel) -> int:

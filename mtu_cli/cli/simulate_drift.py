@@ -10,6 +10,7 @@ import numpy as np
 from mtu_cli.cli.drift_places import by_component, read_at
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
+from mtu_cli.cli.simulate_ranges import MOST
 from mtu_cli.errors import did_you_mean, fault
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.model.calibrated_places import growth
@@ -23,8 +24,6 @@ from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
 
 ROOMS_DEGC = (-50.0, 200.0)
 """Rooms that a machine may stand in: a slip of the keyboard beyond."""
-MOST = 1e9
-"""Of any number of the drift test."""
 MAX_MOMENTS = 1_000_000
 """Moments of a whole test, soaking included: a slip of the keyboard beyond."""
 
@@ -50,7 +49,6 @@ def drift_plan(inputs: Inputs, drifts: tuple[ThermalEstimate, ...]) -> DriftPlan
     Raises InputError for options that are out of range or of unknown components.
     """
     options = inputs.options
-    _check_numbers(options)
     machine = inputs.machine
     names = [drift.component for drift in drifts]
     low, high = _pair("--room", options.room, "20:26", (-np.inf, np.inf))
@@ -97,31 +95,6 @@ def _climate(options: Options, reference: float, low: float, high: float) -> Cli
         sensor_wobble=options.sensor_wobble_degc,
         sensor_noise=options.sensor_noise_degc,
     )
-
-
-_NUMBERS = {
-    "cycle_minutes": 0.0, "soak_minutes": 0.0, "interval_min": 0.0, "room_lag_min": 0.0,
-    "room_wobble_degc": 0.0, "sensor_wobble_degc": 0.0, "sensor_noise_degc": 0.0,
-    "sensor_spread": 0.0, "reading_noise_um": 0.0, "reading_noise_arcsec": 0.0,
-    "cmm_wobble_degc": 0.0, "most_drift_um": 0.0, "most_drift_arcsec": 0.0,
-}  # fmt: skip
-
-
-def _check_numbers(options: Options) -> None:
-    for name, least in _NUMBERS.items():
-        value = options.values[name]
-        positive = name == "interval_min"
-        if not least <= value <= MOST or (positive and value == 0):
-            raise fault(
-                f"{option_name(name)} is out of range",
-                value=str(value),
-                expected=f"a number {'above 0' if positive else 'of 0 or more'}, at most {MOST:g}",
-            )
-
-
-def option_name(name: str) -> str:
-    """The option of a parameter: --sensor-noise-degC of sensor_noise_degc."""
-    return f"--{name.replace('_', '-')}".replace("degc", "degC")
 
 
 def check_rooms(option: str, rooms: Sequence[float], text: str = "") -> None:

@@ -82,7 +82,7 @@ def _first_texts(text: CsvText) -> set[str]:
 def _read_texts(text: CsvText, names: list[str], capacity: int) -> dict[str, _Texts]:
     """Columns that turned out to be texts, read again as they are written.
 
-    Raises Suspect for one that holds numbers alone, or what is not finite.
+    Raises Suspect for one that holds numbers or blanks alone, or what is not finite.
     """
     found = {name: _Texts(capacity) for name in names}
     count = 0
@@ -92,8 +92,9 @@ def _read_texts(text: CsvText, names: list[str], capacity: int) -> dict[str, _Te
                 store.add(frame[name], count)
             count += len(frame)
     for store in found.values():
-        # Whole numbers beyond 64 bits are objects to pandas, and numbers all the same.
-        if store.index and not any(is_text(label, text.decimal) for label in store.index):
+        # To pandas whole numbers beyond 64 bits are objects, and blanks texts: they are numbers
+        # and empty cells all the same.
+        if not any(is_text(label, text.decimal) for label in store.index):
             raise Suspect
     return found
 

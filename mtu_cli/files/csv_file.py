@@ -88,12 +88,13 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
     """Raises InputError for columns that are missing, doubled, without name or at odds."""
     shown, row, header = text.source.shown, text.header_row, text.header
     problems = []
+    places: dict[str, int] = {}
     for index, name in enumerate(header):
         if not name:
             what = f"column {index + 1} has no name"
             problems.append(Problem(what=what, file=shown, row=row, expected="a name"))
-        elif name in header[:index]:
-            what = f"the column stands twice, as column {header.index(name) + 1} and {index + 1}"
+        elif places.setdefault(name, index) != index:
+            what = f"the column stands twice, as column {places[name] + 1} and {index + 1}"
             problems.append(Problem(what=what, file=shown, row=row, column=name))
     wanted = list(spec.required)
     wanted += [b for a, b in spec.together if a in header]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mtu_cli.files.byte_count import count_byte
-from mtu_cli.files.csv_text import CsvText
+from mtu_cli.files.csv_text import CELL_LIMIT, CsvText
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,8 +22,8 @@ def editor_rows(text: CsvText, count: int, *, complete: bool = False) -> Positio
 
     `complete` where it is known that no record has fewer cells than the header.
 
-    None where the records found here are not `count` records of as many cells as the header:
-    the file then needs a reader that looks at every character.
+    None where the records found here are not `count` records of as many cells as the header, or
+    a cell may be too long: the file then needs a reader that looks at every character.
     """
     import numpy as np
 
@@ -31,6 +31,8 @@ def editor_rows(text: CsvText, count: int, *, complete: bool = False) -> Positio
     separators = count * (len(text.header) - 1)
     if content.find(b'"', body) < 0:
         if count_byte(content, ord(text.separator), body) != separators:
+            return None
+        if _a_line_is_long(content, body):
             return None
         end = _end(content, body)
         if not complete and not _no_row_is_longer(text, np.zeros(0, np.int64)):
@@ -46,7 +48,11 @@ def editor_rows(text: CsvText, count: int, *, complete: bool = False) -> Positio
             return None
         if not _no_row_is_longer(text, quotes):
             return None
-    lines = _record_lines(content, body, quotes)
+    newlines = _positions(content, body, _NEWLINE)
+    ends = _record_ends(content, body, newlines, quotes)
+    if len(ends) and int(np.diff(ends, prepend=-1).max()) > CELL_LIMIT:
+        return None
+    lines = _record_lines(content, body, newlines, ends)
     return lines + text.body_row if len(lines) == count else None
 
 
@@ -131,17 +137,34 @@ def _no_row_is_longer(text: CsvText, quotes: Positions) -> bool:
     return carried < len(text.header)
 
 
-def _record_lines(content: bytes, body: int, quotes: Positions) -> Positions:
-    """The 0-based line from `body` on at which each record that is not blank starts."""
+def _a_line_is_long(content: bytes, body: int) -> bool:
+    """Whether any line has more bytes than a cell may have characters, in jumps of that length."""
+    at = body
+    while len(content) - at > CELL_LIMIT:
+        found = content.rfind(b"\n", at, at + CELL_LIMIT + 1)
+        if found < 0:
+            return True
+        at = found + 1
+    return False
+
+
+def _record_ends(content: bytes, body: int, newlines: Positions, quotes: Positions) -> Positions:
+    """The offset from `body` of the line end of every record, blank ones among them."""
     import numpy as np
 
-    newlines = _positions(content, body, _NEWLINE)
     ends = newlines
     if len(quotes):
         # A line end between an odd number of quotes and the next belongs to a cell.
         ends = newlines[np.searchsorted(quotes, newlines) % 2 == 0]
     if len(content) > body + (int(ends[-1]) + 1 if len(ends) else 0):
         ends = np.append(ends, len(content) - body)
+    return ends
+
+
+def _record_lines(content: bytes, body: int, newlines: Positions, ends: Positions) -> Positions:
+    """The 0-based line from `body` on at which each record that is not blank starts."""
+    import numpy as np
+
     starts = np.concatenate([[0], ends[:-1] + 1]) if len(ends) else ends
     view = np.frombuffer(content, np.uint8, len(content) - body, body)
     blank = ends == starts

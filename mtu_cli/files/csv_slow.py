@@ -20,13 +20,11 @@ from mtu_cli.files.csv_cells import (
     number,
 )
 from mtu_cli.files.csv_table import Columns, ProblemList, TableSpec, TextColumn, TimeColumn
-from mtu_cli.files.csv_text import CsvText, lines_from
+from mtu_cli.files.csv_text import CELL_LIMIT, CsvText, lines_from
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
-
-CELL_LIMIT = 1 << 17
 
 
 def read_slow(

@@ -24,6 +24,8 @@ MAX_INFLATED = 4 << 30
 MAX_RATIO = 250
 """Bounds of a compressed file; measured data compress by 3 to 20, a bomb by 1000."""
 _INFLATED_FREE = 64 << 20
+CELL_LIMIT = 1 << 17
+"""Characters of a cell; a longer one is what follows a quote that is never closed."""
 _CHUNK = 1 << 20
 
 

@@ -8,10 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mtu_cli.errors import fault
+from mtu_cli.errors import fault, shorten
 from mtu_cli.files.source import Source, check_text, read_source
 
 MAX_BYTES = 1 << 30
+MAX_DIGITS = 300
+"""Of a whole number; those of reports count readings."""
 
 
 def report_bytes(document: Mapping[str, Any]) -> bytes:
@@ -72,6 +74,8 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
         data = json.loads(
             content.decode("utf-8-sig"),
             parse_constant=_refuse_constant,
+            parse_int=_whole_number,
+            parse_float=_finite_number,
             object_pairs_hook=_without_duplicates,
         )
     except json.JSONDecodeError as error:
@@ -86,6 +90,20 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
     except ValueError as error:
         raise fault(f"not readable as JSON: {error}", file=source.shown) from None
     return source, data
+
+
+def _whole_number(text: str) -> int:
+    digits = len(text.removeprefix("-"))
+    if digits > MAX_DIGITS:
+        raise ValueError(f"a whole number of {digits} digits is too large")
+    return int(text)
+
+
+def _finite_number(text: str) -> float:
+    value = float(text)
+    if math.isinf(value):
+        raise ValueError(f"{shorten(text)} is too large for a number")
+    return value
 
 
 def _refuse_constant(name: str) -> float:

@@ -47,7 +47,7 @@ def check_measured(points: Points) -> list[Warned]:
 
 def refuse_mistaken(points: Points) -> None:
     """Raises InputError where most points are so far from their nominal that the error of no
-    machine is behind it: what follows from them would be written into a machine.
+    machine is behind it: what follows from them would be written into a machine, or about parts.
     """
     axes = axes_of(points)
     far = _are_far(points, axes)

@@ -12,14 +12,21 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem
-from mtu_cli.language import Node, evaluate
-from mtu_cli.language import names as names_of
+from mtu_cli.language import Node
 from mtu_cli.model.design import design, theta
 from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.simulate_equations import (
+    Visits,
+    check_coordinates,
+    covariate_values,
+    deviation_values,
+    error_values,
+)
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import normal_draw, stream
 
 IntArray = np.ndarray
+Equations = Sequence[tuple[str, Node]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,15 +84,15 @@ def simulate_points(
     A part has one draw of every component's D and of its offset, a feature one draw of every
     component's s_repeat, a repeat one of the CMM's.
 
-    Raises InputError for an effect that uses an unknown name or has no finite value, and for
-    a covariate of the machine that nothing gives.
+    Raises InputError for an equation that uses an unknown name, or has no value or one out of
+    range at a feature; for a covariate of the machine that nothing gives; for coordinates that
+    no points file could hold.
     """
-    _check_covariates(model, points, plan)
+    _check_covariates(model, _visits(ids, points, plan, 0))
     n = len(ids)
-    covariates = [_covariates(points, plan, part) for part in range(plan.parts)]
-    measured = [
-        _one_part(model, points, plan, values, part, seed) for part, values in enumerate(covariates)
-    ]
+    visits = [_visits(ids, points, plan, part) for part in range(plan.parts)]
+    covariates = [own.values for own in visits]
+    measured = [_one_part(model, plan, own, seed) for own in visits]
     repeats = [len(own) for own in measured]
     axes = _written(model)
     return SimulatedPoints(
@@ -104,22 +111,16 @@ def simulate_points(
     )
 
 
-def _one_part(
-    model: MachineModel,
-    points: FloatArray,
-    plan: PartsPlan,
-    values: Mapping[str, FloatArray],
-    part: int,
-    seed: int,
-) -> FloatArray:
+def _one_part(model: MachineModel, plan: PartsPlan, visits: Visits, seed: int) -> FloatArray:
     """Measured coordinates (repeats, n, axes) of one part's features, mm."""
     first, more = plan.first_repeats
+    part, points = visits.part - 1, visits.points
     repeats = more if part < first else plan.repeats
     rng = stream(seed, 1, part)
-    errors = _part_errors(model, points, values, rng)
+    errors = _part_errors(model, points, visits.values, rng)
     errors += plan.part_offset * rng.standard_normal(errors.shape[1])
-    errors += _effects(model, points, plan.effects, values)
-    errors += _scatter(model, points, plan.scatter, values, stream(seed, 3, part))
+    errors += _effects(model, plan.effects, visits)
+    errors += _scatter(model, plan.scatter, visits, stream(seed, 3, part))
     cmm = stream(seed, 2, part).standard_normal((repeats, *errors.shape)) * plan.cmm_u
     axes = _written(model)
     measured = np.tile(points[:, [AXES.index(axis) for axis in axes]], (repeats, 1, 1))
@@ -128,6 +129,7 @@ def _one_part(
     others = [i for i in range(len(axes)) if i not in own]
     noise = stream(seed, 8, part).standard_normal((repeats, len(points), len(others)))
     measured[:, :, others] += plan.cmm_u * noise
+    check_coordinates(measured, axes, visits)
     return measured
 
 
@@ -138,9 +140,8 @@ def _written(model: MachineModel) -> tuple[str, ...]:
     return tuple(axis for axis in AXES if axis in {"x", "y", *model.axes})
 
 
-def _check_covariates(model: MachineModel, points: FloatArray, plan: PartsPlan) -> None:
-    given = _covariates(points, plan, 0)
-    missing = [name for name in model.covariates() if name not in given]
+def _check_covariates(model: MachineModel, visits: Visits) -> None:
+    missing = [name for name in model.covariates() if name not in visits.values]
     if missing:
         sensors = {sensor for drift in model.drifts() for sensor in drift.sensors}
         raise InputError(
@@ -155,23 +156,25 @@ def _check_covariates(model: MachineModel, points: FloatArray, plan: PartsPlan) 
         )
 
 
-def _covariates(points: FloatArray, plan: PartsPlan, part: int) -> dict[str, FloatArray]:
+def _visits(ids: Sequence[str], points: FloatArray, plan: PartsPlan, part: int) -> Visits:
     """Sequence, time and approach directions of one part's features, and the declared ones."""
     n = len(points)
     backward = plan.reverse_every > 0 and (part + 1) % plan.reverse_every == 0
-    visits = np.arange(n)[::-1] if backward else np.arange(n)
+    order = np.arange(n)[::-1] if backward else np.arange(n)
     values: dict[str, FloatArray] = {
         "sequence": np.full(n, part + 1.0),
         "time_min": np.empty(n),
     }
-    values["time_min"][visits] = (part * n + np.arange(n)) * plan.minutes
+    values["time_min"][order] = (part * n + np.arange(n)) * plan.minutes
     for k, axis in enumerate(AXES):
         if np.isfinite(points[:, k]).all() and np.ptp(points[:, k]) > 0:
-            values[f"dir_{axis}"] = _directions(points[:, k], visits)
+            values[f"dir_{axis}"] = _directions(points[:, k], order)
     values |= {name: columns[part] for name, columns in plan.given.items()}
+    visits = Visits(part=part + 1, ids=ids, points=points, values=values)
     for name, node in plan.covariates:
-        values[name] = _value(name, node, points, values)
-    return values
+        # One may use those before it.
+        values[name] = covariate_values(f"--covariate {name}", node, visits)
+    return visits
 
 
 def _directions(coordinate: FloatArray, visits: IntArray) -> FloatArray:
@@ -184,25 +187,6 @@ def _directions(coordinate: FloatArray, visits: IntArray) -> FloatArray:
         last = coordinate[i]
         result[i] = sign
     return result
-
-
-def _value(
-    what: str, node: Node, points: FloatArray, values: Mapping[str, FloatArray]
-) -> FloatArray:
-    place = {axis: points[:, k] for k, axis in enumerate(AXES)} | dict(values)
-    unknown = [name for name in names_of(node) if name not in place]
-    if unknown:
-        raise InputError(
-            Problem(
-                what=f"the equation of {what!r} uses the unknown name {unknown[0]!r}",
-                column=names_of(node)[unknown[0]],
-                expected=", ".join(place),
-            )
-        )
-    found = np.broadcast_to(np.asarray(evaluate(node, place), float), (len(points),))
-    if not np.isfinite(found).all():
-        raise InputError(Problem(what=f"the equation of {what!r} has no finite value"))
-    return np.array(found)
 
 
 def _part_errors(
@@ -226,25 +210,19 @@ def _part_errors(
     return errors
 
 
+def _effects(model: MachineModel, effects: Equations, visits: Visits) -> FloatArray:
+    total = np.zeros((len(visits.ids), len(model.axes)))
+    for axis, node in effects:
+        total[:, model.axes.index(axis)] += error_values(f"--effect E{axis}", node, visits)
+    return total
+
+
 def _scatter(
-    model: MachineModel,
-    points: FloatArray,
-    scatter: Sequence[tuple[str, Node]],
-    values: Mapping[str, FloatArray],
-    rng: np.random.Generator,
+    model: MachineModel, scatter: Equations, visits: Visits, rng: np.random.Generator
 ) -> FloatArray:
-    deviations = np.abs(_effects(model, points, scatter, values))
+    deviations = np.zeros((len(visits.ids), len(model.axes)))
+    for axis, node in scatter:
+        own = deviation_values(f"--scatter E{axis}", node, visits)
+        deviations[:, model.axes.index(axis)] += own
     drawn: FloatArray = deviations * rng.standard_normal(deviations.shape)
     return drawn
-
-
-def _effects(
-    model: MachineModel,
-    points: FloatArray,
-    effects: Sequence[tuple[str, Node]],
-    values: Mapping[str, FloatArray],
-) -> FloatArray:
-    total = np.zeros((len(points), len(model.axes)))
-    for axis, node in effects:
-        total[:, model.axes.index(axis)] += _value(f"E{axis}", node, points, values)
-    return total

@@ -87,7 +87,7 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
         (["--effect", "Ez: 0.004"], "--effect is of an unknown equation: 'Ez: 0.004'"),
         (["--effect", "Ex: 0.004*dirx"], "unknown name 'dirx' at column 11"),
         (["--effect", "Ex: 0.004*"], "--effect Ex: the equation ends too early at column 11"),
-        (["--effect", "Ex: 1/(x - x)"], "'Ex' has no finite value"),
+        (["--effect", "Ex: 1/(x - x)"], "--effect Ex: no finite value in part 1 at feature 'A'"),
         (["--covariate", "x_mm: 1"], "--covariate: the name 'x_mm' is taken: 'x_mm: 1'"),
         (["--covariate", "dir_x: 1"], "--covariate: the name 'dir_x' is taken"),
         (["--covariate", "T_a_degC: 20 + t"], "unknown name 't' at column 16"),
@@ -95,7 +95,7 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
         (["--minutes", "inf", "--cmm-u-um", "inf"], "--cmm-u-um is out of range: 'inf'"),
         (["--parts", "1000000000"], "rows to write; expected at most"),
         (["--passes", "1000000000"], "rows to write; expected at most"),
-        (["--cmm-u-um", "nan"], "'--cmm-u-um'"),
+        (["--cmm-u-um", "nan"], "--cmm-u-um is out of range: 'nan'"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

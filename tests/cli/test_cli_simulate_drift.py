@@ -162,6 +162,22 @@ def test_temperatures_that_nobody_gives(folder: Path) -> None:
         (("--cmm-room", "1e300", "--write-cmm", "p.csv"), "--cmm-room is no temperature"),
         (("--cmm-room", "20"), "expected --write-cmm FILE"),
         (("--sensor-noise-degC", "1e300"), "--sensor-noise-degC is out of range"),
+        (
+            ("--interval-min", "nan"),
+            "--interval-min is out of range: 'nan'; expected a number above 0",
+        ),
+        (("--reading-noise-um", "nan"), "--reading-noise-um is out of range: 'nan'; expected"),
+        (("--passes", "0"), "mtu: --passes is out of range: '0'; expected a whole number of 1"),
+        (("--cycles", "1001"), "--cycles is out of range: '1001'; expected a whole number of 1"),
+        (
+            ("--minutes", "-0.1", "--parts", "0"),
+            "--minutes is out of range: '-0.1'; expected a number",
+        ),
+        (
+            ("--cmm-u-um", "inf"),
+            "--cmm-u-um is out of range: 'inf'; expected a number of 0 or more",
+        ),
+        (("--seed", "-1"), "mtu: --seed is out of range: '-1'; expected 0 or more"),
         (("--positions", "y=-1:300:5", "--write-lbb", "l.csv"), "are outside the travel of y"),
         (("--drift-positions", "a: 0 301"), "a at 301 mm is outside the travel of y"),
         (("--drift-positions", "a: 0 50 0"), "reads a twice at one place"),
@@ -178,6 +194,14 @@ def test_options_that_cannot_be(folder: Path, words: tuple[str, ...], message: s
     assert message in result.stderr
     assert "Traceback" not in result.stderr
     assert not (folder / "d.csv").exists()
+
+
+def test_all_numbers_out_of_range_are_told_at_once(folder: Path) -> None:
+    call = ("simulate", "-m", "machine.yaml", "--write-lbb", "l.csv", "--parts", "0")
+    result = mtu(*call, "--reverse-every", "-1", "--sensor-spread", "-inf", cwd=folder)
+    assert result.returncode == 2
+    options = [line.removeprefix("mtu: ").split()[0] for line in result.stderr.splitlines()]
+    assert options == ["--parts", "--reverse-every", "--sensor-spread"]
 
 
 def test_defaults_never_fail(folder: Path) -> None:

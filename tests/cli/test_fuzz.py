@@ -12,7 +12,7 @@ import pytest
 from cli_runner import listing
 from fuzz import readers
 from fuzz.bytes_damage import DAMAGES as BYTES
-from fuzz.calls import OLD, Call, drawn_call
+from fuzz.calls import OLD, PATTERNS, Call, drawn_call, sound_call
 from fuzz.cases import Case, drawn_case
 from fuzz.commands import Ended, failure_of, judged_call, whole
 from fuzz.messages import unclean, warned
@@ -52,6 +52,26 @@ def test_a_small_run_of_the_readers(prepared: Path, tmp_path: Path) -> None:
     assert set(outcomes) == {"read", "refused"}
     assert len(set(kinds)) > len(KINDS) // 2
     assert len(tally.contents) > 140
+
+
+def test_a_call_on_sound_files_comes_to_its_end(prepared: Path, tmp_path: Path) -> None:
+    """Every pattern is tried so before a run; here one whose words name a place of its graph."""
+    (pattern,) = (item for item in PATTERNS if "--of P1.x" in item.words)
+    call = sound_call(pattern, prepared, tmp_path / "w" / "work")
+    verdict = judged_call(call, tmp_path / "w" / "work")
+    assert (verdict.outcome, verdict.failure) == ("done", None), verdict
+
+
+def test_samples_have_few_sensors_and_the_same_rows(prepared: Path) -> None:
+    header, *rows = [
+        line.split(",")
+        for line in (prepared / "data/valdes-ring/drift.csv").read_text("utf-8").splitlines()
+        if not line.startswith("#")
+    ]
+    assert [name for name in header if name.startswith("T_")] == [
+        f"T_0{k}_degC" for k in range(1, 7)
+    ]
+    assert {len(row) for row in rows} == {len(header)}
 
 
 def test_a_small_run_of_the_commands(prepared: Path, tmp_path: Path) -> None:

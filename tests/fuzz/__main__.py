@@ -12,7 +12,7 @@ from pathlib import Path
 
 from support import ROOT
 
-from fuzz.calls import drawn_call
+from fuzz.calls import PATTERNS, drawn_call, sound_call
 from fuzz.cases import drawn_case
 from fuzz.commands import judged_call
 from fuzz.readers import judged
@@ -58,8 +58,12 @@ def read_cases(prepared: Path, seed: int, numbers: range) -> Tally:
 
 
 def call_cases(prepared: Path, folder: Path, seed: int, numbers: range) -> Tally:
-    """Commands on damaged files."""
+    """Commands on damaged files, after those on sound ones, which must end well."""
     tally = Tally("commands", seed, KEPT)
+    for pattern in PATTERNS if numbers.start == 0 else ():
+        verdict = judged_call(sound_call(pattern, prepared, folder), folder)
+        if verdict.outcome != "done" or verdict.failure is not None:
+            sys.exit(f"mtu {pattern.words} on sound files: {verdict.failure or verdict.message}")
     for number in _told(numbers, EVERY // 10, tally):
         call = drawn_call(prepared, folder, seed, number)
         content = (folder / call.damaged).read_bytes()

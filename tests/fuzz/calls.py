@@ -89,7 +89,7 @@ def _graphs() -> list[Pattern]:
     found = []
     for name, share in (("bore-to-bore", 3), ("ball-centre", 2), ("work-coordinates", 2)):
         files: Files = {"graph.yaml": ("graph", f"configs/graphs/{name}.yaml")}
-        place = {"bore-to-bore": "d", "ball-centre": "R", "work-coordinates": "x"}[name]
+        place = {"bore-to-bore": "d", "ball-centre": "P1.x", "work-coordinates": "Q.x"}[name]
         found += [
             Pattern(words="graph check graph.yaml", share=share, files=files, pictures=False),
             Pattern(
@@ -189,10 +189,7 @@ def drawn_call(prepared: Path, folder: Path, seed: int, number: int) -> Call:
     """Call `number` with its files written into `folder`, which is made anew."""
     rng = generator(seed, "commands", number)
     pattern = rng.choices(PATTERNS, [item.share for item in PATTERNS])[0]
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    for name, (_, source) in pattern.files.items():
-        shutil.copyfile(prepared / source, folder / name)
+    _lay_out(pattern, prepared, folder)
     name = rng.choice([*pattern.files])
     kind, source = pattern.files[name]
     content = (prepared / source).read_bytes()
@@ -205,14 +202,33 @@ def drawn_call(prepared: Path, folder: Path, seed: int, number: int) -> Call:
     return Call(number=number, arguments=arguments, outputs=outputs, damaged=name)
 
 
+def sound_call(pattern: Pattern, prepared: Path, folder: Path) -> Call:
+    """A pattern with its sound files in `folder`, which is made anew: it must come to its end,
+    or damage to them would never be seen.
+    """
+    _lay_out(pattern, prepared, folder)
+    arguments = _words(pattern)
+    outputs = tuple(name for option, name in pairwise(arguments) if _writes(option))
+    return Call(number=-1, arguments=arguments, outputs=outputs, damaged=next(iter(pattern.files)))
+
+
+def _lay_out(pattern: Pattern, prepared: Path, folder: Path) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for name, (_, source) in pattern.files.items():
+        shutil.copyfile(prepared / source, folder / name)
+
+
 def _writes(option: str) -> bool:
     return option in ("-o", "--csv", "--plot", "--to") or option.startswith("--write-")
 
 
+def _words(pattern: Pattern) -> list[str]:
+    return " ".join([pattern.words, *pattern.outputs]).split()
+
+
 def _arguments(pattern: Pattern, rng: Random) -> list[str]:
-    words = pattern.words.split()
-    for output in pattern.outputs:
-        words += output.split()
+    words = _words(pattern)
     if pattern.pictures and rng.random() < 0.06:
         words += ["--plot", "out.svg"]
     if pattern.options and rng.random() < 0.15:

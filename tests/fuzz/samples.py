@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from collections.abc import Callable, Sequence
@@ -51,8 +52,12 @@ def _first_parts(row: Row) -> bool:
     return row["part"] in ("1", "2", "3", "4", "5")
 
 
-def _every_tenth_minute(row: Row) -> bool:
-    return float(row["time_min"]) % 10 == 0
+def _first_part(row: Row) -> bool:
+    return row["part"] == "1"
+
+
+def _every_half_hour(row: Row) -> bool:
+    return float(row["time_min"]) % 30 == 0
 
 
 CUTS: dict[str, Callable[[Row], bool]] = {
@@ -61,9 +66,14 @@ CUTS: dict[str, Callable[[Row], bool]] = {
     "gilsinn-ling-simulated/lbb.csv": _first_passes,
     "undeclared/cmm.csv": _first_parts,
     "undeclared/lbb.csv": _first_passes,
-    "valdes-ring/drift.csv": _every_tenth_minute,
+    "valdes-ring/drift.csv": _every_half_hour,
     "valdes-ring/laser.csv": _first_passes,
+    "valdes-ring/ring.csv": _first_part,
 }
+FEW_SENSORS = ("valdes-ring/drift.csv",)
+"""Tables that keep the first six of their columns of temperatures: a report of a thermal model
+grows with the square of them."""
+LATE_SENSOR = re.compile(r"T_(?:0[7-9]|1\d)_degC")
 FLAT_STUDY = (
     "schema: mtu/study/1\nmachine: machine.yaml\npart: part.yaml\nlbb: [lbb.csv]\n"
     "cmm: [cmm.csv]\nsettings: {coverage_factor: 2, seed: 20040126, correlation: shared}\n"
@@ -82,10 +92,12 @@ def prepared_folder(folder: Path) -> Path:
     Raises RuntimeError where a report cannot be made of the sound files.
     """
     shutil.copytree(CONFIGS, folder / "configs", dirs_exist_ok=True)
-    shutil.copytree(DATA, folder / "data", dirs_exist_ok=True)
+    pictures = shutil.ignore_patterns("pictures")
+    shutil.copytree(DATA, folder / "data", dirs_exist_ok=True, ignore=pictures)
     for name, keep in CUTS.items():
         path = folder / "data" / name
-        path.write_text(cut(path.read_text("utf-8"), keep), "utf-8")
+        text = cut(path.read_text("utf-8"), keep)
+        path.write_text(with_few_sensors(text) if name in FEW_SENSORS else text, "utf-8")
     points = folder / "data" / "undeclared" / "cmm.csv"
     points.with_name("nominals.csv").write_text(with_nominals(points.read_text("utf-8")), "utf-8")
     effects = folder / "configs" / "effects"
@@ -111,6 +123,15 @@ def cut(text: str, keep: Callable[[Row], bool]) -> str:
     """The rows of a table that `keep` wants, and all that stands above them."""
     sheet = sheet_of(text)
     sheet.rows = [row for row in sheet.rows if keep(dict(zip(sheet.header, row, strict=True)))]
+    return sheet.text()
+
+
+def with_few_sensors(text: str) -> str:
+    """A table without most of its columns of temperatures."""
+    sheet = sheet_of(text)
+    kept = [i for i, name in enumerate(sheet.header) if not LATE_SENSOR.fullmatch(name)]
+    sheet.header = [sheet.header[i] for i in kept]
+    sheet.rows = [[row[i] for i in kept] for row in sheet.rows]
     return sheet.text()
 
 

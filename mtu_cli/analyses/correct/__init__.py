@@ -16,7 +16,7 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured_checks import check_measured
+from mtu_cli.model.measured_checks import check_measured, refuse_mistaken
 from mtu_cli.model.residual_covariates import needed_covariates, point_columns
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
@@ -42,8 +42,7 @@ def correct(
     Raises InputError for a missing covariate or coordinate, points that cannot be what they
     claim or that no equation is for, or a circle that its points do not determine.
     """
-    checked = check_measured(points)
-    _check_axes(model, points)
+    checked = _checked(model, points)
     at = dict(covariates or {})
     rows, noted = _rows(model, points, at, independent=settings.independent)
     error, u, dof, sensors = rows.errors()
@@ -116,8 +115,10 @@ def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> list[Warn
     return found
 
 
-def _check_axes(model: MachineModel, points: Points) -> None:
-    """Refuses points of which nothing can be corrected."""
+def _checked(model: MachineModel, points: Points) -> list[Warned]:
+    """What is odd about the points; refuses those that are none, or nothing can be corrected of."""
+    checked = check_measured(points)
+    refuse_mistaken(points)
     columns = [AXES.index(axis) for axis in model.axes]
     if np.isnan(points.measured[:, columns]).all():
         raise fault(
@@ -126,6 +127,7 @@ def _check_axes(model: MachineModel, points: Points) -> None:
             column=f"{model.axes[0]}_mm",
             expected=f"a column {model.axes[0]}_mm, or an equation Ex or Ey",
         )
+    return checked
 
 
 def _axis_warnings(model: MachineModel, points: Points) -> list[Warned]:

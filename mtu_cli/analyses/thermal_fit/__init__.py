@@ -10,6 +10,7 @@ import numpy as np
 
 from mtu_cli.analyses.thermal_fit.choice import choose, group_shares
 from mtu_cli.analyses.thermal_fit.columns import Library, Rows, library
+from mtu_cli.analyses.thermal_fit.enough import check_fitted, check_least
 from mtu_cli.analyses.thermal_fit.evidence import (
     autocorrelation,
     constant,
@@ -64,7 +65,7 @@ def thermal_fit(
     are held out.
 
     Raises InputError without sensors, where a temperature is not given, or where the readings
-    of a component are not of one kind.
+    of a component are not of one kind or not more than what is fitted to them.
     """
     series, sensors = read_series(blocks, reference)
     found: dict[str, ComponentDrift] = {}
@@ -98,9 +99,11 @@ def _with_noise(drift: ComponentDrift, share: float) -> ComponentDrift:
 def _component(
     series: Series, lib: Library, conventions: Conventions, method: str
 ) -> tuple[ComponentDrift, Rest]:
+    check_least(series)
     rows = lib.rows(range(len(lib.cycles)))
     spec, test = _spec(lib, rows, method)
     found = fit(lib, rows, spec)
+    check_fitted(series, spec, found)
     rest = residuals(series, lib, spec, found, conventions.reference)
     model = estimate(series, lib, spec, found, rows, rest, conventions)
     evidence, candidates = held_out(lib, method)

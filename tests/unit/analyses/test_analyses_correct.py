@@ -23,7 +23,8 @@ from correct_examples import (
 from model_examples import part_of, stated
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.correct import correct
+from mtu_cli.analyses.correct import CorrectResult, correct
+from mtu_cli.errors import InputError
 from mtu_cli.files.points import Points
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
@@ -49,6 +50,26 @@ def test_a_known_error_is_removed_to_rounding(tmp_path: Path) -> None:
         assert abs(item.error[1]) < ROUNDING_MM
         assert item.form[1] < ROUNDING_MM < item.form[0]
         assert item.reduction_percent == pytest.approx(100.0, rel=ROUNDING)
+
+
+def test_points_that_no_error_explains_are_refused(tmp_path: Path) -> None:
+    """By the rule of close-loop: most of them far away; a few are told as a warning."""
+    _, measured, temperature = rings(3)
+    model, part = machine(tmp_path), ring_part(tmp_path)
+
+    def corrected(places: Floats) -> CorrectResult:
+        points = ring_points(places, ["a", "b", "c"], None, {"T_scale_degC": temperature})
+        return correct(model, part, points, SETTINGS)
+
+    with pytest.raises(InputError, match="this looks like metres taken for mm"):
+        corrected(measured / 1000)
+    some = measured.copy()
+    some[: len(some) // 2] += 0.6
+    result = corrected(some)
+    assert "error-of-millimetres" in codes(result)
+    some[len(some) // 2 + 1] += 0.6
+    with pytest.raises(InputError, match=f"^.*{len(some) // 2 + 1} of {len(some)} points are more"):
+        corrected(some)
 
 
 def test_many_points_are_corrected_as_one_by_one(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from synthetic_drift import DAY, REFERENCE, ROUNDING, UM, Plan, Run, readings, s
 
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
+from mtu_cli.errors import InputError
 from mtu_cli.files.readings import Readings
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -232,12 +233,57 @@ def test_curves_are_the_readings_and_the_model() -> None:
     assert drift.curves[0].time[0] % DAY == 0
 
 
-def test_too_few_readings_for_their_sensors() -> None:
-    """Five readings, four sensors: a fit of least norm, and no claim that it is good."""
-    time = np.arange(5.0)
-    temperature = 20 + np.random.default_rng(21).normal(size=(5, 6))
-    run = Run(time=time, temperature=temperature, error=time * UM)
-    drift = one(readings([run]))
+def few(n: int, dependent: int = 0) -> Readings:
+    """Readings (n,) of six sensors, of which the last `dependent` are the sum of two others."""
+    temperature = 20 + np.random.default_rng(21).normal(size=(n, 6))
+    for k in range(dependent):
+        temperature[:, 5 - k] = temperature[:, 0] + temperature[:, 1 + k] - 20
+    time = np.linspace(0.0, n - 1.0, n)
+    return readings([Run(time=time, temperature=temperature, error=time * UM)])
+
+
+@pytest.mark.parametrize(("n", "dependent"), [(5, 0), (7, 0), (6, 1), (5, 2)])
+def test_too_few_readings_for_their_sensors(n: int, dependent: int) -> None:
+    """A fit of least norm through all readings would claim an uncertainty of nothing."""
+    with pytest.raises(InputError) as error:
+        one(few(n, dependent))
+    words = f"p: {n} readings are too few for the ridge model of 6 gradients; expected 8 (these"
+    assert words in str(error.value)
+    assert "or --model stepwise: " in str(error.value)
+
+
+@pytest.mark.parametrize(("n", "dependent"), [(8, 0), (7, 1), (6, 2)])
+def test_one_reading_more_than_is_fitted(n: int, dependent: int) -> None:
+    """Sensors that depend on each other: a fit of least norm, and no claim that it is good."""
+    drift = one(few(n, dependent))
     assert np.isfinite(drift.estimate.coefficients).all()
-    assert drift.condition == np.inf
+    assert np.trace(drift.estimate.covariance) > (0.01 * UM) ** 2
+    assert drift.estimate.coefficient_dof == 1.0
+    assert (drift.condition > 1e12) == (dependent > 0)
     assert drift.residuals.normality_p is None
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("places", "fewest"), [((0.0,), 3), ((0.0, 100.0), 4)])
+def test_fewest_readings(method: str, places: tuple[float, ...], fewest: int) -> None:
+    """A level at each position, one gradient, and one reading more."""
+    rng = np.random.default_rng(22)
+    for n in range(1, fewest + 1):
+        runs = [
+            Run(
+                time=np.linspace(0.0, 1.0, own),
+                temperature=20 + rng.normal(size=(own, 1)),
+                error=rng.normal(size=own) * UM,
+                position=place,
+            )
+            for k, place in enumerate(places)
+            if (own := n // len(places) + (k < n % len(places)))
+        ]
+        found = readings(runs)
+        levels = len(runs)
+        if n >= levels + 2:
+            assert one(found, method).n == n
+            continue
+        with pytest.raises(InputError) as error:
+            fitted(found, method)
+        assert f"expected at least {levels + 2}: without one more" in str(error.value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from mtu_cli.errors import InputError
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_table import LISTED_PROBLEMS, Table, TableSpec
+from mtu_cli.files.csv_text import CELL_LIMIT
 
 SPEC = TableSpec(
     required=("name", "value"),
@@ -95,6 +97,53 @@ def test_faulty_rows(tmp_path: Path, row: str, words: str) -> None:
     found = faults(tmp_path, f"name,value,size\na,1,2\n{row}\n")
     assert len(found) == 1
     assert words in found[0]
+
+
+@pytest.mark.parametrize("separator", [",", ";"])
+@pytest.mark.parametrize(
+    "cell", ["1" * 60_000 + "x", "1" * 60_000 + "e", '"1.' + "1" * 60_000 + '\nx"', "1m" * 50_000]
+)
+def test_a_very_long_cell_costs_nothing(tmp_path: Path, separator: str, cell: str) -> None:
+    """Digits that could belong to two parts of a number would be cut in all ways."""
+    start = time.process_time()
+    head, row = (line.replace(",", separator) for line in ("name,value,size\n", f"a,{cell},2\n"))
+    (found,) = faults(tmp_path, head + row)
+    assert found.startswith(", row 2, column 'value': not a number: ")
+    assert time.process_time() - start < 5.0
+
+
+def test_a_table_whose_line_ends_are_lost(tmp_path: Path) -> None:
+    """All of it is one header then, of very many columns."""
+    start = time.process_time()
+    found = faults(tmp_path, "name,value," + ",".join(str(i // 2) for i in range(100_000)))
+    assert len(found) == 50_000
+    assert found[0].endswith("column '0': the column stands twice, as column 3 and 4")
+    assert time.process_time() - start < 8.0
+
+
+@pytest.mark.parametrize("fault", ["", "b,x,2\n"])
+@pytest.mark.parametrize(
+    "row",
+    [
+        f"{'a' * (CELL_LIMIT + 1)},1,2",
+        f"a,1.{'0' * CELL_LIMIT},2",
+        f"a,1,2{' ' * CELL_LIMIT}",
+        f'"{"a" * CELL_LIMIT}b",1,2',
+        f'"{"ab" * (CELL_LIMIT // 4)}{chr(10) * (CELL_LIMIT // 2)}b",1,2',
+        f"{'a,1,2' + chr(10)}{'b' * (CELL_LIMIT + 1)},1,2{chr(10)}c,1,2",
+    ],
+    ids=["text", "number", "spaces", "quoted", "lines", "between"],
+)
+def test_a_cell_that_no_cell_is_as_long_as(tmp_path: Path, row: str, fault: str) -> None:
+    """Refused by both ways of reading, not only where another cell is at fault."""
+    (found,) = faults(tmp_path, f"name,value,size\n{row}\n{fault}")
+    assert found.startswith(f", row {2 + row.startswith('a,1,2' + chr(10))}: a cell has more than")
+    assert "131072 characters" in found
+
+
+@pytest.mark.parametrize("cells", [f"{'a' * CELL_LIMIT},1,2", f"a,{' ' * (CELL_LIMIT - 1)}1,2"])
+def test_a_cell_that_is_as_long_as_it_may_be(tmp_path: Path, cells: str) -> None:
+    assert names(table(tmp_path, f"name,value,size\n{cells}\n"))
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,9 @@ import pytest
 
 from mtu_cli.errors import InputError
 from mtu_cli.files import csv_frames
-from mtu_cli.files.points import Points, read_points
+from mtu_cli.files.csv_file import read_table
+from mtu_cli.files.csv_table import ProblemList
+from mtu_cli.files.points import SPEC, Points, read_points
 
 HEADER = "part,feature,operation,x_mm,y_mm,nominal_x_mm,nominal_y_mm,note,T_a_degC\n"
 
@@ -115,6 +117,20 @@ def test_whole_numbers_beyond_64_bits_are_numbers(
     rows = [f"P{i},f,1,2,1,2,{value}\n" for i, value in enumerate(cells)]
     found = read(tmp_path, head + "".join(rows)).covariates["load"]
     np.testing.assert_array_equal(found, [float(value or "nan") for value in cells])
+
+
+@pytest.mark.parametrize("cells", [["\t", "\t"], ["", " "], ["1", "\t"], [" ", "-2.5"]])
+@pytest.mark.parametrize("fault", ["", "P9,f,1\n"])
+def test_blank_cells_are_empty_cells(tmp_path: Path, cells: list[str], fault: str) -> None:
+    """A column of nothing else is one of numbers that are not given, however it is read."""
+    head = "part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,load\n"
+    rows = [f"P{i},f,1,2,1,2,{cell}\n" for i, cell in enumerate(cells)]
+    (tmp_path / "p.csv").write_text(head + "".join(rows) + fault)
+    problems = ProblemList()
+    found = read_table(tmp_path / "p.csv", "cmm", SPEC, problems)
+    assert len(problems.listed) == (fault != "")
+    wanted = [float(cell.strip() or "nan") for cell in cells]
+    np.testing.assert_array_equal(found.columns.numbers["load"], wanted)
 
 
 @pytest.mark.parametrize("cell", ["1e999", "-1e999", "inf", "nan", ""])

@@ -81,6 +81,8 @@ def test_what_was_written_is_read_back(tmp_path: Path) -> None:
         ('{"a": 1, "a": 2}', "the key 'a' stands twice in one object"),
         ("[" * 100_000, "nested too deeply"),
         ("", "the file is empty"),
+        ('{"a": 1e999}', "not readable as JSON: 1e999 is too large for a number"),
+        (f'{{"a": -{"9" * 5000}}}', "a whole number of 5000 digits is too large"),
     ],
 )
 def test_faulty_json(tmp_path: Path, text: str, words: str) -> None:

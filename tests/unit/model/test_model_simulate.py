@@ -179,11 +179,69 @@ def test_effects_and_covariates_are_evaluated() -> None:
     assert found.feature == tuple(IDS * 4)
 
 
-def test_effects_that_cannot_be_evaluated() -> None:
-    with pytest.raises(InputError, match="unknown name 'dir_q'"):
-        simulate(replace(QUIET, effects=(("x", parse("dir_q")),)), model=quiet())
-    with pytest.raises(InputError, match="no finite value"):
-        simulate(replace(QUIET, effects=(("x", parse("1/x")),)), model=quiet())
+HUGE = "expected at most 1e+06 mm in size"
+FINITE = "expected an equation that has one at every feature"
+
+
+E = "--effect Ex: "
+
+
+@pytest.mark.parametrize(
+    ("what", "equation", "words"),
+    [
+        ("effects", "dir_q", f"{E}unknown name 'dir_q' at column 1; did you mean 'dir_y'?"),
+        ("effects", "1/x", f"{E}no finite value in part 1 at feature 'a': 'x = 0'; {FINITE}"),
+        ("effects", "1/(80-y)", f"{E}no finite value in part 1 at feature 'c': 'y = 80'; {FINITE}"),
+        ("effects", "1/(2-sequence)", "no finite value in part 2 at feature 'a': 'sequence = 2'"),
+        ("effects", "1e200*x", f"{E}too large in part 1 at feature 'b': '1e+202'; {HUGE}"),
+        ("effects", "-1.0001e6", f"{E}too large in part 1 at feature 'a': '-1.0001e+06'; {HUGE}"),
+        ("scatter", "1e200", f"--scatter Ex: too large in part 1 at feature 'a': '1e+200'; {HUGE}"),
+        ("scatter", "-0.01", "--scatter Ex: negative in part 1 at feature 'a': '-0.01'; expected"),
+        ("scatter", "0.1*(79 - y)", "--scatter Ex: negative in part 1 at feature 'c': '-0.1'"),
+        ("covariates", "1e13", "--covariate x: too large in part 1 at feature 'a': '1e+13'"),
+        ("covariates", "1/y", "--covariate x: no finite value in part 1 at feature 'a': 'y = 0'"),
+    ],
+)
+def test_equations_without_a_value(what: str, equation: str, words: str) -> None:
+    """The option, the part and the feature are told, and what the equation was given there."""
+    given = (("x", parse(equation)),)
+    plan = {
+        "effects": replace(QUIET, effects=given),
+        "scatter": replace(QUIET, scatter=given),
+        "covariates": replace(QUIET, covariates=given),
+    }[what]
+    with pytest.raises(InputError) as error:
+        simulate(plan, model=quiet())
+    assert words in str(error.value)
+    assert len(error.value.problems) == 1
+
+
+def test_equations_at_their_bounds() -> None:
+    plan = replace(QUIET, scatter=(("x", parse("0*x")), ("y", parse("0.5e-3*(80 - y)"))))
+    assert (simulate(plan, model=quiet()).measured[2::4, 1] == 80).all()
+    far = replace(QUIET, effects=(("y", parse("1e6 - 80")),))
+    assert simulate(far, model=quiet()).measured[:, 1].max() == 1e6
+
+
+def test_scatters_of_one_axis_add_up() -> None:
+    one = replace(QUIET, scatter=(("x", parse("5e-3")),))
+    two = replace(QUIET, scatter=(("x", parse("2e-3")), ("x", parse("3e-3"))))
+    both = [simulate(plan, model=quiet()).measured for plan in (one, two)]
+    assert both[0] == pytest.approx(both[1], abs=1e-15)
+
+
+@pytest.mark.parametrize("plan", [replace(QUIET, cmm_u=1e8), replace(QUIET, part_offset=1e8)])
+def test_coordinates_that_no_points_file_could_hold(plan: PartsPlan) -> None:
+    with pytest.raises(InputError, match=r"the measured [xy] is too large in part 1 at") as error:
+        simulate(plan, model=quiet())
+    assert HUGE in str(error.value)
+
+
+def test_a_feature_whose_place_is_not_known(tmp_path: Path) -> None:
+    """Its coordinate would be written as nan, which no reader takes."""
+    flat = POINTS * [1, 1, np.nan]
+    with pytest.raises(InputError, match="has an Ez, but feature 'a' no z_mm"):
+        simulate_points(stated(tmp_path, LATHE), IDS, flat, QUIET, 1)
 
 
 DECLARED = """
