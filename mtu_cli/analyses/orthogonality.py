@@ -9,7 +9,8 @@ import numpy as np
 
 from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.model.angle_geometry import Line, angle_error, check_square
+from mtu_cli.model.angle_geometry import Line, angle_error, check_square, contrasts
+from mtu_cli.model.angle_trials import AngleTrials
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
@@ -19,6 +20,7 @@ from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
+from mtu_cli.stats.threads import one_blas_thread
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
 
@@ -124,13 +126,27 @@ def angle_trials(
     prediction: Prediction,
     *,
     independent: bool,
-) -> PointTrials:
+) -> AngleTrials:
     """The Monte Carlo model of one angle, with its first-order form."""
-    rows = np.array([prediction.ids.index(i) for i in row])
-    columns = np.array([prediction.ids.index(i) for i in column])
-    measure, combine = angle_measure(prediction, rows, columns)
+    # Threads of linear algebra that wait for such small matrices take longer than the trials.
+    with one_blas_thread():
+        plain = plain_angle_trials(name, row, column, prediction, independent=independent)
+        return AngleTrials(plain, _by_design(prediction, *_places(prediction, row, column)))
+
+
+def plain_angle_trials(
+    name: str,
+    row: Sequence[str],
+    column: Sequence[str],
+    prediction: Prediction,
+    *,
+    independent: bool,
+) -> PointTrials:
+    """The same with all errors drawn and the two lines laid through them: slow, for reference."""
+    places = _places(prediction, row, column)
+    measure, combine = angle_measure(prediction, *places)
     mean = measure((combine @ prediction.mean)[:, None], Workspace())[:, 0].copy()
-    gradient = angle_gradient(prediction, rows, columns)[None, :]
+    gradient = angle_gradient(prediction, *places)[None, :]
     return PointTrials(
         prediction,
         (name,),
@@ -142,6 +158,13 @@ def angle_trials(
         np.full(1, np.inf) if independent else prediction.variance(gradient).dof,
         independent=independent,
     )
+
+
+def _places(
+    prediction: Prediction, row: Sequence[str], column: Sequence[str]
+) -> tuple[IntArray, IntArray]:
+    of_row, of_column = (np.array([prediction.ids.index(i) for i in ids]) for ids in (row, column))
+    return of_row, of_column
 
 
 def first_order_interval(angle: Orthogonality) -> tuple[float, float]:
@@ -156,23 +179,17 @@ def angle_measure(
 ) -> tuple[Measure, FloatArray]:
     """dtheta = -b1(column) - b1(row), eqs. (24)-(26), and the combinations it needs.
 
-    A slope is sum (u - mean u)(v - mean v) / sum (u - mean u)^2. The coordinates across a line
-    could stay as they are; less their mean there are fewer directions to draw.
+    A slope is sum (u - mean u)(v - mean v) / sum (u - mean u)^2, the same of n - 1 orthonormal
+    contrasts of the coordinates as of the n coordinates less their mean.
     """
-    n = len(row), len(column)
     along = [_select(prediction, row, "x"), _select(prediction, column, "y")]
     across = [_select(prediction, row, "y"), _select(prediction, column, "x")]
-    combine = np.zeros((2 * sum(n), len(prediction.mean)))
-    nominal = np.zeros((2 * sum(n), 1))
-    start = 0
-    for which, (u, i), (v, j) in zip((row, column), along, across, strict=True):
-        m = len(which)
-        combine[start : start + m] = u - u.mean(axis=0)
-        combine[start + m : start + 2 * m] = v - v.mean(axis=0)
-        place = prediction.points[which]
-        nominal[start : start + m, 0] = place[:, i] - place[:, i].mean()
-        nominal[start + m : start + 2 * m, 0] = place[:, j] - place[:, j].mean()
-        start += 2 * m
+    combine = np.vstack(
+        [contrasts(len(each)) @ each for pair in zip(along, across, strict=True) for each in pair]
+    )
+    lines = _by_design(prediction, row, column)
+    nominal = np.concatenate(lines)
+    n = len(row) - 1, len(column) - 1
 
     def measure(combined: FloatArray, work: Workspace) -> FloatArray:
         placed = np.add(combined, nominal, out=work.array("placed", combined.shape))
@@ -181,18 +198,27 @@ def angle_measure(
     return measure, combine
 
 
+def _by_design(
+    prediction: Prediction, row: IntArray, column: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Contrasts (features - 1, 1) of the coordinates along and across the row, then the column."""
+    x, y = (prediction.points[:, [AXES.index(axis)]] for axis in ("x", "y"))
+    H_r, H_c = contrasts(len(row)), contrasts(len(column))
+    return H_r @ x[row], H_r @ y[row], H_c @ y[column], H_c @ x[column]
+
+
 def _lines(coordinates: FloatArray, n: tuple[int, int]) -> tuple[Line, Line]:
-    """Row and column out of coordinates (2 * features, m): along, then across, of each."""
+    """Row and column out of contrasts (2 n_r + 2 n_c, m): along, then across, of each."""
     row, column = coordinates[: 2 * n[0]], coordinates[2 * n[0] :]
     return (row[: n[0]], row[n[0] :]), (column[: n[1]], column[n[1] :])
 
 
-def _select(prediction: Prediction, which: IntArray, axis: str) -> tuple[FloatArray, int]:
-    """The matrix (features, rows) that picks the errors along an axis, and its coordinate."""
+def _select(prediction: Prediction, which: IntArray, axis: str) -> FloatArray:
+    """The matrix (features, rows) that picks the errors along an axis."""
     a = len(prediction.axes)
     picked = np.zeros((len(which), len(prediction.mean)))
     picked[np.arange(len(which)), which * a + prediction.axes.index(axis)] = 1.0
-    return picked, AXES.index(axis)
+    return picked
 
 
 def angle_gradient(prediction: Prediction, row: IntArray, column: IntArray) -> FloatArray:

@@ -14,7 +14,19 @@ LARGEST_SLOPE = 0.02
 """Nominal slope of a row or column that still counts as along its axis."""
 
 Line = tuple[FloatArray, FloatArray]
-"""Coordinates along and across a line (features, m) or (features, 1), each less its mean, mm."""
+"""Coordinates along and across a line (features, m) or (features, 1), each less its mean, or
+`contrasts` of them (features - 1, ...); mm."""
+
+
+def contrasts(n: int) -> FloatArray:
+    """H (n - 1, n), Helmert's orthonormal contrasts: H 1 = 0, H H' = 1.
+
+    Hu'Hv = sum (u - mean u)(v - mean v), with one direction fewer to draw.
+    """
+    k = np.arange(1, n)[:, None]
+    i = np.arange(n)[None, :]
+    H: FloatArray = np.where(i < k, 1.0, np.where(i == k, -k, 0.0)) / np.sqrt(k * (k + 1))
+    return H
 
 
 def slope(line: Line) -> FloatArray:

@@ -35,6 +35,8 @@ class PointTrials:
     measurands. It is drawn along and serves as control variate.
     """
 
+    smooth = True
+
     def __init__(
         self,
         prediction: Prediction,

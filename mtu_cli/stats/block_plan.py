@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.distributions import quantile_curvature
+from mtu_cli.stats.ordered_moments import end_weights
 
 FloatArray = NDArray[np.float64]
 
@@ -20,6 +21,11 @@ ADAPTIVE_BLOCK = 2048
 """Trials a block for an adaptive count: small, so that a first look has many blocks."""
 LEAST_BLOCKS = 10
 """Fewest blocks whose scatter is taken as the Monte Carlo's own standard uncertainty."""
+LONG_BLOCK = 2**15
+"""Trials a block of a given count where the model draws them in pieces that stay in cache: what
+a block costs by itself, whatever its length, is a tenth of a block of `FIXED_BLOCK`."""
+ENOUGH_BLOCKS = 30
+"""Blocks whose scatter is known well enough to make them longer instead of more."""
 FIRST_LOOK = 20
 """Blocks before an adaptive count is first judged: the decision needs a surer scatter."""
 
@@ -30,7 +36,10 @@ def trials_for_tails(probability: float) -> int:
 
 
 def is_one_block(trials: int | None, probability: float) -> bool:
-    """Whether that many trials are too few for blocks: no control variate is then used."""
+    """Whether that many trials are too few for blocks: no control variate is then used.
+
+    A smooth model is the exception, see `BlockPlan.short`.
+    """
     return trials is not None and trials < LEAST_BLOCKS * trials_for_tails(probability)
 
 
@@ -39,22 +48,46 @@ class BlockPlan:
     """Blocks of `size` trials; the first `longer` of them have one trial more.
 
     `blocks` is None where the count adapts. Equal blocks weigh the same in an average of
-    block quantiles; a short last block would not.
+    block quantiles; a short last block would not. `is_short`: blocks are too short for their
+    quantiles to be averaged as they are; with the control variate they may be.
     """
 
     probability: float
     size: int
     blocks: int | None
     longer: int = 0
+    is_short: bool = False
 
     @classmethod
-    def fixed(cls, trials: int, probability: float) -> BlockPlan:
-        """Exactly `trials`: one block where ten would be too short for their quantiles."""
-        if is_one_block(trials, probability):
-            return cls(probability, trials, 1)
+    def fixed(
+        cls, trials: int, probability: float, *, smooth: bool = False, in_pieces: bool = False
+    ) -> BlockPlan:
+        """Exactly `trials`: one block where ten would be too short for their quantiles.
+
+        Blocks of a `smooth` model may be shorter, those of one that draws `in_pieces` longer
+        (`TrialModel`).
+        """
         least = trials_for_tails(probability)
+        if is_one_block(trials, probability):
+            if smooth and trials >= least:
+                return cls.short(trials, probability)
+            return cls(probability, trials, 1)
         blocks = max(LEAST_BLOCKS, trials // max(FIXED_BLOCK, least))
+        if in_pieces:
+            blocks = max(min(blocks, ENOUGH_BLOCKS), trials // max(LONG_BLOCK, least))
         return cls(probability, trials // blocks, blocks, trials % blocks)
+
+    @classmethod
+    def short(cls, trials: int, probability: float) -> BlockPlan:
+        """Ten blocks or more, at most `FIRST_LOOK`, that have 50 trials a tail only together.
+
+        That is 5 trials a tail in each at least. The bias of their quantiles is much the same as
+        that of the first-order form's, whose exact quantiles are known: the control takes it
+        off. Without one of use the whole sample is taken instead (`short_block_estimates`).
+        """
+        least = trials_for_tails(probability)
+        blocks = min(FIRST_LOOK, LEAST_BLOCKS * trials // least)
+        return cls(probability, trials // blocks, blocks, trials % blocks, is_short=True)
 
     @classmethod
     def adaptive(cls, probability: float) -> BlockPlan:
@@ -98,6 +131,19 @@ class BlockPlan:
         second_derivative = (16.0 * near - far - 30.0 * at(rank)) / (12.0 * h * h)
         bias: FloatArray = a * (1.0 - a) / (2.0 * (m + 2)) * second_derivative
         return at(rank) - bias
+
+    def unbiased_end_weights(self, dof: FloatArray | None) -> FloatArray:
+        """The same for blocks that are short, for each output (outputs, tail) or (1, tail).
+
+        For outputs nearly those of standard t with `dof` (outputs,), or of normal variables.
+        """
+        rank = self.end_probability * (self.size + 1)
+        places = np.array([self._interpolation(share * rank) for share in (0.5, 1.0, 1.5)])
+        weights = [
+            end_weights(self.size, places, self.end_probability, value)
+            for value in ([math.inf] if dof is None else dof.tolist())
+        ]
+        return np.array([self.end_weights if own is None else own for own in weights])
 
     def standard_ends(self, dof: FloatArray | None) -> tuple[FloatArray, FloatArray]:
         """Quantiles of standard normal variables or, with `dof` (outputs,), of Student's t.

@@ -121,7 +121,7 @@ class Pool:
         u = np.where(self.u_exists, np.sqrt(np.maximum(variance, 0.0)), np.nan)
         se = np.sqrt(fit.variance)
         se_u = np.divide(se[1], 2.0 * u, out=np.zeros_like(u), where=u != 0.0)
-        shortest_low, shortest_high = self._shortest()
+        shortest_low, shortest_high = self._shortest(low, high)
         return Estimates(
             mean=mean,
             u=u,
@@ -134,7 +134,7 @@ class Pool:
             se_high=se[3],
             shortest_low=shortest_low,
             shortest_high=shortest_high,
-            covariance=_rescaled(plain_covariance, u),
+            covariance=rescaled(plain_covariance, u),
             gain=Gain(*fit.gain),
         )
 
@@ -172,11 +172,15 @@ class Pool:
         value = self._origin + np.where(better, value, total_s / h)
         return _Controlled(value, variance, gain, np.where(better, slope.mean(axis=0), 0.0))
 
-    def _shortest(self) -> tuple[FloatArray, FloatArray]:
+    def _shortest(
+        self, symmetric_low: FloatArray, symmetric_high: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Shortest interval from the block averages of the ordered values.
 
         JCGM 101:2008, 7.7.2: among the intervals from y_(r) to y_(r+q) the one of least width.
-        Averages of ordered values stand for y_(r), and p (m + 1) for q, between ranks.
+        Averages of ordered values stand for y_(r), and p (m + 1) for q, between ranks. Of short
+        blocks they only say how far its ends are from those of the symmetric one, which have no
+        bias.
         """
         plan = self.plan
         lower, upper = self._lower.averages(self.blocks), self._upper.averages(self.blocks)
@@ -185,6 +189,9 @@ class Pool:
             rank, partner = _shortest_ranks(lower[i], upper[i], plan)
             low[i] = lower[i] @ plan.weights_at(rank)
             high[i] = upper[i] @ plan.weights_at(partner)
+        if plan.is_short:
+            low += symmetric_low - lower @ plan.end_weights
+            high += symmetric_high - upper @ plan.end_weights
         return low, high
 
 
@@ -204,7 +211,7 @@ def _shortest_ranks(lower: FloatArray, upper: FloatArray, plan: BlockPlan) -> tu
     return float(rank), float(outside - rank)
 
 
-def _rescaled(covariance: FloatArray, u: FloatArray) -> FloatArray:
+def rescaled(covariance: FloatArray, u: FloatArray) -> FloatArray:
     """Covariance with the sample's correlations and the standard uncertainties `u`."""
     sample = np.sqrt(np.diagonal(covariance))
     ratio = np.divide(u, sample, out=np.where(np.isnan(u), np.nan, 1.0), where=sample > 0.0)

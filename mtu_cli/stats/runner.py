@@ -68,7 +68,7 @@ class BlockRunner:
         self._stack = ExitStack()
         self._stack.enter_context(one_blas_thread())
         self._executor: ThreadPoolExecutor | None = None
-        if self._threads > 1 and self._plan.blocks != 1:
+        if self._threads > 1 and self._plan.blocks != 1 and not self._plan.is_short:
             self._executor = self._stack.enter_context(ThreadPoolExecutor(self._threads))
         return self
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 
 import numpy as np
@@ -27,14 +28,19 @@ class Workspace(threading.local):
 
     def __init__(self) -> None:
         self._arrays: dict[str, FloatArray] = {}
+        self._memory: dict[str, FloatArray] = {}
 
     def array(self, name: str, shape: tuple[int, ...]) -> FloatArray:
         """An uninitialised C-ordered array of `shape`; the same one for the same name and shape.
 
-        A different shape under a known name replaces the array, so that blocks of two lengths
-        do not keep two sets.
+        A different shape under a known name takes the same memory where that is enough, so that
+        blocks of two lengths do not keep two sets nor make new ones in turn.
         """
         known = self._arrays.get(name)
         if known is None or known.shape != shape:
-            known = self._arrays[name] = np.empty(shape)
+            size = math.prod(shape)
+            memory = self._memory.get(name)
+            if memory is None or len(memory) < size:
+                memory = self._memory[name] = np.empty(size)
+            known = self._arrays[name] = memory[:size].reshape(shape)
         return known

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from functools import cache
 
-from mtu_cli.analyses.orthogonality import angle_trials
+from mtu_cli.analyses.orthogonality import angle_trials, plain_angle_trials
+from mtu_cli.model.angle_trials import AngleTrials
 from mtu_cli.model.settings import PROBABILITY
-from mtu_cli.model.trials import PointTrials
-from mtu_cli.stats.block_plan import LEAST_BLOCKS, trials_for_tails
+from mtu_cli.stats.block_plan import trials_for_tails
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
 from mtu_cli.stats.validation import CONVERGED_TO
 from peers_bench.problem import Found, Inputs, predicted
 from peers_bench.tools import FirstOrder, MonteCarlo
 
-LEAST = LEAST_BLOCKS * trials_for_tails(PROBABILITY)
+LEAST = trials_for_tails(PROBABILITY)
 """The fewest trials with which the core uses its control variate."""
 
 _prediction = cache(predicted)
 
 
-def _model() -> PointTrials:
+def _model() -> AngleTrials:
     prediction, row, column = _prediction()
     return angle_trials("angle", row, column, prediction, independent=True)
 
@@ -50,7 +50,8 @@ def adaptive(inputs: Inputs, trials: int, seed: int, threads: int | None) -> Fou
 
 
 def first_order(inputs: Inputs) -> tuple[float, float]:
-    model = _model()
+    prediction, row, column = _prediction()
+    model = plain_angle_trials("angle", row, column, prediction, independent=True)
     return float(model.linear_mean[0]), float(model.linear_u[0, 0])
 
 

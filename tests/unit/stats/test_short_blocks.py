@@ -1,0 +1,185 @@
+"""Few trials of a smooth model: unbiased, honest about their scatter, and never too sure."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from trial_models import Bent, Z
+
+from mtu_cli.stats.block_plan import BlockPlan
+from mtu_cli.stats.blocks import Draws
+from mtu_cli.stats.monte_carlo import monte_carlo
+from mtu_cli.stats.short_blocks import SURE_GAIN
+from mtu_cli.stats.workspace import Workspace
+
+FloatArray = NDArray[np.float64]
+NAMES = ("mean", "u", "low", "high")
+
+
+class Smooth(Bent):
+    smooth = True
+
+
+class Grown:
+    """y = (exp(a z) - 1)/a with the first-order form z."""
+
+    names = ("y",)
+    linear_mean = np.zeros(1)
+    smooth = True
+
+    def __init__(self, a: float) -> None:
+        self.a = a
+        square = np.exp(a * a)
+        self.exact = {
+            "mean": (np.sqrt(square) - 1) / a,
+            "u": np.sqrt((square - 1) * square) / a,
+            "low": np.expm1(-a * Z) / a,
+            "high": np.expm1(a * Z) / a,
+        }
+
+    def draw(self, rng: np.random.Generator, m: int) -> Draws:
+        z = rng.standard_normal((1, m))
+        return Draws(values=np.expm1(self.a * z) / self.a, linear=z, linear_u=np.ones((1, 1)))
+
+
+@pytest.mark.parametrize("trials", [2000, 5003, None])
+@pytest.mark.parametrize("model", [Smooth(0.003), Smooth(0.05), Grown(0.01), Grown(0.5)])
+def test_scatter_over_seeds_is_the_stated_one(model: Smooth | Grown, trials: int | None) -> None:
+    """Mean squared error over mean se^2: chi-square with 200; se^2 from ten blocks or more
+    scatters by 2/9 itself, and slopes from the other nine add to it.
+    """
+    seeds = 200
+    results = [
+        monte_carlo(model, seed=s, trials=trials, tolerance_fraction=0.5, threads=1)
+        for s in range(seeds)
+    ]
+    four_sigma = 4.0 * np.sqrt((2.0 + 2.0 / 9.0) / seeds)
+    for name, exact in model.exact.items():
+        error = np.array([getattr(r, name)[0] for r in results]) - exact
+        se = np.array([getattr(r, f"se_{name}")[0] for r in results])
+        assert abs(np.mean(error**2) / np.mean(se**2) - 1.0) < four_sigma + 0.1, name
+        assert abs(error.mean()) < 4.0 * np.sqrt(np.mean(se**2) / seeds), name
+
+
+def test_few_trials_of_a_nearly_linear_output_are_as_good_as_many() -> None:
+    few = monte_carlo(Smooth(0.001), seed=1, trials=2000)
+    assert (few.blocks, few.trials) == (10, 2000)
+    assert all(gain[0] > 1000.0 for gain in few.gain)
+    for name, exact in Smooth(0.001).exact.items():
+        assert getattr(few, name)[0] == pytest.approx(exact, abs=2e-3)
+    for name, exact in (("shortest_low", 3.0 - 2.0 * Z), ("shortest_high", 3.0 + 2.0 * Z)):
+        # The ends of the shortest interval are told less surely than its width: it is flat.
+        assert getattr(few, name)[0] == pytest.approx(exact, abs=0.15)
+    width = few.shortest_high[0] - few.shortest_low[0]
+    assert width == pytest.approx(4.0 * Z, abs=0.02)
+
+
+def test_without_use_of_the_control_the_whole_sample_counts() -> None:
+    """JCGM 101:2008, 7.6 and 7.7 to the letter, as for any model of few trials."""
+
+    class Unrelated(Bent):
+        smooth = True
+
+        def draw(self, rng: np.random.Generator, m: int) -> Draws:
+            return Draws(
+                values=rng.standard_normal((1, m)),
+                linear=3.0 + 2.0 * rng.standard_normal((1, m)),
+                linear_u=np.array([[2.0]]),
+            )
+
+    result = monte_carlo(Unrelated(), seed=2, trials=2000)
+    ordered = np.sort(result.samples[0])
+    assert len(ordered) == 2000
+    assert all(gain[0] == 1.0 for gain in result.gain)
+    assert (result.low[0], result.high[0]) == (ordered[49], ordered[1949])
+    assert result.mean[0] == pytest.approx(ordered.mean(), rel=1e-12, abs=1e-15)
+    assert result.u[0] == pytest.approx(ordered.std(ddof=1), rel=1e-12)
+    assert result.covariance[0, 0] == pytest.approx(result.u[0] ** 2, rel=1e-12)
+    assert result.se_mean[0] == pytest.approx(result.u[0] / np.sqrt(2000), rel=1e-12)
+
+
+def test_a_gain_that_may_be_chance_is_not_taken() -> None:
+    for seed in range(30):
+        result = monte_carlo(Smooth(0.2), seed=seed, trials=2000)
+        assert all(gain[0] == 1.0 or gain[0] >= SURE_GAIN for gain in result.gain)
+
+
+def test_an_adaptive_count_stops_early_only_where_all_is_controlled() -> None:
+    straight = monte_carlo(Smooth(0.003), seed=3, tolerance_fraction=0.2)
+    assert (straight.trials, straight.converged) == (4000, True)
+    bent = monte_carlo(Smooth(0.1), seed=3, tolerance_fraction=0.2)
+    assert bent.trials >= 40_960
+    assert bent.converged
+    plain = monte_carlo(Bent(0.01), seed=3, tolerance_fraction=0.2)
+    assert plain.trials >= 40_960
+
+
+def test_values_that_many_trials_share_are_not_judged_by_few() -> None:
+    """Smooth only by its word: rare steps are not controlled, so the count goes on."""
+
+    class Steps(Bent):
+        smooth = True
+
+        def draw(self, rng: np.random.Generator, m: int) -> Draws:
+            linear = 3.0 + 2.0 * rng.standard_normal((1, m))
+            return Draws(values=np.round(linear), linear=linear, linear_u=np.array([[2.0]]))
+
+    result = monte_carlo(Steps(), seed=4)
+    assert result.trials >= 40_960
+    assert (result.low[0], result.high[0]) == (-1.0, 7.0)
+
+
+def test_kept_samples_and_progress() -> None:
+    seen: list[tuple[int, int | None]] = []
+    adaptive = monte_carlo(
+        Smooth(0.003), seed=5, keep=100, progress=lambda done, total: seen.append((done, total))
+    )
+    assert adaptive.samples.shape == (1, 100)
+    assert seen == [(4000, None)]
+    fixed = monte_carlo(Smooth(0.01), seed=5, trials=3000, keep=100)
+    assert fixed.samples.shape == (1, 100)
+    assert fixed.trials == 3000
+
+
+@pytest.mark.parametrize("trials", [2000, 2001, 3999, 4000, 19_999])
+@pytest.mark.parametrize("probability", [0.9, 0.95, 0.99])
+def test_short_blocks_have_five_trials_a_tail(trials: int, probability: float) -> None:
+    plan = BlockPlan.fixed(trials, probability, smooth=True)
+    if trials < 100 / (1 - probability) - 1e-6:
+        assert plan.blocks == 1
+        return
+    assert plan.blocks is not None
+    assert plan.blocks >= 10
+    assert plan.size * plan.blocks + plan.longer == trials
+    assert plan.size * (1 - probability) / 2 > 5 - 1e-6 or not plan.is_short
+
+
+def test_the_same_bits_for_any_number_of_threads() -> None:
+    for trials in (None, 2000, 19_999):
+        one, two = (
+            monte_carlo(Smooth(0.003), seed=6, trials=trials, threads=t, tolerance_fraction=0.2)
+            for t in (1, 2)
+        )
+        for name in (*NAMES, "shortest_low", "shortest_high", "samples"):
+            assert np.array_equal(getattr(one, name), getattr(two, name))
+
+
+def test_long_blocks_for_models_that_draw_in_pieces() -> None:
+    for trials in (20_000, 300_000, 1_000_000, 10_000_003):
+        plan = BlockPlan.fixed(trials, 0.95, in_pieces=True)
+        plain = BlockPlan.fixed(trials, 0.95)
+        assert plan.blocks is not None
+        assert plain.blocks is not None
+        assert plan.size * plan.blocks + plan.longer == trials
+        assert min(30, plain.blocks) <= plan.blocks <= plain.blocks
+
+
+def test_a_smaller_shape_takes_the_memory_there_is() -> None:
+    work = Workspace()
+    large = work.array("z", (3, 100))
+    small = work.array("z", (3, 7))
+    assert small.flags.c_contiguous
+    assert np.shares_memory(large, small)
+    assert work.array("z", (3, 7)) is small
+    assert not np.shares_memory(large, work.array("z", (4, 100)))
