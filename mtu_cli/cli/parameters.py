@@ -260,7 +260,7 @@ KIND: list[Parameter] = [
         Annotated[
             str,
             typer.Argument(
-                metavar="KIND", help="machine, part, study, budget or graph.", show_default=False
+                metavar="KIND", help="machine, part, study, budget, graph or effects.", show_default=False
             ),
         ],
         inspect.Parameter.empty,

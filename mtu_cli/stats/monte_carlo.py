@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from mtu_cli.errors import fault
 from mtu_cli.stats.atoms import with_atoms
-from mtu_cli.stats.block_plan import FIRST_LOOK, BlockPlan
+from mtu_cli.stats.block_plan import FIRST_LOOK, LEAST_BLOCKS, BlockPlan, trials_for_tails
 from mtu_cli.stats.blocks import TrialModel
 from mtu_cli.stats.coverage import coverage_factor, numerical_tolerance
 from mtu_cli.stats.pooling import Estimates, Gain, Pool
 from mtu_cli.stats.runner import BlockRunner, available_threads
+from mtu_cli.stats.short_blocks import all_controlled, short_block_estimates
 from mtu_cli.stats.single_block import single_block_estimates
 
 FloatArray = NDArray[np.float64]
@@ -23,6 +24,8 @@ Progress = Callable[[int, int | None], None]
 
 LARGEST_PROBABILITY = 0.999
 """Beyond it a block of 100/(1 - p) trials no longer fits the memory the engine promises."""
+SURELY = 0.5
+"""Share of what is asked for to which so few trials must have converged to be enough."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,22 +85,52 @@ def monte_carlo(
 
     The same seed gives the same bits for any number of `threads`. `progress` is called with
     trials done and the total (None while the count adapts). Fewer than 1000/(1 - p) trials run
-    as one block, without the control variate.
+    as one block, without the control variate; of a smooth model fewer than 100/(1 - p). A smooth
+    model's count is first judged after 200/(1 - p) trials (`_few`).
 
     Raises InputError for settings out of range, too few trials (fewer than 2/(1 - p)), or
     model values that are not finite, which are counted and never dropped.
     """
     _check(seed, trials, probability, digits, tolerance_fraction, threads, max_trials)
-    plan = _plan(trials, max_trials, probability)
     criterion = _Criterion(probability, digits, tolerance_fraction)
-    kept = min(keep, trials or max_trials)
+    few = None if trials else _few(model, seed, criterion, max_trials, keep, progress)
+    if few is not None:
+        return few
+    plan, most = _plan(model, trials, max_trials, probability), trials or max_trials
+    kept = most if plan.is_short else min(keep, most)
     with BlockRunner(model, plan, seed, threads or available_threads(), kept, progress) as run:
         estimates = _estimates(model, run, plan, criterion, max_trials)
-    return _result(model, run, estimates, criterion)
+    return _result(model, run, estimates, criterion, keep)
+
+
+def _few(
+    model: TrialModel,
+    seed: int,
+    criterion: _Criterion,
+    most: int,
+    keep: int,
+    progress: Progress | None,
+) -> MonteCarloResult | None:
+    """The result of a first look at a smooth model, where that is surely enough.
+
+    That is where the control variate gains much for every statistic and all of them are twice as
+    sure as is asked for. A count that then goes on starts anew: blocks of one length only.
+    """
+    trials = FIRST_LOOK * trials_for_tails(criterion.probability) // LEAST_BLOCKS
+    if not getattr(model, "smooth", False) or trials > most:
+        return None
+    plan = BlockPlan.short(trials, criterion.probability)
+    with BlockRunner(model, plan, seed, 1, trials, None) as run:
+        estimates = _estimates(model, run, plan, criterion, trials)
+    if not all_controlled(estimates, _exists(model)) or criterion.ratio(estimates) > SURELY:
+        return None
+    if progress is not None:
+        progress(run.trials, None)
+    return _result(model, run, estimates, criterion, keep)
 
 
 def _result(
-    model: TrialModel, run: BlockRunner, estimates: Estimates, criterion: _Criterion
+    model: TrialModel, run: BlockRunner, estimates: Estimates, criterion: _Criterion, keep: int
 ) -> MonteCarloResult:
     return MonteCarloResult(
         names=tuple(model.names),
@@ -105,29 +138,44 @@ def _result(
         blocks=run.blocks,
         converged=criterion.ratio(estimates) <= 1.0,
         probability=criterion.probability,
-        samples=run.samples(),
+        samples=run.samples()[:, :keep],
         **{field.name: getattr(estimates, field.name) for field in fields(Estimates)},
     )
 
 
-def _plan(trials: int | None, max_trials: int, probability: float) -> BlockPlan:
+def _plan(model: TrialModel, trials: int | None, max_trials: int, probability: float) -> BlockPlan:
     """Blocks for a given count, or for one that adapts where it leaves room for a first look."""
-    if trials is not None:
-        return BlockPlan.fixed(trials, probability)
-    plan = BlockPlan.adaptive(probability)
-    enough = max_trials >= FIRST_LOOK * plan.size
-    return plan if enough else BlockPlan.fixed(max_trials, probability)
+    if trials is None:
+        plan = BlockPlan.adaptive(probability)
+        if max_trials >= FIRST_LOOK * plan.size:
+            return plan
+        trials = max_trials
+    return BlockPlan.fixed(
+        trials,
+        probability,
+        smooth=getattr(model, "smooth", False),
+        in_pieces=getattr(model, "in_pieces", False),
+    )
 
 
 def _estimates(
     model: TrialModel, run: BlockRunner, plan: BlockPlan, criterion: _Criterion, most: int
 ) -> Estimates:
     """Runs the plan, at most `most` trials where the count adapts."""
-    exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
+    exists = _exists(model)
     if plan.blocks == 1:
         estimates = single_block_estimates(run.only_block(), plan.probability, exists)
         return with_atoms(estimates, run.samples(), plan.probability)
-    return _grow(run, Pool(plan, exists), criterion, plan.blocks, most // plan.size)
+    pool = Pool(plan, exists)
+    if plan.is_short and plan.blocks is not None:
+        run.run_to(plan.blocks, pool)
+        estimates = short_block_estimates(pool.estimates(), run.samples(), plan.probability, exists)
+        return with_atoms(estimates, run.samples(), plan.probability)
+    return _grow(run, pool, criterion, plan.blocks, most // plan.size)
+
+
+def _exists(model: TrialModel) -> NDArray[np.bool_]:
+    return np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
 
 
 def _grow(
