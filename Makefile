@@ -8,7 +8,7 @@ GL := configs/gilsinn-ling
 VR := configs/valdes-ring
 UN := configs/undeclared
 
-.PHONY: demo test lint type fuzz bench peers-bench loop-bench data clean
+.PHONY: demo test lint type fuzz bench peers-bench loop-bench data pictures clean
 
 # Stamps are made again when the project's requirements change.
 $(VENV)/.base: pyproject.toml
@@ -49,7 +49,7 @@ demo: $(VENV)/.base
 	$(MTU) compare $(UN) -m $(OUT)/machine-extended.yaml --plot $(OUT)/compare.png
 
 test: lint type
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -59,7 +59,7 @@ type: $(VENV)/.dev
 	$(BIN)/mypy
 
 # Shipped files, damaged at random, through every reader and command, and the properties of both
-# on many examples: about two hours. FUZZ_ARGS='--readers 1000 --seed 2' tries less, or others.
+# on many examples: about an hour of one core. FUZZ_ARGS='--readers 1000 --seed 2' tries less, or others.
 FUZZ_ARGS ?= --readers 110000 --commands 2000
 PROPERTIES := $(patsubst %,tests/properties/test_%.py,files_properties values_properties write_properties language_bounds)
 fuzz: $(VENV)/.dev
@@ -109,6 +109,18 @@ data: $(VENV)/.base
 	  --covariate 'T_spindle_degC: 22 + 9*(1 - exp(-time_min/45)) + 0.4*sin(time_min/7)' \
 	  --covariate 'T_part_degC: 20.4 + 0.6*sin(2*pi*time_min/310) + 0.1*sin(time_min/11)' \
 	  --write-lbb data/undeclared/lbb.csv --write-cmm data/undeclared/cmm.csv
+
+# The pictures of the README, as they were made.
+PICTURES := data/pictures
+pictures: $(VENV)/.base
+	@mkdir -p $(PICTURES) $(OUT)
+	$(MTU) fit-components $(UN) -q -o $(OUT)/components.json
+	$(MTU) predict-points $(UN) -q -c $(OUT)/components.json --plot $(PICTURES)/points.png
+	$(MTU) lengths $(UN) -q -c $(OUT)/components.json --plot $(PICTURES)/lengths.png
+	$(MTU) close-loop $(UN) -q --plot $(PICTURES)/loop.png
+	$(MTU) correct $(VR) -q --plot $(PICTURES)/rings.png
+	$(MTU) graph sweep configs/graphs/axes-a-and-c.yaml -q --vary axis_um=0.5:2.5:5 \
+	  --vary probe_um=0.5:2.5:5 --of d_AC --plot $(PICTURES)/sweep.png
 
 clean:
 	rm -rf $(VENV) $(OUT)

@@ -7,7 +7,8 @@ that the machine's readings know nothing of, anew in every repeat.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from copy import deepcopy
+from dataclasses import dataclass, replace
 
 import numpy as np
 from correct_examples import ring_places, ring_points
@@ -18,12 +19,29 @@ from mtu_cli.analyses.correct import correct
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
-from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.settings import Settings
 
 Floats = NDArray[np.float64]
 CENTRE_OF_RING = (80.0, 80.0)
 DIAMETER = 120.0
+
+
+@dataclass(frozen=True)
+class FittedMachines:
+    """Models of machines that were read, each with the generator as the readings left it."""
+
+    drift: Drift
+    machines: list[tuple[MachineModel, np.random.Generator]]
+
+
+def fitted_machines(known: LoadedMachine, drift: Drift, machines: int, seed: int) -> FittedMachines:
+    """Virtual machines as the package knows them from their readings."""
+    found = []
+    for rng in np.random.default_rng(seed).spawn(machines):
+        fit = fit_machine(known, read_machine(rng, drift))
+        found.append((build_model(known, estimates_from_fit(known, fit)), rng))
+    return FittedMachines(drift, found)
 
 
 def errors_at(rng: np.random.Generator, drift: Drift, place: Floats) -> Floats:
@@ -43,24 +61,16 @@ def errors_at(rng: np.random.Generator, drift: Drift, place: Floats) -> Floats:
 
 
 def diameter_coverage(
-    known: LoadedMachine,
-    part: LoadedPart,
-    drift: Drift,
-    machines: int,
-    seed: int,
-    *,
-    probing: float = 0.0,
-    repeats: int = 1,
+    fitted: FittedMachines, part: LoadedPart, *, probing: float = 0.0, repeats: int = 1
 ) -> tuple[float, float]:
     """Shares of machines whose intervals hold the diameter, and the length of two points."""
     true = ring_places(CENTRE_OF_RING, DIAMETER)
     length = float(np.linalg.norm(true[0] - true[5]))
     held = []
-    for rng in np.random.default_rng(seed).spawn(machines):
-        fit = fit_machine(known, read_machine(rng, drift))
-        model = build_model(known, estimates_from_fit(known, fit))
+    for model, after_readings in fitted.machines:
+        rng = deepcopy(after_readings)
         noise = probing * rng.standard_normal((repeats, *true.shape))
-        measured = (true + errors_at(rng, drift, true) + noise).reshape(-1, 3)
+        measured = (true + errors_at(rng, fitted.drift, true) + noise).reshape(-1, 3)
         points = ring_points(measured, ["ring"] * repeats, list(range(1, repeats + 1)))
         nominal = np.tile(true, (repeats, 1))
         nominal[:, 2] = np.nan

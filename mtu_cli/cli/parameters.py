@@ -260,7 +260,9 @@ KIND: list[Parameter] = [
         Annotated[
             str,
             typer.Argument(
-                metavar="KIND", help="machine, part, study, budget, graph or effects.", show_default=False
+                metavar="KIND",
+                help="machine, part, study, budget, graph or effects.",
+                show_default=False,
             ),
         ],
         inspect.Parameter.empty,

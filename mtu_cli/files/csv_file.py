@@ -20,13 +20,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+SMALL = 128 << 10
+"""Bytes that are read cell by cell sooner than pandas is imported."""
+
 
 def read_table(
     path: Path, role: str, spec: TableSpec, problems: ProblemList | None = None
 ) -> Table:
     """A CSV table whose columns are those of `spec` and covariates.
 
-    Sound tables go through pandas' C engine; where anything is amiss, the table is read
+    Large sound tables go through pandas' C engine; where anything is amiss, the table is read
     again cell by cell, so that every fault is told with the row of a text editor.
 
     Raises InputError with all problems of the header or, with a sound one, of all rows; with
@@ -66,6 +69,8 @@ def table_from(text: CsvText, spec: TableSpec, problems: ProblemList) -> Table:
 def _read(
     text: CsvText, spec: TableSpec, problems: ProblemList
 ) -> tuple[NDArray[np.int64], Columns]:
+    if len(text.content) <= SMALL:
+        return read_slow(text, spec, problems)
     try:
         count, columns = read_fast(text, spec)
     except Suspect:

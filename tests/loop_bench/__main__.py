@@ -12,7 +12,7 @@ from loop_bench.rows import in_words, rows
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="loop_bench")
-    parser.add_argument("--tuning", action="store_true", help="days 0-7 in place of the judging days")
+    parser.add_argument("--tuning", action="store_true", help="days 0-7, not the judging days")
     parser.add_argument("--scale", type=float, default=float(os.environ.get("LOOP_SCALE", "1")))
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--only", default="", help="cells whose name starts with this")

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from correct_examples import ring_part
-from correct_trials import diameter_coverage
+from correct_trials import FittedMachines, diameter_coverage, fitted_machines
 from machine_trials import Drift, machine
 
 MACHINES = 200
 NONE, SOME = Drift(0.0), Drift(1.0)
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Drift], FittedMachines]:
+    """The machines of a drift; all cases of it start from the same readings."""
+    known = machine(tmp_path_factory.mktemp("machine"))
+    return cache(lambda drift: fitted_machines(known, drift, MACHINES, seed=5))
 
 
 @pytest.mark.parametrize(
@@ -26,14 +35,16 @@ NONE, SOME = Drift(0.0), Drift(1.0)
     ],
 )
 def test_intervals_of_a_ring_cover(
-    drift: Drift, probing: float, repeats: int, tmp_path: Path
+    fitted: Callable[[Drift], FittedMachines],
+    drift: Drift,
+    probing: float,
+    repeats: int,
+    tmp_path: Path,
 ) -> None:
     """A length between two points of the one ring that tells the scatter is held too often: a
     large error of it shows in the residuals, too. Less than one of a ring it is never."""
     part = ring_part(tmp_path, "lengths: [{from: r0, to: r5}]\n")
-    shares = diameter_coverage(
-        machine(tmp_path), part, drift, MACHINES, seed=5, probing=probing, repeats=repeats
-    )
+    shares = diameter_coverage(fitted(drift), part, probing=probing, repeats=repeats)
     standard_error = np.sqrt(0.95 * 0.05 / MACHINES)
     for share in shares:
         assert abs(share - 0.95) < 3.5 * standard_error

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mtu_cli.errors import InputError
+from mtu_cli.files import csv_file
 from mtu_cli.files.csv_fast import read_fast
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_frames import Suspect
@@ -23,6 +24,12 @@ SPEC = TableSpec(
     times=frozenset({"time"}),
     may_be_empty=frozenset({"size"}),
 )
+
+
+@pytest.fixture(autouse=True)
+def every_table_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fast reader first, whatever the size; commands read small files with the slow one."""
+    monkeypatch.setattr(csv_file, "SMALL", 0)
 
 
 def table(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> Table:

@@ -8,12 +8,18 @@ import numpy as np
 import pytest
 
 from mtu_cli.errors import InputError
-from mtu_cli.files import csv_frames
+from mtu_cli.files import csv_file, csv_frames
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_table import ProblemList
 from mtu_cli.files.points import SPEC, Points, read_points
 
 HEADER = "part,feature,operation,x_mm,y_mm,nominal_x_mm,nominal_y_mm,note,T_a_degC\n"
+
+
+@pytest.fixture(autouse=True)
+def every_table_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fast reader first, whatever the size; commands read small files with the slow one."""
+    monkeypatch.setattr(csv_file, "SMALL", 0)
 
 
 def row(i: int) -> str:

@@ -108,6 +108,15 @@ def test_scatter_that_cannot_be_split_is_warned_of(tmp_path: Path) -> None:
     assert not any(name in item.message for name in COMPONENTS if name != "dx_x")
 
 
+def test_readings_without_any_scatter_are_warned_of(tmp_path: Path) -> None:
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(7), Drift(1.0))
+    exact = np.where(given.code == 0, 1e-3 + 1e-5 * given.position_mm, given.error)
+    found = fit_warnings(fit_machine(known, replace(given, error=exact)))
+    (item,) = [item for item in found if item.code == "no-scatter"]
+    assert "the readings of dx_x do not scatter" in item.message
+
+
 def test_instruments_that_disagree(tmp_path: Path) -> None:
     known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
     rng = np.random.default_rng(8)

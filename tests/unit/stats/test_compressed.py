@@ -143,3 +143,11 @@ def test_sensors_that_move_together_keep_their_digits() -> None:
     # A condition number of 1e7 costs seven of fifteen digits, however it is done.
     assert fit.coefficients[1:] == pytest.approx(direct.coefficients[1:], rel=1e-6)
     assert fit.rss == pytest.approx(direct.rss, rel=1e-6)
+
+
+def test_dependent_columns_after_independent_ones() -> None:
+    """W'W has no triangular factor then: the rows are rotated as if there were no earlier ones."""
+    earlier = compress(rows(50))
+    new = np.column_stack([np.ones((30, 2)), rows(30, seed=2)[:, 2:]])
+    found = compress(new, earlier).factor
+    assert found.T @ found == pytest.approx(new.T @ new, rel=1e-12)

@@ -1,0 +1,66 @@
+"""Grids of searched parameters from the values that the data holds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtu_cli.files.effects_contract import Search
+from mtu_cli.model.effect_grid import grid_of
+
+VALUES = np.array([4.0, 1.0, 2.0, 4.0, 10.0])
+
+
+def search(**given: Any) -> Search:
+    return Search.model_validate(given)
+
+
+def test_even_steps_and_even_ratios_between_the_ends_of_the_data() -> None:
+    found = grid_of(search(grid="linear", count=4), VALUES, 1)
+    np.testing.assert_allclose(found, [1, 4, 7, 10], rtol=1e-15)
+    found = grid_of(search(grid="log", **{"from": ["0.1", "low"]}, to=["1000"], count=4), VALUES, 1)
+    np.testing.assert_allclose(found, [1, 10, 100, 1000], rtol=1e-14)
+
+
+def test_half_way_between_the_values_with_a_margin_at_both_ends() -> None:
+    assert grid_of(search(grid="between", margin=1), VALUES, 1).tolist() == [1.5, 3.0, 7.0]
+    assert grid_of(search(grid="between", margin=2), VALUES, 1).tolist() == [3.0]
+    assert grid_of(search(grid="between"), None, 1).tolist() == []
+
+
+def test_frequencies_from_the_longest_to_the_shortest_no_wider_than_a_quarter_of_a_span() -> None:
+    found = grid_of(search(grid="frequency", **{"from": ["2"]}, to=["18"]), VALUES, 1)
+    assert (found[0], found[-1]) == pytest.approx((18.0, 2.0))
+    steps = np.diff(1.0 / found)
+    assert steps.max() <= 1.0 / (4.0 * 9.0) * (1 + 1e-12)
+    np.testing.assert_allclose(steps, steps[0], rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("given", "values"),
+    [
+        ({"grid": "linear"}, None),
+        ({"grid": "linear"}, np.array([3.0, 3.0])),
+        ({"grid": "linear", "from": ["20"]}, VALUES),
+        ({"grid": "linear", "from": ["high"]}, VALUES),
+        ({"grid": "log", "from": ["0"]}, VALUES),
+        ({"grid": "log"}, VALUES - 5.0),
+        ({"grid": "frequency"}, VALUES - 1.0),
+    ],
+)  # fmt: skip
+def test_where_the_data_gives_no_grid_it_is_empty(given: dict[str, Any], values: Any) -> None:
+    assert grid_of(search(**given), values, 1).tolist() == []
+
+
+def test_numbers_alone_need_no_data() -> None:
+    found = grid_of(search(grid="linear", **{"from": ["2"]}, to=["4"], count=3), None, 1)
+    assert found.tolist() == [2.0, 3.0, 4.0]
+
+
+def test_large_columns_have_fewer_values() -> None:
+    """2e6 numbers at most, and 24 values at least; 40 where nothing is asked for."""
+    assert len(grid_of(search(), VALUES, 1)) == 40
+    assert len(grid_of(search(count=90), VALUES, 40_000)) == 50
+    assert len(grid_of(search(count=90), VALUES, 10_000_000)) == 24

@@ -1,0 +1,78 @@
+"""Grids of places over a machine's volume."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_examples import loaded
+from numpy.typing import NDArray
+
+from mtu_cli.errors import InputError
+from mtu_cli.model.fit import estimates_from_fit
+from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.volume import grid_of
+
+SPACE = """\
+axes: {x: {travel_mm: [0, 100]}, y: {travel_mm: [20, 60]}}
+components:
+  px: {of: x, unit: um, coefficients: [0, 0], covariance: [[0, 0], [0, 0]], s_repeat: 0}
+  sq: {unit: urad, coefficients: [50], u_future: 1}
+equations: {Ex: px + y*sq}
+"""
+
+
+def grid(
+    folder: Path, text: str, machine: str = SPACE
+) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+    known = loaded(folder, machine)
+    return grid_of(known, build_model(known, estimates_from_fit(known, None)), text)
+
+
+def test_every_axis_has_its_count_from_end_to_end(tmp_path: Path) -> None:
+    """y is needed by a lever arm alone, z by nothing."""
+    ids, points = grid(tmp_path, "3,2")
+    assert ids == ("0,20", "0,60", "50,20", "50,60", "100,20", "100,60")
+    expected = [[x, y] for x in (0.0, 50.0, 100.0) for y in (20.0, 60.0)]
+    assert points[:, :2].tolist() == expected
+    assert np.isnan(points[:, 2]).all()
+    assert len(grid(tmp_path, "4")[0]) == 16
+
+
+def test_one_place_of_an_axis_is_its_middle(tmp_path: Path) -> None:
+    assert grid(tmp_path, "1,2,7")[1][:, :2].tolist() == [[50.0, 20.0], [50.0, 60.0]]
+
+
+def test_an_axis_that_a_constant_fixes_has_that_place(tmp_path: Path) -> None:
+    fixed = SPACE + "constants: {y: 30.0}\n"
+    assert grid(tmp_path, "2,5", fixed)[1][:, :2].tolist() == [[0.0, 30.0], [100.0, 30.0]]
+
+
+def test_an_axis_of_what_is_no_component_is_needed(tmp_path: Path) -> None:
+    """A stated slope has nothing to estimate, and is an error that depends on y all the same."""
+    line = "  sq: {unit: urad, coefficients: [50], u_future: 1}\n"
+    known = SPACE.replace(line, "").replace("{Ex: px + y*sq}", "{Ex: px, Ey: 1e-6*y}")
+    assert len(grid(tmp_path, "3,2", known)[0]) == 6
+
+
+def test_all_axes_without_travel_are_told_at_once(tmp_path: Path) -> None:
+    bare = "\n".join(SPACE.splitlines()[1:])
+    with pytest.raises(InputError) as raised:
+        grid(tmp_path, "3", bare)
+    assert [item.what for item in raised.value.problems] == [
+        "--grid: the travel of x is not known",
+        "--grid: the travel of y is not known",
+    ]
+
+
+@pytest.mark.parametrize("text", ["", "a", "0", "3,-1", "2,2,2,2", "3001", "1.5", "3,"])
+def test_counts_that_are_none(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InputError, match="--grid is not a count an axis"):
+        grid(tmp_path, text)
+
+
+def test_more_places_than_a_covariance_holds(tmp_path: Path) -> None:
+    assert len(grid(tmp_path, "60,50")[0]) == 3000
+    with pytest.raises(InputError, match="--grid: 3050 places"):
+        grid(tmp_path, "61,50")
