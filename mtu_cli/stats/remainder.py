@@ -8,7 +8,7 @@ that scatter more than single entries do.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import fdtrc, ndtr, ndtri
@@ -34,12 +34,18 @@ LARGEST = 1.0
 @dataclass(frozen=True, kw_only=True)
 class Remainder:
     """The kernels of smooth effects: `serial` over parts (None with fewer than five), `spatial`
-    by axis and reach.
+    by axis and reach, from the covariances `fields` of a column stratum's coordinates by reach.
     """
 
     strata: Strata
     serial: Kernel | None
+    fields: tuple[FloatArray, ...]
     spatial: tuple[tuple[Kernel, ...], ...]
+
+    def whitened(self, whitening: FloatArray) -> Remainder:
+        """The same for other `whitening` (A, k, k) of the smooth directions."""
+        spatial = [_whitened(self.strata, self.fields, whitening, a) for a in range(len(whitening))]
+        return replace(self, spatial=tuple(spatial) if self.fields else ())
 
     def statistics(self, y: FloatArray) -> FloatArray:
         """The checks `DRAWN` (B, 4) of coordinates `y` (B, N); 0 where one cannot be had."""
@@ -129,29 +135,36 @@ def _largest(ratios: FloatArray) -> FloatArray:
 
 def remainder_of(strata: Strata, whitening: FloatArray, places: FloatArray) -> Remainder:
     """The kernels for columns at `places` (H, d), mm."""
-    P, H, A = strata.shape
+    P, H, _ = strata.shape
     serial = None
     if P >= 5:
         steps = np.arange(P)
         walk = np.minimum.outer(steps + 1, steps + 1).astype(float)
         serial = kernel_of(strata.rows[:, 1:].T @ walk @ strata.rows[:, 1:])
-    spatial: list[tuple[Kernel, ...]] = []
+    fields: list[FloatArray] = []
     extent = np.ptp(places, axis=0).max(initial=0.0) if len(places) else 0.0
     if H >= 6 and extent > 0:
         distance2 = ((places[:, None] - places) ** 2).sum(axis=2)
         B = strata.columns[:, strata.even]
-        for axis in range(A):
-            own = []
-            for reach in REACH:
-                K = B.T @ np.exp(-0.5 * distance2 / (reach * extent) ** 2) @ B
-                k = len(strata.find("column", axis).lead)  # type: ignore[union-attr]  # H >= 6
-                W = np.eye(B.shape[1])
-                W[:k, :k] = whitening[axis][:k, :k]
-                kernel = kernel_of(W @ K @ W.T)
-                if kernel is not None:
-                    own.append(kernel)
-            spatial.append(tuple(own))
-    return Remainder(strata=strata, serial=serial, spatial=tuple(spatial))
+        fields = [B.T @ np.exp(-0.5 * distance2 / (reach * extent) ** 2) @ B for reach in REACH]
+    plain = Remainder(strata=strata, serial=serial, fields=tuple(fields), spatial=())
+    return plain.whitened(whitening)
+
+
+def _whitened(
+    strata: Strata, fields: Sequence[FloatArray], whitening: FloatArray, axis: int
+) -> tuple[Kernel, ...]:
+    """The kernels of an axis; their leading coordinates are those of the smooth directions."""
+    own = []
+    for field in fields:
+        k = len(strata.find("column", axis).lead)  # type: ignore[union-attr]  # H >= 6
+        W, K = whitening[axis][:k, :k], field.copy()
+        K[:k] = W @ K[:k]
+        K[:, :k] = K[:, :k] @ W.T
+        kernel = kernel_of(K)
+        if kernel is not None:
+            own.append(kernel)
+    return tuple(own)
 
 
 def scatter_p(

@@ -70,7 +70,7 @@ class Prepared:
         """With the null, and so the whitening, that coordinates `left` (N,) give."""
         scan = self.scan
         null = null_of(scan.frame, left, scan.dof, self.known)
-        return replace(other or self, scan=scan_with_null(scan, self.table, null))
+        return replace(other or self, scan=scan_with_null(scan, null))
 
     def flat(self) -> list[MemberColumns]:
         """The coordinates of all members, end to end."""
@@ -169,11 +169,10 @@ def _scan(
     return scan, ordered
 
 
-def scan_with_null(scan: Scan, table: ResidualTable, null: NullModel) -> Scan:
+def scan_with_null(scan: Scan, null: NullModel) -> Scan:
     """The scan with another null: its whitening, and the kernels in it, follow."""
-    strata = scan.frame.strata
-    whitening = whitening_of(strata, null)
-    remainder = remainder_of(strata, whitening, places_of(table))
+    whitening = whitening_of(scan.frame.strata, null)
+    remainder = scan.remainder.whitened(whitening)
     return replace(scan, null=null, whitening=whitening, remainder=remainder)
 
 
