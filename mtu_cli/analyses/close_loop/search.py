@@ -133,7 +133,7 @@ def _ranked(scan: Scan, step: Step, scores: FloatArray, unnamed: FloatArray) -> 
 
     A drift or field without a name is a rival of effects that lie where it would.
     """
-    rivals = np.where(_same_place(scan, step), unnamed, -np.inf)
+    rivals = np.where(same_place(scan, step), unnamed, -np.inf)
     posterior = posterior_of(np.concatenate([scores, rivals]))
     order = np.argsort(-posterior, kind="stable")
     count = int(np.searchsorted(np.cumsum(posterior[order]), CREDIBLE)) + 1
@@ -149,7 +149,7 @@ def _ranked(scan: Scan, step: Step, scores: FloatArray, unnamed: FloatArray) -> 
     )
 
 
-def _same_place(scan: Scan, step: Step) -> np.ndarray:
+def same_place(scan: Scan, step: Step) -> np.ndarray:
     """Whether an effect lies (by half of its columns at least) in the part stratum of each
     axis, then in the column stratum of each.
     """
