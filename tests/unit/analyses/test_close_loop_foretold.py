@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from crossed_tables import Floats
+from effect_tables import grid_places
 from loop_tables import candidate, crossed, residuals, whole_column
 
 from mtu_cli.analyses.close_loop.folds import CutCandidates, cut_candidates, identity, only_parts
@@ -58,7 +59,8 @@ def test_little_evidence_foretells_little_by_bayes_rule_over_the_candidates() ->
     prepared, found, _ = seen(errors)
     assert not found.steps
     looked = State(prepared, None).look()
-    weights = np.exp([*looked.log_bayes, np.log(3.0), *looked.unnamed])
+    # Two drifts, of which nothing is foretold of other parts; a field is foretold by a name.
+    weights = np.exp([*looked.log_bayes, np.log(3.0), *looked.unnamed[:2]])
     posterior = weights[:3] / weights.sum()
     # Each alone by least squares of a table without part and column means, apart from weights
     # of the strata: interaction holds nearly all of a column.
@@ -72,6 +74,35 @@ def test_little_evidence_foretells_little_by_bayes_rule_over_the_candidates() ->
     size = float(np.sqrt(np.mean(wanted**2)))
     # The strata of parts and columns hold a fifth of a column's entries, with more scatter.
     assert np.sqrt(np.mean((told(errors) - wanted) ** 2)) < 0.5 * size
+
+
+def test_a_field_without_a_name_is_foretold_by_the_curve_that_comes_nearest() -> None:
+    """What is said of its cause, the pattern of the columns stays: a name takes its share off."""
+    P, H = 12, 24
+    kept = np.arange(P) % 4 != 3
+    x, y = grid_places(H, jitter=3.0)[:, :2].T
+    x, y = (x - x.mean()) / np.ptp(x), (y - y.mean()) / np.ptp(y)
+    square = (x - 0.3) ** 2 + (y - 0.3) ** 2
+    broad = np.exp(-3 * square)
+    curve: Column = {0: (broad - broad.mean())[None]}
+    field = 5.0 * (np.exp(-9 * square) - np.exp(-9 * ((x + 0.3) ** 2 + (y - 0.2) ** 2)))
+    field = field[None, :, None] * [1.0, 0.0]
+    errors = crossed(np.random.default_rng(8), (P, H, 2), part=0.5, column=0.3) + field
+    table = residuals(errors)
+    own = cut_candidates((candidate("curve", (curve,)),), kept, 0)
+    prepared = prepare(only_parts(table, kept), own.candidates)
+    found = search(prepared, calibrated(prepared.scan, 399, 1), alpha=0.05, most=3)
+    looked = State(prepared, None).look()
+    assert len(found.steps) == 1
+    # The field is far likelier than the name: by Bayes' rule alone nothing would be foretold.
+    assert looked.unnamed[2] > looked.log_bayes[0] + 5
+    said = foretold(prepared, found, table, own.whole)[~kept, :, 0]
+    centred = errors[~kept, :, 0] - errors[kept, :, 0].mean()
+    # The best that the curve can do for the mean of the kept parts.
+    mean = errors[kept, :, 0].mean(axis=0)
+    best = (curve[0][0] @ mean) / (curve[0][0] @ curve[0][0]) * curve[0]
+    gain = np.mean(centred**2) - np.mean((centred - said) ** 2)
+    assert gain > 0.8 * (np.mean(centred**2) - np.mean((centred - best) ** 2)) > 0
 
 
 def test_nothing_that_is_left_out_takes_part() -> None:
