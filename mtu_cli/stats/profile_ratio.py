@@ -7,7 +7,8 @@ For coordinates y_s of stratum s with n_s degrees of freedom and variance lambda
 beta the estimate that weights the strata by n_s / R_s. Where a column lies in one stratum
 alone that is n_s log(1 / (1 - r^2)): no variance of another stratum enters. Where the columns of
 the table scatter differently, what a member explains is over its own share f_s of the variance
-(`uneven`): n_s log(1 + (R_s(0) - R_s(beta)) / (f_s R_s(beta))). Bayes factors are
+(`uneven`): n_s log(1 + (R_s(0) - R_s(beta)) / (f_s R_s(beta))), and where another stratum makes
+R_s(beta) the larger of the two, the same the other way round. Bayes factors are
 Schwarz's approximation for a prior of unit information: Zellner's g-prior with g = n has the
 same limit for weak effects, but stays finite however strong an effect is, and then tells no
 rivals apart (the information paradox of Liang et al., J. Am. Stat. Assoc. 103 (2008) 410).
@@ -117,7 +118,9 @@ def _add_many(
         R = R0 - 2 * np.einsum("bmi,bmsi->bms", beta, b)
         R = R + np.einsum("bmi,msij,bmj->bms", beta, many.G, beta)
         R = np.maximum(R, (1 - MOST_EXPLAINED) * R0)
-    found = (n * np.log1p((R0 - R) / (R * many.spread))).sum(axis=2)
+    gain, loss = np.maximum(R0 - R, 0.0), np.maximum(R - R0, 0.0)
+    found = np.log1p(gain / (R * many.spread)) - np.log1p(loss / (R0 * many.spread))
+    found = (n * found).sum(axis=2)
     share = w * np.einsum("msii->ms", many.G)
     share /= np.maximum(share.sum(axis=2, keepdims=True), TINY)
     effective = (share * n).sum(axis=2)

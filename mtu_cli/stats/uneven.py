@@ -5,8 +5,10 @@ column q in that stratum is then explained by chance with the variance
 
     f = tr(q K q'),  K = C' diag(v) C / mean,
 
-C (H, J) the stratum's vectors of the columns: what it explains counts over f. Parts and lines
-hold one vector of the columns each; their own mean square knows its share.
+C (H, J) the stratum's vectors of the columns: what it explains counts over f. Along the smooth
+directions of whole parts most of the variance may be the parts' own, not that of the entries;
+whitened (W) it is 1 as elsewhere, and only the entries' share W (K - I) W' differs. Parts and
+lines hold one vector of the columns each; their own mean square knows its share.
 """
 
 from __future__ import annotations
@@ -15,9 +17,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.stats.column_groups import ManyStrata, OneStratum, Packed
+from mtu_cli.stats.column_groups import ManyStrata, OneStratum, Packed, whiten
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.strata import Strata, Stratum
+from mtu_cli.stats.strata import Strata
 
 
 def uneven(pack: Packed, entry: FloatArray, column: FloatArray) -> Packed:
@@ -25,7 +27,7 @@ def uneven(pack: Packed, entry: FloatArray, column: FloatArray) -> Packed:
     `column` (H, A), both on any scale.
     """
     strata = pack.strata
-    kernels = [_kernel(strata, stratum, entry, column) for stratum in strata.all]
+    kernels = [_kernel(pack, index, entry, column) for index in range(len(strata.all))]
     return replace(
         pack,
         one=tuple(replace(one, spread=_of_one(one, kernels[one.index])) for one in pack.one),
@@ -36,10 +38,9 @@ def uneven(pack: Packed, entry: FloatArray, column: FloatArray) -> Packed:
     )
 
 
-def _kernel(
-    strata: Strata, stratum: Stratum, entry: FloatArray, column: FloatArray
-) -> FloatArray | None:
-    """K (J, J) of a stratum with several vectors of the columns, its mean diagonal 1."""
+def _kernel(pack: Packed, index: int, entry: FloatArray, column: FloatArray) -> FloatArray | None:
+    """K (J, J), whitened, of a stratum with several vectors of the columns."""
+    strata, stratum = pack.strata, pack.strata.all[index]
     if stratum.kind in ("part", "line"):
         return None
     own = {"column": strata.even, "reversal": strata.odd}.get(
@@ -49,7 +50,12 @@ def _kernel(
     v = (entry if stratum.kind == "interaction" else column)[:, stratum.axis]
     K: FloatArray = (C.T * v) @ C
     level = float(np.trace(K)) / len(K)
-    return K / level if level > 0 else np.eye(len(K))
+    if level <= 0:
+        return np.eye(len(K))
+    excess = K / level - np.eye(len(K))
+    whiten(strata, pack.whitening, index, excess)
+    whiten(strata, pack.whitening, index, excess.T)
+    return np.eye(len(K)) + excess
 
 
 def _share(X: FloatArray, K: FloatArray | None) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mtu_cli.stats.column_groups import MemberColumns, Packed, packed
 from mtu_cli.stats.family_gate import Gate, gate_of
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import NullModel, draw
 from mtu_cli.stats.profile_ratio import Ratios, ratios, unit_information
@@ -28,6 +28,8 @@ BATCH = 200
 OPERATIONS = "operation-scatter"
 UNEVEN = 0.01
 """p of operations of one scatter below which members are judged by that of their own entries."""
+LEAST_OF_ALL = 0.1
+"""Share of an operation's mean square that is its own variance at least."""
 SCATTER_CHECKS = ("column-variance", "part-variance")
 CHECKS = (*DRAWN, *SCATTER_CHECKS)
 
@@ -191,14 +193,21 @@ def _evened(scan: Scan, y: FloatArray, aside: frozenset[str]) -> FloatArray:
 
 
 def _by_operation(scan: Scan, y: FloatArray) -> FloatArray:
-    """Mean squares (H,) of the entries of each column's operation over that of all."""
-    entries = scan.frame.strata.tables(_interaction(scan, y))
-    found = np.ones(entries.shape[1])
-    for code in np.unique(scan.operation):
-        own = scan.operation == code
-        found[own] = max(float(np.mean(entries[:, own] ** 2)), 1e-300)
-    whole = max(float(np.mean(entries**2)), 1e-300)
-    return found / whole
+    """Variances (H,) of the entries of each column's operation over that of all.
+
+    What is left of entries beside parts and their lines is mixed from all columns, by Q (H, H):
+    the mean squares of the operations are mixtures of their variances by the squares of Q.
+    """
+    strata = scan.frame.strata
+    squares = np.mean(strata.tables(_interaction(scan, y)) ** 2, axis=(0, 2))
+    C = strata.columns[:, 1 + strata.lines :]
+    own = (scan.operation[:, None] == np.unique(scan.operation)).astype(float)
+    share = own.T / own.sum(axis=0)[:, None]
+    mixed, mean = share @ (C @ C.T) ** 2 @ own, share @ squares
+    found = np.maximum(least_squares(mixed, mean).coefficients, LEAST_OF_ALL * mean)
+    variance: FloatArray = own @ np.maximum(found, 1e-300)
+    variance /= variance.mean()
+    return variance
 
 
 def _variances(scan: Scan, y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -109,3 +109,47 @@ def test_of_drawn_tables_the_ratio_is_that_of_one_scatter(at: str) -> None:
         # Judged by the scatter of all it is too often large.
         plainly = member_ratios(pack, drawn)[0][:, 0]
         assert np.mean(plainly > limit) > 2 * p
+
+
+@pytest.mark.parametrize("extra", [0.0, 3.0, 20.0])
+@pytest.mark.parametrize("where", ["middle", "ends"])
+def test_what_the_parts_scatter_is_no_share_of_the_entries(where: str, extra: float) -> None:
+    # Along a smooth direction the mean over the parts scatters by `extra` times what the entries
+    # make of it, whatever operation they belong to: whitened, most of it is the parts' own.
+    P, H = 20, 24
+    strata = made(P, H, 1)
+    k, lead = strata.lines, strata.columns[:, 1]
+    inner = np.abs(lead) < np.quantile(np.abs(lead), 0.5)
+    variance = np.where(inner if where == "middle" else ~inner, 9.0, 1.0)[:, None]
+    whitening = np.eye(k)[None].copy()
+    whitening[0, 0, 0] = 1 / np.sqrt(1 + extra)
+    member = (whole_frame(strata).column({0: lead[None]}),)
+    pack = packed(strata, sizes(strata), whitening, [[member]])
+    rng = np.random.default_rng(7)
+    tables = rng.normal(size=(4000, P, H, 1)) * np.sqrt(variance)
+    y = strata.coordinates(tables)[0]
+    column = strata.find("column", 0)
+    assert column is not None
+    y[:, column.start] += rng.normal(size=4000) * np.sqrt(extra * variance.mean())
+    LR = member_ratios(uneven(pack, variance, variance), pack.without_found(y))[0][:, 0]
+    # One of 23 coordinates: F(1, 22) by its ratio passes chi^2's 5 % in 6.4 %; two binomial
+    # limits of 4000 and the few effective degrees of freedom of operations as unlike as 1:9.
+    assert 0.045 < np.mean(chi2.isf(0.05, 1) < LR) < 0.08
+
+
+def test_a_strong_effect_on_one_axis_has_a_finite_ratio_on_two() -> None:
+    """The estimate for both axes makes one of them worse: its ratio is below 0, never nan."""
+    P, H, A = 20, 24, 2
+    strata = made(P, H, A)
+    loud = np.arange(H) >= 12
+    variance = np.repeat(np.where(loud, 9.0, 1.0)[:, None], A, axis=1)
+    turned = np.where(np.arange(H) % 2, 1.0, -1.0)
+    calm = np.outer((np.arange(P) >= 10) * 1.0, ~loud * turned)
+    plain = np.broadcast_to(np.eye(strata.lines), (A, strata.lines, strata.lines))
+    member = (whole_frame(strata).column({0: calm, 1: calm}),)
+    judged = uneven(packed(strata, sizes(strata), plain, [[member]]), variance, variance)
+    rng = np.random.default_rng(3)
+    for size in (1.0, 5.0, 50.0, 500.0):
+        tables = rng.normal(size=(40, P, H, A)) * np.sqrt(variance)
+        tables[..., 0] += size * calm
+        assert np.isfinite(member_ratios(judged, strata.coordinates(tables)[0])[0]).all()
