@@ -32,8 +32,7 @@ def effect(
     **changed: object,
 ) -> FoundEffect:
     """An effect with parameters in the units they are shown in."""
-    scales = [PARAMETER_UNITS[unit].to_internal for _, unit, _, _ in parameters]
-    u = np.array([item[3] for item in parameters]) * scales
+    known = tuple(_internal(*item) for item in parameters)
     family, _, axis = name.rpartition("-")
     found = FoundEffect(
         name=name,
@@ -46,15 +45,9 @@ def effect(
         kind="mean",
         chosen=None,
         equations={"Ex": "lost_motion*dir_x"} if equations is None else equations,
-        parameters=tuple(
-            (n, unit, value * s, own * s)
-            for (n, unit, value, own), s in zip(parameters, scales, strict=True)
-        ),
-        intervals=tuple(
-            ((value - 2 * own) * s, (value + 2 * own) * s, 17.0)
-            for (_, _, value, own), s in zip(parameters, scales, strict=True)
-        ),
-        covariance=np.diag(u**2),
+        parameters=known,
+        intervals=tuple((value - 2 * u, value + 2 * u, 17.0) for _, _, value, u in known),
+        covariance=np.diag([u**2 for _, _, _, u in known]),
         searched={},
         p_familywise=0.0005,
         log_bayes_factor=31.2,
@@ -67,6 +60,11 @@ def effect(
         of_folds=5,
     )
     return replace(found, **changed)  # type: ignore[arg-type]  # the fields of the effect
+
+
+def _internal(name: str, unit: str, value: float, u: float) -> tuple[str, str, float, float]:
+    scale = PARAMETER_UNITS[unit].to_internal
+    return name, unit, value * scale, u * scale
 
 
 def scores(rms_um: float, axes: tuple[str, ...] = ("x", "y"), scale: float = 1e-3) -> Scores:
@@ -134,6 +132,7 @@ def on_table(
         folds=5,
         floor=3.6e-3,
         unexplained_rms=(3.7e-3 if effects else 6.0e-3) if verdict == "unexplained" else None,
+        fixed_points=(),
     )
     return replace(found, **changed)  # type: ignore[arg-type]  # the fields of a table's result
 
@@ -197,7 +196,7 @@ def named() -> CloseLoopResult:
 
 
 def ambiguous() -> CloseLoopResult:
-    told = Experiment(do="shift the fixture by 17 mm", predicted_d=6.34, now_d=0.81)
+    told = Experiment(do="shift the fixture by 17 mm", predicted_d=6.34, now_d=0.81, further_d=6.29)
     own = effect(class_names=("backlash-x", "abbe-x"), aliases=("trend-x",), experiment=told)
     return result(on_table("class", (own,)))
 

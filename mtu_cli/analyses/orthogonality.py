@@ -64,7 +64,8 @@ def predict_orthogonality(
     """Predicts every row-to-column angle of the part: Gilsinn & Ling 2004, eqs. (23)-(28).
 
     A feature in both lines is one physical feature: it is drawn once. The trials are those
-    of `settings`; the independent figures use the same count.
+    of `settings`; the independent figures use the same count where it is given: one that
+    adapts does so for each by itself.
 
     Raises InputError for a missing covariate or coordinate.
     """

@@ -200,6 +200,8 @@ def main() -> None:
     # One thread a BLAS call: results must not depend on how many cores a machine has.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ[name] = "1"
+    # Pictures are files, whatever a notebook has set for its own.
+    os.environ["MPLBACKEND"] = "agg"
     # Imports make much that stays; to look for rubbish among it every 700 objects takes 5 %.
     gc.set_threshold(20_000)
     prepare_streams()

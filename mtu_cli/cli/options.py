@@ -11,8 +11,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import typer
+from typer.core import TyperCommand
 
-from mtu_cli.cli.parameters import Parameter
+from mtu_cli.cli.parameters import FAIL_IF, Parameter
+from mtu_cli.errors import fault
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,21 @@ class Options:
 
     def __getattr__(self, name: str) -> Any:
         return self.values.get(name)
+
+
+class Once(TyperCommand):
+    """A command that refuses what stands twice in a call: the first would be lost in silence."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The rest of the arguments; raises InputError where an option with a value is repeated."""
+        order = self.make_parser(ctx).parse_args(list(args))[2]
+        for option in dict.fromkeys(order):
+            if option.multiple or getattr(option, "is_flag", True) or order.count(option) < 2:
+                continue
+            name = max(option.opts, key=len)
+            several = f", several gates with commas: {name} A,B" if option.name == FAIL_IF else ""
+            raise fault(f"{name} is given {order.count(option)} times", expected=f"once{several}")
+        return super().parse_args(ctx, args)
 
 
 def register(
@@ -50,4 +67,4 @@ def register(
     command.__annotations__ = {key: annotation for key, annotation, _ in parameters}
     command.__doc__ = text
     command.__name__ = name.replace("-", "_")
-    app.command(name, help=text)(command)
+    app.command(name, help=text, cls=Once)(command)

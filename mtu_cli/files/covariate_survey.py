@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mtu_cli.files.csv_file import check_header, table_from
+from mtu_cli.files.csv_file import table_from
 from mtu_cli.files.csv_frames import Suspect
+from mtu_cli.files.csv_header import check_header
 from mtu_cli.files.csv_stream import text_blocks
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.csv_text import CsvText

@@ -7,10 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mtu_cli.errors import InputError, Problem, closest, fault
+from mtu_cli.errors import fault
 from mtu_cli.files.csv_cells import is_not_finite, number
 from mtu_cli.files.csv_fast import read_fast
 from mtu_cli.files.csv_frames import Suspect
+from mtu_cli.files.csv_header import check_header
 from mtu_cli.files.csv_rows import editor_rows
 from mtu_cli.files.csv_slow import read_slow
 from mtu_cli.files.csv_table import Columns, ProblemList, Table, TableSpec
@@ -87,43 +88,6 @@ def _ends_full(text: CsvText, columns: Columns) -> bool:
     if name in columns.numbers:
         return not np.isnan(columns.numbers[name]).any()
     return name in columns.texts and bool((columns.texts[name].codes >= 0).all())
-
-
-def check_header(text: CsvText, spec: TableSpec) -> None:
-    """Raises InputError for columns that are missing, doubled, without name or at odds."""
-    shown, row, header = text.source.shown, text.header_row, text.header
-    problems = []
-    places: dict[str, int] = {}
-    for index, name in enumerate(header):
-        if not name:
-            what = f"column {index + 1} has no name"
-            problems.append(Problem(what=what, file=shown, row=row, expected="a name"))
-        elif places.setdefault(name, index) != index:
-            what = f"the column stands twice, as column {places[name] + 1} and {index + 1}"
-            problems.append(Problem(what=what, file=shown, row=row, column=name))
-    wanted = list(spec.required)
-    wanted += [b for a, b in spec.together if a in header]
-    wanted += [a for a, b in spec.together if b in header]
-    problems += [
-        missing_column(name, shown, row, header, spec)
-        for name in dict.fromkeys(wanted)
-        if name not in header
-    ]
-    for first, second in spec.exclusive:
-        if first in header and second in header:
-            what = f"both {first!r} and {second!r} are given"
-            problems.append(Problem(what=what, file=shown, row=row, expected="one of them"))
-    if problems:
-        raise InputError(problems)
-
-
-def missing_column(
-    name: str, shown: str, row: int, header: tuple[str, ...], spec: TableSpec
-) -> Problem:
-    """The Problem of a column that is not there, with the one that was probably meant."""
-    near = closest(name, [other for other in header if other and not spec.named(other)])
-    hint = f"rename {near!r} to {name!r}" if near else f"a column {name!r} in {', '.join(header)}"
-    return Problem(what=f"the column {name!r} is missing", file=shown, row=row, expected=hint)
 
 
 def _check_covariates(table: Table, text: CsvText, spec: TableSpec, problems: ProblemList) -> None:

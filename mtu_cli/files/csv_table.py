@@ -45,6 +45,11 @@ class TableSpec:
             return "time"
         return "number" if is_covariate(name) else "covariate"
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All columns that the contract names."""
+        return tuple(sorted(self.numbers | self.texts | self.times))
+
     def named(self, name: str) -> bool:
         """Whether the contract names the column."""
         return name in self.numbers or name in self.texts or name in self.times

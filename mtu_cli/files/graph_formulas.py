@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from mtu_cli.files.contract_errors import path_text
@@ -14,7 +14,7 @@ from mtu_cli.files.graph_names import known_places
 from mtu_cli.files.yaml_file import YamlPath
 from mtu_cli.language import EquationError, Node, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
-from mtu_cli.language.tree import Binary, Call, Name, Negative
+from mtu_cli.language.tree import Name, rewritten
 
 _DOTTED = re.compile(r"(?<![\w.])([A-Za-z_][A-Za-z_0-9]*)\.(?=[A-Za-z_])")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z_0-9.]*")
@@ -63,21 +63,6 @@ def parse_dotted(text: str) -> Node:
         return node if word is None else replace(node, name=word.group())
 
     return rewritten(tree, named)
-
-
-def rewritten(node: Node, change: Callable[[Node], Node]) -> Node:
-    """The tree with every node that `change` returns another for replaced, from the top down."""
-    changed = change(node)
-    if changed is not node:
-        return changed
-    match node:
-        case Negative(operand):
-            return replace(node, operand=rewritten(operand, change))
-        case Binary(_, left, right):
-            return replace(node, left=rewritten(left, change), right=rewritten(right, change))
-        case Call(_, arguments):
-            return replace(node, arguments=tuple(rewritten(item, change) for item in arguments))
-    return node
 
 
 def place_of(name: str) -> str:

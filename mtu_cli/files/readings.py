@@ -12,7 +12,7 @@ import numpy as np
 from mtu_cli.errors import Problem, closest, did_you_mean
 from mtu_cli.files import doubled, joined
 from mtu_cli.files.contract_errors import unit_expectation
-from mtu_cli.files.csv_file import missing_column
+from mtu_cli.files.csv_header import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.drift_cells import ROLE, check_drift
 from mtu_cli.files.row_marks import row_marks

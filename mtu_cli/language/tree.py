@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Literal
 
 Operator = Literal["+", "-", "*", "/", "**"]
@@ -76,6 +76,21 @@ def walk(node: Node) -> Iterator[Node]:
         item = waiting.pop()
         yield item
         waiting.extend(reversed(children(item)))
+
+
+def rewritten(node: Node, change: Callable[[Node], Node]) -> Node:
+    """The tree with every node that `change` returns another for replaced, from the top down."""
+    changed = change(node)
+    if changed is not node:
+        return changed
+    match node:
+        case Negative(operand):
+            return replace(node, operand=rewritten(operand, change))
+        case Binary(_, left, right):
+            return replace(node, left=rewritten(left, change), right=rewritten(right, change))
+        case Call(_, arguments):
+            return replace(node, arguments=tuple(rewritten(item, change) for item in arguments))
+    return node
 
 
 def names(node: Node) -> dict[str, int]:

@@ -12,6 +12,9 @@ from mtu_cli.language import evaluate, names
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.stats.least_squares import FloatArray
 
+LARGEST = 1e30
+"""Of a lever arm or error in mm: squares of larger ones are no numbers."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
@@ -81,7 +84,8 @@ def design(
 def _check_finite(
     model: MachineModel, J: FloatArray, remainder: FloatArray, points: FloatArray
 ) -> None:
-    bad = ~(np.isfinite(J).all(axis=2) & np.isfinite(remainder))
+    with np.errstate(invalid="ignore"):
+        bad = ~((np.abs(J) < LARGEST).all(axis=2) & (np.abs(remainder) < LARGEST))
     if not bad.any():
         return
     i, a = np.argwhere(bad)[0]
@@ -105,7 +109,7 @@ def _check_finite(
                 f"a value for {unknown[0]} (z_mm in the part, or a constant of the machine)"
                 if unknown
                 else "an equation that is defined at every feature (no division by 0, no root or "
-                "logarithm of a negative number)"
+                "logarithm of a negative number, no exponential of millimetres)"
             ),
         )
     )

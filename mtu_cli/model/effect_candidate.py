@@ -22,7 +22,8 @@ class Member:
     the parameter. `parameters` are (name, unit). `equations` are final text, linear in the
     parameters; evaluated, they give the columns back. They are empty where the equation language
     cannot say the effect: `chosen` then is the feature, part or operation. `tangent` holds the
-    derivatives of the columns with respect to log(searched), where that is continuous.
+    derivatives of the columns with respect to log(searched), where that is continuous. `alike`
+    are other values of what was searched that make the same columns on this table.
     """
 
     columns: tuple[Column, ...]
@@ -32,6 +33,7 @@ class Member:
     covariate: str | None
     tangent: tuple[Column, ...] = ()
     chosen: str | None = None
+    alike: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ def distinct(
 
     Columns are compared beside an offset of each axis (and the polynomial that the readings
     themselves gave): a member of which nothing is left there, or whose columns depend on each
-    other, is dropped, and one that spans the same space as an earlier one (R^2 above COPY).
+    other, is dropped, and one that spans the same space as an earlier one (R^2 above COPY): the
+    earlier one is told what else it may be.
     """
     members: list[Member] = []
     spans: dict[tuple[object, ...], list[tuple[int, FloatArray]]] = {}
@@ -35,8 +37,19 @@ def distinct(
     if family.over is not None and len(members) > 2:
         return tuple(members), ()
     same = _same(spans, len(members))
-    kept = tuple(member for i, member in enumerate(members) if i not in same)
+    kept = tuple(
+        replace(member, alike=_alike(members, same, i))
+        for i, member in enumerate(members)
+        if i not in same
+    )
     return kept, _notes(members, same)
+
+
+def _alike(members: Sequence[Member], same: dict[int, int], first: int) -> tuple[float, ...]:
+    """Searched values of the members that are the same as the first one."""
+    return tuple(
+        value for i, j in same.items() if j == first for value in members[i].searched.values()
+    )
 
 
 def _beside(

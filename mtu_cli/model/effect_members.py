@@ -17,6 +17,8 @@ from mtu_cli.model.effect_candidate import Column, FloatArray, Member
 from mtu_cli.model.effect_data import POSITIONS, TableData, indicators, labels
 from mtu_cli.model.effect_grid import grid_of, is_continuous
 
+LARGEST = 1e30
+"""Of a lever in mm: squares of larger ones are no numbers."""
 STEP = 1e-5
 """Of the logarithm of a searched value, for its derivative: errors of order STEP^2."""
 
@@ -142,7 +144,7 @@ class BoundTemplate:
                     values[name] = self.value(braced.get(name, name), bound)
             for name, node in self.template.forms[key].coefficients.items():
                 lever = np.asarray(evaluate(node, values), float)
-                if not np.isfinite(lever).all():
+                if not (np.abs(lever) < LARGEST).all():
                     raise NoMember("its equation has no finite value in some places")
                 full = lever.reshape((1,) * (3 - lever.ndim) + lever.shape)
                 found[filled(braced.get(name, name), bound)][index] = full

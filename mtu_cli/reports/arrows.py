@@ -240,13 +240,16 @@ def _ellipses(panel: Axes, tips: FloatArray, squares: FloatArray) -> None:
         )
 
 
-def scale_arrow(panel: Axes, view: View, colour: str, rise: float, remark: str = "") -> None:
-    """An arrow of a round number of um, `rise` points above the panel."""
+def scale_arrow(
+    panel: Axes, view: View, colour: str, rise: float, remark: str = "", length: float | None = None
+) -> None:
+    """An arrow of `length`, or a round number, of um, `rise` points above the panel."""
     from matplotlib.transforms import ScaledTranslation
 
     lifted = panel.transAxes + ScaledTranslation(0, rise / 72, panel.figure.dpi_scale_trans)
     width = float(view.high[0] - view.low[0])
-    length = nice(max(1.1 * view.step, 0.15 * width) / view.scale)
+    if length is None:
+        length = nice(max(1.1 * view.step, 0.15 * width) / view.scale)
     share = length * view.scale / width
     style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
     panel.annotate(

@@ -43,7 +43,7 @@ def figure(result: BudgetResult) -> Figure:
 
 def _shares(panel: Axes, result: BudgetResult, output: OutputBudget) -> None:
     shares = 100.0 * output.first.share
-    panel.set_title(f"{figures.literal(output.first.name)}: shares of the variance")
+    panel.set_title(f"{output.first.name}: shares of the variance")
     panel.grid(visible=False, axis="y")
     if not np.all(np.isfinite(shares)):
         panel.set_yticks([])
@@ -51,7 +51,7 @@ def _shares(panel: Axes, result: BudgetResult, output: OutputBudget) -> None:
         panel.text(0.5, 0.5, "no first-order variance", ha="center", transform=panel.transAxes)
         return
     order = [int(i) for i in np.argsort(-np.abs(shares), kind="stable") if result.inputs[i].u > 0]
-    names = [figures.literal(result.inputs[i].name) for i in order[:BARS]]
+    names = [result.inputs[i].name for i in order[:BARS]]
     values = [float(shares[i]) for i in order[:BARS]]
     if len(order) > BARS:
         names.append(f"{len(order) - BARS} others")
@@ -100,7 +100,7 @@ def _histogram(panel: Axes, result: BudgetResult, output: OutputBudget, index: i
     panel.locator_params(axis="x", nbins=5)
     panel.ticklabel_format(axis="x", useOffset=False, scilimits=(-4, 9))
     unit = f", {output.unit}" if output.unit else ""
-    panel.set_xlabel(figures.literal(f"{first.name}{unit}"))
+    panel.set_xlabel(f"{first.name}{unit}")
     panel.set_title(_headline(result, output, index))
 
 
@@ -121,7 +121,7 @@ def _headline(result: BudgetResult, output: OutputBudget, index: int) -> str:
     first = output.first
     value, _ = with_u(first.value, first.u if first.u > 0.0 else None)
     own = float(result.run.u[index])
-    found = f"{figures.literal(first.name)} = {value}"
+    found = f"{first.name} = {value}"
     if math.isfinite(first.u):
         found += f", u = {significant(first.u)}"
     if math.isfinite(own):

@@ -11,7 +11,8 @@ found four times in five. The `rms` of an effect is over all coordinates, `expla
 share of their mean square. Fields of a candidate are of the first look at the data.
 `fixed_points` are the places where effects that grow along an axis and effects that move it as a
 whole cancel; one is `told` where its 95 % interval is no longer than the machine's travel.
-`predicted_d` is what the experiment adds to `now_d`, as d^2.
+An experiment is foretold to set rivals `predicted_d` standard deviations apart, of which this data
+holds `now_d` and the experiment adds `further_d`: predicted_d^2 = now_d^2 + further_d^2.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from mtu_cli.analyses.close_loop.fixed_point import FixedPoint, fixed_points
 from mtu_cli.analyses.close_loop.gross import Gross
 from mtu_cli.analyses.close_loop.result import (
     CloseLoopResult,
+    FixedPoint,
     FoundEffect,
     Judged,
     Scores,
@@ -60,7 +61,7 @@ def document(result: CloseLoopResult) -> dict[str, Any]:
         "component": first.table.component,
         **_scored(first),
         "effects": [_effect(e, t) for t in result.tables for e in t.effects],
-        "fixed_points": _fixed_points(result),
+        "fixed_points": [_fixed_point(p, t) for t in result.tables for p in t.fixed_points],
         "candidates": [_candidate(c, t) for t in result.tables for c in t.candidates],
         "unexplained": {
             "found": any(something_left(item) for item in result.tables),
@@ -125,6 +126,7 @@ def _effect(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
             name: {"value": finite(value), "interval95": [finite(low), finite(high)]}
             for name, (value, low, high) in effect.searched.items()
         },
+        "alike": [finite(value) for value in effect.alike],
         "p_familywise": finite(effect.p_familywise),
         "log_bayes_factor": finite(effect.log_bayes_factor),
         "posterior": finite(effect.posterior),
@@ -140,6 +142,7 @@ def _effect(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
             "do": effect.experiment.do,
             "predicted_d": finite(effect.experiment.predicted_d),
             "now_d": finite(effect.experiment.now_d),
+            "further_d": finite(effect.experiment.further_d),
         },
     }
 
@@ -155,10 +158,6 @@ def _parameters(effect: FoundEffect) -> dict[str, Any]:
         }
         for shown in parameters_of(effect)
     }
-
-
-def _fixed_points(result: CloseLoopResult) -> list[dict[str, Any]]:
-    return [_fixed_point(p, item) for item in result.tables for p in fixed_points(result, item)]
 
 
 def _fixed_point(point: FixedPoint, item: TableResult) -> dict[str, Any]:

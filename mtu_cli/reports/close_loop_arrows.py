@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.reports import figures
-from mtu_cli.reports.arrows import Plane, View, common_view, draw_plane
+from mtu_cli.reports.arrows import Plane, View, common_view, draw_plane, nice, scale_arrow
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def draw_arrows(panels: Sequence[Axes], planes: Sequence[Plane], view: View) -> 
         draw_plane(panel, plane, view, colour)
         name = title if len(panels) > 1 else "mean errors"
         panel.set_title(f"{name} ({len(plane.ids)} features)", pad=22)
-        _scale_arrow(panel, view, colour, length)
+        scale_arrow(panel, view, colour, rise=RISE, length=length)
         panel.set_xlabel("x, mm")
         panel.set_ylabel("y, mm")
 
@@ -69,30 +70,6 @@ def round_near(value: float) -> float:
     """The nearest of 1, 2, 5 times a power of ten, by ratio; 1 of nothing."""
     if not value > 0:
         return 1.0
-    power = 10.0 ** np.floor(np.log10(value))
-    rounds = [step * power for step in (1.0, 2.0, 5.0, 10.0)]
-    return float(min(rounds, key=lambda round_one: abs(np.log(round_one / value))))
-
-
-def _scale_arrow(panel: Axes, view: View, colour: str, length: float) -> None:
-    """An arrow of `length` um above the panel."""
-    from matplotlib.transforms import ScaledTranslation
-
-    lifted = panel.transAxes + ScaledTranslation(0, RISE / 72, panel.figure.dpi_scale_trans)
-    share = length * view.scale / float(view.high[0] - view.low[0])
-    panel.annotate(
-        "",
-        xy=(share, 1.0),
-        xytext=(0.0, 1.0),
-        xycoords=lifted,
-        annotation_clip=False,
-        arrowprops={
-            "arrowstyle": "-|>",
-            "color": colour,
-            "linewidth": 1.6,
-            "shrinkA": 0,
-            "shrinkB": 0,
-        },
-    )
-    beside = lifted + ScaledTranslation(5 / 72, 0, panel.figure.dpi_scale_trans)
-    panel.text(share, 1.0, f"{length:g} um", transform=beside, va="center", fontsize=8)
+    # The round numbers below and above: one is at most 2.5 times another.
+    rounds = [nice(reach * value) for reach in (1.0, 2.0, 2.5)]
+    return min(rounds, key=lambda round_one: abs(math.log(round_one / value)))

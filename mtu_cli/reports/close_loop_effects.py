@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from mtu_cli.analyses.close_loop.fixed_point import FixedPoint, fixed_points
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import amplitude, is_level
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_shown import (
@@ -59,24 +58,28 @@ class Sentence:
         return f"{self.text} ({names})" if names else self.text
 
 
-def sentences(result: CloseLoopResult, item: TableResult) -> list[Sentence]:
-    """One an effect, in the order found; an axis that grows from a fixed point takes one."""
+def sentences(item: TableResult) -> list[Sentence]:
+    """One an effect, in the order found; an axis that grows from a fixed point takes one.
+
+    A drift of several axes keeps its own beside it, unless all of them grow from fixed points.
+    """
     joined: dict[int, Sentence] = {}
-    left_out: set[int] = set()
+    told: dict[int, set[str]] = {}
     last = []
-    for point in fixed_points(result, item):
+    for point in item.fixed_points:
         first = item.effects[point.growth[0]]
         if point.told and len(point.growth) == 1 and first.axis == point.axis:
             text = f"{effect_text(first, item)} from a fixed point at {_place(point)}"
             own = tuple(item.effects[e] for e in (*point.growth, *point.drift))
             joined[point.growth[0]] = Sentence(effects=own, text=text)
-            left_out.update(point.drift)
+            for e in point.drift:
+                told.setdefault(e, set()).add(f"E{point.axis}")
         else:
             last.append(Sentence(effects=(), text=_fixed(point)))
     return [
         joined.get(e, Sentence(effects=(effect,), text=effect_text(effect, item)))
         for e, effect in enumerate(item.effects)
-        if e not in left_out
+        if e not in told or not effect.equations.keys() <= told[e]
     ] + last
 
 

@@ -36,18 +36,17 @@ COPY = " is a copy of "
 
 def verdict_text(item: TableResult, result: CloseLoopResult) -> str:
     """The verdict on a table in a few sentences, its component in front."""
-    said = {
-        "none": _none,
-        "named": _named,
-        "class": _class,
-        "unexplained": _unexplained,
-    }[item.verdict](item, result)
+    if item.verdict == "none":
+        said = _none(item, result.alpha)
+    else:
+        told = {"named": _named, "class": _class, "unexplained": _unexplained}
+        said = told[item.verdict](item)
     return said if item.table.component is None else f"{item.table.component}: {said}"
 
 
-def _named(item: TableResult, result: CloseLoopResult) -> str:
+def _named(item: TableResult) -> str:
     """Such as "X loses 8.2 ± 0.6 um at reversal (backlash-x). Held-out parts: ..."."""
-    found = "; ".join(said.named for said in sentences(result, item))
+    found = "; ".join(said.named for said in sentences(item))
     return f"{_capital(found, item)}. {_before_after(item)}"
 
 
@@ -56,9 +55,9 @@ def _capital(text: str, item: TableResult) -> str:
     return text if item.table.component is not None else text[:1].upper() + text[1:]
 
 
-def _class(item: TableResult, result: CloseLoopResult) -> str:
+def _class(item: TableResult) -> str:
     words = []
-    for said in sentences(result, item):
+    for said in sentences(item):
         names = class_of(said.effects[0]) if len(said.effects) == 1 else ()
         if len(names) < 2:
             words.append(_capital(f"{said.named}.", item))
@@ -75,7 +74,7 @@ def _experiment(effect: FoundEffect) -> list[str]:
     planned = effect.experiment
     if planned is None:
         return [] if effect.separates is None else [f"To tell: {effect.separates}."]
-    further = significant(planned.predicted_d)
+    further = significant(planned.further_d)
     now = significant(planned.now_d) if planned.now_d >= NO_DISTANCE else "none"
     if should_be_told(effect):
         return [
@@ -88,7 +87,7 @@ def _experiment(effect: FoundEffect) -> list[str]:
     ]
 
 
-def _unexplained(item: TableResult, result: CloseLoopResult) -> str:
+def _unexplained(item: TableResult) -> str:
     row, column = things(item)
     mass = {"rows": plural(row), "columns": plural(column)}
     p = dict(item.checks)
@@ -102,13 +101,13 @@ def _unexplained(item: TableResult, result: CloseLoopResult) -> str:
     left = f"What is left has an rms of {rest} {item.table.unit}"
     left += f"; repeatability is {floor} {item.table.unit}." if item.floor is not None else "."
     said = f"Something is there that no effect of the library describes: {'; '.join(fired)}."
-    return " ".join([said, _hint(item, result), left])
+    return " ".join([said, _hint(item), left])
 
 
-def _hint(item: TableResult, result: CloseLoopResult) -> str:
+def _hint(item: TableResult) -> str:
     """The nearest name, which is not to be trusted where something is left."""
     if item.effects:
-        return f"As a hint only: {'; '.join(_hinted(s) for s in sentences(result, item))}."
+        return f"As a hint only: {'; '.join(_hinted(s) for s in sentences(item))}."
     best = ranked(item)
     if not best:
         return "No effect comes near it."
@@ -121,11 +120,11 @@ def _hinted(said: Sentence) -> str:
     return said.named
 
 
-def _none(item: TableResult, result: CloseLoopResult) -> str:
+def _none(item: TableResult, alpha: float) -> str:
     unit = item.table.unit
     rms, floor = _together(item, item.before.rms, item.floor)
     said = [
-        f"Nothing undeclared was found (at {100 * result.alpha:g} % false alarms in all): "
+        f"Nothing undeclared was found (at {100 * alpha:g} % false alarms in all): "
         f"the rms of {rms} {unit} is scatter"
         + (f", repeatability is {floor} {unit}." if item.floor is not None else ".")
     ]

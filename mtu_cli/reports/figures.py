@@ -49,6 +49,8 @@ _STYLE: dict[str, Any] = {
     "legend.frameon": False,
     "legend.fontsize": 8.0,
     "text.color": INK,
+    # Names and titles of a file are shown sign by sign, pairs of dollars too.
+    "text.parse_math": False,
     "lines.linewidth": 1.4,
     "figure.dpi": DOTS_PER_INCH,
     "savefig.dpi": DOTS_PER_INCH,
@@ -86,15 +88,6 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
             return draw(*args, **kwargs)
 
     return drawn
-
-
-def literal(text: str) -> str:
-    """Text that is not ours (names, titles, units of a file) as Matplotlib shows it sign by sign.
-
-    A pair of dollar signs would set what stands between them as a formula, and fail where it is
-    none.
-    """
-    return text.replace("$", r"\$")
 
 
 def blank(width: float, height: float) -> Figure:

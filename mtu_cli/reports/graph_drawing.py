@@ -140,7 +140,7 @@ def _draw_place(panel: Axes, node: Node, x: float, y: float) -> None:
     panel.text(
         x,
         (y - (0.03 if node.marked else 0.0)) if inside else y + RADIUS + 0.03,
-        figures.literal(node.label),
+        node.label,
         fontsize=LABEL,
         fontweight="bold" if node.reported else "normal",
         ha="center",
@@ -176,7 +176,7 @@ def _write_frame(panel: Axes, net: Net, layout: Layout, left: float) -> None:
 
     of = "" if net.of is None else f": where the variance of {net.of} is from"
     top = -MARGIN - HEAD + 0.25
-    title = figures.literal(net.title + of)
+    title = net.title + of
     panel.text(-left + 0.3, top, title, fontsize=10.5, fontweight="bold", va="center")
     y = layout.height + MARGIN + FOOT - 0.28
     x = -left + 0.3

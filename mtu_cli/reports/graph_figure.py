@@ -57,7 +57,7 @@ def _bars(panel: Axes, item: SimulatedCoordinate) -> None:
     panel.set_xticks([0, 1])
     panel.set_ylim(0.0, 1.0)
     panel.set_xlabel("value of the place")
-    name = figures.literal(str(item.output))
+    name = str(item.output)
     panel.set_title(f"{name}: chance of 1 {plus_minus(item.mean, item.errors.mean)}")
 
 
@@ -85,9 +85,9 @@ def _histogram(panel: Axes, item: SimulatedCoordinate) -> None:
     panel.set_ylim(0.0, None)
     panel.set_yticks([])
     shares = shares_text(item.shares)
-    known = "" if shares == "-" else f"\nvariance from: {figures.literal(shares)} %"
+    known = "" if shares == "-" else f"\nvariance from: {shares} %"
     panel.set_xlabel(f"from nominal, {unit}{known}")
-    name = figures.literal(str(item.output))
+    name = str(item.output)
     panel.set_title(f"{name}: u {significant(item.u * factor)} {unit}")
 
 
@@ -114,10 +114,12 @@ def swept(result: Sweep) -> Figure:
         label = ", ".join(f"{n} {v:g}" for n, v in zip(rest, key, strict=True)) or None
         _dots(panel, result, points, first, factor, colour, label)
     panel.set_xlabel(first)
-    name = figures.literal(str(result.output))
+    name = str(result.output)
     panel.set_ylabel(f"chance that {name} is 1" if result.chance else f"u of {name}, {unit}")
     if not result.chance:
-        top = max(item.u + 2 * item.se_u for item in result.grid) * factor
+        # A jump that no trial saw has u 0 and no standard error.
+        reached = [item.u + 2 * item.se_u for item in result.grid if math.isfinite(item.se_u)]
+        top = max(reached, default=0.0) * factor
         panel.set_ylim(0.0, HEADROOM * top if top > 0 else None)
     if result.formula is not None:
         numbers = ", ".join(

@@ -9,6 +9,7 @@ from typing import Any
 from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite, listed
+from mtu_cli.reports.graph_convergence import not_converged
 from mtu_cli.reports.graph_net import share_percent
 from mtu_cli.reports.numbers import PLAIN_DIGITS, interval, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
@@ -101,12 +102,11 @@ def warnings(result: GraphSimulation) -> list[Warned]:
 def _not_converged(result: GraphSimulation) -> list[Warned]:
     """Outputs that ended, as asked or at their largest count, before they had their digits."""
     short = [item for item in result.coordinates if not item.converged]
-    digits = f"{result.digits} significant digit{'s' if result.digits > 1 else ''}"
     return [
-        Warned(
-            code="not-converged",
-            message=f"{count} Monte Carlo trials: not converged to {digits} of u (JCGM 101, "
-            f"7.9.4), for {listed(_known_to(item) for item in short if item.trials == count)}",
+        not_converged(
+            count,
+            result.digits,
+            f"for {listed(_known_to(item) for item in short if item.trials == count)}",
         )
         for count in dict.fromkeys(item.trials for item in short)
     ]
@@ -116,6 +116,8 @@ def _known_to(item: SimulatedCoordinate) -> str:
     """What there is instead: ``d2 (u 0.785 ± 0.012 um, ends of the interval ± 0.05 um)``."""
     if item.chance:
         return f"{item.output} (chance {plus_minus(item.mean, item.errors.mean)})"
+    if not math.isfinite(item.errors.u):
+        return f"{item.output} (no trial made it jump, and none rules out that it may)"
     factor, unit = small_unit(item.output.unit)
     own = plus_minus(item.u * factor, item.errors.u * factor)
     ends = significant(max(item.errors.low, item.errors.high) * factor)
@@ -273,7 +275,7 @@ def _csv_row(item: SimulatedCoordinate, k: float, sources: Sequence[str]) -> lis
         None if item.validation is None else item.validation.passed,
         item.trials,
         item.converged,
-        item.errors.mean,
-        item.errors.u,
+        finite(item.errors.mean),
+        finite(item.errors.u),
         *(item.shares.get(name) for name in sources),
     ]

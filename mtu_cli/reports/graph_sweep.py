@@ -10,6 +10,7 @@ from mtu_cli.analyses.graph.surface import Formula
 from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite
+from mtu_cli.reports.graph_convergence import not_converged
 from mtu_cli.reports.numbers import PLAIN_DIGITS, p_value, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
@@ -105,22 +106,16 @@ def _not_converged(result: Sweep) -> list[Warned]:
     if not short:
         return []
     most = max(item.trials for item in short)
-    digits = f"{result.digits} significant digit{'s' if result.digits > 1 else ''}"
-    return [
-        Warned(
-            code="not-converged",
-            message=f"{most} Monte Carlo trials: not converged to {digits} of u (JCGM 101, 7.9.4), "
-            f"{_known_to(result, short)}; at {len(short)} of {len(result.grid)} points of the grid",
-        )
-    ]
+    where = f"at {len(short)} of {len(result.grid)} points of the grid"
+    return [not_converged(most, result.digits, f"{_known_to(result)}; {where}")]
 
 
-def _known_to(result: Sweep, short: Sequence[GridPoint]) -> str:
+def _known_to(result: Sweep) -> str:
     if result.chance:
-        largest = max(item.se_mean for item in short)
-        return f"the standard error of a chance is up to {significant(largest)}"
-    largest = max((item.se_u / item.u for item in short if item.u > 0), default=0.0)
-    return f"the standard error of u is up to {significant(100 * largest)} %"
+        return f"the standard error of a chance is up to {significant(result.largest_error)}"
+    if math.isnan(result.largest_error):
+        return "no trial made it jump, and none rules out that it may"
+    return f"the standard error of u is up to {significant(100 * result.largest_error)} %"
 
 
 def table(result: Sweep) -> list[Sheet]:
@@ -155,7 +150,7 @@ def _uncertainties(result: Sweep) -> tuple[list[Column], list[list[str]]]:
     ]
     cells = [
         [
-            with_u((item.mean - result.nominal) * factor, item.u * factor)[0],
+            with_u(item.deviation * factor, item.u * factor)[0],
             significant(item.u * factor, 4),
             significant(item.first_order_u * factor, 4),
             significant(item.formula_u * factor, 4),
@@ -213,8 +208,8 @@ def csv_rows(result: Sweep) -> tuple[list[str], Iterable[Sequence[object]]]:
             item.first_order_u,
             finite(item.formula_u),
             finite(item.error_percent),
-            item.se_mean,
-            item.se_u,
+            finite(item.se_mean),
+            finite(item.se_u),
             item.trials,
             item.converged,
         ]

@@ -143,6 +143,12 @@ def _predictions() -> list[Pattern]:
             files=files | POINTS,
             options=("--fail-if biased", *DATUM, *asked),
         ),
+    ]
+
+
+def _loops() -> list[Pattern]:
+    files = MACHINE | PART | KNOWN
+    return [
         Pattern(
             words=f"close-loop {PREDICTED} --cmm cmm.csv",
             share=4,
@@ -168,6 +174,7 @@ def _predictions() -> list[Pattern]:
 
 PATTERNS: list[Pattern] = [
     *_predictions(),
+    *_loops(),
     *_budgets(),
     *_graphs(),
     Pattern(words="fit-components", share=8, files=FLAT, options=("--fail-if drift", *COVERAGE)),

@@ -75,6 +75,7 @@ def _effect(told: Described, step: Step, place: int, experiment: Experiment | No
         intervals=figures.intervals,
         covariance=figures.covariance,
         searched={} if member is None else _searched(told, step, place),
+        alike=() if member is None else member.alike,
         p_familywise=step.p,
         log_bayes_factor=step.log_bayes,
         posterior=step.posterior,
@@ -168,7 +169,8 @@ def _equations(told: Described, step: Step, place: int) -> dict[str, str]:
 
 def _searched(told: Described, step: Step, place: int) -> dict[str, tuple[float, float, float]]:
     """What was searched, with its 95 % interval by the profile of the likelihood ratio, beside
-    the other effects; between the values of the grid it is taken as far as the next one.
+    the other effects; between the values of the grid it is taken as far as the next one. It
+    holds what looks the same at these places.
     """
     prepared = told.prepared
     member = prepared.members[step.member]
@@ -196,7 +198,9 @@ def _searched(told: Described, step: Step, place: int) -> dict[str, tuple[float,
         supported = np.flatnonzero(inside)
         low, high = int(supported[0]), int(supported[-1])
         low, high = max(low - 1, 0), min(high + 1, len(grid) - 1)
-        found[name] = (float(value), float(grid[low]), float(grid[high]))
+        alike = [v for i in supported for v in prepared.members[same[order[i]]].alike]
+        ends = [float(grid[low]), float(grid[high]), *alike]
+        found[name] = (float(value), min(ends), max(ends))
     return found
 
 

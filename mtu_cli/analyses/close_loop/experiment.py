@@ -76,11 +76,9 @@ def choice(
         return Choice(experiment=None, reason=SAME, separations=told)
     gained = [max(value.square - now.square, 0.0) for value in found]
     best = _easiest_of_the_best(gained)
-    experiment = Experiment(
-        do=_words(plans[best], plans, rivalry.candidates()),
-        predicted_d=float(np.sqrt(gained[best])),
-        now_d=now.d,
-    )
+    do = _words(plans[best], plans, rivalry.candidates())
+    further = float(np.sqrt(gained[best]))
+    experiment = Experiment(do=do, predicted_d=found[best].d, now_d=now.d, further_d=further)
     return Choice(experiment=experiment, reason=None, separations=told)
 
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect
 from mtu_cli.language import Node, evaluate, linear_form, names, parse
 from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 STRAIGHT = 1e-9
@@ -24,26 +25,6 @@ PROBES = (-1.0, 0.0, 1.0)
 
 Over = frozenset[str]
 """The one covariate that errors are proportional to; empty where they are constant."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FixedPoint:
-    """Where along `axis` effects (by their place in the table's list) cancel: those of `growth`,
-    and those of `drift` that move the whole axis, all with the same `covariate` (None: constant).
-
-    `at`, its standard uncertainty `u` and 95 % `interval` (None: unbounded) in mm. It is `told`
-    where the interval is no longer than the machine's travel, or than the parts where no travel
-    is known.
-    """
-
-    axis: str
-    covariate: str | None
-    growth: tuple[int, ...]
-    drift: tuple[int, ...]
-    at: float
-    u: float
-    interval: tuple[float, float] | None
-    told: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,28 +37,31 @@ class _Lever:
     growth: float
 
 
-def fixed_points(result: CloseLoopResult, item: TableResult) -> tuple[FixedPoint, ...]:
-    """All that the effects of a table of a result tell together.
+def fixed_points(
+    table: ResidualTable, effects: Sequence[FoundEffect], covariance: FloatArray
+) -> tuple[FixedPoint, ...]:
+    """All that the effects found in a table tell together.
 
+    `covariance` (k, k) is that of the k parameters of all effects in their order, internal units.
     Where the errors are a + g (x - c), or that times a covariate, a and g sums over all such
     effects, the fixed point is c - a/g; its u is by the joint covariance (JCGM 100:2008, 5.2.2),
     its interval that of Fieller (J. R. Stat. Soc. B 16 (1954) 175). Effects that are one of
     several which the data cannot tell apart give none, nor do any beside one that bends.
     """
     found = []
-    for axis in item.table.axes if item.table.component is None else ():
-        over = [_beside(effect, axis) for effect in item.effects]
+    for axis in table.axes if table.component is None else ():
+        over = [_beside(effect, axis) for effect in effects]
         for own in dict.fromkeys(known for known in over if known is not None and len(known) < 2):
             chosen = [e for e, known in enumerate(over) if known == own]
-            levers = [lever for e in chosen for lever in _levers(item, e, axis, own)]
+            levers = [x for e in chosen for x in _levers(table, axis, effects[e], e, own)]
             growth = tuple(dict.fromkeys(x.effect for x in levers if x.growth))
             drift = tuple(
                 dict.fromkeys(x.effect for x in levers if x.shift and x.effect not in growth)
             )
             straight = all(np.isfinite(x.shift) for x in levers)
-            if growth and drift and straight and all(_alone(item.effects[e]) for e in chosen):
-                ratio = _ratio(result, item, levers)
-                found.append(_point(item, axis, next(iter(own), None), growth, drift, ratio))
+            if growth and drift and straight and all(_alone(effects[e]) for e in chosen):
+                ratio = _ratio(effects, covariance, levers)
+                found.append(_point(table, axis, next(iter(own), None), growth, drift, ratio))
     return tuple(found)
 
 
@@ -86,18 +70,22 @@ def _alone(effect: FoundEffect) -> bool:
 
 
 def _beside(effect: FoundEffect, axis: str) -> Over | None:
-    """What the error along an axis depends on beside the place there; None without an equation."""
+    """What the error along an axis depends on beside the place there; None without an equation,
+    and where it changes along another axis: no point of this one is then fixed.
+    """
     text = effect.equations.get(f"E{axis}")
     if text is None:
         return None
-    return frozenset(names(parse(text))) - {axis} - {name for name, _, _, _ in effect.parameters}
+    over = frozenset(names(parse(text))) - {axis} - {name for name, _, _, _ in effect.parameters}
+    return None if over & set(AXES) else over
 
 
-def _levers(item: TableResult, e: int, axis: str, over: Over) -> Iterator[_Lever]:
-    """Of the parameters of an effect; nan where it is no straight line along the axis."""
-    effect = item.effects[e]
+def _levers(
+    table: ResidualTable, axis: str, effect: FoundEffect, e: int, over: Over
+) -> Iterator[_Lever]:
+    """Of the parameters of effect `e`; nan where it is no straight line along the axis."""
     own = [name for name, _, _, _ in effect.parameters]
-    middle, half = _extent(item, axis)
+    middle, half = _extent(table, axis)
     x = middle + half * np.array([-1.0, 0.0, 1.0])
     form = linear_form(parse(effect.equations[f"E{axis}"]), own)
     for name, node in form.coefficients.items():
@@ -122,9 +110,9 @@ def _line(node: Node, axis: str, x: FloatArray, over: Over) -> FloatArray:
     return found
 
 
-def _extent(item: TableResult, axis: str) -> tuple[float, float]:
+def _extent(table: ResidualTable, axis: str) -> tuple[float, float]:
     """The middle of the places along an axis and half of their extent, mm."""
-    at = item.table.places[..., AXES.index(axis)]
+    at = table.places[..., AXES.index(axis)]
     low, high = float(np.nanmin(at)), float(np.nanmax(at))
     return 0.5 * (low + high), max(0.5 * (high - low), 1.0)
 
@@ -138,19 +126,20 @@ class _Ratio:
     interval: tuple[float, float] | None
 
 
-def _ratio(result: CloseLoopResult, item: TableResult, levers: Sequence[_Lever]) -> _Ratio:
-    # Points are one table: the joint covariance is that of its effects.
-    first = np.cumsum([0, *(len(effect.parameters) for effect in item.effects)])
+def _ratio(
+    effects: Sequence[FoundEffect], covariance: FloatArray, levers: Sequence[_Lever]
+) -> _Ratio:
+    first = np.cumsum([0, *(len(effect.parameters) for effect in effects)])
     rows = [int(first[lever.effect]) + lever.parameter for lever in levers]
-    C = result.covariance[np.ix_(rows, rows)]
+    C = covariance[np.ix_(rows, rows)]
     J = np.array([[lever.shift for lever in levers], [lever.growth for lever in levers]])
-    a, g = J @ [item.effects[x.effect].parameters[x.parameter][2] for x in levers]
+    a, g = J @ [effects[x.effect].parameters[x.parameter][2] for x in levers]
     if g == 0:
         return _Ratio(np.nan, np.nan, None)
     V = J @ C @ J.T
     value = -a / g
     own = np.array([1.0, value])
-    dof = min(item.effects[x.effect].intervals[x.parameter][2] for x in levers)
+    dof = min(effects[x.effect].intervals[x.parameter][2] for x in levers)
     t2 = float(stdtrit(max(dof, 1.0), 0.975)) ** 2
     # The r with (a + g r)^2 <= t^2 Var(a + g r).
     A, B, C0 = g**2 - t2 * V[1, 1], a * g - t2 * V[0, 1], a**2 - t2 * V[0, 0]
@@ -163,7 +152,7 @@ def _ratio(result: CloseLoopResult, item: TableResult, levers: Sequence[_Lever])
 
 
 def _point(
-    item: TableResult,
+    table: ResidualTable,
     axis: str,
     covariate: str | None,
     growth: tuple[int, ...],
@@ -171,8 +160,8 @@ def _point(
     ratio: _Ratio,
 ) -> FixedPoint:
     """In mm: the ratio is in halves of the places' extent from their middle."""
-    middle, half = _extent(item, axis)
-    travel = item.table.travel.get(axis, (middle - half, middle + half))
+    middle, half = _extent(table, axis)
+    travel = table.travel.get(axis, (middle - half, middle + half))
     ends = None
     if ratio.interval is not None:
         low, high = ratio.interval

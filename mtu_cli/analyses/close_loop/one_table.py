@@ -12,6 +12,7 @@ from mtu_cli.analyses.close_loop.classes import experiments
 from mtu_cli.analyses.close_loop.describe import Described, found_effects, indices_of
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.fitted import refitted
+from mtu_cli.analyses.close_loop.fixed_point import fixed_points
 from mtu_cli.analyses.close_loop.held_out import (
     HeldOut,
     entry_variance,
@@ -65,6 +66,7 @@ def loop_on(
     told = _told(first, out, seed)
     scored, found, fired = _scored(told, out), first.found, first.found.fired(alpha)
     described = _described(told, library)
+    covariance = _joint_covariance(told)
     result = TableResult(
         table=first.prepared.table,
         verdict=_verdict(found, described, fired),
@@ -83,8 +85,9 @@ def loop_on(
         folds=len(told.chosen),
         floor=_floor(told.effects.prepared),
         unexplained_rms=_unexplained(found, scored, alpha),
+        fixed_points=fixed_points(first.prepared.table, described, covariance),
     )
-    return LoopResult(result=result, covariance=_joint_covariance(told))
+    return LoopResult(result=result, covariance=covariance)
 
 
 def _told(first: Searched, out: HeldOut | None, seed: int) -> Described:

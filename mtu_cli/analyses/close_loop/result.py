@@ -18,13 +18,15 @@ DRIFT, FIELD = "unnamed-drift", "unnamed-field"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """What to do to tell a class apart. `now_d` is the rivals' separation in the data so far, in
-    standard deviations; `predicted_d` what the experiment adds: sqrt(d^2 of all - now_d^2).
+    """What to do to tell a class apart, and `predicted_d`, the rivals' separation by then in
+    standard deviations; `now_d` without it, and `further_d` what the experiment adds:
+    predicted_d^2 = now_d^2 + further_d^2.
     """
 
     do: str
     predicted_d: float
     now_d: float
+    further_d: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +37,8 @@ class FoundEffect:
     `unit` to show them in; `intervals` (low, high, effective degrees of freedom) at 95 %;
     `covariance` (k, k) of the parameters, internal units. `equations` are empty where the
     equation language cannot say it: `chosen` is then the feature, part or operation.
-    `searched` holds the value and 95 % interval of what was searched. `class_names` are the
+    `searched` holds the value and 95 % interval of what was searched, `alike` other values that
+    are the same on these points. `class_names` are the
     candidates that this data cannot tell apart (95 % credible set), itself first; `aliases`
     those that are the same on these points whatever the data. `folds` counts the held-out folds
     that chose it, or another of its class, of `of_folds`.
@@ -64,6 +67,7 @@ class FoundEffect:
     experiment: Experiment | None
     folds: int
     of_folds: int
+    alike: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,9 +102,30 @@ class Scores:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FixedPoint:
+    """Where along `axis` effects (by their place in the table's list) cancel: those of `growth`,
+    and those of `drift` that move the whole axis, all with the same `covariate` (None: constant).
+
+    `at`, its standard uncertainty `u` and 95 % `interval` (None: unbounded) in mm. It is `told`
+    where the interval is no longer than the machine's travel, or than the parts where no travel
+    is known.
+    """
+
+    axis: str
+    covariate: str | None
+    growth: tuple[int, ...]
+    drift: tuple[int, ...]
+    at: float
+    u: float
+    interval: tuple[float, float] | None
+    told: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TableResult:
     """One table (all points, or one component): its residuals (P, H, A) before and after the
     effects, the effects' contribution `explained` (P, H, A), scores held out and in sample.
+    `fixed_points` are the places where its effects cancel.
 
     `without_name`: a smooth drift or field explained more than any name.
     `held_out_by` says what was left out in turn; None where nothing could be. `floor` is the
@@ -125,6 +150,7 @@ class TableResult:
     folds: int
     floor: float | None
     unexplained_rms: float | None
+    fixed_points: tuple[FixedPoint, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

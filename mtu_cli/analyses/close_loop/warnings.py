@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
-from mtu_cli.analyses.close_loop.result import TableResult
+import numpy as np
+
+from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.errors import fault
+from mtu_cli.language import names, parse
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.model.settings import Warned
 
@@ -13,6 +18,10 @@ FEW_PARTS = 5
 FEWEST_ENTRIES = 4
 ALL = 0.999
 MOST_NAMED = 6
+MOST_ALIKE = 4
+PLACE_DIGITS = 3
+SPARE_PLACES = 3
+"""Places beyond what an effect takes from which on a searched value is more than a guess."""
 FREES = {
     "offset": "offsets of whole parts: drift, trend, step, warm-up",
     "offset,rotation": "offsets of whole parts (drift, trend, step, warm-up), rotation, and the "
@@ -87,6 +96,9 @@ def _of_table(result: TableResult) -> list[Warned]:
         text = f"far off whatever the rest does, and set aside: {names}{more}"
         found.append(Warned(code="outliers-set-aside", message=text))
     for effect in result.effects:
+        if effect.alike:
+            found.append(Warned(code="searched-not-told", message=_alike(effect, of)))
+        found += _few_places(effect, table)
         if effect.family == "covariate" and effect.explained_share > ALL:
             text = (
                 f"{effect.covariate} explains all of the errors{of}: it seems to be the "
@@ -97,4 +109,40 @@ def _of_table(result: TableResult) -> list[Warned]:
     if missing > table.there.size / 2:
         text = "more than half of the cells were not measured: the search has little power"
         found.append(Warned(code="sparse-table", message=text))
+    return found
+
+
+def _alike(effect: FoundEffect, of: str) -> str:
+    """That a searched value is one of several: what it says of other places may be wrong."""
+    ((name, (value, _, _)),) = effect.searched.items()
+    others = sorted(effect.alike, key=lambda other: abs(math.log(abs(other / value))))
+    shown = ", ".join(f"{other:.3g}" for other in others[:MOST_ALIKE])
+    beyond = len(others) - MOST_ALIKE
+    more = f" and {beyond} more" if beyond > 0 else ""
+    return (
+        f"{effect.name}{of}: {name} may as well be {shown}{more} as {value:.3g}: at the places of "
+        "this data they are the same, at others they are not; what is written holds at these "
+        "alone, until features at other distances were measured"
+    )
+
+
+def _few_places(effect: FoundEffect, table: ResidualTable) -> list[Warned]:
+    """That there are hardly more places along an axis than the effect has free figures: its
+    parameters, a level, and what was searched."""
+    taken = len(effect.parameters) + 1 + len(effect.searched)
+    used = {name for text in effect.equations.values() for name in names(parse(text))}
+    found = []
+    for axis, letter in enumerate(AXES):
+        if not effect.searched or effect.alike or letter not in used or effect.covariate:
+            continue
+        along = table.places[..., axis][table.there]
+        count = len(np.unique(np.round(along[np.isfinite(along)], PLACE_DIGITS)))
+        if count < taken + SPARE_PLACES:
+            name = next(iter(effect.searched))
+            text = (
+                f"{effect.name}: {count} different places along {letter} tell {name} hardly: the "
+                f"effect takes {taken} figures of them by itself, and quite another {name} may fit "
+                "as well; features at more distances would tell"
+            )
+            found.append(Warned(code="searched-not-told", message=text))
     return found

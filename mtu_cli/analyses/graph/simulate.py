@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.graph.trial_runs import SIMULATED, TrialRuns, Trials
+from mtu_cli.analyses.graph.trial_runs import SIMULATED, TrialRuns
+from mtu_cli.analyses.graph.trials import Errors, Trials
 from mtu_cli.model.graph.first_order import FirstOrder, first_order
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
 from mtu_cli.model.graph.outputs import Output
@@ -19,16 +20,6 @@ ROUNDING = 16 * float(np.finfo(np.float64).eps)
 """Share of the dimensions that rounding may make of a nominal of 0."""
 NOTHING = 1e-6
 """Share of u below which a nominal is not told from 0."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Errors:
-    """The Monte Carlo's own standard errors, in the unit of the output."""
-
-    mean: float
-    u: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,29 +127,24 @@ def _fixed(output: Output, linear: FirstOrder, index: int) -> SimulatedCoordinat
 def _coordinate(
     output: Output, linear: FirstOrder, index: int, runs: TrialRuns, own: Trials
 ) -> SimulatedCoordinate:
-    u, run, at = float(linear.u[index]), own.run, own.at
+    u = float(linear.u[index])
     return SimulatedCoordinate(
         output=output,
         nominal=float(linear.nominal[index]),
         rounding=ROUNDING * float(linear.sizes[index]),
         mean=own.mean,
-        u=float(run.u[at]),
-        interval=(float(run.low[at]), float(run.high[at])),
-        shortest=(float(run.shortest_low[at]), float(run.shortest_high[at])),
-        errors=Errors(
-            mean=own.se_mean,
-            u=float(run.se_u[at]),
-            low=float(run.se_low[at]),
-            high=float(run.se_high[at]),
-        ),
-        trials=run.trials,
+        u=own.u,
+        interval=own.interval,
+        shortest=own.shortest,
+        errors=own.errors,
+        trials=own.run.trials,
         converged=own.converged,
         first_order_u=u,
         shares=_shares(linear, index),
         fixed=False,
         chance=own.chance,
         validation=runs.verdict(index) if u > 0 and not own.chance else None,
-        samples=run.samples[at],
+        samples=own.run.samples[own.at],
     )
 
 

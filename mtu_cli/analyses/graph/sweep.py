@@ -26,13 +26,14 @@ LARGEST_GRID = 10_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridPoint:
-    """One setting and what came of it, in the unit of the output. `converged`: mean and u, which
-    `se_mean` and `se_u` are the standard errors of. `formula_u` and `error_percent` (formula less
-    Monte Carlo) are nan where no formula could be fitted.
+    """One setting and what came of it, in the unit of the output. `deviation`: mean less nominal.
+    `converged`: mean and u, which `se_mean` and `se_u` are the standard errors of. `formula_u` and
+    `error_percent` (formula less Monte Carlo) are nan where no formula could be fitted.
     """
 
     at: dict[str, float]
     mean: float
+    deviation: float
     se_mean: float
     u: float
     se_u: float
@@ -65,6 +66,16 @@ class Sweep:
     def converged(self) -> bool:
         """Whether the trials of all grid points did."""
         return all(item.converged for item in self.grid)
+
+    @property
+    def largest_error(self) -> float:
+        """Of the grid points that have not converged: the largest standard error of a chance, or of
+        u as a share of u; nan where there is none, or u is 0 at all of them.
+        """
+        short = [item for item in self.grid if not item.converged]
+        if self.chance:
+            return max((item.se_mean for item in short), default=math.nan)
+        return max((item.se_u / item.u for item in short if item.u > 0.0), default=math.nan)
 
 
 def sweep_graph(
@@ -183,16 +194,16 @@ def _point(
     value = float(linear.nominal[0])
     if own is None:
         return _fixed(value, at)
-    run, i = own.run, own.at
     return GridPoint(
         at=at,
         mean=own.mean,
-        se_mean=own.se_mean,
-        u=float(run.u[i]),
-        se_u=float(run.se_u[i]),
-        interval=(float(run.low[i]), float(run.high[i])),
+        deviation=own.mean - value,
+        se_mean=own.errors.mean,
+        u=own.u,
+        se_u=own.errors.u,
+        interval=own.interval,
         first_order_u=float(linear.u[0]),
-        trials=run.trials,
+        trials=own.run.trials,
         converged=own.converged,
         formula_u=math.nan,
         error_percent=math.nan,
@@ -203,6 +214,7 @@ def _fixed(value: float, at: dict[str, float]) -> GridPoint:
     return GridPoint(
         at=at,
         mean=value,
+        deviation=0.0,
         se_mean=0.0,
         u=0.0,
         se_u=0.0,

@@ -8,13 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.graph.convergence import (
-    MARGIN,
-    chance_error,
-    chance_trials,
-    ratios,
-    wanted_trials,
-)
+from mtu_cli.analyses.graph.convergence import MARGIN, chance_trials, ratios, wanted_trials
+from mtu_cli.analyses.graph.trials import Trials
 from mtu_cli.model.graph.chances import chance_places, may_jump
 from mtu_cli.model.graph.first_order import FirstOrder, first_order
 from mtu_cli.model.graph.inputs import noises
@@ -22,7 +17,7 @@ from mtu_cli.model.graph.measurement_graph import Evaluation, MeasurementGraph, 
 from mtu_cli.model.graph.outputs import Output
 from mtu_cli.model.graph.trials import GraphTrials
 from mtu_cli.model.settings import PROBABILITY, Settings
-from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
+from mtu_cli.stats.monte_carlo import monte_carlo
 from mtu_cli.stats.streams import stream
 from mtu_cli.stats.validation import CONVERGED_TO, Validation
 
@@ -35,20 +30,24 @@ ROUNDING = 1e-13
 DRAWN = 2**16
 """Trials kept for the histogram."""
 TURNS = 4
-"""Runs after the first look that a chance may take."""
+"""Runs after the first look that a jump may take."""
 LOOK = 2**16
 """Trials of the first look at all outputs together, at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effort:
-    """How far the trials of one output go at most, and whether the interval's ends count."""
+    """How far the trials of one output go at most, a chance to `chances` where that is enough for
+    it, and whether the interval's ends count.
+    """
 
     most: int
     ends: bool
+    chances: int = 0
 
 
-SIMULATED = Effort(most=2_500_000, ends=True)
+SIMULATED = Effort(most=2_500_000, ends=True, chances=4_500_000)
+"""A chance of 1 in 10 000 to 1 in 100 takes 4 million trials to two digits of its u."""
 SWEPT = Effort(most=2**18, ends=False)
 """Of a point of the grid, whose mean and u are what is asked for."""
 
@@ -84,33 +83,6 @@ def _may_jump(graph: MeasurementGraph, output: Output) -> bool:
     return bool(noises(graph.graph, start)) and may_jump(item.step for item in steps)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Trials:
-    """What became of one output: its row `at` in a `run`, and whether it has its digits."""
-
-    run: MonteCarloResult
-    at: int
-    ratio: float
-    chance: bool
-
-    @property
-    def converged(self) -> bool:
-        """Whether mean, u and interval are sure to the digits of u asked for."""
-        return self.ratio <= 1.0
-
-    @property
-    def mean(self) -> float:
-        """Of the trials; of a chance the share of 1."""
-        return float(self.run.mean[self.at])
-
-    @property
-    def se_mean(self) -> float:
-        """Standard error of the mean; of a chance it is never 0."""
-        if self.chance:
-            return chance_error(self.mean, self.run.trials)
-        return float(self.run.se_mean[self.at])
-
-
 class TrialRuns:
     """The trials of the outputs of an evaluation, to first order `linear`, under given settings.
 
@@ -119,8 +91,8 @@ class TrialRuns:
     them: until they have theirs, or to the most that the effort allows, which is said of them
     alone. What follows its first-order form goes on to the fifth of the tolerance at which clause
     8 can judge it (JCGM 101:2008, 8.2), where that is within reach; of what hardly does, the
-    verdict is known or of no interest, and no control variate helps. A chance is sure when its
-    mean is: its u and interval follow from that.
+    verdict is known or of no interest, and no control variate helps. What a chance needs follows
+    from the chance. What jumps is not done while no trial of it was different: it goes on.
     """
 
     def __init__(
@@ -146,8 +118,8 @@ class TrialRuns:
             self._together(varying, CONVERGED_TO, trials=count)
             return self.found
         self._together(varying, CONVERGED_TO, most=min(LOOK, most))
-        self._chances(varying)
-        plain = [i for i in varying if not self.known.chance[i]]
+        self._jumps(varying)
+        plain = [i for i in varying if not (self.known.chance[i] or self.found[i].still)]
         if any(not self.found[i].converged for i in plain):
             self._together([i for i in plain if self._goes_on(i)], 1.0, most=most)
         undecided = [i for i in plain if self._judgeable(i)]
@@ -174,18 +146,27 @@ class TrialRuns:
             float(linear.nominal[i]), float(linear.u[i]), np.inf, item.run, item.at
         )
 
-    def _chances(self, varying: Sequence[int]) -> None:
-        """Chances that are still unsure, all to the count that the least sure of them needs: by the
-        chance as it is known so far, which is why it may take more than one turn.
+    def _jumps(self, varying: Sequence[int]) -> None:
+        """Chances that are still unsure, and what has not jumped yet, all to the count that the
+        least sure of them needs and may take: by the chance as it is known so far, which is why it
+        may take more than one turn. What needs more than it may take goes on to `most`.
         """
-        digits, most = self.settings.digits, self.effort.most
+        most = self.effort.most
+        limit = max(most, self.effort.chances)
         for _ in range(TURNS):
-            short = [i for i in varying if self.known.chance[i] and not self.found[i].converged]
-            done = max((self.found[i].run.trials for i in short), default=most)
-            if done >= most:
+            jumps = [i for i in varying if self.known.chance[i] or self.found[i].still]
+            short = [i for i in jumps if not self.found[i].converged]
+            wanted = [MARGIN * self._wanted(self.found[i]) for i in short]
+            goal = max((int(item) if item <= limit else most for item in wanted), default=0)
+            if goal <= max((self.found[i].run.trials for i in short), default=0):
                 return
-            wanted = max(chance_trials(self.found[i].mean, digits) for i in short)
-            self._together(short, 1.0, trials=min(most, int(MARGIN * wanted)))
+            self._together(short, 1.0, trials=goal)
+
+    def _wanted(self, item: Trials) -> float:
+        """Trials that a jump needs."""
+        if item.still:
+            return np.inf
+        return chance_trials(item.mean, self.settings.digits, ends=self.effort.ends)
 
     def _together(
         self, members: Sequence[int], fraction: float, *, trials: int | None = None, most: int = 0
@@ -205,14 +186,26 @@ class TrialRuns:
             progress=self.settings.progress,
         )
         found = ratios(run, self.settings.digits, ends=self.effort.ends)
+        small = run.u <= ROUNDING * part.sizes
         for at, i in enumerate(members):
-            ratio = float(found[at])
-            if chance[at]:
-                wanted = chance_trials(float(run.mean[at]), self.settings.digits)
-                ratio = (wanted / run.trials) ** 0.5
-            before = self.found.get(i)
-            if before is None or not before.converged or before.run.trials < run.trials:
-                self.found[i] = Trials(run=run, at=at, ratio=ratio, chance=bool(chance[at]))
+            now = Trials(
+                run=run,
+                at=at,
+                ratio=float(found[at]),
+                chance=bool(chance[at]),
+                still=bool(small[at] and self.linear.u[i] == 0.0),
+            )
+            if now.chance or now.still:
+                now = replace(now, ratio=(self._wanted(now) / run.trials) ** 0.5)
+            if self._tells_more(now, self.found.get(i)):
+                self.found[i] = now
+
+    @staticmethod
+    def _tells_more(now: Trials, before: Trials | None) -> bool:
+        """Whether a run is better than the one before: an adaptive count that sees no jump ends."""
+        if before is None or before.run.trials < now.run.trials:
+            return True
+        return not before.converged and (before.still or not now.still)
 
 
 def _without(linear: FirstOrder, chance: NDArray[np.bool_]) -> FirstOrder:

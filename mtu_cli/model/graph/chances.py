@@ -7,10 +7,9 @@ from collections.abc import Collection, Iterable
 
 import numpy as np
 
-from mtu_cli.files.graph_formulas import rewritten
 from mtu_cli.files.graph_steps import Step
 from mtu_cli.language import Node, evaluate, to_text
-from mtu_cli.language.tree import Call, Name, walk
+from mtu_cli.language.tree import Call, Name, rewritten, walk
 
 MOST_SWITCHES = 10
 """Steps of one formula whose combinations are all tried."""

@@ -259,7 +259,7 @@ def test_one_reading_more_than_is_fitted(n: int, dependent: int) -> None:
     assert np.isfinite(drift.estimate.coefficients).all()
     assert np.trace(drift.estimate.covariance) > (0.01 * UM) ** 2
     assert drift.estimate.coefficient_dof == 1.0
-    assert (drift.condition > 1e12) == (dependent > 0)
+    assert np.isinf(drift.condition) == (dependent > 0)
     assert drift.residuals.normality_p is None
 
 

@@ -52,9 +52,12 @@ def test_the_follow_up_is_the_one_that_a_machinist_would_choose(
     assert max(d, key=d.__getitem__) in wanted
     # Beyond what the data tell already; within 5 % of d^2 the easier one is taken.
     known = found.experiment.now_d**2
-    gained, most = found.experiment.predicted_d**2, max(d.values()) ** 2 - known
+    gained, most = found.experiment.further_d**2, max(d.values()) ** 2 - known
     assert most / gained < 1.05 + 1e-9
     assert gained > d["more"] ** 2 - known >= -1e-6
+    # In all, both together.
+    assert found.experiment.predicted_d in d.values()
+    assert found.experiment.predicted_d**2 == pytest.approx(known + gained)
 
 
 def test_what_cannot_help_is_not_offered() -> None:

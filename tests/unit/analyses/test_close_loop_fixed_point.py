@@ -10,8 +10,8 @@ import pytest
 from close_loop_examples import effect, on_component, on_table, result
 from scipy.stats import t as student
 
-from mtu_cli.analyses.close_loop.fixed_point import FixedPoint, fixed_points
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
+from mtu_cli.analyses.close_loop.fixed_point import fixed_points
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FixedPoint, FoundEffect
 
 GROWTH, DRIFT = 8.66, 1.84
 """um/m/K and um/K: 8.66e-3 um/mm/K are 1.84 um/K at 212.5 mm."""
@@ -54,7 +54,8 @@ def found(
 
 
 def told(whole: CloseLoopResult) -> tuple[FixedPoint, ...]:
-    return fixed_points(whole, whole.tables[0])
+    (item,) = whole.tables
+    return fixed_points(item.table, item.effects, whole.covariance)
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.6, -0.6])
@@ -148,6 +149,7 @@ BENT: dict[str, Any] = {
     "parameters": (("growth", "um/m/K", GROWTH, 0.4),),
     "equations": {"Ex": f"growth*(x - 75)**2*({T} - 20)"},
 }
+WARPED = effect("own-x", equations={"Ex": "lost_motion*(x - 75)*y"})
 HEATED: dict[str, Any] = {
     "parameters": (("growth", "um/m/K", GROWTH, 0.4),),
     "equations": {"Ex": f"growth*(x - 75)*({T} - 20)**2"},
@@ -171,11 +173,12 @@ HEATED: dict[str, Any] = {
         (SCALE, OFFSET, effect("own-x", equations={"Ex": "lost_motion*log(x - 200)"})),
         (grows(), drifts(), effect("own-x", equations={"Ex": f"lost_motion*x*log({T})"})),
         (drifts(), effect("odd-x", equations={}, chosen="H7")),
+        (effect("squareness-xy", equations={"Ex": "lost_motion*(y - 60)"}), WARPED),
     ],
     ids=[
         *("none", "growth", "drift", "other-sensor", "other-axis"),
         *("class", "alias", "bent", "squared", "level", "curved"),
-        *("no-value", "no-value-of-covariate", "no-equation"),
+        *("no-value", "no-value-of-covariate", "no-equation", "along-another-axis"),
     ],
 )
 def test_what_is_no_growth_from_a_fixed_point(effects: tuple[FoundEffect, ...]) -> None:
@@ -199,7 +202,7 @@ def test_what_is_uncertain_beyond_the_machine_is_not_told() -> None:
     near = told(found(grows(), drifts()))[0]
     far = found(grows(), drifts())
     item = replace(far.tables[0], table=replace(far.tables[0].table, travel={}))
-    (point,) = fixed_points(replace(far, tables=(item,)), item)
+    (point,) = told(replace(far, tables=(item,)))
     reach = float(np.ptp(item.table.places[..., 0]))
     assert near.interval is not None
     assert point.told is (near.interval[1] - near.interval[0] <= reach)

@@ -19,6 +19,7 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph_simulate, graph_sweep
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.graph_figure import simulated, swept
+from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.coverage import numerical_tolerance
 
 HOLE = """
@@ -120,9 +121,10 @@ transitions:
 def test_a_chance_that_never_fails_has_a_standard_error() -> None:
     assert chance_error(1.0, 998) == chance_error(0.0, 998) == 1e-3
     assert chance_error(0.5, 100) == 0.05
-    assert chance_trials(1.0, 2) == 0
-    # u = 0.4 has a tolerance of 0.005; whole trials, rounded up.
-    assert 0 <= chance_trials(0.2, 2) - (2 * 0.4 / 0.005) ** 2 <= 1
+    # No digit of a u of 0 is known, whatever the count.
+    assert chance_trials(1.0, 2, ends=True) == chance_trials(0.0, 2, ends=False) == math.inf
+    # u = 0.4 has a tolerance of 0.005.
+    assert chance_trials(0.2, 2, ends=True) == pytest.approx((2 * 0.4 / 0.005) ** 2, rel=1e-12)
 
 
 def test_report_of_a_chance(tmp_path: Path) -> None:
@@ -152,13 +154,20 @@ def test_a_chance_is_swept(tmp_path: Path) -> None:
     grid = {"axis_um": [0.4, 1.0, 2.0], "probe_um": [0.0]}
     result = sweep_graph(graph, settings, "ok", grid)
     assert result.chance
-    assert result.converged
+    # P(e > 2 um) = exp(-12.5), 1 in 270 000, of axis_um 0.4 is beyond so many trials.
+    assert [item.converged for item in result.grid] == [False, True, True]
+    assert not result.converged
     assert result.formula is None
     for item in result.grid:
         chance = 1 - math.exp(-2 / item.at["axis_um"] ** 2)
         assert item.mean == pytest.approx(chance, abs=5 * item.se_mean)
         assert item.se_mean > 0
-    assert graph_sweep.warnings(result) == []
+    (warned,) = graph_sweep.warnings(result)
+    assert warned.message.startswith(
+        f"{result.grid[0].trials} Monte Carlo trials: not converged to 2"
+    )
+    assert warned.message.endswith("; at 1 of 3 points of the grid")
+    assert f"a chance is up to {significant(result.grid[0].se_mean)};" in warned.message
     (sheet,) = graph_sweep.table(result)
     assert sheet.title == "chance of ok"
     assert [row[2].split(" ± ")[0][:4] for row in sheet.rows][1] == "0.86"

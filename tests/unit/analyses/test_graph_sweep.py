@@ -14,6 +14,7 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph_sweep
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.graph_figure import swept as drawn
+from mtu_cli.reports.numbers import significant
 
 HOLE = """
 uncertainty: {axis_um: 1, probe_um: 1}
@@ -60,6 +61,12 @@ def test_grid_points_that_do_not_converge_are_told(tmp_path: Path) -> None:
     (told,) = (item for item in graph_sweep.warnings(swept) if item.code == "not-converged")
     assert told.message.startswith("1000 Monte Carlo trials: not converged")
     assert told.message.endswith("at 2 of 2 points of the grid")
+    largest = max(item.se_u / item.u for item in swept.grid)
+    assert swept.largest_error == largest > 0
+    assert f"u is up to {significant(100 * largest)} %;" in told.message
+    assert [item.deviation for item in swept.grid] == [
+        item.mean - swept.nominal for item in swept.grid
+    ]
 
 
 def test_measurements_with_their_own_uncertainty_leave_nothing_to_vary(tmp_path: Path) -> None:

@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from mtu_cli.language import names, parse, to_text
+from mtu_cli.language import Node, names, parse, to_text
+from mtu_cli.language.functions import BUDGET_FUNCTIONS
+from mtu_cli.language.tree import Call, Name, rewritten
 
 
 @pytest.mark.parametrize(
@@ -57,3 +59,26 @@ def test_no_more_parentheses_than_needed(text: str, canonical: str) -> None:
 
 def test_names_with_the_column_of_their_first_use() -> None:
     assert names(parse("z*ey_x + sin(x)*z - pi")) == {"z": 1, "ey_x": 3, "x": 14}
+
+
+def test_a_tree_is_rewritten_from_the_top_down() -> None:
+    """What replaces a node is not looked into: the x of sin(x) is not asked after."""
+    seen: list[str] = []
+
+    def change(node: Node) -> Node:
+        seen.append(to_text(node))
+        sine = isinstance(node, Call) and node.function == "sin"
+        return Name("x", node.column) if sine else node
+
+    tree = parse("-(a + sin(x)) - 2**atan2(y, b)", BUDGET_FUNCTIONS)
+    assert to_text(rewritten(tree, change)) == "-(a + x) - 2**atan2(y, b)"
+    assert seen == [
+        to_text(tree), "-(a + sin(x))", "a + sin(x)", "a", "sin(x)",
+        "2**atan2(y, b)", "2", "atan2(y, b)", "y", "b",
+    ]  # fmt: skip
+
+
+def test_what_is_not_rewritten_is_the_same_tree() -> None:
+    """Columns and all."""
+    tree = parse("-(a + sin(x)) - 2**atan2(y, b)", BUDGET_FUNCTIONS)
+    assert rewritten(tree, lambda node: node) == tree

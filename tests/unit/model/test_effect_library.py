@@ -379,6 +379,20 @@ def test_pitches_that_a_regular_grid_cannot_tell_apart_are_told_once(
     # Four places a row, 130/3 mm apart: sin and cos of at most one frequency below half of
     # 1/spacing, besides the offset.
     assert any("look like others" in note for note in found.notes)
+    # What was left out is told by the member that is the same: beside an offset sine and cosine
+    # of either span the same space (dense projectors).
+    x = PLANE.places[0, :, 0]
+
+    def projector(pitch: float) -> FloatArray:
+        phase = 2.0 * np.pi * x / pitch
+        Q, _ = np.linalg.qr(np.column_stack([np.ones_like(x), np.sin(phase), np.cos(phase)]))
+        return np.asarray(Q @ Q.T)
+
+    told = [(m.searched["pitch_mm"], other) for m in found.members for other in m.alike]
+    assert told
+    for pitch, other in told:
+        assert pitch > other
+        np.testing.assert_allclose(projector(pitch), projector(other), atol=0.05)
     X = [np.stack([column(m, k, 0, PLANE)[0] for k in (0, 1)], axis=1) for m in found.members]
     for i, first in enumerate(X):
         for second in X[:i]:

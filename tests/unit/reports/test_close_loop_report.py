@@ -88,6 +88,7 @@ def test_a_class_comes_with_its_names_and_the_experiment() -> None:
         "do": "shift the fixture by 17 mm",
         "predicted_d": 6.34,
         "now_d": 0.81,
+        "further_d": 6.29,
     }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from close_loop_examples import ambiguous, effect, named, on_table, result
 
+from mtu_cli.analyses.close_loop.fixed_point import fixed_points
 from mtu_cli.analyses.close_loop.result import (
     CloseLoopResult,
     Experiment,
@@ -25,7 +26,8 @@ def words(found: CloseLoopResult) -> str:
 
 def long_class(now_d: float = 0.5, *names: str) -> CloseLoopResult:
     known = names or ("abbe-x", "trend-x", "scale-x", "cyclic-x", "radial")
-    told = Experiment(do="vary it on purpose", predicted_d=3.2, now_d=now_d)
+    total = float(np.hypot(now_d, 3.2))
+    told = Experiment(do="vary it on purpose", predicted_d=total, now_d=now_d, further_d=3.2)
     own = effect(class_names=("backlash-x", *known), experiment=told)
     return result(on_table("class", (own,)))
 
@@ -72,9 +74,10 @@ def grown(
 ) -> CloseLoopResult:
     """With independent parameters: 75 - 1.84/0.00866 = -137.5, u 21.9 mm."""
     item = on_table(verdict, effects, fired=("spatial-correlation",) * (verdict == "unexplained"))
-    item = replace(item, table=replace(item.table, travel={"x": travel}))
-    u = [p[3] for e in effects for p in e.parameters]
-    return replace(result(item), covariance=np.diag(np.square(u)))
+    item = replace(item, table=replace(item.table, travel={"x": travel, "y": travel}))
+    covariance = np.diag(np.square([p[3] for e in effects for p in e.parameters]))
+    points = fixed_points(item.table, effects, covariance)
+    return replace(result(replace(item, fixed_points=points)), covariance=covariance)
 
 
 def test_growth_and_drift_are_one_cause_with_a_fixed_point() -> None:
@@ -114,6 +117,35 @@ def test_a_growth_of_all_axes_keeps_its_own_sentence() -> None:
     text = words(grown(whole, DRIFTS))
     assert text.startswith("X and Y grow by 8.66 ± 0.40 um/m/K of T_spindle_degC (thermal-growth)")
     assert "; in all, the fixed point of X is x = -137 ± 22 mm. " in text
+
+
+CREEPS = effect(
+    "creep", family="creep", axis=None, says="the spindle creeps", covariate="T_spindle_degC",
+    parameters=(("drift", "um/K", 1.84, 0.17),),
+    equations={"Ex": "drift*(T_spindle_degC - 24)", "Ey": "drift*(T_spindle_degC - 24)"},
+)  # fmt: skip
+"""A drift of two axes by one parameter, from a user's library."""
+
+
+def test_a_drift_of_two_axes_is_still_told_of_the_other() -> None:
+    text = words(grown(GROWS, CREEPS))
+    assert "from a fixed point at x = -137 ± 22 mm (thermal-growth-x and creep); " in text
+    assert "; the spindle creeps: drift 1.84 ± 0.17 um/K (creep). Held-out" in text
+    # Where the other axis grows too, both sentences together say all of it.
+    other = effect(
+        "thermal-growth-y", covariate="T_spindle_degC",
+        parameters=(("growth", "um/m/K", 8.66, 0.4),),
+        equations={"Ey": "growth*(y - 60)*(T_spindle_degC - 20)"},
+    )  # fmt: skip
+    both = words(grown(GROWS, CREEPS, other))
+    for of_axis in ("x = -137 ± 22 mm (thermal-growth-x", "y = -152 ± 22 mm (thermal-growth-y"):
+        assert f"from a fixed point at {of_axis} and creep)" in both
+    assert "the spindle creeps" not in both
+
+
+def test_an_effect_without_an_equation_keeps_its_sentence() -> None:
+    chosen = effect("feature-outlier", axis=None, equations={}, chosen="H7", parameters=())
+    assert "(feature-outlier)" in words(grown(GROWS, DRIFTS, chosen))
 
 
 def test_a_level_is_explained_where_there_is_one() -> None:

@@ -20,7 +20,7 @@ from mtu_cli.model.graph.examine import examine
 from mtu_cli.model.graph.measurement_graph import build_graph
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph_figure, graph_simulate, graph_sweep, graph_text
-from mtu_cli.reports.figures import figure_bytes, literal
+from mtu_cli.reports.figures import figure_bytes, house_style
 from mtu_cli.reports.graph_drawing import drawing
 from mtu_cli.reports.graph_layout import RADIUS, lay_out
 from mtu_cli.reports.graph_net import Net, Node, share_percent
@@ -215,7 +215,8 @@ transitions:
 def test_literal_text_is_shown_as_it_is(text: str) -> None:
     from matplotlib.figure import Figure
 
-    shown = Figure().text(0, 0, literal(text))
+    with house_style():
+        shown = Figure().text(0, 0, text)
     assert shown._preprocess_math(shown.get_text()) == (text, False)  # type: ignore[attr-defined]  # what is drawn
 
 

@@ -81,9 +81,10 @@ def test_the_lowest_of_three_normals() -> None:
 @pytest.mark.parametrize("m", [200, 400])
 def test_ends_of_short_blocks_are_unbiased_for_parabolas(m: int, dof: float) -> None:
     """a + b y + c y^2 over 40 000 blocks: the plan's own weights are off by far more."""
-    plan = BlockPlan.short(10 * m, 0.95)
-    assert (plan.size, plan.is_short) == (m if m == 200 else 200, True)
     plan = BlockPlan(0.95, m, 10, is_short=True)
+    # Blocks of both lengths are made: ten of 200 trials, twenty of 400.
+    made = BlockPlan.short({200: 2000, 400: 8000}[m], 0.95)
+    assert (made.size, made.is_short) == (plan.size, True)
     (weights,) = plan.unbiased_end_weights(None if math.isinf(dof) else np.array([dof]))
     law = stats.norm() if math.isinf(dof) else stats.t(dof)
     rng = np.random.default_rng(3)

@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
 from trial_models import Bent, Z
 
-from mtu_cli.stats.block_plan import BlockPlan
+from mtu_cli.stats.block_plan import FIRST_LOOK, LEAST_BLOCKS, BlockPlan, trials_for_tails
 from mtu_cli.stats.blocks import Draws
-from mtu_cli.stats.monte_carlo import monte_carlo
-from mtu_cli.stats.short_blocks import SURE_GAIN
+from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
+from mtu_cli.stats.short_blocks import SURE_GAIN, error_factors
 from mtu_cli.stats.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
 NAMES = ("mean", "u", "low", "high")
+LONGEST_SHORT = 19_999
+"""One trial more makes ten blocks, for 95 %, that are no longer short."""
 
 
 class Smooth(Bent):
@@ -43,11 +46,23 @@ class Grown:
         return Draws(values=np.expm1(self.a * z) / self.a, linear=z, linear_u=np.ones((1, 1)))
 
 
+def added(result: MonteCarloResult, name: str) -> float:
+    """What a standard error is stated larger by beyond the scatter: t for few short blocks.
+
+    And for an end that runs as a square again the root of what its slopes add, 1 + 2/h.
+    """
+    h = result.blocks
+    if result.trials > LONGEST_SHORT or getattr(result.gain, name)[0] == 1.0:
+        return 1.0
+    student = float(stats.t.ppf(0.975, h - 1) / stats.norm.ppf(0.975))
+    return student * (np.sqrt(1.0 + 2.0 / h) if name in ("low", "high") else 1.0)
+
+
 @pytest.mark.parametrize("trials", [2000, 5003, None])
 @pytest.mark.parametrize("model", [Smooth(0.003), Smooth(0.05), Grown(0.01), Grown(0.5)])
 def test_scatter_over_seeds_is_the_stated_one(model: Smooth | Grown, trials: int | None) -> None:
     """Mean squared error over mean se^2: chi-square with 200; se^2 from ten blocks or more
-    scatters by 2/9 itself, and slopes from the other nine add to it.
+    scatters by 2/9 itself.
     """
     seeds = 200
     results = [
@@ -57,9 +72,41 @@ def test_scatter_over_seeds_is_the_stated_one(model: Smooth | Grown, trials: int
     four_sigma = 4.0 * np.sqrt((2.0 + 2.0 / 9.0) / seeds)
     for name, exact in model.exact.items():
         error = np.array([getattr(r, name)[0] for r in results]) - exact
-        se = np.array([getattr(r, f"se_{name}")[0] for r in results])
-        assert abs(np.mean(error**2) / np.mean(se**2) - 1.0) < four_sigma + 0.1, name
+        se = np.array([getattr(r, f"se_{name}")[0] / added(r, name) for r in results])
+        assert abs(np.mean(error**2) / np.mean(se**2) - 1.0) < four_sigma, name
         assert abs(error.mean()) < 4.0 * np.sqrt(np.mean(se**2) / seeds), name
+
+
+@pytest.mark.parametrize("trials", [2000, 4000])
+def test_twice_the_standard_error_holds_the_error_nineteen_times_in_twenty(trials: int) -> None:
+    """Ends of a gain of hundreds and u of one of 6, sometimes taken from the whole sample."""
+    seeds = 800
+    model = Smooth(0.05)
+    results = [monte_carlo(model, seed=s, trials=trials, threads=1) for s in range(seeds)]
+    four_sigma = 4.0 * np.sqrt(0.05 * 0.95 / seeds)
+    for name, exact in model.exact.items():
+        error = np.array([getattr(r, name)[0] for r in results]) - exact
+        se = np.array([getattr(r, f"se_{name}")[0] for r in results])
+        assert abs(np.mean(np.abs(error) > 2.0 * se) - 0.05) < four_sigma, name
+
+
+def test_factors_are_those_of_students_distribution() -> None:
+    """To the last of the four digits that tables print of t, and of z."""
+    for blocks in range(LEAST_BLOCKS, FIRST_LOOK + 1):
+        found = error_factors(blocks)
+        wanted = stats.t.ppf(0.975, blocks - 1) / stats.norm.ppf(0.975)
+        assert found["mean"] == found["u"] == pytest.approx(wanted, rel=0.0005 / 2 + 0.0005 / 1.96)
+        assert found["low"] == found["high"] == pytest.approx(found["u"] * (1.0 + 2.0 / blocks))
+
+
+@pytest.mark.parametrize("probability", [0.5, 0.9, 0.95, 0.99])
+def test_there_is_a_factor_for_every_plan_of_short_blocks(probability: float) -> None:
+    least = trials_for_tails(probability)
+    for trials in (least, least + 1, 3 * least // 2, 2 * least, 9 * least):
+        blocks = BlockPlan.short(trials, probability).blocks
+        assert blocks is not None
+        assert error_factors(blocks)["u"] > 1.0
+        assert LEAST_BLOCKS <= blocks <= FIRST_LOOK
 
 
 def test_few_trials_of_a_nearly_linear_output_are_as_good_as_many() -> None:

@@ -1,0 +1,93 @@
+"""The header of a CSV table: columns that are missing, doubled, or named a little differently."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.files.csv_table import TableSpec
+from mtu_cli.files.csv_text import CsvText
+
+OTHER_WORDS = {
+    "part": ("serial", "serial_number", "serial_no", "workpiece", "piece", "sn"),
+    "feature": ("hole", "bore", "point", "ring", "feature_id", "element"),
+    "repeat": ("rep", "replicate", "repetition"),
+    "component": ("error_component", "channel", "parameter"),
+    "error": ("value", "reading", "deviation"),
+    "position_mm": ("pos", "position", "target"),
+}
+"""What other programs call a column, in lower case with underscores."""
+
+
+def check_header(text: CsvText, spec: TableSpec) -> None:
+    """Raises InputError for columns that are missing, doubled, without name or at odds."""
+    shown, row, header = text.source.shown, text.header_row, text.header
+    problems = []
+    places: dict[str, int] = {}
+    for index, name in enumerate(header):
+        if not name:
+            what = f"column {index + 1} has no name"
+            problems.append(Problem(what=what, file=shown, row=row, expected="a name"))
+        elif places.setdefault(name, index) != index:
+            what = f"the column stands twice, as column {places[name] + 1} and {index + 1}"
+            problems.append(Problem(what=what, file=shown, row=row, column=name))
+    wanted = list(spec.required)
+    wanted += [b for a, b in spec.together if a in header]
+    wanted += [a for a, b in spec.together if b in header]
+    problems += [
+        missing_column(name, shown, row, header, spec)
+        for name in dict.fromkeys(wanted)
+        if name not in header
+    ]
+    for first, second in spec.exclusive:
+        if first in header and second in header:
+            what = f"both {first!r} and {second!r} are given"
+            problems.append(Problem(what=what, file=shown, row=row, expected="one of them"))
+    problems += _named_otherwise(text, spec, wanted)
+    if problems:
+        raise InputError(problems)
+
+
+def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Iterator[Problem]:
+    """Optional columns that only their spelling keeps from being read: they would be lost."""
+    header = text.header
+    known = {
+        _folded(word): name
+        for name in spec.names
+        if name not in header + tuple(wanted)
+        for word in (name, *OTHER_WORDS.get(name, ()))
+    }
+    shut = {b for a, b in spec.exclusive if a in header} | {
+        a for a, b in spec.exclusive if b in header
+    }
+    for other in header:
+        name = known.get(_folded(other))
+        if other and not spec.named(other) and name is not None and name not in shut:
+            yield Problem(
+                what=f"the column {other!r} would not be read as {name!r}",
+                file=text.source.shown,
+                row=text.header_row,
+                column=other,
+                expected=f"rename {other!r} to {name!r}, or to a name of its own",
+            )
+
+
+def _folded(name: str) -> str:
+    return name.casefold().replace("_", "").replace("-", "").replace(" ", "")
+
+
+def missing_column(
+    name: str, shown: str, row: int, header: tuple[str, ...], spec: TableSpec
+) -> Problem:
+    """The Problem of a column that is not there, with the one that was probably meant."""
+    others = [other for other in header if other and not spec.named(other)]
+    near = closest(name, others) or _by_another_word(name, others)
+    hint = f"rename {near!r} to {name!r}" if near else f"a column {name!r} in {', '.join(header)}"
+    return Problem(what=f"the column {name!r} is missing", file=shown, row=row, expected=hint)
+
+
+def _by_another_word(name: str, others: list[str]) -> str | None:
+    """The column that another program calls so: by its own word, or without the unit."""
+    words = (*OTHER_WORDS.get(name, ()), name.removesuffix("_mm"))
+    folded = {other.casefold().strip().replace(" ", "_"): other for other in others}
+    return next((folded[word] for word in words if word in folded), None)

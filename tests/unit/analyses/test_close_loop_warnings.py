@@ -1,0 +1,47 @@
+"""What is told of a searched value that these places cannot tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from close_loop_examples import effect, on_table
+from effect_tables import table
+
+from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.analyses.close_loop.warnings import loop_warnings
+
+
+def wave(**changed: object) -> FoundEffect:
+    return effect(
+        "cyclic-x",
+        parameters=(("sine", "um", 4.0, 0.3), ("cosine", "um", 0.5, 0.3)),
+        equations={"Ex": "sine*sin(2*pi*x/27.4) + cosine*cos(2*pi*x/27.4)"},
+        searched={"pitch_mm": (27.4, 12.1, 28.9)},
+        **changed,
+    )
+
+
+def told(found: FoundEffect, places: int) -> list[str]:
+    x = np.linspace(0.0, 300.0, places)
+    at = np.stack([np.repeat(x, 3), np.tile([0.0, 50.0, 100.0], places), np.zeros(3 * places)], 1)
+    item = replace(on_table("named", (found,)), table=table(H=3 * places, places=at))
+    return [w.message for w in loop_warnings([item], 9) if w.code == "searched-not-told"]
+
+
+def test_other_values_that_are_the_same_here_are_told_nearest_first() -> None:
+    (text,) = told(wave(alike=(12.1, 17.9)), 9)
+    assert "pitch_mm may as well be 17.9, 12.1 as 27.4" in text
+
+
+@pytest.mark.parametrize(("places", "warned"), [(4, True), (6, True), (7, False), (9, False)])
+def test_few_places_tell_a_pitch_hardly(places: int, warned: bool) -> None:
+    # Sine, cosine, level and pitch take four of them; three more judge the fit.
+    found = told(wave(), places)
+    assert len(found) == warned
+    assert all(f"{places} different places along x" in text for text in found)
+
+
+def test_what_is_not_searched_needs_no_places() -> None:
+    assert told(effect("scale-x", equations={"Ex": "lost_motion*x"}), 2) == []
