@@ -43,13 +43,16 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _drift(fit: MachineFit) -> str | None:
-    """Passes that drift in one direction, or differ by more than repeatability."""
-    tested: dict[str, float] = {}
+    """Passes that drift in one direction, or differ by more than repeatability: what has a star
+    in the table.
+    """
+    scatter: dict[str, float] = {}
+    trend: dict[str, float] = {}
     for name, component in fit.components.items():
         for item in component.instruments:
             if item.scatter is not None:
-                tested[f"{name} (pass to pass)"] = item.scatter.p
+                scatter[f"{name} (pass to pass)"] = item.scatter.p
             if item.trend is not None:
-                tested[f"{name} (trend)"] = item.trend.p
-    found = significant(tested)
-    return None if not found else f"drift in {', '.join(found)}"
+                trend[f"{name} (trend)"] = item.trend.p
+    found = [*significant(scatter), *significant(trend)]
+    return f"drift in {', '.join(found)}" if found else None

@@ -6,9 +6,12 @@ import fnmatch
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mtu_cli.cli.inputs import Inputs
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.study import find_study
 from mtu_cli.model.effect_parameters import effect_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, estimates_from_report, fit_machine
@@ -55,7 +58,10 @@ def modelled(inputs: Inputs) -> Modelled:
             estimates = _as_reported(machine, fit, estimates)
     thermal, more = drift_estimates(inputs)
     warnings += more
-    model = build_model(machine, replace(estimates, thermal=thermal))
+    try:
+        model = build_model(machine, replace(estimates, thermal=thermal))
+    except InputError as error:
+        raise InputError([*error.problems, *_study_not_read(inputs)]) from None
     _expand(inputs.at, model.covariates())
     unused = [name for name in inputs.at if name not in model.covariates()]
     warnings += [
@@ -63,6 +69,19 @@ def modelled(inputs: Inputs) -> Modelled:
         for name in unused
     ]
     return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
+
+
+def _study_not_read(inputs: Inputs) -> list[Problem]:
+    """That -m alone leaves the study of this folder, and so its readings, unread."""
+    near = find_study(Path()) if inputs.study is None else None
+    if near is None:
+        return []
+    return [
+        Problem(
+            what=f"{near.name} is not read where -m is given without a study",
+            expected="the study's folder as an argument too, and -m in place of its machine",
+        )
+    ]
 
 
 def one_direction(inputs: Inputs, model: MachineModel) -> list[Warned]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from cli_runner import SMALL, done, mtu, prepared, refused
+from support import SIMULATED
 
 
 @pytest.fixture
@@ -57,3 +58,18 @@ def test_an_equation_that_grows_beyond_numbers_is_told(work: Path) -> None:
     message = refused(work, "predict-points")
     assert "the equation Ex" in message
     assert "no exponential" in message
+
+
+def test_a_study_beside_a_machine_of_its_own_is_told_of(work: Path) -> None:
+    message = refused(work, "predict-points", "-m", "machine.yaml", "-p", "part.yaml")
+    assert "neither readings nor coefficients" in message
+    assert "mtu.yaml is not read where -m is given without a study" in message
+
+
+@pytest.mark.parametrize("study", [SMALL, SIMULATED], ids=["small", "simulated"])
+def test_the_gate_of_drifts_is_the_star_of_the_table(study: Path) -> None:
+    """Both hold each kind of test against its own kind alone."""
+    result = mtu("fit-components", study, "--fail-if", "drift")
+    starred = [line.split()[0] for line in result.stdout.splitlines() if re.search(r"\d\*", line)]
+    assert result.returncode == (3 if starred else 0)
+    assert all(name in result.stderr for name in starred)
