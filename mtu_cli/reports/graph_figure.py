@@ -85,7 +85,7 @@ def _histogram(panel: Axes, item: SimulatedCoordinate) -> None:
     panel.set_ylim(0.0, None)
     panel.set_yticks([])
     shares = shares_text(item.shares)
-    known = "" if shares == "-" else f"\nvariance from: {shares} %"
+    known = "" if shares == "-" else f"\n{shares} % of u²"
     panel.set_xlabel(f"from nominal, {unit}{known}")
     name = str(item.output)
     panel.set_title(f"{name}: u {significant(item.u * factor)} {unit}")
