@@ -48,7 +48,9 @@ demo: $(VENV)/.base
 	@echo "== the same parts by the machine with the effect added; pictures are in $(OUT)/"
 	$(MTU) compare $(UN) -m $(OUT)/machine-extended.yaml --plot $(OUT)/compare.png
 
+# Hundreds of tests start the command: its modules are compiled once before.
 test: lint type
+	$(BIN)/python -m compileall -q mtu_cli tests
 	$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=
 
 lint: $(VENV)/.dev

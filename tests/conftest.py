@@ -22,11 +22,16 @@ long again, and statistics of thousands of tables elsewhere cover nothing more.
 """
 
 
+REPEATED = ("cover", "alarms", "uniform", "unbiased", "seeds", "nineteen", "rarely", "thousand")
+"""In the names of tests that run the same lines for thousands of drawn tables."""
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """With ``--cov``, counts where it tells something."""
     if config.getoption("cov_source", default=None):
         for item in items:
-            if not any(item.path.is_relative_to(TESTS / folder) for folder in COUNTED):
+            inside = any(item.path.is_relative_to(TESTS / folder) for folder in COUNTED)
+            if not inside or any(word in item.name for word in REPEATED):
                 item.add_marker("no_cover")
 
 
