@@ -20,6 +20,8 @@ from mtu_cli.files.yaml_scalars import CORE_TAG, plain_scalar, tagged_scalar
 MAX_BYTES = 10_000_000
 MAX_NODES = 500_000
 MAX_DEPTH = 60
+MAX_TEXT = 120_000
+"""Characters of one text: longer names would make tables that no reader of CSV files takes."""
 
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ufffe\uffff]")
 
@@ -79,7 +81,8 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
 
     Raises InputError, with the line, for text that is no YAML, a tag beyond the core schema (and
     duplicate keys beside it), an alias inside its own anchor, more than one document, more than
-    60 levels, or more than 500 000 values once aliases are expanded.
+    60 levels, a text of more than 120 000 characters, or more than 500 000 values once aliases
+    are expanded.
     """
     shown = source.shown
     try:
@@ -193,6 +196,10 @@ class _Composer:
 
     def _scalar(self, event: Any, line: int) -> Any:
         text = str(event.value)
+        if len(text) > MAX_TEXT:
+            raise self._fault(
+                f"a text of {len(text)} characters", line, f"at most {MAX_TEXT} of them"
+            )
         if event.tag is None:
             return plain_scalar(text) if event.implicit[0] else text
         fits, value = tagged_scalar(event.tag, text)

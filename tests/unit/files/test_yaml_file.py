@@ -163,3 +163,14 @@ def test_modules_import_no_more_than_they_need(module: str, absent: tuple[str, .
     code = f"import sys, {module}; print([m for m in {absent!r} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("text", ["a: {}", "{}: 1", "? {}\n: 1", "a: ['{}']"])
+def test_a_text_as_long_as_a_book_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(text.format("c" * 120_001), "utf-8")
+    with pytest.raises(InputError) as caught:
+        read_yaml(path, "machine")
+    assert "a.yaml:1: a text of 120001 characters" in str(caught.value)
+    path.write_text(text.format("c" * 900), "utf-8")
+    read_yaml(path, "machine")
