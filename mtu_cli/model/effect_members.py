@@ -12,13 +12,12 @@ from mtu_cli.files.effect_templates import CHOSEN, Template
 from mtu_cli.files.effect_text import equation_text, with_number
 from mtu_cli.files.effects_contract import Family
 from mtu_cli.language import evaluate, names
+from mtu_cli.model.design import LARGEST
 from mtu_cli.model.effect_binding import Binding, filled, resolved
 from mtu_cli.model.effect_candidate import Column, FloatArray, Member
 from mtu_cli.model.effect_data import POSITIONS, TableData, indicators, labels
 from mtu_cli.model.effect_grid import grid_of, is_continuous
 
-LARGEST = 1e30
-"""Of a lever in mm: squares of larger ones are no numbers."""
 STEP = 1e-5
 """Of the logarithm of a searched value, for its derivative: errors of order STEP^2."""
 
