@@ -21,7 +21,9 @@ _NUMBERS = (
 
 
 def check_ranges(options: Options, seed: int) -> None:
-    """Raises InputError with every number that is out of range."""
+    """Raises InputError with every number that is out of range, and for a text that no reader
+    of the files would take.
+    """
     problems = [] if seed >= 0 else [_problem("--seed", seed, "0 or more")]
     for name, least in _COUNTS.items():
         count, most = options.values[name], _MOST.get(name, MOST)
@@ -33,6 +35,10 @@ def check_ranges(options: Options, seed: int) -> None:
         if not 0 <= value <= MOST or (positive and value == 0):
             expected = f"a number {'above 0' if positive else 'of 0 or more'}, at most {MOST:g}"
             problems.append(_problem(option_name(name), value, expected))
+    operation = options.values["operation"]
+    if operation is not None and (not operation.strip() or not operation.isprintable()):
+        expected = "a name on one line, such as drilled, or no --operation at all"
+        problems.append(Problem(what="--operation is no name", value=operation, expected=expected))
     if problems:
         raise InputError(problems)
 

@@ -48,6 +48,14 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
     return 1.0 / np.linspace(*ends, max(2, min(needed, count)))
 
 
+def shortest_of(search: Search, values: FloatArray) -> float:
+    """The least of the lower bounds of a search: one of them may be that of the data's spacing,
+    below which values look like others. nan where none is above 0.
+    """
+    known = [low for low in _bounds(search.from_, _known(np.unique(values))) if low > 0.0]
+    return min(known, default=math.nan)
+
+
 def is_continuous(search: Search) -> bool:
     """Whether the columns have a derivative with respect to what is searched."""
     return search.grid != "between"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from mtu_cli.errors import InputError, Problem, did_you_mean
+from mtu_cli.errors import InputError, Problem, closest, did_you_mean
 from mtu_cli.files.effects_file import LoadedEffects, LoadedFamily, load_effects
 from mtu_cli.files.source import Source
 from mtu_cli.model.effect_binding import Binding, filled, of_candidates, of_members
@@ -104,11 +104,28 @@ def _check_excluded(exclude: Collection[str], library: EffectLibrary) -> None:
                 Problem(
                     what="unknown effect to exclude",
                     value=name,
-                    expected=did_you_mean(name, [*known, *_all_possible(library)]),
+                    expected=_meant(name, library),
                 )
                 for name in unknown
             ]
         )
+
+
+def _meant(name: str, library: EffectLibrary) -> str:
+    """What was probably meant by a name that no effect has, or all families there are."""
+    families = [name for name in library.names() if "{" not in name]
+    text = name.strip().casefold()
+    inside = [known for known in families if text and text in known.casefold()]
+    if inside:
+        *first, last = map(repr, inside)
+        return f"did you mean {', '.join(first)}{' or ' if first else ''}{last}?"
+    known = [*families, *_all_possible(library)]
+    if closest(name, known) is not None:
+        return did_you_mean(name, known)
+    return (
+        f"a family ({', '.join(families)}) or one of its effects, such as backlash-x; --csv FILE "
+        "lists all that your data allows"
+    )
 
 
 def _possible(family: LoadedFamily) -> set[str]:

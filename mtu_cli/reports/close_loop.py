@@ -10,7 +10,10 @@ A `minimum_detectable` is the root mean square over the cells of an effect that 
 found four times in five. The `rms` of an effect is over all coordinates, `explained_share` the
 share of their mean square. Fields of a candidate are of the first look at the data.
 `fixed_points` are the places where effects that grow along an axis and effects that move it as a
-whole cancel; one is `told` where its 95 % interval is no longer than the machine's travel.
+whole cancel; one is `told` where its 95 % interval is no longer than the machine's travel, and
+`given` the effect it depends on where the data cannot tell that from others. `rivals` are the
+others of a class of three at most, each estimated in the place of the effect. An effect that is
+one of several `alike` pitches makes the verdict `class`, though its `class` has one name.
 An experiment is foretold to set rivals `predicted_d` standard deviations apart, of which this data
 holds `now_d` and the experiment adds `further_d`: predicted_d^2 = now_d^2 + further_d^2.
 """
@@ -122,10 +125,7 @@ def _effect(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
         "chosen": effect.chosen,
         "equations": dict(effect.equations),
         "parameters": _parameters(effect),
-        "searched": {
-            name: {"value": finite(value), "interval95": [finite(low), finite(high)]}
-            for name, (value, low, high) in effect.searched.items()
-        },
+        "searched": _searched(effect),
         "alike": [finite(value) for value in effect.alike],
         "p_familywise": finite(effect.p_familywise),
         "log_bayes_factor": finite(effect.log_bayes_factor),
@@ -134,6 +134,7 @@ def _effect(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
         f"rms_{item.table.unit}": size_of(item, effect_rms(effect, item)),
         "class": list(effect.class_names),
         "aliases": list(effect.aliases),
+        "rivals": [_rival(rival) for rival in effect.rivals],
         "folds": {"chose_it": effect.folds, "of": effect.of_folds},
         "separates": effect.separates,
         "experiment": None
@@ -144,6 +145,25 @@ def _effect(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
             "now_d": finite(effect.experiment.now_d),
             "further_d": finite(effect.experiment.further_d),
         },
+    }
+
+
+def _rival(rival: FoundEffect) -> dict[str, Any]:
+    """What is the rival's own: estimated in the place of the effect that was found."""
+    return {
+        "name": rival.name,
+        "family": rival.family,
+        "covariate": rival.covariate,
+        "equations": dict(rival.equations),
+        "parameters": _parameters(rival),
+        "searched": _searched(rival),
+    }
+
+
+def _searched(effect: FoundEffect) -> dict[str, Any]:
+    return {
+        name: {"value": finite(value), "interval95": [finite(low), finite(high)]}
+        for name, (value, low, high) in effect.searched.items()
     }
 
 
@@ -161,12 +181,15 @@ def _parameters(effect: FoundEffect) -> dict[str, Any]:
 
 
 def _fixed_point(point: FixedPoint, item: TableResult) -> dict[str, Any]:
-    effects = [item.effects[e].name for e in (*point.growth, *point.drift)]
+    names = {e: effect.name for e, effect in enumerate(item.effects)}
+    if point.given is not None:
+        names |= dict([point.given])
     ends = point.interval
     return {
         "axis": point.axis,
         "covariate": point.covariate,
-        "effects": effects,
+        "effects": [names[e] for e in (*point.growth, *point.drift)],
+        "given": None if point.given is None else point.given[1],
         "at_mm": {
             "value": finite(point.at),
             "u": finite(point.u),

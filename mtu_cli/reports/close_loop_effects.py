@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 
 from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect, TableResult
-from mtu_cli.analyses.close_loop.shown import amplitude, is_level
+from mtu_cli.analyses.close_loop.shown import amplitude, is_level, pitch_is_open
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_shown import (
     Shown,
+    either,
     parameters_of,
     things,
 )
@@ -40,6 +42,7 @@ SENTENCES = {
     "part-outlier": "{row} {chosen} stands out as a whole: {values}",
 }
 """By family; what is missing falls back to what the library says of the effect."""
+SEARCHED_DIGITS = 3
 TWICE = 2.0
 """The reversal value is twice the parameter, which acts in both directions (ISO 230-2, 2.13)."""
 
@@ -67,6 +70,8 @@ def sentences(item: TableResult) -> list[Sentence]:
     told: dict[int, set[str]] = {}
     last = []
     for point in item.fixed_points:
+        if point.given is not None:
+            continue
         first = item.effects[point.growth[0]]
         if point.told and len(point.growth) == 1 and first.axis == point.axis:
             text = f"{effect_text(first, item)} from a fixed point at {_place(point)}"
@@ -83,6 +88,23 @@ def sentences(item: TableResult) -> list[Sentence]:
     ] + last
 
 
+def one_cause(item: TableResult, place: int, own: FoundEffect) -> str | None:
+    """What follows if the effect at `place`, one of several, is `own`: with others it is an axis
+    that is fixed somewhere.
+    """
+    for point in item.fixed_points:
+        if point.given != (place, own.name) or not point.told:
+            continue
+        others = [item.effects[e].name for e in (*point.growth, *point.drift) if e != place]
+        first = own if point.growth[0] == place else item.effects[point.growth[0]]
+        verb = "shrinks" if first.parameters[0][2] < 0 else "grows"
+        return (
+            f"with {' and '.join(others)} that is one cause: {point.axis.upper()} {verb} from a "
+            f"fixed point at {_place(point)}"
+        )
+    return None
+
+
 def _fixed(point: FixedPoint) -> str:
     axis = point.axis.upper()
     if not point.told:
@@ -96,6 +118,10 @@ def _place(point: FixedPoint) -> str:
 
 def effect_text(effect: FoundEffect, item: TableResult) -> str:
     """Such as "X loses 8.2 ± 0.6 um at reversal"."""
+    return _sentence(effect, item) + _alike(effect)
+
+
+def _sentence(effect: FoundEffect, item: TableResult) -> str:
     shown = tuple(p for p in parameters_of(effect) if not is_level(p.name))
     sentence = SENTENCES.get(effect.family)
     if sentence is None or not shown:
@@ -127,7 +153,7 @@ def _words(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> 
         "of": "positioning of " if item.table.component is None else "",
         "loses": "loses" if item.table.component is None else "changes by",
         "values": _values(shown),
-        **{name: _searched(found) for name, found in effect.searched.items()},
+        **{name: _searched(found, effect) for name, found in effect.searched.items()},
     }
     along = _along(effect)
     if along is not None:
@@ -183,15 +209,33 @@ def _grows(effect: FoundEffect, item: TableResult, value: float) -> str:
     return verb if several else f"{verb}s"
 
 
-def _searched(found: tuple[float, float, float]) -> str:
-    return " ".join(searched_text(found))
+def _searched(found: tuple[float, float, float], effect: FoundEffect) -> str:
+    """With its interval, where that is one and not from the first of many values to the last."""
+    several = pitch_is_open(effect)
+    value, ends = searched_text(found, several)
+    return value if several else f"{value} {ends}"
 
 
-def searched_text(found: tuple[float, float, float]) -> tuple[str, str]:
-    """What was searched, and its 95 % interval, to two digits of a quarter of its width."""
+def _alike(effect: FoundEffect) -> str:
+    """Such as "; pitch_mm 26.0, 18.6 or one of 12 others fits as well", the nearest first."""
+    if not pitch_is_open(effect):
+        return ""
+    ((name, (value, _, _)),) = effect.searched.items()
+    near = sorted(effect.alike, key=lambda other: abs(math.log(abs(other / value))))
+    shown = either(tuple(significant(other, SEARCHED_DIGITS) for other in near))
+    return f"; {name} {shown} fits as well"
+
+
+def searched_text(found: tuple[float, float, float], several: bool = False) -> tuple[str, str]:
+    """What was searched, and its 95 % interval, to two digits of a quarter of its width; of one
+    of `several` values that fit alike to digits of its own.
+    """
     value, low, high = found
+    if several:
+        ends = (significant(end, SEARCHED_DIGITS) for end in (low, high))
+        return significant(value, SEARCHED_DIGITS), f"[{', '.join(ends)}]"
     if not high > low:
-        return significant(value, 3), MISSING
+        return significant(value, SEARCHED_DIGITS), MISSING
     u = (high - low) / 4
     return with_u(value, u)[0], interval(low, high, u)
 

@@ -70,7 +70,7 @@ def parameters_of(effect: FoundEffect) -> tuple[Shown, ...]:
 
 def class_of(effect: FoundEffect) -> tuple[str, ...]:
     """What the data cannot tell apart: the effect, its rivals, what is the same on these points."""
-    return tuple(dict.fromkeys([effect.name, *effect.class_names, *effect.aliases]))
+    return effect.candidates
 
 
 def something_left(item: TableResult) -> bool:

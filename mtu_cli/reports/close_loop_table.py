@@ -11,7 +11,12 @@ from mtu_cli.analyses.close_loop.result import (
     Scores,
     TableResult,
 )
-from mtu_cli.analyses.close_loop.shown import effect_rms, improvement_percent, is_level
+from mtu_cli.analyses.close_loop.shown import (
+    effect_rms,
+    improvement_percent,
+    is_level,
+    pitch_is_open,
+)
 from mtu_cli.reports.close_loop_effects import searched_text
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
@@ -90,6 +95,13 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
         for effect in result.effects
         if len(class_of(effect)) > RIVALS
     ]
+    notes += [
+        f"{effect.name}: {len(effect.alike) + 1} values of {name} fit alike at these places; the "
+        "interval holds them all"
+        for effect in result.effects
+        if pitch_is_open(effect)
+        for name in effect.searched
+    ]
     if any(is_level(name) for effect in result.effects for name, _, _, _ in effect.parameters):
         notes.insert(0, "level: a constant of the equation, the error where the effect itself is 0")
     return notes
@@ -107,7 +119,7 @@ def _effect(effect: FoundEffect, item: TableResult) -> list[list[str]]:
         for p in parameters_of(effect)
     ]
     for name_searched, value in effect.searched.items():
-        best, ends = searched_text(value)
+        best, ends = searched_text(value, pitch_is_open(effect))
         lines.append([name_searched, best, "", ends])
     lines = lines or [[MISSING, MISSING, "", MISSING]]
     first = [p_value(effect.p_familywise), rms, folds]

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
-from mtu_cli.analyses.close_loop.shown import should_be_told
-from mtu_cli.reports.close_loop_effects import Sentence, sentences
+from mtu_cli.analyses.close_loop.shown import pitch_is_open, should_be_told
+from mtu_cli.analyses.close_loop.warnings import FREES
+from mtu_cli.reports.close_loop_effects import (
+    Sentence,
+    effect_text,
+    one_cause,
+    sentences,
+)
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,
     either,
+    in_words,
     plural,
     ranked,
     size_of,
@@ -28,6 +35,8 @@ MEANINGS = {
 }
 """What a check of the remainder says where it fires."""
 
+PART_VARIANCE, TURNED = "part-variance", "rotation-scatter"
+OTHER_PLACES = "measure features at more, and uneven, distances along the axis"
 NO_DISTANCE = 0.05
 """Standard deviations below which rivals are the same in the data so far."""
 COPY = " is a copy of "
@@ -47,7 +56,7 @@ def verdict_text(item: TableResult, result: CloseLoopResult) -> str:
 def _named(item: TableResult) -> str:
     """Such as "X loses 8.2 ± 0.6 um at reversal (backlash-x). Held-out parts: ..."."""
     found = "; ".join(said.named for said in sentences(item))
-    return f"{_capital(found, item)}. {_before_after(item)}"
+    return " ".join([f"{_capital(found, item)}.", *_set_up(item), _before_after(item)])
 
 
 def _capital(text: str, item: TableResult) -> str:
@@ -58,20 +67,37 @@ def _capital(text: str, item: TableResult) -> str:
 def _class(item: TableResult) -> str:
     words = []
     for said in sentences(item):
-        names = class_of(said.effects[0]) if len(said.effects) == 1 else ()
-        if len(names) < 2:
+        effect = said.effects[0] if len(said.effects) == 1 else None
+        names = () if effect is None else class_of(effect)
+        if effect is None or len(names) < 2:
             words.append(_capital(f"{said.named}.", item))
         else:
             more = " (see the table)" if len(names) > RIVALS else ""
             words.append(f"{either(names)}{more}: this data cannot tell.")
-            words.append(f"If {names[0]}: {said.text}.")
-            words += _experiment(said.effects[0])
-    return " ".join([*words, _before_after(item)])
+            words += [f"If {name}: {text}." for name, text in _members(item, effect)]
+        if effect is not None and (len(names) > 1 or pitch_is_open(effect)):
+            words += _experiment(effect)
+    return " ".join([*words, *_set_up(item), _before_after(item)])
+
+
+def _members(item: TableResult, effect: FoundEffect) -> list[tuple[str, str]]:
+    """What each of a class would be, as far as each was estimated, and what that would make of
+    the other effects.
+    """
+    place = next(e for e, own in enumerate(item.effects) if own is effect)
+    found = []
+    for own in (effect, *effect.rivals):
+        cause = one_cause(item, place, own)
+        text = effect_text(own, item)
+        found.append((own.name, text if cause is None else f"{text}; {cause}"))
+    return found
 
 
 def _experiment(effect: FoundEffect) -> list[str]:
     """What to do to tell the class apart, where anything is known of it."""
     planned = effect.experiment
+    if planned is None and pitch_is_open(effect):
+        return [f"To tell: {OTHER_PLACES}."]
     if planned is None:
         return [] if effect.separates is None else [f"To tell: {effect.separates}."]
     further = significant(planned.further_d)
@@ -101,23 +127,44 @@ def _unexplained(item: TableResult) -> str:
     left = f"What is left has an rms of {rest} {item.table.unit}"
     left += f"; repeatability is {floor} {item.table.unit}." if item.floor is not None else "."
     said = f"Something is there that no effect of the library describes: {'; '.join(fired)}."
-    return " ".join([said, _hint(item), left])
+    return " ".join([said, _hint(item), *_set_up(item), left])
+
+
+def _set_up(item: TableResult) -> list[str]:
+    """Parts that differ as a whole may have been set up by hand: what takes that out, and what
+    is unseen then.
+    """
+    free, turned = item.table.datum, any(e.family == TURNED for e in item.effects)
+    shifted = PART_VARIANCE in item.fired and free == "none"
+    if item.table.component is not None or not (turned or shifted) or "rotation" in free:
+        return []
+    datum, own = ("offset,rotation", "an offset and a turn") if turned else ("offset", "an offset")
+    return [
+        f"It may be that each part was set up by hand (on the machine or the CMM), with {own} of "
+        f"its own: --datum {datum} takes that out; unseen are then {FREES[datum]}."
+    ]
 
 
 def _hint(item: TableResult) -> str:
     """The nearest name, which is not to be trusted where something is left."""
     if item.effects:
-        return f"As a hint only: {'; '.join(_hinted(s) for s in sentences(item))}."
+        return f"As a hint only: {'; '.join(_hinted(s, item) for s in sentences(item))}."
     best = ranked(item)
-    if not best:
+    if not best or (best[0].log_bayes_factor or 0.0) <= 0:
         return "No effect comes near it."
     return f"As a hint only: of the named effects {best[0].name} comes nearest."
 
 
-def _hinted(said: Sentence) -> str:
-    if len(said.effects) == 1:
-        return f"{either(class_of(said.effects[0]))} ({said.text})"
-    return said.named
+def _hinted(said: Sentence, item: TableResult) -> str:
+    if len(said.effects) != 1:
+        return said.named
+    (effect,) = said.effects
+    if not effect.rivals:
+        return f"{either(class_of(effect))} ({said.text})"
+    known = dict(_members(item, effect))
+    return " or ".join(
+        f"{name} ({known[name]})" if name in known else in_words(name) for name in class_of(effect)
+    )
 
 
 def _none(item: TableResult, alpha: float) -> str:

@@ -213,7 +213,7 @@ def warnings(fit: MachineFit, estimates: Estimates) -> list[Warned]:
     """Why fields of the report are null."""
     grouped: dict[str, list[str]] = {}
     for item in observability(fit, estimates):
-        grouped.setdefault(item.not_determined, []).append(item.component)
+        grouped.setdefault(item.not_determined, []).append(item.shown)
     noted = []
     if grouped:
         what = "; ".join(f"{what} of {listed(names)}" for what, names in grouped.items())

@@ -155,8 +155,8 @@ def _open(fit: MachineFit, estimates: Estimates) -> list[str]:
     for item in observability(fit, estimates):
         if item.component in fit.components or "," in item.component:
             key = (item.not_determined, item.because, item.reading_that_would)
-            grouped.setdefault(key, []).append(item.component)
+            grouped.setdefault(key, []).append(item.shown)
     return [
-        f"not determined: {what}, {listed(names, 12)} ({because}); what would: {would}"
+        f"not determined of {listed(names, 12)}: {what} ({because}); what would: {would}"
         for (what, because, would), names in grouped.items()
     ]

@@ -23,6 +23,11 @@ class NotDetermined:
     because: str
     reading_that_would: str
 
+    @property
+    def shown(self) -> str:
+        """The component in a list of several; those of a group stay together."""
+        return self.component.replace(", ", " + ")
+
     def fields(self) -> dict[str, str]:
         """As the report states it."""
         return asdict(self)

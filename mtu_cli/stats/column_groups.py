@@ -28,7 +28,8 @@ MemberColumns = Sequence[Column]
 class OneStratum:
     """Members whose columns lie in one stratum each: `Q` (n_s, M * g) for each of the M
     `members` g orthonormal columns, its coordinates those of stratum `index`; `spread` (M,) the
-    variance of what they hold over that of the stratum.
+    variance of what they hold over that of the stratum; `size` (M,) the mean square norm of the
+    columns beside what was found, before they were made orthonormal.
     """
 
     index: int
@@ -36,6 +37,7 @@ class OneStratum:
     members: NDArray[np.int64]
     Q: FloatArray
     spread: FloatArray
+    size: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,7 +183,7 @@ def _one_stratum(
     for (index, g), own in sorted(groups.items()):
         X = np.array([np.stack(columns, axis=1) for _, columns in own])
         whiten(strata, whitening, index, np.moveaxis(X, 1, 0))
-        Q, left = _orthonormal(X, nuisance.get(index))
+        Q, left, size = _orthonormal(X, nuisance.get(index))
         ids = np.array([i for i, _ in own], np.int64)
         n = strata.all[index].size
         taken = nuisance[index].shape[1] if index in nuisance else 0
@@ -196,6 +198,7 @@ def _one_stratum(
                 members=ids,
                 Q=np.moveaxis(Q, 0, 1).reshape(n, len(ids) * g),
                 spread=np.ones(len(ids)),
+                size=size,
             )
         )
     return found
@@ -203,13 +206,16 @@ def _one_stratum(
 
 def _orthonormal(
     X: FloatArray, nuisance: FloatArray | None
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Columns of each member (M, n, g) made orthonormal, and whether enough of each is left."""
+) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
+    """Columns of each member (M, n, g) made orthonormal, whether enough of each is left, and
+    the mean square norm of what is left (M,).
+    """
     size = np.linalg.norm(X, axis=1, keepdims=True)
     Q = X / np.maximum(size, 1e-300)
     if nuisance is not None:
         for _ in range(2):
             Q = Q - nuisance @ (nuisance.T @ Q)
+    square = ((Q * size) ** 2).sum(axis=1).mean(axis=1)
     left = np.ones(len(X), bool)
     done: list[FloatArray] = []
     for j in range(X.shape[2]):
@@ -220,7 +226,7 @@ def _orthonormal(
         norm = np.linalg.norm(column, axis=1, keepdims=True)
         left &= norm[:, 0] ** 2 > LEFT
         done.append(column / np.maximum(norm, 1e-300))
-    return np.stack(done, axis=2), left
+    return np.stack(done, axis=2), left, square
 
 
 def _many_strata(

@@ -233,3 +233,15 @@ def _root(covariance: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(covariance)
     found: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
     return found
+
+
+def entry_variance(null: NullModel, strata: Strata) -> FloatArray:
+    """Variance (A,) of one entry: interaction, column, and the mean share of part and model."""
+    P, H, A = strata.shape
+    k = strata.lines
+    # The coefficients' factor is that of the sum over the parts: one part has 1/P of its square.
+    both = np.diag(null.part) + (null.common**2).sum(axis=1) / P
+    smooth = both.reshape(A, 1 + k).sum(axis=1)
+    turned = null.reversal * len(strata.odd) / H
+    found: FloatArray = null.interaction + null.column + turned + smooth / H
+    return found

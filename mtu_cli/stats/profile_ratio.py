@@ -33,15 +33,30 @@ NEVER = -1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MemberRatios:
+    """Of B samples and M members, each (B, M): `ratio` the LR and `log_bayes` the logarithm of the
+    Bayes factor, -1 and `NEVER` for those of which too little is left beside what was found;
+    `dof` that the scatter of what they lie in has, and `information` x' V^-1 x, the mean over
+    a member's columns x, V by what the member leaves.
+    """
+
+    ratio: FloatArray
+    log_bayes: FloatArray
+    dof: FloatArray
+    information: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Ratios:
     """Of B samples and F candidates: `ratio` (B, F) the largest LR of each candidate's members,
     `log_bayes` (B, F) the logarithm of its Bayes factor, the mean over its members, `best`
-    (B, F) the member of the largest Bayes factor, -1 where none can be tested.
+    (B, F) the member of the largest Bayes factor, -1 where none can be tested; of the `members`.
     """
 
     ratio: FloatArray
     log_bayes: FloatArray
     best: NDArray[np.int64]
+    members: MemberRatios
 
 
 def ratios(pack: Packed, y: FloatArray, candidates: int) -> Ratios:
@@ -49,23 +64,26 @@ def ratios(pack: Packed, y: FloatArray, candidates: int) -> Ratios:
 
     `y` has the found columns projected out (`Packed.without_found`).
     """
-    return _by_candidate(pack, *member_ratios(pack, y), candidates)
+    return _by_candidate(pack, member_ratios(pack, y), candidates)
 
 
-def member_ratios(pack: Packed, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Likelihood ratios and log Bayes factors (B, M) of all members; -1 and `NEVER` for those
-    of which too little is left beside what was found.
-    """
+def member_ratios(pack: Packed, y: FloatArray) -> MemberRatios:
+    """Likelihood ratios and Bayes factors of all members for coordinates `y` (B, N)."""
     B, M = len(y), len(pack.family)
-    LR, log_bayes = np.zeros((B, M)), np.zeros((B, M))
     squares = sums_of_squares(pack, y)
+    found = MemberRatios(
+        ratio=np.zeros((B, M)),
+        log_bayes=np.zeros((B, M)),
+        dof=np.zeros((B, M)),
+        information=np.zeros((B, M)),
+    )
     for one in pack.one:
-        _add_one(pack, one, y, squares, LR, log_bayes)
+        _add_one(pack, one, y, squares, found)
     for many in pack.many:
-        _add_many(pack, many, y, squares, LR, log_bayes)
-    LR[:, ~pack.usable] = -1.0
-    log_bayes[:, ~pack.usable] = NEVER
-    return LR, log_bayes
+        _add_many(pack, many, y, squares, found)
+    found.ratio[:, ~pack.usable] = -1.0
+    found.log_bayes[:, ~pack.usable] = NEVER
+    return found
 
 
 def sums_of_squares(pack: Packed, y: FloatArray) -> FloatArray:
@@ -81,16 +99,18 @@ def _add_one(
     one: OneStratum,
     y: FloatArray,
     squares: FloatArray,
-    LR: FloatArray,
-    log_bayes: FloatArray,
+    found: MemberRatios,
 ) -> None:
     own = y[:, pack.strata.all[one.index].slice]
     explained = ((own @ one.Q) ** 2).reshape(len(y), len(one.members), one.g).sum(axis=2)
     r2 = np.minimum(explained / squares[:, one.index, None], MOST_EXPLAINED)
     n = pack.dof[one.index]
     ratio = n * np.log1p(r2 / (1 - r2) / one.spread)
-    LR[:, one.members] += ratio
-    log_bayes[:, one.members] += unit_information(ratio, n, one.g)
+    found.ratio[:, one.members] += ratio
+    found.log_bayes[:, one.members] += unit_information(ratio, n, one.g)
+    found.dof[:, one.members] += n
+    variance = squares[:, one.index, None] * (1 - r2) * one.spread / n
+    found.information[:, one.members] += one.g / pack.k[one.members] * one.size / variance
 
 
 def unit_information(ratio: FloatArray, n: FloatArray | float, k: int) -> FloatArray:
@@ -104,8 +124,7 @@ def _add_many(
     many: ManyStrata,
     y: FloatArray,
     squares: FloatArray,
-    LR: FloatArray,
-    log_bayes: FloatArray,
+    found: MemberRatios,
 ) -> None:
     b = cross_products(pack, many, y)
     n, R0 = pack.dof, squares[:, None, :]
@@ -119,13 +138,17 @@ def _add_many(
         R = R + np.einsum("bmi,msij,bmj->bms", beta, many.G, beta)
         R = np.maximum(R, (1 - MOST_EXPLAINED) * R0)
     gain, loss = np.maximum(R0 - R, 0.0), np.maximum(R - R0, 0.0)
-    found = np.log1p(gain / (R * many.spread)) - np.log1p(loss / (R0 * many.spread))
-    found = (n * found).sum(axis=2)
-    share = w * np.einsum("msii->ms", many.G)
+    ratio = np.log1p(gain / (R * many.spread)) - np.log1p(loss / (R0 * many.spread))
+    ratio = (n * ratio).sum(axis=2)
+    size = np.einsum("msii->ms", many.G)
+    share = w * size
     share /= np.maximum(share.sum(axis=2, keepdims=True), TINY)
     effective = (share * n).sum(axis=2)
-    LR[:, many.members] = found
-    log_bayes[:, many.members] = unit_information(np.maximum(found, 0.0), effective, many.k)
+    found.ratio[:, many.members] = ratio
+    found.log_bayes[:, many.members] = unit_information(np.maximum(ratio, 0.0), effective, many.k)
+    found.dof[:, many.members] = effective
+    held = (n / (R * many.spread) * size).sum(axis=2)
+    found.information[:, many.members] = held / many.k
 
 
 def cross_products(pack: Packed, many: ManyStrata, y: FloatArray) -> FloatArray:
@@ -138,7 +161,8 @@ def cross_products(pack: Packed, many: ManyStrata, y: FloatArray) -> FloatArray:
     return b
 
 
-def _by_candidate(pack: Packed, LR: FloatArray, log_bayes: FloatArray, candidates: int) -> Ratios:
+def _by_candidate(pack: Packed, members: MemberRatios, candidates: int) -> Ratios:
+    LR, log_bayes = members.ratio, members.log_bayes
     B = len(LR)
     ratio = np.zeros((B, candidates))
     bayes = np.full((B, candidates), NEVER)
@@ -154,4 +178,4 @@ def _by_candidate(pack: Packed, LR: FloatArray, log_bayes: FloatArray, candidate
         mine = log_bayes[:, own][:, pack.usable[own]]
         top = mine.max(axis=1)
         bayes[:, f] = top + np.log(np.exp(mine - top[:, None]).mean(axis=1))
-    return Ratios(ratio=ratio, log_bayes=bayes, best=best)
+    return Ratios(ratio=ratio, log_bayes=bayes, best=best, members=members)

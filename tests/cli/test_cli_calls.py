@@ -96,6 +96,9 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
         (["--parts", "1000000000"], "rows to write; expected at most"),
         (["--passes", "1000000000"], "rows to write; expected at most"),
         (["--cmm-u-um", "nan"], "--cmm-u-um is out of range: 'nan'"),
+        (["--operation", ""], "--operation is no name: ''; expected a name on one line"),
+        (["--operation", " "], "--operation is no name: ' '; expected a name on one line"),
+        (["--operation", "a\nb"], "--operation is no name: "),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

@@ -56,9 +56,11 @@ class Added:
         return index
 
 
-def added(prepared: Prepared, found: Search, seed: int | None = None) -> Added:
+def added(
+    prepared: Prepared, found: Search, seed: int | None = None, *, rough: bool = False
+) -> Added:
     """Estimates the effects of a search; with a `seed`, their covariance as exactly as it can
-    be had.
+    be had; `rough`: by the weights alone, where only the coefficients count.
     """
     scan = prepared.scan
     columns = [prepared.flat()[m] for m in found.members]
@@ -74,7 +76,8 @@ def added(prepared: Prepared, found: Search, seed: int | None = None) -> Added:
         for step in found.steps
         if first <= step.index < scan.tested
     ]
-    fit, levels = _with_levels(left, found.members, fit, offsets, seed)
+    joint = _joint_covariance(left, [prepared.flat()[m] for m in found.members], fit, seed, rough)
+    fit, levels = _with_levels(left, found.members, fit, offsets, joint)
     return Added(
         members=found.members,
         fit=fit if len(fit.beta) else None,
@@ -97,13 +100,17 @@ def _plain(prepared: Prepared) -> bool:
 
 
 def _joint_covariance(
-    prepared: Prepared, columns: Sequence[MemberColumns], fit: StratifiedFit, seed: int | None
+    prepared: Prepared,
+    columns: Sequence[MemberColumns],
+    fit: StratifiedFit,
+    seed: int | None,
+    rough: bool,
 ) -> FloatArray:
     """(k + A) x2: of the coefficients and, behind them, of the mean errors."""
     k, A = len(fit.beta), len(prepared.grand)
     found = np.zeros((k + A, k + A))
     found[:k, :k] = fit.covariance
-    if _plain(prepared):
+    if rough or _plain(prepared):
         found[k:, k:] = np.diag([mean_variance(prepared, axis) for axis in range(A)])
         return found
     found[:k, :k] -= fit.at_weights
@@ -115,7 +122,7 @@ def _with_levels(
     members: tuple[int, ...],
     fit: StratifiedFit,
     offsets: list[int],
-    seed: int | None,
+    joint: FloatArray,
 ) -> tuple[StratifiedFit, tuple[Level, ...]]:
     """The mean errors: those found, and those that an effect's own mean disagrees with.
 
@@ -123,12 +130,12 @@ def _with_levels(
     nothing of their coefficients. An equation such as a step's has a mean of its own over the
     data: where the mean error disagrees with it, the equation needs a level. (To take a mean
     that agrees for an observation of the coefficient drew it towards whatever level there is.)
+    `joint` is the covariance of coefficients and mean errors.
     """
     means = np.concatenate(
         [np.zeros((0, len(prepared.grand)))] + [prepared.means[m] for m in members]
     )
-    flat, k = prepared.flat(), len(fit.beta)
-    joint = _joint_covariance(prepared, [flat[m] for m in members], fit, seed)
+    k = len(fit.beta)
     contrasts = np.concatenate([-means.T, np.eye(len(prepared.grand))], axis=1)
     left = prepared.grand - fit.beta @ means
     spread = np.einsum("ai,ij,aj->a", contrasts, joint, contrasts)

@@ -70,7 +70,7 @@ def class_of(prepared: Prepared, found: Search, step: Step) -> EffectClass:
     beside = tuple(m for m in found.members if m != step.member)
     pack = scan.pack(prepared.with_tangents(beside))
     left = pack.without_found(prepared.y)[None]
-    LR = member_ratios(pack, left)[0][0]
+    LR = member_ratios(pack, left).ratio[0]
     judged = ratios(pack, left, F)
     members = {i: int(judged.best[0, i]) for i in _first(step, F)}
     members[step.index] = step.member

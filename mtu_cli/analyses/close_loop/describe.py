@@ -179,7 +179,7 @@ def _searched(told: Described, step: Step, place: int) -> dict[str, tuple[float,
     scan = told.effects.prepared.scan
     others = [m for i, m in enumerate(told.effects.members) if i != place]
     pack = scan.pack(prepared.with_tangents(others))
-    LR = member_ratios(pack, pack.without_found(prepared.y)[None])[0][0]
+    LR = member_ratios(pack, pack.without_found(prepared.y)[None]).ratio[0]
     found = {}
     for name, value in member.searched.items():
         family = np.flatnonzero(pack.family == step.index)
@@ -233,3 +233,16 @@ def _aliases(told: Described, step: Step) -> tuple[str, ...]:
     )
     found = sorted({int(owners[m]) for m in aliases_of(prepared, step, beside)})
     return tuple(prepared.candidates[i].name for i in found)
+
+
+def joint_covariance(told: Described) -> FloatArray:
+    """Over the parameters of all effects in their order."""
+    rows: list[int] = []
+    place = 0
+    for step in told.found.steps:
+        rows += indices_of(told, step, place)
+        place += step.member >= 0
+    if told.effects.fit is None:
+        return np.zeros((0, 0))
+    found: FloatArray = told.effects.fit.covariance[np.ix_(rows, rows)]
+    return found

@@ -7,7 +7,7 @@ They are one physical cause, and what a mechanic asks is where it is fixed.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import stdtrit
@@ -38,15 +38,20 @@ class _Lever:
 
 
 def fixed_points(
-    table: ResidualTable, effects: Sequence[FoundEffect], covariance: FloatArray
+    table: ResidualTable,
+    effects: Sequence[FoundEffect],
+    covariance: FloatArray,
+    instead: int | None = None,
 ) -> tuple[FixedPoint, ...]:
     """All that the effects found in a table tell together.
 
     `covariance` (k, k) is that of the k parameters of all effects in their order, internal units.
     Where the errors are a + g (x - c), or that times a covariate, a and g sums over all such
     effects, the fixed point is c - a/g; its u is by the joint covariance (JCGM 100:2008, 5.2.2),
-    its interval that of Fieller (J. R. Stat. Soc. B 16 (1954) 175). Effects that are one of
-    several which the data cannot tell apart give none, nor do any beside one that bends.
+    its interval that of Fieller (J. R. Stat. Soc. B 16 (1954) 175). An effect that is one of
+    several which the data cannot tell apart gives one if it is that (`given`); two of them give
+    none, nor do any beside one that bends. `instead` is the place of an effect that stands for
+    one found: what has no part of it is not told again.
     """
     found = []
     for axis in table.axes if table.component is None else ():
@@ -59,14 +64,15 @@ def fixed_points(
                 dict.fromkeys(x.effect for x in levers if x.shift and x.effect not in growth)
             )
             straight = all(np.isfinite(x.shift) for x in levers)
-            if growth and drift and straight and all(_alone(effects[e]) for e in chosen):
+            unsure = [e for e in chosen if len(effects[e].candidates) > 1]
+            given = next(((e, effects[e].name) for e in unsure), None)
+            if instead is not None and instead not in unsure:
+                continue
+            if growth and drift and straight and len(unsure) < 2:
                 ratio = _ratio(effects, covariance, levers)
-                found.append(_point(table, axis, next(iter(own), None), growth, drift, ratio))
+                point = _point(table, axis, next(iter(own), None), growth, drift, ratio)
+                found.append(replace(point, given=given))
     return tuple(found)
-
-
-def _alone(effect: FoundEffect) -> bool:
-    return set(effect.class_names) <= {effect.name} and not effect.aliases
 
 
 def _beside(effect: FoundEffect, axis: str) -> Over | None:

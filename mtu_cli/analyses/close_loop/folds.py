@@ -12,10 +12,8 @@ from mtu_cli.model.effect_library import Candidate, Member
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
-SHOWN = 0.2
+SHOWN = 0.02
 """Share of a column's variance that a fold must keep: what it hardly shows it cannot foretell."""
-LEVERAGE = 0.45
-"""Share of a column's squares that one part may have in a fold: of a step three parts at least."""
 Identity = tuple[object, ...]
 
 
@@ -101,16 +99,11 @@ Cut = Callable[[FloatArray], FloatArray]
 
 
 def _shown(columns: Sequence[Mapping[int, FloatArray]], cut: Cut) -> bool:
-    """Whether what is kept shows enough of every column to say something of the rest: of its
-    variance, and on more than two parts.
-    """
+    """Whether what is kept shows enough of every column's variance to say something of the rest."""
     for column in columns:
         for values in column.values():
             kept = cut(values)
             if float(np.var(kept)) < SHOWN * float(np.var(values)):
-                return False
-            squares = (kept - kept.mean()) ** 2
-            if kept.shape[1] == 1 and squares.max() > LEVERAGE * squares.sum():
                 return False
     return True
 

@@ -3,48 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.added import added, contribution
 from mtu_cli.analyses.close_loop.folds import Identity, identity
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.search import Search, posterior_of, same_place
+from mtu_cli.analyses.close_loop.scan import Evidence, Scan
+from mtu_cli.analyses.close_loop.search import Search, posterior_of
 from mtu_cli.analyses.close_loop.state import State, Step
 from mtu_cli.model.effect_library import Member
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.loop_null import entry_variance
+from mtu_cli.stats.size_prior import sized
 
-LEAST = 0.02
+LEAST = 0.01
 """Posterior below which an explanation is left out of the mean."""
+Whole = Mapping[Identity, Member]
 
 
-def foretold(
-    prepared: Prepared, found: Search, table: ResidualTable, whole: Mapping[Identity, Member]
-) -> FloatArray:
+def foretold(prepared: Prepared, found: Search, table: ResidualTable, whole: Whole) -> FloatArray:
     """Errors (P, H, A) of a whole `table`, of which the search saw some parts or columns.
 
-    An effect that was found is one of several explanations. With m(S) the errors of effects S
-    that are estimated together, S those found, and p_ic the posterior of explanation c in
-    place i beside all others,
+    An effect that was found is one of several explanations, each of them one candidate with one
+    value of what it searches. With m(S) the errors of effects S that are estimated together, S
+    those found, S_i these without that in place i, p_ic the posterior of explanation c in place
+    i beside all others, and h_ic the share of its estimate that is believed,
 
-        m(S) + sum_i sum_c p_ic (m(S with c in place i) - m(S)):
+        m(S) + sum_i (m(S_i) - m(S) + sum_c p_ic h_ic (m(S_i with c) - m(S_i))):
 
-    model averaging (Hoeting et al., Statistical Science 14 (1999) 382), place by place.
-    Explanations are all candidates and, where an effect lies in the parts, drifts without a name,
-    which foretell nothing of other parts, each as likely as the other before, and that there is
-    nothing, as likely before as all candidates together. A field without a name stays as it is
-    from part to part: the likeliest named curve foretells what it has in common with it, as the
-    machine that is written does. Where nothing passed the gate there is one place still: what is
-    left out makes a search the weaker, and where little speaks for an effect little is foretold
-    of it. There are no more places than effects that passed: a machine would not get them.
-    `whole` holds the members on all cells.
+    model averaging (Hoeting et al., Statistical Science 14 (1999) 382), place by place. The
+    candidates are equally likely before, and so are the values that one of them may take; the
+    size of each on all cells is of the order of the scatter of one entry, with long tails
+    (`size_prior`). That there is nothing is one explanation more where an effect passed the
+    gate. Where none did there is one place still, for what is left out makes a search the
+    weaker: nothing is then as likely before as all candidates together. There are no more
+    places than effects that passed: a machine would not get them. Drifts and fields without a
+    name are no explanations here: a machine gets a named equation, and what is foretold is what
+    that does. `whole` holds the members on all cells.
     """
     steps = tuple(step for step in found.steps if step.index < prepared.scan.tested)
 
     def said(*own: Step) -> FloatArray:
-        effects = added(prepared, replace(found, steps=own))
+        effects = added(prepared, replace(found, steps=own), rough=True)
         members = tuple(whole[_identity(prepared, m)] for m in effects.members)
         return contribution(effects, table, members)
 
@@ -52,44 +55,81 @@ def foretold(
     total = chosen.copy()
     for place in range(max(len(steps), 1)):
         before, after = steps[:place], steps[place + 1 :]
-        own_place = steps[place] if steps else None
-        for step, posterior in _explanations(prepared, (*before, *after), own_place):
-            own = (*before, *after) if step is None else (*before, step, *after)
-            total += posterior * (said(*own) - chosen)
+        without = said(*before, *after)
+        total += without - chosen
+        own = steps[place] if steps else None
+        for explained in _explanations(prepared, (*before, *after), own, whole):
+            total += explained.weight * (said(*before, explained.step, *after) - without)
     return total
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Explained:
+    """An explanation as the `step` that it would be; `weight`: posterior times share believed."""
+
+    step: Step
+    weight: float
+
+
 def _explanations(
-    prepared: Prepared, others: Sequence[Step], place: Step | None
-) -> Iterator[tuple[Step | None, float]]:
-    """Each explanation beside other effects as the step that it would be, None for all those
-    that foretell nothing, with its posterior; in the place of an effect that passed, if one did.
-    """
+    prepared: Prepared, others: Sequence[Step], place: Step | None, whole: Whole
+) -> Iterator[_Explained]:
+    """Those beside other effects; in the `place` of an effect that passed, if one did."""
     scan, state = prepared.scan, State(prepared, None)
     for step in others:
         state.take_out(step)
     looked = state.look()
-    scores = looked.log_bayes[: scan.tested].copy()
-    scores[[i for i in state.done if i < scan.tested]] = -np.inf
-    nothing = np.log(max(scan.tested, 1))
-    drifts = looked.unnamed[: scan.frame.strata.shape[2]]
+    M, F = len(prepared.members), len(scan.columns)
+    columns = np.array([len(member.columns) for member in prepared.members], float)
+    tau = np.array([_scale(whole[_identity(prepared, m)], scan) for m in range(M)])
+    members = sized(looked.members, columns, tau)
+    family = np.repeat(np.arange(F), [len(own) for own in scan.columns])
+    tested = np.isfinite(members.log_bayes)
+    count = np.maximum(np.bincount(family[tested], minlength=F), 1)
+    offsets = _offsets(looked, scan, state, place)
+    nothing = 0.0 if place is not None else np.log(max(scan.tested, 1))
+    scores = np.concatenate([members.log_bayes - np.log(count)[family], offsets, [nothing]])
+    posterior = posterior_of(scores)
+    for m in np.flatnonzero(posterior[:M] >= LEAST).tolist():
+        step = _step(int(family[m]), m, posterior[m])
+        yield _Explained(step=step, weight=float(posterior[m] * members.believed[m]))
+    for i in np.flatnonzero(posterior[M:-1] >= LEAST).tolist():
+        step = _step(F + i, -1, posterior[M + i])
+        yield _Explained(step=step, weight=float(posterior[M + i]))
+
+
+def _offsets(looked: Evidence, scan: Scan, state: State, place: Step | None) -> FloatArray:
+    """log Bayes factors of mean errors. They are none of an effect that was found beside a free
+    mean: either may act without the other.
+    """
+    found = looked.log_bayes[len(scan.columns) : scan.tested].copy()
     if place is not None and place.member >= 0:
-        drifts = np.where(same_place(scan, place)[: len(drifts)], drifts, -np.inf)
-    posterior = posterior_of(np.concatenate([scores, [nothing], drifts]))
-    yield None, float(posterior[scan.tested :].sum())
-    for i in np.flatnonzero(posterior[: scan.tested] >= LEAST).tolist():
-        member = int(looked.best[i]) if i < len(scan.columns) else -1
-        yield (
-            Step(
-                index=i,
-                member=member,
-                p=1.0,
-                log_bayes=float(scores[i]),
-                posterior=float(posterior[i]),
-                credible=(i,),
-            ),
-            float(posterior[i]),
-        )
+        found[:] = -np.inf
+    found[[i - len(scan.columns) for i in state.done if i < scan.tested]] = -np.inf
+    return found
+
+
+def _scale(member: Member, scan: Scan) -> float:
+    """The coefficient at which a member is as large on all cells as the scatter of one entry."""
+    variance = entry_variance(scan.null, scan.frame.strata)
+    own = np.where(scan.null.interaction > 0, scan.null.interaction, variance)
+    squares = [
+        float(np.var(values)) / max(float(own[axis]), 1e-300)
+        for column in member.columns
+        for axis, values in column.items()
+    ]
+    return float(1 / np.sqrt(max(float(np.mean(squares)), 1e-300)))
+
+
+def _step(index: int, member: int, posterior: float) -> Step:
+    return Step(
+        index=index,
+        member=member,
+        p=1.0,
+        log_bayes=0.0,
+        posterior=float(posterior),
+        credible=(index,),
+    )
 
 
 def _identity(prepared: Prepared, member: int) -> Identity:

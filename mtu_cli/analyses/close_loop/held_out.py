@@ -29,7 +29,7 @@ from mtu_cli.model.effect_library import Candidate, Member
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.loop_null import NullModel
+from mtu_cli.stats.loop_null import entry_variance
 from mtu_cli.stats.strata import Strata
 
 FOLDS = 7
@@ -164,18 +164,6 @@ def of_fold(table: ResidualTable, fold: Fold, *, alpha: float, most: int) -> OfF
 def _cell_variance(effects: Added, strata: Strata) -> FloatArray:
     """Variance (A,) of one entry by the null of what the effects leave."""
     return entry_variance(effects.prepared.scan.null, strata)
-
-
-def entry_variance(null: NullModel, strata: Strata) -> FloatArray:
-    """Variance (A,) of one entry: interaction, column, and the mean share of part and model."""
-    P, H, A = strata.shape
-    k = strata.lines
-    # The coefficients' factor is that of the sum over the parts: one part has 1/P of its square.
-    both = np.diag(null.part) + (null.common**2).sum(axis=1) / P
-    smooth = both.reshape(A, 1 + k).sum(axis=1)
-    turned = null.reversal * len(strata.odd) / H
-    found: FloatArray = null.interaction + null.column + turned + smooth / H
-    return found
 
 
 def scores(errors: FloatArray, axes: Sequence[str], variance: FloatArray | None = None) -> Scores:

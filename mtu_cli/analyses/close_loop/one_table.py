@@ -9,32 +9,36 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.added import added, contribution
 from mtu_cli.analyses.close_loop.classes import experiments
-from mtu_cli.analyses.close_loop.describe import Described, found_effects, indices_of
+from mtu_cli.analyses.close_loop.describe import Described, found_effects, joint_covariance
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.fitted import refitted
 from mtu_cli.analyses.close_loop.fixed_point import fixed_points
 from mtu_cli.analyses.close_loop.held_out import (
     HeldOut,
-    entry_variance,
     folds_of,
     held_out,
     scores,
 )
+from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.result import (
+    FixedPoint,
     FoundEffect,
     Judged,
     Scores,
     TableResult,
     Verdict,
 )
+from mtu_cli.analyses.close_loop.rivals import Instead, all_instead, with_rivals
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.searched import Searched, searched
+from mtu_cli.analyses.close_loop.shown import pitch_is_open
 from mtu_cli.model.effect_library import Candidate, EffectLibrary
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.loop_null import entry_variance
 
 SAMPLES = 1999
 LARGE = 20_000
@@ -65,11 +69,13 @@ def loop_on(
     out = held_out(given, folds, alpha=alpha, most=most)
     told = _told(first, out, seed)
     scored, found, fired = _scored(told, out), first.found, first.found.fired(alpha)
-    described = _described(told, library)
-    covariance = _joint_covariance(told)
+    found_alone = _described(told, library)
+    others = all_instead(told, found_alone, library, seed)
+    described = with_rivals(found_alone, others)
+    covariance = joint_covariance(told)
     result = TableResult(
         table=first.prepared.table,
-        verdict=_verdict(found, described, fired),
+        verdict=verdict_of(found, described, fired),
         effects=described,
         candidates=_judged(first, candidates, alpha),
         checks=found.checks,
@@ -85,9 +91,21 @@ def loop_on(
         folds=len(told.chosen),
         floor=_floor(told.effects.prepared),
         unexplained_rms=_unexplained(found, scored, alpha),
-        fixed_points=fixed_points(first.prepared.table, described, covariance),
+        fixed_points=_fixed_points(first.prepared.table, described, covariance, others),
     )
     return LoopResult(result=result, covariance=covariance)
+
+
+def _fixed_points(
+    table: ResidualTable,
+    effects: Sequence[FoundEffect],
+    covariance: FloatArray,
+    others: Sequence[Instead],
+) -> tuple[FixedPoint, ...]:
+    """Those of the effects as found, then those that a rival in the place of one would give."""
+    found = [fixed_points(table, effects, covariance)]
+    found += [fixed_points(table, x.effects, x.covariance, instead=x.place) for x in others]
+    return tuple(point for points in found for point in points)
 
 
 def _told(first: Searched, out: HeldOut | None, seed: int) -> Described:
@@ -101,7 +119,8 @@ def _told(first: Searched, out: HeldOut | None, seed: int) -> Described:
 
 def _described(told: Described, library: EffectLibrary) -> tuple[FoundEffect, ...]:
     planned = experiments(told.effects, told.found, library=library)
-    return found_effects(told, [choice.experiment for choice in planned])
+    alone = found_effects(told, [choice.experiment for choice in planned])
+    return with_other_pitches(told, alone, library)
 
 
 def _searched(
@@ -158,12 +177,12 @@ def _unexplained(found: Search, scored: _Scored, alpha: float) -> float | None:
     return scored.in_sample_after.rms if left else None
 
 
-def _verdict(found: Search, effects: Sequence[FoundEffect], fired: Sequence[str]) -> Verdict:
+def verdict_of(found: Search, effects: Sequence[FoundEffect], fired: Sequence[str]) -> Verdict:
     if fired or found.without_name:
         return "unexplained"
     if not effects:
         return "none"
-    lone = all(len(effect.class_names) == 1 and not effect.aliases for effect in effects)
+    lone = all(len(e.candidates) == 1 and not pitch_is_open(e) for e in effects)
     return "named" if lone else "class"
 
 
@@ -202,16 +221,3 @@ def _floor(prepared: Prepared) -> float | None:
         count = float(np.mean(1 / table.repeats[table.there]))
         return float(np.sqrt(np.mean(table.repeat_variance) * count))
     return None
-
-
-def _joint_covariance(told: Described) -> FloatArray:
-    """Over the parameters of all effects in their order."""
-    rows: list[int] = []
-    place = 0
-    for step in told.found.steps:
-        rows += indices_of(told, step, place)
-        place += step.member >= 0
-    if told.effects.fit is None:
-        return np.zeros((0, 0))
-    found: FloatArray = told.effects.fit.covariance[np.ix_(rows, rows)]
-    return found

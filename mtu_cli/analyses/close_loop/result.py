@@ -38,9 +38,10 @@ class FoundEffect:
     `covariance` (k, k) of the parameters, internal units. `equations` are empty where the
     equation language cannot say it: `chosen` is then the feature, part or operation.
     `searched` holds the value and 95 % interval of what was searched, `alike` other values that
-    are the same on these points. `class_names` are the
+    are the same on these points, or fit them as well. `class_names` are the
     candidates that this data cannot tell apart (95 % credible set), itself first; `aliases`
-    those that are the same on these points whatever the data. `folds` counts the held-out folds
+    those that are the same on these points whatever the data. `rivals` are the others of a
+    small class, each estimated in its place. `folds` counts the held-out folds
     that chose it, or another of its class, of `of_folds`.
     """
 
@@ -68,6 +69,12 @@ class FoundEffect:
     folds: int
     of_folds: int
     alike: tuple[float, ...] = ()
+    rivals: tuple[FoundEffect, ...] = ()
+
+    @property
+    def candidates(self) -> tuple[str, ...]:
+        """All that it may be by the data: its class and its aliases, itself first."""
+        return tuple(dict.fromkeys([self.name, *self.class_names, *self.aliases]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,7 +115,8 @@ class FixedPoint:
 
     `at`, its standard uncertainty `u` and 95 % `interval` (None: unbounded) in mm. It is `told`
     where the interval is no longer than the machine's travel, or than the parts where no travel
-    is known.
+    is known. `given` is an effect (its place, and the name it is taken for) which the data
+    cannot tell from others: if it is that, all of these are one cause.
     """
 
     axis: str
@@ -119,6 +127,7 @@ class FixedPoint:
     u: float
     interval: tuple[float, float] | None
     told: bool
+    given: tuple[int, str] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from mtu_cli.stats.family_gate import Gate, gate_of
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import NullModel, draw
-from mtu_cli.stats.profile_ratio import Ratios, ratios, unit_information
+from mtu_cli.stats.profile_ratio import MemberRatios, Ratios, ratios, unit_information
 from mtu_cli.stats.remainder import (
     DRAWN,
     Remainder,
@@ -72,7 +72,8 @@ class Scan:
 class Evidence:
     """Of one table: `statistics` (F + C,) of drawn candidates and checks, `closed` (S + 2,)
     -log p of scatters and variance checks, `log_bayes` (F + S,), `best` (F,) members, `unnamed`
-    (2 A,) log Bayes factors of drifts and of fields without a name.
+    (2 A,) log Bayes factors of drifts and of fields without a name, `members` of all mean
+    candidates end to end, (1, M).
     """
 
     statistics: FloatArray
@@ -80,6 +81,7 @@ class Evidence:
     log_bayes: FloatArray
     best: np.ndarray
     unnamed: FloatArray
+    members: MemberRatios
 
 
 def drawn_statistics(
@@ -173,6 +175,7 @@ def evidence(
         log_bayes=np.concatenate([found.log_bayes[0], offset[0], scatter_bayes]),
         best=found.best[0],
         unnamed=np.concatenate(scan.remainder.unnamed(left)),
+        members=found.members,
     )
 
 

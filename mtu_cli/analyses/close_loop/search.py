@@ -131,8 +131,12 @@ def _without_found(steps: list[Step]) -> list[Step]:
 def _ranked(scan: Scan, step: Step, scores: FloatArray, unnamed: FloatArray) -> Step:
     """The step with the posterior and the credible set that these scores give.
 
-    A drift or field without a name is a rival of effects that lie where it would.
+    A drift or field without a name is a rival of effects that lie where it would. A mean error
+    is none of an effect that was found beside a free mean: either may act without the other.
     """
+    if step.member >= 0:
+        scores = scores.copy()
+        scores[len(scan.columns) : scan.tested] = -np.inf
     rivals = np.where(same_place(scan, step), unnamed, -np.inf)
     posterior = posterior_of(np.concatenate([scores, rivals]))
     order = np.argsort(-posterior, kind="stable")

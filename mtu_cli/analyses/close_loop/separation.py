@@ -93,12 +93,12 @@ class Sight:
 
     def left(self, effects: Mapping[int, Seen], columns: Sequence[Seen] = ()) -> dict[int, float]:
         """The squares that `columns`, fitted beside the nuisances, leave of each effect."""
-        Z = self._stacked([*self.nuisance, *columns, *effects.values()])
+        Z = self.stacked([*self.nuisance, *columns, *effects.values()])
         rows = triangle(Z)
         X, Y = np.split(rows, [Z.shape[1] - len(effects)], axis=1)
         return {i: least_squares(X, y).rss for i, y in zip(effects, Y.T, strict=True)}
 
-    def _stacked(self, columns: Sequence[Seen]) -> FloatArray:
+    def stacked(self, columns: Sequence[Seen]) -> FloatArray:
         """The columns side by side, over the strata that any of them lies in."""
         strata = self.frame.strata.all
         blocks = []

@@ -33,6 +33,13 @@ def amplitude(effect: FoundEffect) -> tuple[float, float]:
     return length, math.sqrt(max(float(g @ effect.covariance @ g), 0.0))
 
 
+def pitch_is_open(effect: FoundEffect) -> bool:
+    """Whether what was searched along an axis is one of several values that fit as well: they
+    foretell different errors at other places.
+    """
+    return bool(effect.alike) and effect.covariate is None
+
+
 def should_be_told(effect: FoundEffect) -> bool:
     """Whether the data would have told the effects of a class apart, if one of them were alone.
 

@@ -164,8 +164,7 @@ HEATED: dict[str, Any] = {
         (drifts(),),
         (grows(), drifts(**OTHER)),
         (grows(), effect("thermal-drift-y", equations={"Ey": f"lost_motion*{T}"})),
-        (grows(), drifts(class_names=("thermal-drift-x", "warm-up-x"))),
-        (grows(), drifts(aliases=("covariate-x",))),
+        (grows(class_names=("thermal-growth-x", "scale-x")), drifts(aliases=("covariate-x",))),
         (grows(**BENT), drifts()),
         (grows(**HEATED), drifts()),
         (SCALE, CURVATURE),
@@ -177,13 +176,27 @@ HEATED: dict[str, Any] = {
     ],
     ids=[
         *("none", "growth", "drift", "other-sensor", "other-axis"),
-        *("class", "alias", "bent", "squared", "level", "curved"),
+        *("two-classes", "bent", "squared", "level", "curved"),
         *("no-value", "no-value-of-covariate", "no-equation", "along-another-axis"),
     ],
 )
 def test_what_is_no_growth_from_a_fixed_point(effects: tuple[FoundEffect, ...]) -> None:
     whole = found(*effects) if effects else result(on_table("none"))
     assert told(whole) == ()
+
+
+@pytest.mark.parametrize(
+    "changed", [{"class_names": ("thermal-drift-x", "warm-up-x")}, {"aliases": ("covariate-x",)}]
+)
+def test_one_of_several_effects_gives_a_point_if_it_is_that(changed: dict[str, Any]) -> None:
+    (sure,) = told(found(grows(), drifts(), correlation=0.4))
+    whole = found(grows(), drifts(**changed), correlation=0.4)
+    (point,) = told(whole)
+    assert point == replace(sure, given=(1, "thermal-drift-x"))
+    # In the place of another effect: what it has no part in was told before.
+    (item,) = whole.tables
+    others = [fixed_points(item.table, item.effects, whole.covariance, instead=e) for e in range(2)]
+    assert others == [(), (point,)]
 
 
 def test_a_component_by_itself_has_none() -> None:

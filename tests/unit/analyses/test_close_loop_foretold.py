@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from crossed_tables import Floats
@@ -16,6 +18,7 @@ from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search, search
 from mtu_cli.analyses.close_loop.state import State
 from mtu_cli.model.effect_candidate import Column
+from mtu_cli.stats.size_prior import sized
 
 SHAPE = (12, 10, 2)
 KEPT = np.arange(12) % 4 != 3
@@ -58,22 +61,65 @@ def test_little_evidence_foretells_little_by_bayes_rule_over_the_candidates() ->
     errors = noise(5) + 0.2 * whole_column(CELLS, SHAPE)
     prepared, found, _ = seen(errors)
     assert not found.steps
-    looked = State(prepared, None).look()
-    # Two drifts, of which nothing is foretold of other parts; a field is foretold by a name.
-    weights = np.exp([*looked.log_bayes, np.log(3.0), *looked.unnamed[:2]])
+    variance = prepared.scan.null.interaction
+    columns = (CELLS, LIKE, OTHER)
+    tau = np.array([np.sqrt(variance[a]) / c[a].std() for c in columns for a in c])
+    members = sized(State(prepared, None).look().members, np.ones(3), tau)
+    # Nothing is as likely before as all three together.
+    weights = np.exp([*members.log_bayes, np.log(3.0)])
     posterior = weights[:3] / weights.sum()
     # Each alone by least squares of a table without part and column means, apart from weights
     # of the strata: interaction holds nearly all of a column.
     wanted = np.zeros(SHAPE)
-    for p, column in zip(posterior, (CELLS, LIKE, OTHER), strict=True):
+    for p, share, column in zip(posterior, members.believed, columns, strict=True):
         (axis,) = column
         X, y = column[axis][KEPT], errors[KEPT][..., axis]
         X, y = (v - v.mean(0) - v.mean(1, keepdims=True) + v.mean() for v in (X, y))
-        wanted[..., axis] += p * (X * y).sum() / (X * X).sum() * column[axis]
+        wanted[..., axis] += p * share * (X * y).sum() / (X * X).sum() * column[axis]
     assert 0.02 < posterior.sum() < 0.98
     size = float(np.sqrt(np.mean(wanted**2)))
     # The strata of parts and columns hold a fifth of a column's entries, with more scatter.
     assert np.sqrt(np.mean((told(errors) - wanted) ** 2)) < 0.5 * size
+
+
+def test_the_values_that_an_effect_may_search_are_averaged() -> None:
+    """Steps at parts 4 to 8: the data leave two of them open, and each is told by its share."""
+    number = np.arange(12)
+    columns: list[Column] = [{0: np.asarray(number >= at, float)[:, None]} for at in range(4, 9)]
+    library = (candidate("step", *((column,) for column in columns)),)
+    kept = number != 11
+    errors = noise(11)
+    # Part 6 stands about half way: a step before it or behind it.
+    errors[:, :, 0] -= errors[:, :, 0].mean(axis=1, keepdims=True)
+    errors[..., 0] += 0.4 * RNG.normal(size=(12, 1))
+    errors[..., 0] += 6.0 * (number > 6)[:, None]
+    errors[6, :, 0] += 3.0 - errors[6, :, 0].mean()
+    own = cut_candidates(library, kept, 0)
+    prepared = prepare(only_parts(residuals(errors), kept), own.candidates)
+    found = search(prepared, calibrated(prepared.scan, 399, 1), alpha=0.05, most=3)
+    found = replace(found, steps=found.steps[:1])
+    said = foretold(prepared, found, residuals(errors), own.whole)[:, 0, 0]
+    low, at, high = said[0], said[6], said[11]
+    assert 0.1 < (at - low) / (high - low) < 0.9
+    assert high - low == pytest.approx(6.0, abs=1.5)
+
+
+def test_what_would_be_huge_where_it_is_not_seen_is_believed_less() -> None:
+    """Two curves that are the same, and weak, on the parts kept; one is huge on the others."""
+    number = np.arange(12)
+    kept = number >= 3
+    errors = noise(12)
+    errors[..., 0] += np.where(kept, 0.2 * (number - 7), 0.0)[:, None]
+    table = residuals(errors)
+    said = []
+    for first in (0.1, 40.0):
+        rise: Column = {0: np.where(kept, 0.1 * number, first)[:, None]}
+        prepared = prepare(only_parts(table, kept), (candidate("rise", ({0: rise[0][kept]},)),))
+        found = search(prepared, calibrated(prepared.scan, 399, 1), alpha=0.05, most=3)
+        (whole,) = candidate("rise", (rise,)).members
+        own = foretold(prepared, found, table, {identity("rise", whole): whole})
+        said.append(float(np.ptp(own[kept, :, 0])))
+    assert said[0] > 3 * said[1] > 0
 
 
 def test_a_field_without_a_name_is_foretold_by_the_curve_that_comes_nearest() -> None:

@@ -14,13 +14,13 @@ from mtu_cli.analyses.close_loop.folds import cut_candidates, only_columns, only
 from mtu_cli.analyses.close_loop.held_out import (
     Fold,
     HeldOut,
-    entry_variance,
     folds_of,
     held_out,
     scores,
 )
 from mtu_cli.model.effect_candidate import Candidate, Column
 from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.loop_null import entry_variance
 
 SHAPE = (8, 12, 2)
 RNG = np.random.default_rng(1)
@@ -207,8 +207,8 @@ def test_cut_tables_and_candidates_keep_their_cells() -> None:
     place, cells, step = cut_candidates(LIBRARY, parts, 0).candidates
     np.testing.assert_array_equal(cells.members[0].columns[0][1], CELLS[1][parts])
     np.testing.assert_array_equal(place.members[0].columns[0][0], PLACE[0])
-    # Of a step at the last two parts one is left: too little to say it of other parts.
-    assert step.members == ()
+    # Of a step at the last two parts one is left: how little that says, its uncertainty tells.
+    np.testing.assert_array_equal(step.members[0].columns[0][0], STEP[0][parts])
     place, cells, step = cut_candidates(LIBRARY, columns, 1).candidates
     np.testing.assert_array_equal(place.members[0].columns[0][0], PLACE[0][:, columns])
     np.testing.assert_array_equal(step.members[0].columns[0][0], STEP[0])

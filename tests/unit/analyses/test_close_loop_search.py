@@ -129,6 +129,20 @@ def test_a_mean_error_is_an_offset_and_a_step_has_its_own() -> None:
     assert names(searched(errors)) == ["step"]
 
 
+def test_a_mean_error_is_no_rival_of_a_shape_that_acts_beside_it() -> None:
+    """Either shows without the other: both are found, none of them in the class of the other."""
+    scan = ready()[0].scan
+    offsets = set(range(len(scan.columns), scan.tested))
+    seen = 0
+    for seed in range(60, 66):
+        found = searched(with_effects(seed, shape=2.5) + np.array([2.5, 0.0]))
+        for step in found.steps:
+            if step.member >= 0:
+                assert not offsets & set(step.credible)
+        seen += len(found.steps) > 1
+    assert seen > 0
+
+
 def test_parts_that_wander_get_no_lone_name() -> None:
     rng, count = np.random.default_rng(52), 20
     named = 0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtu_cli.files.effects_contract import Search
-from mtu_cli.model.effect_grid import grid_of
+from mtu_cli.model.effect_grid import grid_of, shortest_of
 
 VALUES = np.array([4.0, 1.0, 2.0, 4.0, 10.0])
 
@@ -64,3 +64,13 @@ def test_large_columns_have_fewer_values() -> None:
     assert len(grid_of(search(), VALUES, 1)) == 40
     assert len(grid_of(search(count=90), VALUES, 40_000)) == 50
     assert len(grid_of(search(count=90), VALUES, 10_000_000)) == 24
+
+
+@pytest.mark.parametrize(
+    ("bounds", "shortest"),
+    [(["2", "spacing/2"], 0.75), (["0.5", "spacing/2"], 0.5), (["3"], 3.0), (["-1", "0"], np.nan)],
+)
+def test_the_shortest_value_that_any_bound_speaks_of(bounds: list[str], shortest: float) -> None:
+    """The spacing of 1, 2, 4 is their median step, 1.5."""
+    found = shortest_of(search(grid="frequency", **{"from": bounds}), VALUES[VALUES < 10.0])
+    assert found == pytest.approx(shortest, nan_ok=True)

@@ -637,8 +637,29 @@ def test_excluded_by_candidate_and_by_family(library: EffectLibrary) -> None:
     everything = {candidate.name for candidate in candidates(PLANE, library)}
     left = {c.name for c in candidates(PLANE, library, ["backlash-x", "cyclic", "rotation-x"])}
     assert everything - left == {"backlash-x", "cyclic-x", "cyclic-y"}
-    with pytest.raises(InputError, match="did you mean 'backlash-x'"):
-        candidates(PLANE, library, ["baclash-x"])
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("baclash-x", "did you mean 'backlash-x'?"),
+        ("BACKLASH-Z", "did you mean 'backlash-z'?"),
+        ("drift", "did you mean 'thermal-drift'?"),
+        (
+            "Thermal",
+            "did you mean 'thermal-drift', 'thermal-growth' or 'thermal-squareness'?",
+        ),
+        ("", "operation-scatter) or one of its effects, such as backlash-x;"),
+        ("nonsense", "operation-scatter) or one of its effects, such as backlash-x;"),
+    ],
+)
+def test_a_name_that_no_effect_has(library: EffectLibrary, name: str, meant: str) -> None:
+    """Near names, or every family there is."""
+    with pytest.raises(InputError) as caught:
+        candidates(PLANE, library, [name])
+    assert meant in str(caught.value)
+    if "scatter)" in meant:
+        assert all(family in str(caught.value) for family in FAMILIES)
 
 
 OWN = """

@@ -15,6 +15,7 @@ from mtu_cli.analyses.close_loop.result import (
     FoundEffect,
     Verdict,
 )
+from mtu_cli.model.datum import Datum
 from mtu_cli.reports.close_loop import document, table
 from mtu_cli.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
@@ -141,6 +142,139 @@ def test_a_drift_of_two_axes_is_still_told_of_the_other() -> None:
     for of_axis in ("x = -137 ± 22 mm (thermal-growth-x", "y = -152 ± 22 mm (thermal-growth-y"):
         assert f"from a fixed point at {of_axis} and creep)" in both
     assert "the spindle creeps" not in both
+
+
+WARMS = effect(
+    "warm-up-x",
+    parameters=(("rise", "um", 7.5, 0.4),),
+    equations={"Ex": "rise*(1 - exp(-time_min/60))"},
+    covariate="time_min",
+    searched={"tau_min": (60.0, 41.0, 90.0)},
+)
+
+
+def open_drift(first: FoundEffect, other: FoundEffect, verdict: Verdict) -> CloseLoopResult:
+    """A growth, and a drift or a warm-up, whichever was found `first`."""
+    names = (first.name, other.name)
+    own = replace(first, class_names=names, rivals=(replace(other, class_names=names),))
+    whole = grown(GROWS, own, verdict=verdict)
+    drift = grown(GROWS, replace(DRIFTS, class_names=names)).tables[0]
+    return result(replace(whole.tables[0], fixed_points=drift.fixed_points))
+
+
+@pytest.mark.parametrize("drift_first", [True, False])
+def test_a_drift_that_is_one_of_a_class_may_be_one_cause_with_the_growth(
+    drift_first: bool,
+) -> None:
+    pair = (DRIFTS, WARMS) if drift_first else (WARMS, DRIFTS)
+    found = open_drift(*pair, verdict="class")
+    drifts = (
+        "thermal-drift-x: X drifts by 1.84 ± 0.17 um/K of T_spindle_degC; with thermal-growth-x "
+        "that is one cause: X grows from a fixed point at x = -137 ± 22 mm."
+    )
+    warms = "warm-up-x: X shifts by 7.50 ± 0.40 um while warming up, time constant 60 [41, 90] min."
+    both = [f"If {drifts}", f"If {warms}"]
+    text = words(found)
+    assert " ".join(both if drift_first else both[::-1]) in text
+    assert f"{pair[0].name} or {pair[1].name}: this data cannot tell. " in text
+    assert "the fixed point of X is not told" not in text
+    (point,) = document(found)["fixed_points"]
+    assert (point["given"], point["told"]) == ("thermal-drift-x", True)
+    assert point["effects"] == ["thermal-growth-x", "thermal-drift-x"]
+    (rival,) = document(found)["effects"][1]["rivals"]
+    assert rival["name"] == pair[1].name
+    assert set(rival["parameters"]) == ({"rise"} if drift_first else {"drift"})
+    # As a hint the same is said of each.
+    hint = words(open_drift(*pair, verdict="unexplained"))
+    assert "from a fixed point at x = -137 ± 22 mm)" in hint
+    assert "warm-up-x (X shifts by 7.50 ± 0.40 um while warming up" in hint
+
+
+def test_an_axis_that_shrinks_says_so() -> None:
+    cold = effect(
+        "thermal-growth-x",
+        parameters=(("growth", "um/m/K", -8.66, 0.4),),
+        equations={"Ex": "growth*(x - 75)*(T_spindle_degC - 20)"},
+        covariate="T_spindle_degC",
+    )
+    names = ("thermal-drift-x", "warm-up-x")
+    text = words(grown(cold, replace(DRIFTS, class_names=names), verdict="class"))
+    assert "one cause: X shrinks from a fixed point at x = " in text
+
+
+def wave(**changed: object) -> FoundEffect:
+    return effect(
+        "cyclic-x",
+        parameters=(("sine", "um", 3.0, 0.3), ("cosine", "um", 4.0, 0.3)),
+        equations={"Ex": "sine*sin(2*pi*x/43.3) + cosine*cos(2*pi*x/43.3)"},
+        searched={"pitch_mm": (43.3, 2.0, 65.0)},
+        **changed,
+    )
+
+
+def test_a_pitch_that_is_one_of_several_makes_a_class() -> None:
+    own = wave(alike=(65.0, 26.04, 18.57, 2.0))
+    text = words(result(on_table("class", (own,))))
+    assert text.startswith(
+        "X has a periodic error of 5.00 ± 0.30 um amplitude, pitch 43.3 mm; pitch_mm 65.0, 26.0, "
+        "18.6 or one other fits as well (cyclic-x). To tell: measure features at more, and uneven, "
+        "distances along the axis. Held-out"
+    )
+    shown = plain_text(table(result(on_table("class", (own,)))))
+    (row,) = [line.split() for line in shown.splitlines() if line.strip().startswith("pitch_mm")]
+    assert row == ["pitch_mm", "43.3", "[2.00,", "65.0]"]
+    assert "cyclic-x: 5 values of pitch_mm fit alike at these places" in shown
+    # In a class of names too.
+    several = words(result(on_table("class", (replace(own, class_names=("cyclic-x", "abbe-x")),))))
+    assert several.startswith("cyclic-x or abbe-x: this data cannot tell. If cyclic-x: X has a")
+    assert "distances along the axis. Held-out" in several
+    assert "pitch 43 [2, 65] mm (cyclic-x)" in words(result(on_table("named", (wave(),))))
+
+
+def left_of_parts(*effects: FoundEffect, datum: Datum = "none", fired: bool = True) -> str:
+    item = on_table(
+        "unexplained" if fired else "named",
+        effects,
+        checks=(("part-variance", 1e-5),),
+        fired=("part-variance",) if fired else (),
+    )
+    return words(result(replace(item, table=replace(item.table, datum=datum))))
+
+
+TURNED = effect(
+    "rotation-scatter", family="rotation-scatter", axis=None,
+    equations={}, parameters=(), kind="scatter",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("effects", "datum", "fired", "advised"),
+    [
+        ((), "none", True, "an offset of its own: --datum offset takes that out; unseen are then "
+         "offsets of whole parts: drift, trend, step, warm-up. What is left"),
+        ((TURNED,), "none", True, "an offset and a turn of its own: --datum offset,rotation takes"),
+        ((TURNED,), "offset", False, "an offset and a turn of its own: --datum offset,rotation"),
+        ((), "offset", True, None),
+        ((TURNED,), "offset,rotation", False, None),
+        ((effect(),), "none", False, None),
+    ],
+)  # fmt: skip
+def test_parts_that_differ_as_a_whole_may_have_been_set_up_by_hand(
+    effects: tuple[FoundEffect, ...], datum: Datum, fired: bool, advised: str | None
+) -> None:
+    text = left_of_parts(*effects, datum=datum, fired=fired)
+    assert ("set up by hand" in text) == (advised is not None)
+    assert advised is None or advised in text
+
+
+def test_a_candidate_that_says_nothing_is_no_hint() -> None:
+    item = on_table("unexplained", fired=("part-variance",), checks=(("part-variance", 1e-5),))
+    assert "backlash-x comes nearest" in words(result(item))
+    weak = tuple(
+        c if c.log_bayes_factor is None else replace(c, log_bayes_factor=-1.0)
+        for c in item.candidates
+    )
+    assert "No effect comes near it." in words(result(replace(item, candidates=weak)))
 
 
 def test_an_effect_without_an_equation_keeps_its_sentence() -> None:

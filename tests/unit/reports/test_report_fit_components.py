@@ -14,7 +14,7 @@ from mtu_cli.files.components_file import read_components
 from mtu_cli.files.json_file import report_bytes
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.fit import estimates_from_report
-from mtu_cli.reports import fit_components
+from mtu_cli.reports import fit_components, fit_table
 from mtu_cli.reports.document import envelope
 from mtu_cli.reports.observability import NotDetermined, observability
 from mtu_cli.reports.tables import plain_text
@@ -231,6 +231,22 @@ def test_observability_of_stated_components_and_several_instruments(tmp_path: Pa
     assert [x["n"] for x in item["instruments"]] == [48, 48]
     assert 0 <= item["agreement_p"] <= 1
     assert "several-instruments" in {x["code"] for x in report(given)["warnings"]}
+
+
+def test_components_of_a_group_stay_together_in_a_list_of_groups(
+    paper: Example, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    groups = ("dx_x, dy_x", "ex_y, ey_y")
+    apart = [
+        NotDetermined(component=group, not_determined="it", because="so", reading_that_would="that")
+        for group in groups
+    ]
+    for module in (fit_components, fit_table):
+        monkeypatch.setattr(module, "observability", lambda *_: apart)
+    text = plain_text(fit_components.table("machine", paper.fit, paper.estimates))
+    assert "not determined of dx_x + dy_x, ex_y + ey_y: it (so); what would: that" in text
+    (warning,) = fit_components.warnings(paper.fit, paper.estimates)
+    assert "it of dx_x + dy_x, ex_y + ey_y (" in warning.message
 
 
 @pytest.mark.parametrize("case", [*CASES, "long"])

@@ -98,7 +98,8 @@ def test_members_that_were_found_cannot_be_found_again() -> None:
     pack = packed(STRATA, sizes(STRATA), tilted(), [members], [(simple,), (broad,)])
     np.testing.assert_array_equal(usable(pack), [False, False, True, False, False, True])
     y = pack.without_found(np.random.default_rng(RNG_SEED).normal(size=(2, STRATA.size)))
-    LR, log_bayes = member_ratios(pack, y)
+    found = member_ratios(pack, y)
+    LR, log_bayes = found.ratio, found.log_bayes
     assert (LR[:, ~usable(pack)] == -1).all()
     assert (log_bayes[:, ~usable(pack)] < -1e5).all()
     assert (LR[:, usable(pack)] > 0).all()
@@ -116,7 +117,7 @@ def test_a_stratum_that_is_used_up_tells_nothing_more() -> None:
     pack = packed(STRATA, sizes(STRATA), plain(), members, found)
     y = pack.without_found(np.random.default_rng(RNG_SEED).normal(size=(1, STRATA.size)))
     np.testing.assert_array_equal(y[:, STRATA.all[part].slice], 0)
-    LR, _ = member_ratios(pack, y)
+    LR = member_ratios(pack, y).ratio
     assert LR[0, 0] == LR[0, 1] > 0
     np.testing.assert_array_equal(pack.usable, [True, True, False])
 

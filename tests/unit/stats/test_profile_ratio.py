@@ -73,7 +73,7 @@ def slow(member: MemberColumns, y: Floats) -> float:
 def test_of_one_stratum_it_is_n_log_of_the_sums_of_squares(name: str) -> None:
     y = data(21, 5)
     X = raw(ONE[name])
-    found = member_ratios(packed(STRATA, DOF, PLAIN, [[ONE[name]]]), y)[0][:, 0]
+    found = member_ratios(packed(STRATA, DOF, PLAIN, [[ONE[name]]]), y).ratio[:, 0]
     for own, value in zip(y, found, strict=True):
         expected = 0.0
         for stratum, n in zip(STRATA.all, DOF, strict=True):
@@ -90,7 +90,7 @@ def test_of_many_strata_it_is_the_largest_profile_likelihood(name: str, strength
     # reach what an effect of 0.2 standard errors would make: 0.04.
     X = raw(MANY[name])
     y = data(22, 3) + strength * X.sum(axis=1)
-    found = member_ratios(packed(STRATA, DOF, PLAIN, [[MANY[name]]]), y)[0][:, 0]
+    found = member_ratios(packed(STRATA, DOF, PLAIN, [[MANY[name]]]), y).ratio[:, 0]
     for own, value in zip(y, found, strict=True):
         best = slow(MANY[name], own)
         assert value <= best + 1e-6 * max(1.0, best)
@@ -102,9 +102,9 @@ def test_ratios_beside_what_was_found_are_those_of_the_residuals() -> None:
     pack = packed(STRATA, DOF, PLAIN, [[MANY["cells"]], [ONE["curve"]]], found)
     y = data(23)
     left = pack.without_found(y)
-    LR = member_ratios(pack, left)[0][0]
+    LR = member_ratios(pack, left).ratio[0]
     spoilt = y + 50.0 * raw(ONE["trend"])[:, 0] - 20.0 * raw(MANY["squareness"])[:, 0]
-    again = member_ratios(pack, pack.without_found(spoilt))[0][0]
+    again = member_ratios(pack, pack.without_found(spoilt)).ratio[0]
     np.testing.assert_allclose(again, LR, rtol=1e-9)
     # The same by lstsq for the curve: nuisance first, then both, on the column stratum of y.
     (index,) = {i for column in ONE["curve"] for i in column}
@@ -118,7 +118,7 @@ def test_ratios_beside_what_was_found_are_those_of_the_residuals() -> None:
 def test_under_the_null_one_column_has_the_f_distribution() -> None:
     # F = (n - 1) (exp(LR / n) - 1) of one column among n coordinates is F(1, n - 1).
     y = data(24, 4000)
-    LR = member_ratios(packed(STRATA, DOF, PLAIN, [[ONE["trend"]]]), y)[0][:, 0]
+    LR = member_ratios(packed(STRATA, DOF, PLAIN, [[ONE["trend"]]]), y).ratio[:, 0]
     n = 7
     p = f.sf((n - 1) * np.expm1(LR / n), 1, n - 1)
     assert ks_1samp(p, lambda v: v).pvalue > 1e-3
@@ -142,7 +142,8 @@ def test_a_candidate_has_its_best_member_and_the_mean_of_their_bayes_factors() -
     candidates = [[ONE["trend"]], [MANY["cells"], ONE["curve"], MANY["wave"]], [MANY["growth"]]]
     pack = packed(STRATA, DOF, PLAIN, candidates)
     y = data(25, 6)
-    LR, log_bayes = member_ratios(pack, y)
+    own = member_ratios(pack, y)
+    LR, log_bayes = own.ratio, own.log_bayes
     found = ratios(pack, y, 3)
     np.testing.assert_array_equal(found.best[:, 1], 1 + LR[:, 1:4].argmax(axis=1))
     np.testing.assert_array_equal(found.ratio[:, 1], LR[:, 1:4].max(axis=1))

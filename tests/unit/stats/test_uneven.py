@@ -76,7 +76,8 @@ def test_the_share_is_that_of_the_dense_covariance() -> None:
 def test_columns_of_one_scatter_change_nothing() -> None:
     y = noisy(11, 3, STRATA.size)
     even = uneven(PACK, np.full((H, A), 4.0), np.full((H, A), 0.3))
-    np.testing.assert_allclose(member_ratios(even, y)[0], member_ratios(PACK, y)[0], rtol=1e-9)
+    found = member_ratios(even, y).ratio
+    np.testing.assert_allclose(found, member_ratios(PACK, y).ratio, rtol=1e-9)
 
 
 @pytest.mark.parametrize("at", ["loud", "calm", "part", "cells"])
@@ -96,8 +97,8 @@ def test_of_drawn_tables_the_ratio_is_that_of_one_scatter(at: str) -> None:
     pack = packed(strata, dof, plain, [[(frame.column({0: values[at]}),)]])
     normal = np.random.default_rng(5).normal(size=(4000, P, H, 1))
     drawn = strata.coordinates(normal * np.sqrt(variance))[0]
-    expected = member_ratios(pack, strata.coordinates(normal)[0])[0][:, 0]
-    found = member_ratios(uneven(pack, variance, variance), drawn)[0][:, 0]
+    expected = member_ratios(pack, strata.coordinates(normal)[0]).ratio[:, 0]
+    found = member_ratios(uneven(pack, variance, variance), drawn).ratio[:, 0]
     limit = chi2.isf(0.05, 1)
     # A share f of n coordinates leaves (n - f) / (n - 1) of the mean in the rest, and that
     # rest has fewer effective degrees of freedom: of the order of (f - 1) / n, f <= 2, n >= 57.
@@ -107,7 +108,7 @@ def test_of_drawn_tables_the_ratio_is_that_of_one_scatter(at: str) -> None:
     assert abs(np.mean(found > limit) - p) < 4 * np.sqrt(2 * p / len(normal)) + 2 / 57 * 0.2
     if at in ("loud", "cells"):
         # Judged by the scatter of all it is too often large.
-        plainly = member_ratios(pack, drawn)[0][:, 0]
+        plainly = member_ratios(pack, drawn).ratio[:, 0]
         assert np.mean(plainly > limit) > 2 * p
 
 
@@ -131,7 +132,7 @@ def test_what_the_parts_scatter_is_no_share_of_the_entries(where: str, extra: fl
     column = strata.find("column", 0)
     assert column is not None
     y[:, column.start] += rng.normal(size=4000) * np.sqrt(extra * variance.mean())
-    LR = member_ratios(uneven(pack, variance, variance), pack.without_found(y))[0][:, 0]
+    LR = member_ratios(uneven(pack, variance, variance), pack.without_found(y)).ratio[:, 0]
     # One of 23 coordinates: F(1, 22) by its ratio passes chi^2's 5 % in 6.4 %; two binomial
     # limits of 4000 and the few effective degrees of freedom of operations as unlike as 1:9.
     assert 0.045 < np.mean(chi2.isf(0.05, 1) < LR) < 0.08
@@ -152,4 +153,4 @@ def test_a_strong_effect_on_one_axis_has_a_finite_ratio_on_two() -> None:
     for size in (1.0, 5.0, 50.0, 500.0):
         tables = rng.normal(size=(40, P, H, A)) * np.sqrt(variance)
         tables[..., 0] += size * calm
-        assert np.isfinite(member_ratios(judged, strata.coordinates(tables)[0])[0]).all()
+        assert np.isfinite(member_ratios(judged, strata.coordinates(tables)[0]).ratio).all()

@@ -1,0 +1,198 @@
+"""Other pitches of a periodic error that fit the measured places as well as the one found.
+
+At few places, or at even distances, sines of many pitches are nearly or exactly the same: what
+they say of other places is not. All pitches that the library speaks of are compared, those
+shorter than the places can follow among them: a pitch does not get longer because the features
+stand far apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.analyses.close_loop.describe import SUPPORT, Described
+from mtu_cli.analyses.close_loop.follow_up import as_it_is
+from mtu_cli.analyses.close_loop.result import FIELD, FoundEffect
+from mtu_cli.analyses.close_loop.separation import Seen, Sight, sight_of
+from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.model.effect_candidate import Column, Member
+from mtu_cli.model.effect_library import EffectLibrary
+from mtu_cli.model.effect_search import Waves, waves_of
+from mtu_cli.stats import many_fits
+from mtu_cli.stats.column_groups import whiten
+from mtu_cli.stats.least_squares import FloatArray
+
+MOST_PLACES = 60
+"""Different places along an axis up to which other pitches are sought."""
+PLACE_DIGITS = 3
+PER_SPAN = 32.0
+"""Frequencies a span: the phase is off by a 64th of a period between two of them at most."""
+MOST_FREQUENCIES = 20_000
+SAME = 0.01
+"""Share of a pitch within which two are one."""
+
+
+def with_other_pitches(
+    told: Described, effects: Sequence[FoundEffect], library: EffectLibrary
+) -> tuple[FoundEffect, ...]:
+    """The effects, each `alike` with the other pitches that fit as well, which the interval of
+    what was searched then holds.
+
+    On no more places than an effect takes figures (its parameters, its pitch, a level) some
+    pitch fits whatever there is: its class then holds a field without a name.
+    """
+    found = []
+    place = 0
+    for step, effect in zip(told.found.steps, effects, strict=True):
+        seen = periodic(told, step, library) if step.member >= 0 else None
+        found.append(effect if seen is None else _with(effect, seen, _others(told, seen, place)))
+        place += step.member >= 0
+    return tuple(found)
+
+
+def _with(effect: FoundEffect, seen: Periodic, others: Sequence[float]) -> FoundEffect:
+    known = effect.alike
+    new = [v for v in others if all(abs(v - own) > SAME * own for own in known)]
+    alike = tuple(sorted([*known, *new], reverse=True))
+    ((name, (value, low, high)),) = effect.searched.items()
+    names = effect.class_names
+    if len(seen.along) <= len(seen.member.parameters) + 2:
+        names = tuple(dict.fromkeys([*names, f"{FIELD}-{seen.letter}"]))
+    return replace(
+        effect,
+        alike=alike,
+        class_names=names,
+        searched={name: (value, min(low, *alike, low), max(high, *alike, high))},
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Periodic:
+    """A periodic `member` along different places `along` (D,), the `first` (D,) columns of the
+    table at each, and `which` (H,) of them each column is at; it is an error of `axis`.
+    """
+
+    member: Member
+    waves: Waves
+    axis: int
+    letter: str
+    along: FloatArray
+    first: NDArray[np.intp]
+    which: NDArray[np.intp]
+
+    @property
+    def found(self) -> float:
+        """The pitch found."""
+        (value,) = self.member.searched.values()
+        return value
+
+
+def periodic(told: Described, step: Step, library: EffectLibrary) -> Periodic | None:
+    """None where nothing periodic was found along an axis whose places all parts share."""
+    prepared = told.effects.prepared
+    member = prepared.members[step.member]
+    waves = waves_of(prepared.table, library, prepared.candidates[step.index], member)
+    axes = {axis for column in member.columns for axis in column}
+    if waves is None or waves.along.shape[0] > 1 or len(axes) > 1:
+        return None
+    along, first, which = np.unique(
+        np.round(waves.along[0], PLACE_DIGITS), return_index=True, return_inverse=True
+    )
+    if len(along) > MOST_PLACES:
+        return None
+    (axis,) = axes
+    letter = prepared.table.axes[axis]
+    return Periodic(
+        member=member, waves=waves, axis=axis, letter=letter, along=along, first=first, which=which
+    )
+
+
+def _others(told: Described, seen: Periodic, place: int) -> tuple[float, ...]:
+    """Pitches that fit as well as the one found."""
+    span = float(np.ptp(seen.along))
+    frequencies = _frequencies(seen, span)
+    left = squares_left(told, seen, place, 1.0 / frequencies)
+    if left is None:
+        return ()
+    return _as_good(frequencies, left, 1.0 / seen.found, 1.0 / span)
+
+
+def squares_left(
+    told: Described, seen: Periodic, place: int, pitches: FloatArray
+) -> FloatArray | None:
+    """What each of G pitches leaves (G,) of the data beside all other effects, by generalised
+    least squares: chi^2 up to a constant. None where the data have no scatter to measure by.
+    """
+    beside = [m for i, m in enumerate(told.effects.members) if i != place]
+    D, axis = len(seen.along), seen.axis
+    levels = [{axis: (seen.which == d).astype(float)[None]} for d in range(1, D)]
+    A, z = _compressed(told, beside, levels)
+    if not np.abs(A).max(initial=0.0) > 0:
+        return None
+    columns = seen.waves.columns(pitches)
+    levers = [_at(column, axis, seen.first, len(pitches)) for column in columns]
+    lever = np.stack(levers, axis=-1)
+    return many_fits.squares_left(A @ (lever[:, 1:] - lever[:, :1]), z)
+
+
+def _at(column: Column, axis: int, places: NDArray[np.intp], count: int) -> FloatArray:
+    """The lever (G, D) at one feature of each place."""
+    lever = column[axis][:, 0, :]
+    found: FloatArray = np.broadcast_to(lever, (count, lever.shape[1]))[:, places]
+    return found
+
+
+def _compressed(
+    told: Described, beside: Sequence[int], levels: Sequence[Column]
+) -> tuple[FloatArray, FloatArray]:
+    """A (D - 1, D - 1) and z (D - 1,): |z - A e|^2 is what errors e of all places but the first,
+    less its own, leave of the data, beside all other effects, in standard deviations and up to
+    what no e takes.
+    """
+    prepared = told.effects.prepared
+    sight = sight_of(prepared, as_it_is(prepared.table), tuple(beside))
+    seen = sight.columns(levels)
+    known = {index for column in (*sight.nuisance, *seen) for index in column}
+    y = _weighted(sight, prepared.y, known)
+    stacked = sight.stacked([*sight.nuisance, *seen, y])
+    R = many_fits.beside(stacked, len(sight.nuisance))[: len(levels)]
+    return R[:, :-1], R[:, -1]
+
+
+def _weighted(sight: Sight, y: FloatArray, strata: set[int]) -> Seen:
+    """Coordinates of the errors as those of columns are seen."""
+    found = {}
+    for index in strata:
+        own = y[sight.frame.strata.all[index].slice] * sight.root[index]
+        whiten(sight.frame.strata, sight.whitening, index, own)
+        found[index] = own
+    return found
+
+
+def _frequencies(seen: Periodic, span: float) -> FloatArray:
+    """From half of the places' span to the shortest pitch, the one found among them."""
+    found = 1.0 / seen.found
+    low, high = min(2.0 / span, found), max(1.0 / seen.waves.shortest, found)
+    count = int(min(np.ceil((high - low) * span * PER_SPAN) + 2, MOST_FREQUENCIES))
+    high = min(high, low + (count - 1) / (span * PER_SPAN))
+    frequencies: FloatArray = np.union1d(np.linspace(low, high, count), [found])
+    return frequencies
+
+
+def _as_good(
+    frequencies: FloatArray, left: FloatArray, found: float, apart: float
+) -> tuple[float, ...]:
+    """Pitches that leave no more than the one found, by what bounds a 95 % interval; the best of
+    those nearer to one another than the resolution of the places (`apart`).
+    """
+    near = np.abs(frequencies - found) <= apart / 8
+    good = np.flatnonzero(left <= left[near].min() + SUPPORT)
+    known = [found]
+    for i in good[np.argsort(left[good], kind="stable")]:
+        if all(abs(frequencies[i] - other) >= apart for other in known):
+            known.append(float(frequencies[i]))
+    return tuple(1.0 / f for f in sorted(known[1:]))

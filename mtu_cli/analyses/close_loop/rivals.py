@@ -1,0 +1,84 @@
+"""The other effects of a small class, each estimated in the place of the one that was found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from mtu_cli.analyses.close_loop.added import added
+from mtu_cli.analyses.close_loop.classes import class_of
+from mtu_cli.analyses.close_loop.describe import Described, found_effects, joint_covariance
+from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
+from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.model.effect_library import EffectLibrary
+from mtu_cli.stats.least_squares import FloatArray
+
+MOST = 3
+"""Effects of a class up to which each is estimated: a reader compares no more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instead:
+    """The `effects` of a table with the one at `place` taken for a rival of it, and the joint
+    `covariance` of all their parameters, internal units.
+    """
+
+    place: int
+    effects: tuple[FoundEffect, ...]
+    covariance: FloatArray
+
+    @property
+    def rival(self) -> FoundEffect:
+        """What the effect at `place` was taken for."""
+        return self.effects[self.place]
+
+
+def all_instead(
+    told: Described,
+    effects: Sequence[FoundEffect],
+    library: EffectLibrary,
+    seed: int | None = None,
+) -> tuple[Instead, ...]:
+    """The rivals of each effect whose class has no more than `MOST` members, the likeliest first.
+
+    Those that change the mean: a drift or field without a name has no parameters.
+    """
+    found = []
+    for place, (step, effect) in enumerate(zip(told.found.steps, effects, strict=True)):
+        if step.member >= 0 and 1 < len(effect.candidates) <= MOST:
+            found += [_instead(told, place, r, library, seed) for r in _rivals(told, step)]
+    return tuple(found)
+
+
+def with_rivals(
+    effects: Sequence[FoundEffect], others: Sequence[Instead]
+) -> tuple[FoundEffect, ...]:
+    """The effects, each with its rivals."""
+    return tuple(
+        replace(effect, rivals=tuple(other.rival for other in others if other.place == place))
+        for place, effect in enumerate(effects)
+    )
+
+
+def _rivals(told: Described, step: Step) -> Iterator[Step]:
+    """The step with the best member of each rival, beside all other effects."""
+    taken = {other.index for other in told.found.steps}
+    members = class_of(told.effects.prepared, told.found, step).members
+    for index, member in members.items():
+        if index not in taken:
+            yield replace(step, index=index, member=member)
+
+
+def _instead(
+    told: Described, place: int, rival: Step, library: EffectLibrary, seed: int | None
+) -> Instead:
+    steps = list(told.found.steps)
+    steps[place] = rival
+    found = replace(told.found, steps=tuple(steps))
+    other = replace(told, found=found, effects=added(told.prepared, found, seed))
+    return Instead(
+        place=place,
+        effects=with_other_pitches(other, found_effects(other, [None] * len(steps)), library),
+        covariance=joint_covariance(other),
+    )

@@ -1,0 +1,149 @@
+"""Other pitches that fit the measured places as well: by dense least squares, and what is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from crossed_tables import Floats
+from effect_tables import readings_table
+from effect_tables import table as points_table
+from separation_examples import (
+    LIBRARY,
+    dense_d2,
+    found_as,
+    parts_basis,
+    prepared_of,
+    with_variances,
+)
+
+from mtu_cli.analyses.close_loop.describe import Described, found_effects
+from mtu_cli.analyses.close_loop.one_table import verdict_of
+from mtu_cli.analyses.close_loop.other_pitches import (
+    periodic,
+    squares_left,
+    with_other_pitches,
+)
+from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.analyses.close_loop.shown import pitch_is_open
+from mtu_cli.model.residual_table import ResidualTable
+
+PITCH, NOISE = 10.0, 1e-3
+EVEN = np.linspace(10.0, 140.0, 5)
+UNEVEN = np.array([10.0, 33.0, 61.0, 90.0, 113.0, 140.0])
+MANY = np.array(
+    [10.0, 14.1, 19.7, 27.0, 31.3, 40.9, 52.2, 58.4, 70.3, 81.6, 99.5, 112.4, 127.8, 140.0]
+)
+
+
+def grid(x: Floats, amplitude: float = 5e-3, seed: int = 1) -> ResidualTable:
+    """Six parts, three rows of features at the places `x`, a sine of 10 mm in x."""
+    at = np.stack(
+        [np.repeat(x, 3), np.tile([10.0, 60.0, 140.0], len(x)), np.full(3 * len(x), 127.0)], 1
+    )
+    found = points_table(6, len(at), places=at)
+    errors = NOISE * np.random.default_rng(seed).normal(size=found.errors.shape)
+    errors[:, :, 0] += amplitude * np.sin(2 * np.pi * at[:, 0] / PITCH + 0.4)
+    return replace(found, errors=errors)
+
+
+def told(table: ResidualTable, name: str = "cyclic-x") -> Described:
+    prepared = prepared_of(table)
+    effects, found = found_as(prepared, [name])
+    return Described(prepared=prepared, found=found, effects=effects, chosen=())
+
+
+def described(own: Described) -> FoundEffect:
+    (effect,) = with_other_pitches(own, found_effects(own, [None]), LIBRARY)
+    return effect
+
+
+def test_what_a_pitch_leaves_is_that_of_dense_least_squares() -> None:
+    own = told(grid(UNEVEN))
+    table = own.prepared.table
+    variances = (np.array([3e-6, 2e-6]), np.array([1e-6, 4e-6]), np.full((2, 3), 5e-6))
+    left = with_variances(own.effects.prepared, *variances)
+    own = replace(own, effects=replace(own.effects, prepared=left))
+    seen = periodic(own, own.found.steps[0], LIBRARY)
+    assert seen is not None
+    pitches = np.array([seen.found, 40.0, 23.0, 10.0, 7.3, 4.1, 2.2])
+    squares = squares_left(own, seen, 0, pitches)
+    assert squares is not None
+    x = np.broadcast_to(table.places[0, :, 0], table.errors.shape[:2])
+    basis = parts_basis(table.places[0, :, :2])
+    data = {0: table.errors[:, :, 0]}
+    dense = [
+        dense_d2(data, [[{0: f(2 * np.pi * x / p)} for f in (np.sin, np.cos)]], basis, variances)
+        for p in pitches
+    ]
+    # Dense: of all cells; here of what places differ by. Pitches differ alike in both.
+    np.testing.assert_allclose(
+        squares - squares[0], np.array(dense) - dense[0], rtol=1e-6, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("x", [EVEN, UNEVEN], ids=["even", "uneven"])
+def test_at_few_places_the_true_pitch_is_one_of_those_told(x: Floats) -> None:
+    """Shorter than the places can follow, so that it is not in the grid that was searched."""
+    effect = described(told(grid(x)))
+    ((value, low, high),) = effect.searched.values()
+    assert abs(value / PITCH - 1) > 0.1
+    # Within an eighth of what the places resolve: a phase that is off by 22 degrees at the ends.
+    assert min(abs(1 / a - 1 / PITCH) for a in effect.alike) <= 1 / (8 * np.ptp(x))
+    assert low <= min(effect.alike) <= max(*effect.alike, value) <= high
+    assert pitch_is_open(effect)
+    assert effect.class_names == ("cyclic-x",)
+    search = told(grid(x)).found
+    assert verdict_of(search, [effect], ()) == "class"
+    assert verdict_of(search, [replace(effect, alike=())], ()) == "named"
+
+
+def test_pitches_that_are_the_same_on_even_places_are_all_told() -> None:
+    """f and n/s - f, n/s + f are one on places s apart: as many as are longer than 2 mm."""
+    effect = described(told(grid(EVEN)))
+    ((value, _, _),) = effect.searched.values()
+    step = 1 / float(EVEN[1] - EVEN[0])
+    same = [abs(n * step + sign / value) for n in range(40) for sign in (-1, 1)]
+    for frequency in sorted(set(same)):
+        if 2 / 130 <= frequency <= 1 / 2 and abs(frequency - 1 / value) > 1e-6:
+            # Two nearer than the places resolve, one over their span, count as one.
+            known = [1 / value, *(1 / a for a in effect.alike)]
+            assert min(abs(f - frequency) for f in known) <= 1 / 130
+
+
+def test_at_many_uneven_places_a_pitch_is_told() -> None:
+    effect = described(told(grid(MANY)))
+    assert effect.alike == ()
+    assert not pitch_is_open(effect)
+    low, high = effect.searched["pitch_mm"][1:]
+    assert low <= PITCH <= high
+
+
+def test_on_as_many_places_as_figures_the_name_is_one_of_several_too() -> None:
+    effect = described(told(grid(np.array([10.0, 50.0, 95.0, 140.0]))))
+    assert effect.class_names == ("cyclic-x", "unnamed-field-x")
+
+
+def test_without_scatter_nothing_else_fits_but_what_is_the_same() -> None:
+    own = told(grid(UNEVEN))
+    null = replace(
+        own.effects.prepared.scan.null, interaction=np.zeros(2), column=np.zeros(2),
+        part=np.zeros_like(own.effects.prepared.scan.null.part),
+    )  # fmt: skip
+    scan = replace(own.effects.prepared.scan, null=null)
+    own = replace(
+        own, effects=replace(own.effects, prepared=replace(own.effects.prepared, scan=scan))
+    )
+    assert described(own).alike == ()
+
+
+def test_what_is_no_pitch_stays_as_it_is() -> None:
+    own = told(grid(UNEVEN), "warm-up-x")
+    effects = found_effects(own, [None])
+    assert with_other_pitches(own, effects, LIBRARY) == effects
+    readings = readings_table(fitted_degree=1)
+    rng = np.random.default_rng(3)
+    readings = replace(readings, errors=NOISE * rng.normal(size=readings.errors.shape))
+    own = told(readings, "cyclic-x")
+    assert described(own).name == "cyclic-x"
