@@ -8,15 +8,21 @@ from math import pi
 LENGTH = 1
 """Dimension of a length as its exponent; an angle (and um/m) has 0."""
 ANGLE = 0
+DEGREE, MINUTE = "K", "min"
+"""What the parameter of an effect may be per, beside lengths."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit of a reading: `to_internal` times a number of it gives mm or rad."""
+    """A unit of a reading: `to_internal` times a number of it gives mm or rad.
+
+    `per`: K or min, where it is a unit of an effect's parameter per kelvin or time.
+    """
 
     name: str
     dimension: int
     to_internal: float
+    per: str | None = None
 
 
 UNITS: dict[str, Unit] = {
@@ -37,30 +43,31 @@ UNITS: dict[str, Unit] = {
 UM = UNITS["um"].to_internal
 ARCSEC = UNITS["arcsec"].to_internal
 
-DIMENSION_NAMES = {LENGTH: "a length (mm)", ANGLE: "an angle or ratio (rad)"}
+DIMENSION_NAMES: dict[float, str] = {LENGTH: "a length (mm)", ANGLE: "an angle or ratio (rad)"}
 
 
-def dimension_name(dimension: int) -> str:
+def dimension_name(dimension: float) -> str:
     """A dimension in words; `dimension` is the exponent of length."""
-    return DIMENSION_NAMES.get(dimension, f"mm^{dimension}")
+    return DIMENSION_NAMES.get(dimension, f"mm^{dimension:g}")
 
 
 _PER = {
-    "/m": (-1, 1e-3),
-    "/m^2": (-2, 1e-6),
-    "/m^3": (-3, 1e-9),
-    "/K": (0, 1.0),
-    "/m/K": (-1, 1e-3),
-    "/min": (0, 1.0),
-    "/h": (0, 1.0 / 60.0),
+    "/m": (-1, 1e-3, None),
+    "/m^2": (-2, 1e-6, None),
+    "/m^3": (-3, 1e-9, None),
+    "/K": (0, 1.0, DEGREE),
+    "/m/K": (-1, 1e-3, DEGREE),
+    "/min": (0, 1.0, MINUTE),
+    "/h": (0, 1.0 / 60.0, MINUTE),
 }
-"""Dimension and internal size (mm, degC, min) of what the parameter of an effect may be per."""
+"""Dimension and internal size (mm, degC, min) of what the parameter of an effect may be per, and
+whether it is per kelvin or time."""
 
 PARAMETER_UNITS: dict[str, Unit] = UNITS | {
     unit.name: unit
     for base in (UNITS["um"], UNITS["arcsec"], UNITS["urad"])
-    for per, (dimension, size) in _PER.items()
-    if (unit := Unit(base.name + per, base.dimension + dimension, base.to_internal * size)).name
+    for per, (dimension, size, of) in _PER.items()
+    if (unit := Unit(base.name + per, base.dimension + dimension, base.to_internal * size, of)).name
     not in UNITS
 }
 """Units of the parameters of effects: those of readings, and these per length, kelvin or time."""

@@ -10,6 +10,7 @@ from mtu_cli.errors import did_you_mean
 from mtu_cli.files.budget_checks import check_coverage, check_inputs, check_joint
 from mtu_cli.files.budget_contract import Budget, Contribution, Correlation, Coverage, Input
 from mtu_cli.files.budget_sizes import check_sizes
+from mtu_cli.files.budget_units import BudgetUnits
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings, Notice, check_contract, is_identifier
 from mtu_cli.files.source import Source
@@ -88,10 +89,14 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
         check_coverage(budget, findings)
         _check_names(findings)
         _check_units(budget, findings)
+        units = BudgetUnits.of_inputs(
+            {name: item.unit for name, item in (budget.inputs or {}).items()}
+        )
         for name, place, text in _equations(budget, findings):
             tree = _tree(text, known, place, findings)
             if tree is not None:
                 trees[name] = tree
+                _check_tree_units(budget, units, tree, place, findings)
 
     budget = check_contract(document, Budget, "budget", check)
     return LoadedBudget(
@@ -148,6 +153,21 @@ def _check_units(budget: Budget, findings: Findings) -> None:
         findings.add(
             ("quantity",), "`quantity` belongs to a single `equation`", expected="`units: {...}`"
         )
+
+
+def _check_tree_units(
+    budget: Budget, units: BudgetUnits, tree: Node, place: YamlPath, findings: Findings
+) -> None:
+    for error in units.faults(tree):
+        _add(findings, place, error)
+    if place == ("equation",):
+        stated, path = (budget.quantity.unit if budget.quantity else None), ("quantity", "unit")
+    else:
+        output = str(place[-1])
+        stated, path = (budget.units or {}).get(output), ("units", output)
+    fault = units.result_fault(tree, stated)
+    if fault is not None:
+        findings.add(path, fault.what, value=stated, expected=fault.expected)
 
 
 def _check_names(findings: Findings) -> None:

@@ -17,6 +17,7 @@ LARGEST_PROBABILITY = 0.999
 """Beyond it a Monte Carlo takes too many trials to check the interval."""
 
 Text = Annotated[str, Field(min_length=1)]
+UNIT = "Unit, such as mm, 1/degC or um/m/K; it converts nothing, but those of a sum must agree"
 
 
 class Contribution(Contract):
@@ -46,7 +47,7 @@ class Input(Contribution):
     """An input quantity: an estimate and the contributions to its uncertainty."""
 
     value: float | None = Field(default=None, description="Estimate; default: mean of readings")
-    unit: str | None = None
+    unit: str | None = Field(default=None, description=UNIT)
     readings: Annotated[list[float], Field(min_length=2)] | None = Field(
         default=None, description="Repeated readings: mean, s/sqrt(n), n - 1"
     )
@@ -86,7 +87,7 @@ class Quantity(Contract):
     """The measurand."""
 
     name: Text | None = Field(default=None, description="Its symbol; y by default")
-    unit: str | None = None
+    unit: str | None = Field(default=None, description=UNIT)
     says: str | None = Field(default=None, description="What it is, in words")
 
 

@@ -11,11 +11,15 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter,
 
 from mtu_cli.errors import InputError, Problem, closest
 from mtu_cli.files.contract_errors import existing_path, path_text, shown_value, to_problems
+from mtu_cli.files.sizes import WHAT, expected_size, too_large, without
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 
 SCHEMA_VERSION = 1
 MAX_DEGREE = 9
 """Of a polynomial in position."""
+
+OWN_SIZES = ("budget",)
+"""Kinds of files whose checks know by themselves how large their numbers may be."""
 
 NonNegative = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
@@ -88,15 +92,32 @@ def check_contract(
     """
     _check_kind(document, kind)
     findings = Findings(document, list(document.duplicates))
+    sound = document.data
     try:
         checked = model.model_validate(document.data)
     except ValidationError as error:
         findings.problems.extend(to_problems(error, document, model))
-        checked = _salvage(model, _without_unknown(document.data, error))
+        sound = _without_unknown(document.data, error)
+    large: set[YamlPath] = set() if kind in OWN_SIZES else _too_large(findings)
+    if large or sound is not document.data:
+        checked = _salvage(model, without(sound, large) if large else sound)
     check(checked, findings)
     if findings.problems:
         raise InputError(sorted(findings.problems, key=lambda problem: problem.line or 0))
     return checked
+
+
+def _too_large(findings: Findings) -> set[YamlPath]:
+    """Paths of the numbers that are too large and have no message of their own yet."""
+    told = {problem.path for problem in findings.problems}
+    found = {
+        path: (value, limit)
+        for path, value, limit in too_large(findings.document.data)
+        if path_text(path) not in told
+    }
+    for path, (value, limit) in found.items():
+        findings.add(path, WHAT, value=value, expected=expected_size(limit))
+    return set(found)
 
 
 def _check_kind(document: YamlDocument, kind: str) -> None:
@@ -105,15 +126,37 @@ def _check_kind(document: YamlDocument, kind: str) -> None:
     data = document.data
     findings = Findings(document, list(document.duplicates))
     if not isinstance(data, dict):
-        findings.add((), what, value=data, expected=f"keys such as 'schema: {wanted}'")
+        is_table = ".csv" in document.source.path.name
+        hint = " (a CSV file is given with its option, such as --cmm FILE)" if is_table else ""
+        findings.add((), what, value=data, expected=f"keys such as 'schema: {wanted}'{hint}")
     elif "schema" in data and data["schema"] != wanted:
-        findings.add(("schema",), what, value=data["schema"], expected=wanted)
+        hint = _belongs(data["schema"], kind)
+        findings.add(("schema",), what, value=data["schema"], expected=wanted + hint)
     elif "schema" not in data:
         near = closest("schema", [key for key in data if key != "name"])
         hint = f" (rename {near!r})" if near is not None else ""
         findings.add((), "the key 'schema' is missing", expected=f"'schema: {wanted}'{hint}")
     if len(findings.problems) > len(document.duplicates):
         raise InputError(findings.problems)
+
+
+GIVEN_AS = {
+    "machine": "-m FILE",
+    "part": "-p FILE",
+    "study": "STUDY, without an option",
+    "fit-components": "-c FILE",
+    "thermal-fit": "-c FILE",
+    "budget": "mtu budget FILE",
+    "graph": "mtu graph ... FILE",
+    "effects": "--effects FILE",
+}
+
+
+def _belongs(schema: object, wanted: str) -> str:
+    """Where a file of another kind than the wanted one is to be given, if it is one of ours."""
+    kind = str(schema).removeprefix("mtu/").partition("/")[0]
+    known = str(schema).startswith("mtu/") and kind in GIVEN_AS and kind != wanted
+    return f" (this kind is given as {GIVEN_AS[kind]})" if known else ""
 
 
 def _without_unknown(data: Any, error: ValidationError) -> Any:

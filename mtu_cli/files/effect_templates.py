@@ -6,6 +6,14 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from mtu_cli.files.column_dimensions import (
+    NUMBER,
+    PLACE,
+    TEMPERATURE,
+    Dimensions,
+    column_dimensions,
+    columns_of,
+)
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings
 from mtu_cli.files.effect_text import filled_tree
@@ -136,6 +144,18 @@ class _Known:
             raise KeyError(raw)
         return LENGTH if base in _POSITIONS else None
 
+    def column(self, raw: str) -> Dimensions | None:
+        """Dimensions of a column, None where they are not known."""
+        if raw in self.units or raw == self.searched:
+            return None
+        if raw in _POSITIONS:
+            return PLACE
+        if raw == "{T}":
+            return TEMPERATURE
+        if raw in (CHOSEN, "{c}"):
+            return NUMBER
+        return column_dimensions(_BRACES.sub("x", raw) if raw.startswith("dir_") else raw)
+
     def is_column(self, raw: str) -> bool:
         """Whether a name is a position or a column of the data."""
         return raw in _POSITIONS or _is_column(raw) or raw in self.needs
@@ -183,7 +203,11 @@ def _equation(
         tree = parse_equation(_mangled(text, braced))
         dimensions = _dimensions(tree, known, braced, key)
         form = linear_form(tree, known.units)
-        check_dimension(_as_written(tree, known, braced), LENGTH, dimensions)
+        columns = columns_of(
+            {name: known.column(braced.get(name, name)) for name in dimensions},
+            {name: PARAMETER_UNITS[unit] for name, unit in known.units.items()},
+        )
+        check_dimension(_as_written(tree, known, braced), LENGTH, dimensions, columns)
         if form.remainder is not None:
             raise EquationError("a term without a parameter", 1, "parameters in every term")
     except EquationError as error:
@@ -221,10 +245,13 @@ def _dimensions(
 def _add(
     error: EquationError, braced: Mapping[str, str], findings: Findings, path: YamlPath
 ) -> None:
-    what = error.what
+    # Where numbers of the data stand in, the text of a term is not that of the file.
+    standing_in = any(number_of(raw) is not None for raw in braced.values())
+    what, value = error.what, None if standing_in else error.value
     for name, raw in braced.items():
         what = what.replace(name, raw)
-    told = EquationError(what, error.column, error.expected)
+        value = None if value is None else value.replace(name, raw)
+    told = EquationError(what, error.column, error.expected, value)
     document = findings.document
     line = document.line_of(*path)
     findings.problems.append(

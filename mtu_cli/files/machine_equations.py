@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from mtu_cli.errors import did_you_mean
+from mtu_cli.files.column_dimensions import POSITIONS, columns_of, own_columns
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings
 from mtu_cli.files.covariates import COVARIATES, is_covariate
@@ -14,20 +15,23 @@ from mtu_cli.files.machine_contract import Effect, Machine
 from mtu_cli.files.yaml_file import YamlPath
 from mtu_cli.language import EquationError, LinearForm, Node, check_dimension, linear_form, names
 from mtu_cli.language import parse as parse_equation
-from mtu_cli.units import LENGTH, PARAMETER_UNITS, UNITS
+from mtu_cli.units import LENGTH, PARAMETER_UNITS, UNITS, Unit
 
-POSITIONS = ("x", "y", "z")
+__all__ = ["POSITIONS", "Vocabulary", "check_equations"]
 
 
 @dataclass(frozen=True, slots=True)
 class Vocabulary:
     """The names that equations may use; `linear` are those they must be linear in.
 
-    `dimensions` are exponents of length, None where a name may stand for anything.
+    `dimensions` are exponents of length, None where a name may stand for anything. `parameters`
+    are those of an effect, with their units; `constants` are no columns, whatever their names.
     """
 
     linear: frozenset[str]
     dimensions: Mapping[str, int | None]
+    constants: frozenset[str] = frozenset()
+    parameters: Mapping[str, Unit] = field(default_factory=dict)
 
     @classmethod
     def of(cls, machine: Machine, findings: Findings) -> Vocabulary:
@@ -40,14 +44,14 @@ class Vocabulary:
         dimensions |= dict.fromkeys(POSITIONS, LENGTH)
         for name, component in (machine.components or {}).items():
             dimensions[name] = UNITS[component.unit].dimension
-        return cls(frozenset(components), dimensions)
+        return cls(frozenset(components), dimensions, frozenset(findings.keys("constants")))
 
     def with_parameters(self, effect: Effect) -> Vocabulary:
         """These names and the parameters of one effect."""
-        own = {
-            name: PARAMETER_UNITS[item.unit].dimension for name, item in effect.parameters.items()
-        }
-        return Vocabulary(self.linear | set(own), {**own, **self.dimensions, **own})
+        units = {name: PARAMETER_UNITS[item.unit] for name, item in effect.parameters.items()}
+        own = {name: unit.dimension for name, unit in units.items()}
+        known = {**own, **self.dimensions, **own}
+        return Vocabulary(self.linear | set(own), known, self.constants, units)
 
 
 def check_equations(
@@ -87,7 +91,10 @@ def _linear(
 ) -> LinearForm | None:
     try:
         form = linear_form(node, vocabulary.linear)
-        check_dimension(node, LENGTH, vocabulary.dimensions)
+        taken = vocabulary.linear | vocabulary.constants
+        # A component has no unit per kelvin or step of a column: beside one anything may be meant.
+        columns = columns_of(own_columns(names(node), taken), vocabulary.parameters)
+        check_dimension(node, LENGTH, vocabulary.dimensions, columns)
     except EquationError as error:
         _add(findings, path, error)
         return None

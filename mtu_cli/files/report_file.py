@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.sizes import WHAT, expected_size, too_large
 from mtu_cli.files.source import Source
 from mtu_cli.units import UNITS
 
@@ -32,6 +34,17 @@ def schema_of(document: Any) -> str | None:
     return None if found is None else str(found)
 
 
+def read_from(document: Any, roles: Collection[str]) -> frozenset[str]:
+    """The hashes of the readings that a report was made from, as far as it states them."""
+    found = document.get("inputs") if isinstance(document, dict) else None
+    entries = found if isinstance(found, list) else ()
+    return frozenset(
+        str(item.get("sha256"))
+        for item in entries
+        if isinstance(item, dict) and item.get("role") in roles
+    )
+
+
 def not_a_report(source: Source, document: Any, expected: str) -> InputError:
     """The fault of a document of another `schema`."""
     return InputError(
@@ -48,9 +61,22 @@ def not_a_report(source: Source, document: Any, expected: str) -> InputError:
 def validated(source: Source, document: Any, model: type[M], command: str) -> M:
     """The document as a `model`; raises InputError with every fault and its path."""
     try:
-        return model.model_validate(document)
+        found = model.model_validate(document)
     except ValidationError as error:
         raise InputError([_problem(source, item, command) for item in error.errors()]) from None
+    large = [
+        Problem(
+            what=WHAT,
+            file=source.shown,
+            path=".".join(str(step) for step in path),
+            value=f"{value:g}",
+            expected=expected_size(limit),
+        )
+        for path, value, limit in too_large(found.model_dump())
+    ]
+    if large:
+        raise InputError(large)
+    return found
 
 
 def _problem(source: Source, item: Any, command: str) -> Problem:

@@ -1,101 +1,253 @@
 """Dimensions of equations: a length must not be added to an angle.
 
-Only lengths count: a dimension is the exponent of length, 0 for angles and plain numbers.
-A name whose dimension is not known (a covariate, a constant) may stand for anything; a
-literal is a pure number in a product and takes the other side's dimension in a sum.
+A dimension is the exponent of one base quantity, such as that of length, 0 for angles and plain
+numbers; whatever multiplies as units do can be such an exponent, the logarithm of a unit's size
+for one. A name whose dimension is not known (a constant, say) may stand for anything. In a sum a
+literal takes the other side's dimension. In a product it is a pure number where lengths are
+counted; in the argument of a function, and where temperatures and times are counted, it may have
+a unit that is not written: ``exp(-time_min/30)``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 
 from mtu_cli.language.errors import EquationError
-from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number
-from mtu_cli.units import dimension_name
+from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number, names, to_text, walk
+from mtu_cli.units import DEGREE, MINUTE, dimension_name
 
 UNKNOWN = None
+Exponent = float | None
+SAME = 1e-9
+"""Exponents that differ by less are one."""
+NUMBERS = ("sin", "cos", "tan", "exp", "log", "asin", "acos", "atan")
+"""Functions of plain numbers and angles alone."""
+LONGEST = 60
+"""Characters of a term that a message shows."""
 
 
-def check_dimension(node: Node, wanted: int, dimensions: Mapping[str, int | None]) -> None:
-    """Raises EquationError at the first term whose dimension is not `wanted`.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Columns:
+    """What is known of the columns of the data: `lengths` by name are exponents of length.
+
+    `per` has exponents of temperature (K) and time (min) of all names, where they are known.
+    `stated` are the names whose own unit is stated in the file: only beside them a column is
+    known, for without them ``0.004*dir_x`` is 0.004 mm and right.
+    """
+
+    stated: Collection[str] = ()
+    lengths: Mapping[str, int] = field(default_factory=dict)
+    per: Mapping[str, Mapping[str, int | None]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scale:
+    """One base quantity: exponents of the `known` names, that of a `literal` factor, the words for
+    an exponent, and the unit that a literal in an argument may have. Where exponents are `whole`,
+    a broken one is unknown.
+    """
+
+    known: Mapping[str, Exponent]
+    words: Callable[[float], str]
+    unit: str
+    literal: Callable[[float], Exponent] = lambda _: 0
+    whole: bool = True
+
+    def times(self, own: Exponent, power: float) -> Exponent:
+        """The exponent of a power."""
+        if own is UNKNOWN:
+            return UNKNOWN
+        found = own * power
+        return UNKNOWN if self.whole and found != int(found) else found
+
+
+def check_dimension(
+    node: Node,
+    wanted: int,
+    dimensions: Mapping[str, int | None],
+    columns: Columns | None = None,
+) -> None:
+    """Raises EquationError at the first term whose dimension is not `wanted`, or the first
+    function of plain numbers with an argument that is none.
 
     `dimensions` gives the exponent of length of each name; None, or no entry, is unknown.
     """
+    columns = Columns() if columns is None else columns
+    beside = {**dimensions, **columns.lengths}
     for term in _terms(node):
-        found = _dimension(term, dimensions)
+        stated = any(name in columns.stated for name in names(term))
+        if stated:
+            _check_per(term, columns.per)
+        found = exponent(term, length_scale(beside if stated else dimensions))
         if found is not UNKNOWN and found != wanted:
             hint = "multiply it by its lever arm (a position or a named constant)"
             raise EquationError(
                 f"this term is {dimension_name(found)}, its equation is {dimension_name(wanted)}",
-                _first_column(term),
+                first_column(term),
                 hint if found < wanted else f"a term that is {dimension_name(wanted)}",
+                shown(term),
             )
+    for scale in (length_scale(beside), *_scales(columns.per).values()):
+        check_arguments(node, scale)
 
 
-def _terms(node: Node) -> list[Node]:
+def check_arguments(node: Node, scale: Scale) -> None:
+    """Raises EquationError at the first argument of a function of plain numbers, or exponent of a
+    power, that has a unit; a literal factor in it may take that away.
+    """
+    scale = replace(scale, literal=lambda _: UNKNOWN)
+    for item in walk(node):
+        match item:
+            case Call("atan2", (left, right), column):
+                _sum(exponent(left, scale), exponent(right, scale), column, scale, "are compared")
+            case Call(function, (argument,)) if function in NUMBERS:
+                _check_argument(argument, f"{function} of", scale)
+            case Binary("**", _, power):
+                _check_argument(power, "an exponent that is", scale)
+
+
+def _check_argument(argument: Node, of: str, scale: Scale) -> None:
+    found = exponent(argument, scale)
+    if found is UNKNOWN or abs(found) < SAME:
+        return
+    raise EquationError(
+        f"{of} {scale.words(found)}",
+        first_column(argument),
+        f"a plain number or an angle: divided by 100, say, where 100 {scale.unit} are meant",
+        shown(argument),
+    )
+
+
+def length_scale(dimensions: Mapping[str, int | None]) -> Scale:
+    """Exponents of length of names: None, or no entry, is unknown."""
+    return Scale(known=dimensions, words=dimension_name, unit="mm")
+
+
+WORDS = {
+    DEGREE: {0: "what is not in degC", 1: "a temperature (degC)"},
+    MINUTE: {0: "what is not in min", 1: "a time (min)"},
+}
+
+
+def _scales(per: Mapping[str, Mapping[str, int | None]]) -> dict[str, Scale]:
+    """Of temperature and time."""
+
+    def words(base: str) -> Callable[[float], str]:
+        return lambda found: WORDS[base].get(int(found), f"{base}^{found:g}")
+
+    units = {DEGREE: "degC", MINUTE: "min"}
+    return {
+        base: Scale(known=known, words=words(base), unit=units[base], literal=lambda _: UNKNOWN)
+        for base, known in per.items()
+    }
+
+
+FACTOR = {DEGREE: "a temperature, such as (T_spindle_degC - 20)", MINUTE: "a time in min"}
+
+
+def _check_per(term: Node, per: Mapping[str, Mapping[str, int | None]]) -> None:
+    """What is per kelvin or minute has its temperature or time. The other way round a unit may
+    be short of its "per": um for each degC.
+    """
+    for base, scale in _scales(per).items():
+        found = exponent(term, scale)
+        if found is not UNKNOWN and found < -SAME:
+            what = f"this term is per {base}, its equation is not"
+            hint = f"multiply it by {FACTOR[base]}"
+            raise EquationError(what, first_column(term), hint, shown(term))
+
+
+def shown(node: Node) -> str:
+    """A term as a message shows it."""
+    text = to_text(node)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def _terms(node: Node) -> Iterator[Node]:
     match node:
         case Binary("+" | "-", left, right):
-            return [*_terms(left), *_terms(right)]
+            yield from _terms(left)
+            yield from _terms(right)
         case Negative(operand):
-            return _terms(operand)
-    return [node]
+            yield from _terms(operand)
+        case _:
+            yield node
 
 
-def _first_column(node: Node) -> int:
+def first_column(node: Node) -> int:
+    """The column at which a term begins."""
     match node:
         case Binary(_, left, _, column):
-            return min(column, _first_column(left))
+            return min(column, first_column(left))
     return node.column
 
 
-def _dimension(node: Node, known: Mapping[str, int | None]) -> int | None:
+def exponent(node: Node, scale: Scale) -> Exponent:
+    """The exponent of a term, None where it is not known.
+
+    Raises EquationError for a sum of two exponents.
+    """
     match node:
         case Number():
             return UNKNOWN
         case Name(name):
-            return known.get(name)
+            return scale.known.get(name)
         case Negative(operand):
-            return _dimension(operand, known)
+            return exponent(operand, scale)
         case Call(function, arguments):
-            return _call_dimension(function, [_dimension(item, known) for item in arguments])
+            own = [exponent(item, scale) for item in arguments]
+            if function not in ("abs", "sqrt"):
+                return 0
+            return scale.times(own[0], 0.5 if function == "sqrt" else 1)
         case Binary("+" | "-", left, right, column):
-            return _sum_dimension(_dimension(left, known), _dimension(right, known), column)
-        case Binary("**", base, Number(exponent)):
-            own = _dimension(base, known)
-            scaled = None if own is None else own * exponent
-            return int(scaled) if scaled is not None and scaled == int(scaled) else UNKNOWN
+            return _of_sum(left, right, column, scale)
+        case Binary("**", base, Number(power)):
+            return scale.times(exponent(base, scale), power)
         case Binary("*" | "/" as operator, left, right):
-            return _product_dimension(left, right, operator, known)
+            return _of_product(left, right, operator, scale)
     return UNKNOWN
 
 
-def _product_dimension(
-    left: Node, right: Node, operator: str, known: Mapping[str, int | None]
-) -> int | None:
+def _of_product(left: Node, right: Node, operator: str, scale: Scale) -> Exponent:
     # A literal factor is a pure number: 127*ey_x stays an angle, and is told so.
-    first = 0 if isinstance(left, Number) else _dimension(left, known)
-    second = 0 if isinstance(right, Number) else _dimension(right, known)
+    first, second = _of_factor(left, scale), _of_factor(right, scale)
     if first is UNKNOWN or second is UNKNOWN:
         return UNKNOWN
     return first + second if operator == "*" else first - second
 
 
-def _sum_dimension(left: int | None, right: int | None, column: int) -> int | None:
+def _of_factor(node: Node, scale: Scale) -> Exponent:
+    return scale.literal(node.value) if isinstance(node, Number) else exponent(node, scale)
+
+
+def _of_sum(left: Node, right: Node, column: int, scale: Scale) -> Exponent:
+    first, second = exponent(left, scale), exponent(right, scale)
+    # What is added to 1 is a plain number: in 1 + x/500 the 500 may be mm.
+    for literal, other in ((left, right), (right, left)):
+        if isinstance(literal, Number) and literal.value == 1 and _has_literal_factor(other):
+            return UNKNOWN
+    return _sum(first, second, column, scale)
+
+
+def _has_literal_factor(node: Node) -> bool:
+    match node:
+        case Negative(operand):
+            return _has_literal_factor(operand)
+        case Binary("*" | "/", left, right):
+            factors = (left, right)
+            return any(isinstance(f, Number) or _has_literal_factor(f) for f in factors)
+    return False
+
+
+def _sum(
+    left: Exponent, right: Exponent, column: int, scale: Scale, verb: str = "are added"
+) -> Exponent:
     if left is UNKNOWN:
         return right
-    if right is UNKNOWN or left == right:
+    if right is UNKNOWN or math.isclose(left, right, abs_tol=SAME):
         return left
     raise EquationError(
-        f"{dimension_name(left)} and {dimension_name(right)} are added",
-        column,
-        "terms of one dimension",
+        f"{scale.words(left)} and {scale.words(right)} {verb}", column, "terms of one dimension"
     )
-
-
-def _call_dimension(function: str, arguments: list[int | None]) -> int | None:
-    if function == "abs":
-        return arguments[0]
-    if function == "sqrt":
-        own = arguments[0]
-        return own // 2 if own is not None and own % 2 == 0 else UNKNOWN
-    return 0

@@ -6,13 +6,19 @@ from mtu_cli.errors import MtuError, Problem
 
 
 class EquationError(MtuError):
-    """A fault in an equation: `column` is the 1-based character at which it stands."""
+    """A fault in an equation: `column` is the 1-based character at which it stands.
 
-    def __init__(self, what: str, column: int, expected: str | None = None) -> None:
+    `value` is what stands there, where the column alone does not show it.
+    """
+
+    def __init__(
+        self, what: str, column: int, expected: str | None = None, value: str | None = None
+    ) -> None:
         super().__init__(f"{what} at column {column}")
         self.what = what
         self.column = column
         self.expected = expected
+        self.value = value
 
     def problem(
         self, *, file: str | None = None, line: int | None = None, path: str | None = None
@@ -24,5 +30,6 @@ class EquationError(MtuError):
             line=line,
             path=path,
             column=self.column,
+            value=self.value,
             expected=self.expected,
         )

@@ -55,7 +55,7 @@ class _AllWithin:
         self.limits = limits[:, None]
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        values = self.model.draw(rng, m).values
+        values = self.model.values(rng, m)
         within = np.all(np.abs(values) <= self.limits, axis=0, keepdims=True)
         return Draws(values=within.astype(np.float64))
 

@@ -93,29 +93,40 @@ class PointTrials:
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (outputs, m), with the scale of the latter."""
-        rank = self.factor.shape[1]
-        z = self.work.array("z", (rank + 1, m))
-        rng.standard_normal(out=z[:rank])
-        total = self.work.array("total", (len(self.offset), m))
-        if not len(self.finite):
-            # The offset rides along in the product: a pass over the array is saved.
-            z[rank] = 1.0
-            np.matmul(self.shifted, z, out=total)
-        else:
-            np.matmul(self.factor, z[:rank], out=total)
-            scale = self.work.array("scale", (len(self.names), m))
-            scale[:] = 1.0
-            for i in self.finite:
-                rng.standard_gamma(self.dof[i] / 2, out=scale[i])
-                np.divide(self.dof[i] / 2, scale[i], out=scale[i])
-                np.sqrt(scale[i], out=scale[i])
-            total *= scale[self.owner] if len(self.names) > 1 else scale
-            total += self.offset
+        total = self._combined(rng, m, len(self.offset))
         return Draws(
             values=self.measure(total[: self.k], self.work),
             linear=total[self.k :],
             linear_u=self.linear_u,
         )
+
+    def values(self, rng: np.random.Generator, m: int) -> FloatArray:
+        """The values (outputs, m) of `draw` alone: of the product only the rows they need."""
+        return self.measure(self._combined(rng, m, self.k), self.work)
+
+    def _combined(self, rng: np.random.Generator, m: int, rows: int) -> FloatArray:
+        """The first `rows` of combinations and first-order forms (rows, m)."""
+        rank = self.factor.shape[1]
+        z = self.work.array("z", (rank + 1, m))
+        rng.standard_normal(out=z[:rank])
+        total = self.work.array("total", (rows, m))
+        if not len(self.finite):
+            # The offset rides along in the product: a pass over the array is saved.
+            z[rank] = 1.0
+            np.matmul(self.shifted[:rows], z, out=total)
+            return total
+        np.matmul(self.factor[:rows], z[:rank], out=total)
+        scale = self.work.array("scale", (len(self.names), m))
+        scale[:] = 1.0
+        for i in self.finite:
+            rng.standard_gamma(self.dof[i] / 2, out=scale[i])
+            np.divide(self.dof[i] / 2, scale[i], out=scale[i])
+            np.sqrt(scale[i], out=scale[i])
+        # Row by row: the scales of all rows at once would be an array as large as `total`.
+        for row, i in zip(total, self.owner, strict=False):
+            row *= scale[i]
+        total += self.offset[:rows]
+        return total
 
 
 def factor_of(covariance: FloatArray) -> FloatArray:

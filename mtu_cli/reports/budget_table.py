@@ -10,6 +10,7 @@ from mtu_cli.reports.budget import ends
 from mtu_cli.reports.numbers import (
     MISSING,
     degrees_of_freedom,
+    fixed,
     interval,
     significant,
     with_u,
@@ -68,13 +69,8 @@ def _row(output: OutputBudget, which: int, item: InputQuantity) -> list[str]:
         MISSING if exact else degrees_of_freedom(item.dof),
         MISSING if exact else significant(c, 4),
         MISSING if exact else significant(float(output.first.contribution[which])),
-        MISSING if exact or math.isnan(share) else _percent(share),
+        MISSING if exact or math.isnan(share) else fixed(100 * share, 1),
     ]
-
-
-def _percent(share: float) -> str:
-    # Adding 0 takes the sign off a zero.
-    return f"{round(100 * share, 1) + 0.0:.1f}"
 
 
 def _result(result: BudgetResult, index: int, digits: int) -> Sheet:
@@ -170,7 +166,7 @@ def _notes(result: BudgetResult, index: int) -> list[str]:
 def _correlation(result: BudgetResult) -> Sheet:
     names = [item.first.name for item in result.outputs]
     rows = [
-        [name, *(f"{r:.4f}" if math.isfinite(r) else MISSING for r in line)]
+        [name, *(fixed(r, 4) for r in line)]
         for name, line in zip(names, result.correlation, strict=True)
     ]
     columns = [Column(title="", text=True), *(Column(title=name) for name in names)]

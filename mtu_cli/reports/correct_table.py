@@ -11,6 +11,7 @@ from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import (
     MISSING,
     degrees_of_freedom,
+    fixed,
     interval,
     plus_minus,
     significant,
@@ -109,7 +110,7 @@ def _row(item: Size, *, rounds: bool, warm: bool) -> list[str]:
         return [
             item.id,
             _part(item),
-            *([_degC(item.temperature)] if warm else []),
+            *([fixed(item.temperature, 1)] if warm else []),
             MISSING,
             f"{item.size[0]:.4f} mm",
             f"{plus_minus(item.size[1], item.u)} mm",
@@ -117,27 +118,19 @@ def _row(item: Size, *, rounds: bool, warm: bool) -> list[str]:
             MISSING,
             _form(item),
         ]
-    row = [item.id, _part(item), *([_degC(item.temperature)] if warm else [])]
+    row = [item.id, _part(item), *([fixed(item.temperature, 1)] if warm else [])]
     row += [
         f"{item.reference:.4f}",
         plus_minus(before, u).partition(" ")[0],
         plus_minus(after, u),
         interval(low, high, u),
-        _percent(item.reduction_percent),
+        fixed(item.reduction_percent, 1),
     ]
     return [*row, _form(item)] if rounds else row
 
 
 def _part(item: Size) -> str:
     return " ".join(word for word in (item.operation, item.part) if word)
-
-
-def _degC(value: float) -> str:
-    return f"{value:.1f}" if math.isfinite(value) else MISSING
-
-
-def _percent(value: float) -> str:
-    return f"{value:.1f}" if math.isfinite(value) else MISSING
 
 
 def _form(item: Size) -> str:
@@ -178,9 +171,7 @@ def _listed(result: CorrectResult) -> Sheet:
 
 def _mm(value: float, u: float) -> str:
     """A coordinate to a tenth of a um, or coarser where its uncertainty is."""
-    if not math.isfinite(value):
-        return MISSING
-    return f"{value:.4f}" if not math.isfinite(u) or u < 0.01 else f"{value:.3f}"
+    return fixed(value, 4 if not math.isfinite(u) or u < 0.01 else 3)
 
 
 def _summed(result: CorrectResult) -> Sheet:

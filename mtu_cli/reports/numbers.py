@@ -57,6 +57,13 @@ def significant(value: float | None, digits: int = 2) -> str:
     return text.rstrip("0").rstrip(".") if digits >= PLAIN_DIGITS and "." in text else text
 
 
+def fixed(value: float | None, decimals: int) -> str:
+    """`value` to so many decimals; what rounds to zero has no sign."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    return _unsigned_zero(f"{value:.{decimals}f}")
+
+
 def p_value(p: float | None) -> str:
     """A p value: three decimals below 0.1, two above, "<0.001" below that."""
     if p is None or not math.isfinite(p):

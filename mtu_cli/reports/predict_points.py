@@ -12,9 +12,9 @@ import numpy as np
 
 from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.model.settings import Warned
-from mtu_cli.reports.arrows import figure
 from mtu_cli.reports.document import finite, matrix, root, um, um2
-from mtu_cli.reports.numbers import MISSING, degrees_of_freedom, interval, with_u
+from mtu_cli.reports.numbers import MISSING, degrees_of_freedom, fixed, interval, with_u
+from mtu_cli.reports.points_figure import figure
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
@@ -109,7 +109,7 @@ def _place(column: FloatArray, i: int) -> str:
     if np.isnan(column[i]):
         return MISSING
     whole = bool(np.all(np.isnan(column) | (column == np.round(column))))
-    return f"{column[i]:.0f}" if whole else f"{column[i]:.3f}"
+    return fixed(float(column[i]), 0 if whole else 3)
 
 
 def _kind(result: PointsResult) -> str:

@@ -36,6 +36,11 @@ class Draws:
     linear: FloatArray | None = None
     linear_u: FloatArray | None = None
 
+    def copy(self) -> Draws:
+        """Arrays of its own."""
+        linear, linear_u = (None if a is None else a.copy() for a in (self.linear, self.linear_u))
+        return Draws(values=self.values.copy(), linear=linear, linear_u=linear_u)
+
 
 class TrialModel(Protocol):
     """A model that can draw m independent trials of all its outputs.

@@ -13,10 +13,14 @@ from mtu_cli.errors import fault
 from mtu_cli.stats.atoms import with_atoms
 from mtu_cli.stats.block_plan import FIRST_LOOK, LEAST_BLOCKS, BlockPlan, trials_for_tails
 from mtu_cli.stats.blocks import TrialModel
-from mtu_cli.stats.coverage import coverage_factor, numerical_tolerance
+from mtu_cli.stats.coverage import coverage_factor, few_blocks_factor, numerical_tolerance
 from mtu_cli.stats.pooling import Estimates, Gain, Pool
 from mtu_cli.stats.runner import BlockRunner, available_threads
-from mtu_cli.stats.short_blocks import all_controlled, short_block_estimates
+from mtu_cli.stats.short_blocks import (
+    all_controlled,
+    crossed_gain,
+    short_block_estimates,
+)
 from mtu_cli.stats.single_block import single_block_estimates
 
 FloatArray = NDArray[np.float64]
@@ -80,8 +84,9 @@ def monte_carlo(
     With `trials` exactly that many are run. Without, blocks are added until twice the standard
     error of mean, u, low and high is at most `tolerance_fraction` times the numerical tolerance
     of u at `digits` significant digits, for every output (JCGM 101:2008, 7.9.4; 0.2 for the
-    validation of clause 8), or `max_trials` is reached. Where no u exists, the interval ends
-    alone decide, with the u of a normal distribution of equal interval.
+    validation of clause 8), or `max_trials` is reached. Published are two standard errors from two
+    blocks on; here from 20 on, times t(h - 1)/z (`few_blocks_factor`): it never stops before. Where
+    no u exists, the ends alone decide, with the u of a normal distribution of equal interval.
 
     The same seed gives the same bits for any number of `threads`. `progress` is called with
     trials done and the total (None while the count adapts). Fewer than 1000/(1 - p) trials run
@@ -132,11 +137,13 @@ def _few(
 def _result(
     model: TrialModel, run: BlockRunner, estimates: Estimates, criterion: _Criterion, keep: int
 ) -> MonteCarloResult:
+    # Those of short blocks are stated with Student's factor already.
+    scatter = 1.0 if run.is_short else few_blocks_factor(run.blocks)
     return MonteCarloResult(
         names=tuple(model.names),
         trials=run.trials,
         blocks=run.blocks,
-        converged=criterion.ratio(estimates) <= 1.0,
+        converged=criterion.ratio(estimates) * scatter <= 1.0,
         probability=criterion.probability,
         samples=run.samples()[:, :keep],
         **{field.name: getattr(estimates, field.name) for field in fields(Estimates)},
@@ -169,7 +176,9 @@ def _estimates(
     pool = Pool(plan, exists)
     if plan.is_short and plan.blocks is not None:
         run.run_to(plan.blocks, pool)
-        estimates = short_block_estimates(pool.estimates(), run.samples(), plan.probability, exists)
+        pooled = pool.estimates()
+        gain = crossed_gain(pooled.gain, run.draws, run.summariser, exists)
+        estimates = short_block_estimates(pooled, gain, run.samples(), plan.probability, exists)
         return with_atoms(estimates, run.samples(), plan.probability)
     return _grow(run, pool, criterion, plan.blocks, most // plan.size)
 
@@ -189,7 +198,7 @@ def _grow(
         run.run_to(goal, pool)
         estimates = with_atoms(pool.estimates(), run.samples(), pool.plan.probability)
         ratio = criterion.ratio(estimates)
-        if ratio <= 1.0 or goal >= most:
+        if ratio * few_blocks_factor(goal) <= 1.0 or goal >= most:
             return estimates
         # Standard errors fall as 1/sqrt(h). The goals follow from the results alone, so they
         # are the same for any number of threads; a quarter more at least, to look rarely.

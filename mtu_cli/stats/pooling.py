@@ -138,6 +138,10 @@ class Pool:
             gain=Gain(*fit.gain),
         )
 
+    def gain(self) -> Gain:
+        """The gain alone of `estimates`."""
+        return Gain(*self._controlled().gain)
+
     def _controlled(self) -> _Controlled:
         """Each statistic with and without its control; the one of less variance is used.
 

@@ -17,6 +17,7 @@ from mtu_cli.stats.block_plan import BlockPlan
 from mtu_cli.stats.blocks import (
     BlockSummariser,
     BlockSummary,
+    Draws,
     TrialModel,
     block_generator,
     not_finite_in,
@@ -41,7 +42,8 @@ def available_threads() -> int:
 
 
 class BlockRunner:
-    """Runs the blocks of a plan; `trials` and `blocks` count what has been done.
+    """Runs the blocks of a plan; `trials` and `blocks` count what has been done. `summariser`
+    is theirs, `draws` all that was drawn where they are short.
 
     Linear algebra is held to one thread of its own meanwhile: blocks are the unit of
     parallel work, and a product split among threads would not give the same bits.
@@ -57,10 +59,11 @@ class BlockRunner:
         progress: Callable[[int, int | None], None] | None,
     ) -> None:
         self._model, self._plan, self._seed, self._threads = model, plan, seed, threads
-        self._summariser = BlockSummariser(model, plan)
+        self.summariser = BlockSummariser(model, plan)
         # Untouched pages of an empty array take no memory.
         self._samples = np.empty((len(model.names), keep))
         self._progress = progress
+        self.draws: list[Draws] = []
         self.trials = 0
         self.blocks = 0
 
@@ -74,6 +77,11 @@ class BlockRunner:
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
+
+    @property
+    def is_short(self) -> bool:
+        """Whether the plan is one of short blocks."""
+        return self._plan.is_short
 
     def run_to(self, goal: int, pool: Pool) -> None:
         """Runs blocks up to number `goal`, exclusive, and adds them to `pool` in order."""
@@ -101,7 +109,9 @@ class BlockRunner:
         if np.any(not_finite):
             return m, not_finite, None
         self._keep(draws.values, self._plan.first_trial(block))
-        return m, not_finite, self._summariser.summarise(draws)
+        if self._plan.is_short:
+            self.draws.append(draws.copy())
+        return m, not_finite, self.summariser.summarise(draws)
 
     def _keep(self, values: FloatArray, start: int) -> None:
         room = self._samples.shape[1] - start

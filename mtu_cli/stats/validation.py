@@ -17,13 +17,16 @@ class Validation:
 
     `passed`: whether both differences of interval ends are at most `tolerance`; None where
     the Monte Carlo cannot tell: its own two standard errors exceed a fifth of the tolerance
-    at an end (8.2) and no difference is beyond the tolerance by more than those two.
+    at an end (8.2), and a difference is within those two of the tolerance.
+    `settled`: whether more trials would be of no use: they have converged to that fifth, or a
+    difference is beyond the tolerance by more than its two standard errors.
     """
 
     passed: bool | None
     d_low: float
     d_high: float
     tolerance: float
+    settled: bool = True
 
 
 def clause8(
@@ -43,6 +46,14 @@ def clause8(
     allowed = tolerance if u > 0 else 1e-9 * abs(mean)
     passed: bool | None = d_low <= allowed and d_high <= allowed
     clearly_failed = d_low - twice_low > allowed or d_high - twice_high > allowed
-    if max(twice_low, twice_high) > CONVERGED_TO * tolerance and not clearly_failed:
+    clearly_passed = d_low + twice_low <= allowed and d_high + twice_high <= allowed
+    short = max(twice_low, twice_high) > CONVERGED_TO * tolerance
+    if short and not (clearly_failed or clearly_passed):
         passed = None
-    return Validation(passed=passed, d_low=d_low, d_high=d_high, tolerance=tolerance)
+    return Validation(
+        passed=passed,
+        d_low=d_low,
+        d_high=d_high,
+        tolerance=tolerance,
+        settled=clearly_failed or not short,
+    )

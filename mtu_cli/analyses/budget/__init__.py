@@ -164,10 +164,8 @@ class _Judge:
     def outputs(self, run: MonteCarloResult) -> tuple[OutputBudget, ...]:
         return tuple(self._output(item, run, index) for index, item in enumerate(self.first))
 
-    def undecided(self, run: MonteCarloResult) -> bool:
-        return any(
-            item.validation.passed is None and item.first.u > 0.0 for item in self.outputs(run)
-        )
+    def unsettled(self, run: MonteCarloResult) -> bool:
+        return any(not item.validation.settled and item.first.u > 0.0 for item in self.outputs(run))
 
     def _output(self, first: FirstOrder, run: MonteCarloResult, index: int) -> OutputBudget:
         factor = math.nan
@@ -194,8 +192,8 @@ def _run(
 ) -> tuple[MonteCarloResult, bool]:
     """The Monte Carlo, and whether the digits asked for are sure (JCGM 101:2008, 7.9.4).
 
-    Where clause 8 cannot be decided from that it goes on to a fifth of the tolerance (8.2): an
-    equation that first order plainly fails needs no more trials to say so.
+    Where clause 8 is not settled by that it goes on to a fifth of the tolerance (8.2): an equation
+    that first order plainly fails needs no more trials to say so.
     """
 
     def at(fraction: float) -> MonteCarloResult:
@@ -217,7 +215,7 @@ def _run(
 
     try:
         run = at(1.0)
-        if settings.trials is None and run.converged and judge.undecided(run):
+        if settings.trials is None and run.converged and judge.unsettled(run):
             run = at(CONVERGED_TO * min(1.0, _tolerance_ratio(judge.first, run, settings.digits)))
             return run, _has_errors(run, trials.u_exists)
     except InputError as error:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from mtu_cli.model.settings import PROBABILITY
-from mtu_cli.stats.coverage import numerical_tolerance
+from mtu_cli.stats.coverage import few_blocks_factor, numerical_tolerance
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 
@@ -21,12 +21,13 @@ def ratios(run: MonteCarloResult, digits: int, *, ends: bool) -> FloatArray:
     """Twice the largest standard error of each output (n,) over its numerical tolerance.
 
     Of mean and u and, with `ends`, of both ends of the interval: 1 or below is what 7.9.4 wants
-    for `digits` significant digits of u. An output without any error has 0.
+    for `digits` significant digits of u. Twice is for many blocks, Student's t for fewer
+    (`few_blocks_factor`). An output without any error has 0.
     """
     errors = [run.se_mean, run.se_u]
     if ends:
         errors += [run.se_low, run.se_high]
-    twice = 2.0 * np.max(errors, axis=0)
+    twice = 2.0 * few_blocks_factor(run.blocks) * np.max(errors, axis=0)
     tolerance = np.array([numerical_tolerance(float(u), digits) for u in run.u])
     found = np.full(len(twice), np.inf)
     np.divide(twice, tolerance, out=found, where=tolerance > 0.0)

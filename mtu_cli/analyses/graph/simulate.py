@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtu_cli.analyses.graph.rare_jumps import rare_jumps
 from mtu_cli.analyses.graph.trial_runs import SIMULATED, TrialRuns
 from mtu_cli.analyses.graph.trials import Errors, Trials
 from mtu_cli.model.graph.first_order import FirstOrder, first_order
-from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
+from mtu_cli.model.graph.measurement_graph import Evaluation, MeasurementGraph, evaluation
 from mtu_cli.model.graph.outputs import Output
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
@@ -94,8 +95,34 @@ def simulate_graph(
         trials=max((item.trials for item in coordinates), default=0),
         digits=settings.digits,
         converged=all(item.converged for item in coordinates),
-        warnings=tuple(_warnings(coordinates)),
+        warnings=(*_warnings(coordinates), *_rare(whole, linear, coordinates, settings.digits)),
     )
+
+
+def _rare(
+    whole: Evaluation,
+    linear: FirstOrder,
+    coordinates: Sequence[SimulatedCoordinate],
+    digits: int,
+) -> list[Warned]:
+    """Of outputs that are called converged; what varies by chance alone is counted otherwise."""
+    judged = np.array([item.converged and not (item.fixed or item.chance) for item in coordinates])
+    u = np.where(judged, [item.u for item in coordinates], 0.0)
+    trials = np.array([item.trials for item in coordinates], dtype=np.float64)
+    warnings = []
+    for jump in rare_jumps(whole, linear, u, trials, digits):
+        i = jump.output
+        warnings.append(
+            Warned(
+                code="rare-jump",
+                message=f"{coordinates[i].output}: {jump.radius:g} standard deviations out along "
+                f"{jump.along} it is {jump.change / u[i]:.0f} u off what it is nearer to the "
+                f"nominal. Of {trials[i]:.0f} trials perhaps none went there, 1 in "
+                f"{float(f'{1.0 / jump.chance:.1e}'):.0f} does; u would be "
+                f"{jump.u / u[i]:.3g} times as large",
+            )
+        )
+    return warnings
 
 
 def _shares(linear: FirstOrder, index: int) -> dict[str, float]:

@@ -136,7 +136,7 @@ class TrialRuns:
         if self.known.bent[i] or not self.effort.ends or not item.converged:
             return False
         wanted = wanted_trials(item.run.trials, item.ratio, CONVERGED_TO)
-        open_ = item.ratio > CONVERGED_TO and self.verdict(i).passed is None
+        open_ = item.ratio > CONVERGED_TO and not self.verdict(i).settled
         return open_ and item.run.trials < wanted <= self.effort.most
 
     def verdict(self, i: int) -> Validation:

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from mtu_cli.files.graph_contract import Graph
 from mtu_cli.files.graph_formulas import place_of
 from mtu_cli.files.graph_steps import Step
-from mtu_cli.language import EquationError, Node, check_dimension, names
+from mtu_cli.language import EquationError, Node, names
+from mtu_cli.language.dimensions import check_arguments, exponent, length_scale
 from mtu_cli.language.tree import Call
 
 INVERSE = ("asin", "acos", "atan", "atan2")
-LARGEST_EXPONENT = 64
 LENGTHS = {
     ("displace", "coordinate"): 1,
     ("displace", "point"): 1,
@@ -107,25 +107,10 @@ def formula_unit(node: Node, units: Mapping[str, Unit]) -> Unit:
 
     Raises EquationError where dimensions do not agree.
     """
-    known = {name: _exponent(unit) for name, unit in units.items()}
-    # As an argument the formula is one term: its sums are held against themselves alone.
-    whole = Call("abs", (node,), node.column)
-    length, ratio = _misfit(whole, 1, known), _misfit(whole, 0, known)
-    if length is None and ratio is None:
-        return None
-    if length is not None and ratio is not None and length.what == ratio.what:
-        raise length
-    exponents = sorted(range(-LARGEST_EXPONENT, LARGEST_EXPONENT + 1), key=abs)
-    found = next((item for item in exponents if _misfit(whole, item, known) is None), None)
+    lengths = length_scale({name: _exponent(unit) for name, unit in units.items()})
+    found = exponent(node, lengths)
+    check_arguments(node, lengths)
     if found is None:
         return None
     circular = isinstance(node, Call) and node.function in INVERSE
-    return _named(found, angle=circular or set(units.values()) == {"rad"})
-
-
-def _misfit(node: Node, exponent: int, known: Mapping[str, int | None]) -> EquationError | None:
-    try:
-        check_dimension(node, exponent, known)
-    except EquationError as error:
-        return error
-    return None
+    return _named(int(found), angle=circular or set(units.values()) == {"rad"})

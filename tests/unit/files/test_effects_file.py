@@ -77,6 +77,15 @@ def test_the_built_in_file_is_sound_and_fits_its_schema() -> None:
         ("{Ex: k*(x}", "the parenthesis opened at column 3 is not closed at column 5"),
         ("{Ex: k}", "this term is an angle or ratio (rad), its equation is a length (mm)"),
         ('{Ex: "k*({a} - {a0})**2"}', "this term is mm^2, its equation is a length (mm)"),
+        (
+            '{Ex: "k*{a}*dir_{b}*{b}"}',
+            "this term is mm^2, its equation is a length (mm) at column 1",
+        ),
+        (
+            '{Ex: "k*{b}*exp({a})"}',
+            "exp of a length (mm) at column 11: '{a}'; expected a plain num",
+        ),
+        ("{Ex: k*x*log(T_a_degC)}", "log of a temperature (degC) at column 9"),
         ("{E1: k*x}", "effects[0].equations.E1: not an equation: 'E1'; expected Ex, Ey, Ez, E{a}"),
         ('{"E{each}": "k*{each}", Ex: k*x}', "stands beside other equations"),
         ('{Ex: "k*{each}"}', "'{each}' in Ex at column 3; expected {each} in E{each} only"),

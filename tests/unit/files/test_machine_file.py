@@ -215,6 +215,11 @@ def test_an_angle_needs_its_lever_arm(tmp_path: Path) -> None:
             "it would be 20 degC",
         ),
         ("reference_temperature_degC: -400", "no temperature of a machine: '-400'; expected degC"),
+        (
+            "constants: {h: 1e200}",
+            "constants.h: the number is too large to calculate with: '1e+200'; expected at most "
+            "1e+30 in size",
+        ),
         ("fish: 1", "fish: unknown key: 'fish'; expected one of: schema, name, says"),
         ("effects: [3]", "effects[0]: wrong value: '3'; expected keys with values"),
     ],
@@ -226,11 +231,54 @@ def test_faults_elsewhere(tmp_path: Path, more: str, words: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("unit", "equation"),
+    [
+        ("um", "p*dir_x*(1 + x/500)"),
+        ("um", "p*(1 - exp(-time_min/30))"),
+        ("um", "p*sin(2*pi*x/25)*step(x - 100)"),
+        ("um", "p*(sequence - 3)*dir_x"),
+        ("um", "p*(time_min - 10)"),
+        ("um/h", "p*time_min"),
+        ("um/K", "p*(T_a_degC - 20)"),
+        ("um/K", "p*12.5"),
+        ("um/m/K", "p*(x - 250)*(T_a_degC - T_b_degC)"),
+        # Nobody knows the unit of a column of the user's own, whatever its name.
+        ("um", "p*depth_mm*x"),
+        ("um/K", "p*depth_mm"),
+    ],
+)
+def test_effects_that_may_be_right(tmp_path: Path, unit: str, equation: str) -> None:
+    effect = f"parameters: {{p: {{value: 1, unit: {unit}}}}}, equations: {{Ex: {equation}}}"
+    more = f"covariates: [depth_mm]\neffects: [{{name: e, {effect}}}]"
+    # A literal beside a column alone has the unit that makes it right.
+    assert load(tmp_path, machine(equations="{Ex: a + 0.004*dir_x*exp(-x/50)}", more=more))
+
+
+@pytest.mark.parametrize(
     ("effect", "words"),
     [
         ("parameters: {p: {value: 1, unit: um}}, equations: {Ex: q*dir_x}", "unknown name 'q'"),
         ("parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*p}", "product of the comp"),
         ("parameters: {p: {value: 1, unit: rad}}, equations: {Ex: p*3}", "this term is an angle"),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ey: p*dir_y*x}",
+            "equations.Ey: this term is mm^2, its equation is a length (mm) at column 1: "
+            "'p*dir_y*x'; expected a term that is a length (mm)",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*exp(x)}",
+            "exp of a length (mm) at column 7: 'x'; expected a plain number or an angle",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*log(T_a_degC)}",
+            "log of a temperature (degC) at column 7",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um/K}}, equations: {Ex: p*dir_x}",
+            "this term is per K, its equation is not at column 1: 'p*dir_x'; expected multiply it "
+            "by a temperature",
+        ),
+        ("parameters: {p: {value: 1, unit: um/h}}, equations: {Ex: p*sequence}", "is per min"),
         ("parameters: {a: {value: 1, unit: um}}, equations: {Ex: a}", "the name is taken: it is"),
         ("parameters: {p: {value: 1, unit: u}}, equations: {Ex: p}", "unknown unit: 'u'"),
         (
@@ -248,7 +296,8 @@ def test_faulty_effects(tmp_path: Path, effect: str, words: str) -> None:
 
 def test_another_kind_of_file_is_told_at_once(tmp_path: Path) -> None:
     assert faults(tmp_path, "name: a\nschema: mtu/part/1\nfeatures: 3\n") == [
-        "m.yaml:2: schema: not a machine file: 'mtu/part/1'; expected mtu/machine/1"
+        "m.yaml:2: schema: not a machine file: 'mtu/part/1'; expected mtu/machine/1 "
+        "(this kind is given as -p FILE)"
     ]
     assert "not a machine file: '[1, 2]'" in faults(tmp_path, "[1, 2]")[0]
     assert "the key 'schema' is missing" in faults(tmp_path, "name: a\nshema: b\n")[0]

@@ -43,6 +43,25 @@ def told(path: Path) -> list[str]:
     return [str(problem) for problem in caught.value.problems]
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "path", "limit"),
+    [
+        ("s_repeat", 1e200, "s_repeat", "1e+30"),
+        ("coefficients", [-1e308], "coefficients.0", "1e+30"),
+        ("pass_covariance", [[1e61]], "pass_covariance.0.0", "1e+60"),
+    ],
+)
+def test_numbers_too_large_to_calculate_with(
+    tmp_path: Path, key: str, value: Any, path: str, limit: str
+) -> None:
+    (found,) = told(written(tmp_path, "c.json", "fit-components", FITTED | {key: value}))
+    assert f"results.components.a.{path}: the number is too large to calculate with" in found
+    assert found.endswith(f"expected at most {limit} in size")
+    # To many 1e99 is infinite: degrees of freedom may be.
+    sound = FITTED | {"pass_dof": 1e99, "pass_covariance": [[1e40]]}
+    assert read_report(written(tmp_path, "c.json", "fit-components", sound))
+
+
 def test_reports_are_told_apart(tmp_path: Path) -> None:
     fitted = written(tmp_path, "c.json", "fit-components", FITTED)
     drift = written(tmp_path, "t.json", "thermal-fit", DRIFT)

@@ -32,6 +32,7 @@ DIMENSIONS: dict[str, int | None] = {
         "dx_x*sin(2*pi*x/25)",
         "dx_x*step(x - 300)",
         "dx_x*cos(ey_x)*exp(x/y)*log(2)",
+        "dx_x*exp(-x/50)*(1 + x/500)*(1 - 0.002*y)",
         "abs(x)*ey_x",
         "sqrt(x*y)*ey_x",
         "sqrt(x**2 + y**2)*ey_x",
@@ -74,6 +75,7 @@ TERM = "a term that is a length (mm)"
         ("x**0", 1, LEVER),
         ("dx_x/y", 1, LEVER),
         ("z*ey_x/y + dx_x", 1, LEVER),
+        ("dx_x*(100 + x/2)", 1, TERM),
     ],
 )
 def test_what_is_not_a_length_is_refused_where_its_term_begins(
@@ -99,3 +101,19 @@ def test_an_angle_may_be_wanted() -> None:
     with pytest.raises(EquationError, match="a length") as caught:
         check_dimension(parse("ey_x + dx_x"), ANGLE, DIMENSIONS)
     assert caught.value.column == 8
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "column"),
+    [
+        ("dx_x*sin(x)", r"sin of a length \(mm\)", 10),
+        ("dx_x*exp(-x)", r"exp of a length \(mm\)", 10),
+        ("dx_x*log(x + 20)", r"log of a length \(mm\)", 10),
+        ("dx_x*cos(x*y)", r"cos of mm\^2", 10),
+        ("dx_x*2**(x - 1)", r"an exponent that is a length \(mm\)", 10),
+    ],
+)
+def test_arguments_of_functions_are_plain_numbers(text: str, words: str, column: int) -> None:
+    with pytest.raises(EquationError, match=words) as caught:
+        check_dimension(parse(text), LENGTH, DIMENSIONS)
+    assert caught.value.column == column

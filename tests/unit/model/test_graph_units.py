@@ -46,6 +46,26 @@ def test_terms_of_different_dimensions(formula: str) -> None:
         formula_unit(parse(formula, BUDGET_FUNCTIONS), UNITS)
 
 
+@pytest.mark.parametrize(
+    ("formula", "words"),
+    [
+        ("exp(x)", r"exp of a length \(mm\)"),
+        ("2*asin(x)", r"asin of a length \(mm\)"),
+        ("y*log(x + y)", r"log of a length \(mm\)"),
+        ("atan2(x, a)", r"a length \(mm\) and an angle or ratio \(rad\) are compared"),
+        ("2**x", r"an exponent that is a length \(mm\)"),
+    ],
+)
+def test_functions_of_plain_numbers(formula: str, words: str) -> None:
+    with pytest.raises(EquationError, match=words):
+        formula_unit(parse(formula, BUDGET_FUNCTIONS), UNITS)
+
+
+@pytest.mark.parametrize("formula", ["exp(x/100)", "sin(a)", "cos(2*pi*x/25)", "log(c)"])
+def test_arguments_that_may_be_plain_numbers(formula: str) -> None:
+    assert formula_unit(parse(formula, BUDGET_FUNCTIONS), UNITS) == "1"
+
+
 HEAD = """
 uncertainty: {axis_um: 1}
 places:

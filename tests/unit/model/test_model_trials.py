@@ -63,6 +63,15 @@ def check_covariance(values: FloatArray, mean: FloatArray, wanted: FloatArray) -
     assert (np.abs(values.mean(axis=1) - mean) < 4.5 * np.sqrt(variances / m)).all()
 
 
+@pytest.mark.parametrize("dof", [np.inf, 5.0])
+def test_values_alone_are_those_of_the_draws(dof: float) -> None:
+    combine = np.vstack([np.eye(6), np.full(6, 1 / 6)])
+    model = trials(prediction(), combine, np.array([dof, *[np.inf] * 6]))
+    whole = model.draw(np.random.default_rng(3), 500).values.copy()
+    alone = model.values(np.random.default_rng(3), 500)
+    assert alone == pytest.approx(whole, rel=1e-12, abs=1e-15)
+
+
 def test_mean_and_covariance_of_the_draws() -> None:
     given = prediction()
     combine = np.vstack([np.eye(6), np.eye(6)[2] - np.eye(6)[0], np.full(6, 1 / 6)])

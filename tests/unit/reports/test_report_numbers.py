@@ -99,3 +99,10 @@ def test_intervals_and_degrees_of_freedom() -> None:
 def test_significant_digits() -> None:
     shown = [numbers.significant(value) for value in (0.0, 0.0996, 14.46, 1234.0, 1.23e-7, nan)]
     assert shown == ["0", "0.10", "14", "1200", "1.2e-7", "-"]
+
+
+def test_fixed_decimals_have_no_sign_on_zero() -> None:
+    assert numbers.fixed(-1e-9, 4) == "0.0000"
+    assert numbers.fixed(-0.4, 0) == "0"
+    assert numbers.fixed(-0.00006, 4) == "-0.0001"
+    assert numbers.fixed(float("nan"), 4) == numbers.fixed(None, 1) == "-"

@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import stdtr
+from scipy.special import ndtri, stdtr, stdtrit
 
 from mtu_cli.stats.coverage import (
     coverage_factor,
     dof_of_shares,
     effective_dof,
+    few_blocks_factor,
     numerical_tolerance,
     welch_satterthwaite,
 )
@@ -106,6 +107,14 @@ def test_coverage_factor_refuses(probability: float, dof: float) -> None:
 )
 def test_numerical_tolerance(u: float, digits: int, tolerance: float) -> None:
     assert numerical_tolerance(u, digits) == pytest.approx(tolerance, rel=1e-12)
+
+
+def test_factor_of_few_blocks() -> None:
+    """t by inverting its distribution; the terms left out fall as 1/blocks^4."""
+    assert few_blocks_factor(1) == 1.0
+    for blocks, allowed in ((10, 3e-4), (20, 2e-5), (80, 1e-7), (5000, 1e-12)):
+        wanted = stdtrit(blocks - 1, 0.975) / ndtri(0.975)
+        assert few_blocks_factor(blocks) == pytest.approx(wanted, abs=allowed)
 
 
 def test_numerical_tolerance_of_what_does_not_exist() -> None:

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import fields
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.special import ndtri
 from trial_models import Bent, Other, Z, plain_blocks, slow_end
 
 from mtu_cli.errors import InputError
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
-from mtu_cli.stats.single_block import covered_ranks, symmetric_rank
+from mtu_cli.stats.single_block import (
+    covered_ranks,
+    single_block_estimates,
+    symmetric_rank,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -81,6 +87,16 @@ def test_covariance_carries_the_controlled_u() -> None:
     result = monte_carlo(Bent(0.02), seed=2, trials=200_000)
     assert result.gain.u[0] > 10.0
     assert result.covariance[0, 0] == pytest.approx(result.u[0] ** 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("quantile", [ndtri, np.log, lambda p: p], ids=["normal", "exp", "even"])
+def test_ends_of_one_block_are_as_sure_as_stated(quantile: Callable[..., FloatArray]) -> None:
+    """Two standard errors hold 95 % but for four standard deviations of a share of 2000 samples."""
+    values = quantile(np.random.default_rng(9).random((2000, 1000)))
+    found = single_block_estimates(values, 0.95, np.ones(2000, bool))
+    for end, se, p in ((found.low, found.se_low, 0.025), (found.high, found.se_high, 0.975)):
+        missed = np.abs(end - quantile(p)) > 2.0 * se
+        assert abs(np.mean(missed) - 0.05) < 4.0 * np.sqrt(0.05 * 0.95 / 2000)
 
 
 @pytest.mark.parametrize("trials", [40, 41, 999, 1000, 19_999])

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
 from trial_models import Bent, Other, Z
 
 from mtu_cli.errors import InputError
@@ -24,6 +25,22 @@ def test_adaptive_count_reaches_the_tolerance() -> None:
         assert 2.0 * getattr(result, f"se_{name}")[0] <= 0.025
     # The plain end needs about (2 * 2.67 * 2 / 0.025)^2 = 1.8e5 trials.
     assert 60_000 < result.trials < 500_000
+
+
+def test_twenty_blocks_are_judged_by_students_t() -> None:
+    """JCGM 101:2008, 7.9.4, takes two standard errors; of 20 blocks t(19) = 2.09 and not 1.96."""
+    plain = Bent(control=False)
+    first = monte_carlo(plain, seed=1, tolerance_fraction=5.0)
+    assert (first.blocks, first.trials) == (20, 40_960)
+    largest = max(getattr(first, f"se_{name}")[0] for name in ("mean", "u", "low", "high"))
+    published = 2.0 * largest / 0.05
+    wanted = published * stats.t.ppf(0.975, 19) / stats.norm.ppf(0.975)
+    enough = monte_carlo(plain, seed=1, tolerance_fraction=1.0001 * wanted)
+    assert (enough.trials, enough.converged) == (40_960, True)
+    assert enough.se_low[0] == first.se_low[0]
+    more = monte_carlo(plain, seed=1, tolerance_fraction=0.9999 * wanted)
+    assert more.trials > 40_960
+    assert published < 0.9999 * wanted
 
 
 def test_control_needs_fewer_trials() -> None:
@@ -103,3 +120,17 @@ def test_clause8_passes_fails_and_abstains() -> None:
     assert clause8(3.0, 2.0, Z, unsure).passed is None
     # So far off that even these few trials can tell.
     assert clause8(8.0, 2.0, Z, unsure).passed is False
+
+
+def test_clause8_passes_what_is_far_below_the_tolerance_before_its_fifth_is_reached() -> None:
+    short = monte_carlo(Bent(0.0, control=False), seed=1, trials=500_000)
+    twice = 2.0 * max(float(short.se_low[0]), float(short.se_high[0]))
+    sure = clause8(3.0, 2.0, Z, short)
+    assert 0.2 * sure.tolerance < twice < sure.tolerance
+    assert max(sure.d_low, sure.d_high) + twice < sure.tolerance
+    assert sure.passed is True
+    # An adaptive run goes on to the fifth all the same.
+    assert not sure.settled
+    # A difference within those two standard errors of the tolerance is still open.
+    near = sure.tolerance - 0.5 * twice
+    assert clause8(3.0 + near, 2.0, Z, short).passed is None

@@ -1,0 +1,216 @@
+"""Units of a budget: numbers are calculated with as they stand, so that their units must agree.
+
+A literal other than a simple fraction or pi may have a unit that is not written, or change one
+(``1000*V/I``, ``asin(h/L)*180/pi``): what holds one is left alone. So is what has inputs whose
+unit is not stated or not known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from mtu_cli.files.unit_text import SIZE, Exponents, unit_exponents
+from mtu_cli.language import EquationError, Node
+from mtu_cli.language.dimensions import (
+    NUMBERS,
+    SAME,
+    UNKNOWN,
+    Exponent,
+    Scale,
+    exponent,
+    first_column,
+    shown,
+)
+from mtu_cli.language.tree import Binary, Call, Number, children, walk
+
+BASES = ("m", "kg", "s", "A", "K", SIZE)
+COMMON = (
+    "mm", "um", "nm", "m", "km", "mm^2", "um^2", "m^2", "mm^3", "degC", "1/degC", "s", "ms", "m/s",
+    "V", "mV", "kV", "A", "mA", "ohm", "kohm", "W", "mW", "N", "kN", "J", "Pa", "kPa", "MPa", "kg",
+    "%", "ppm",
+)  # fmt: skip
+"""What a unit is called that the file does not name."""
+ANGLES = ("rad", "deg", "arcmin", "arcsec", "\u00b0")
+SIMPLE = 12
+"""Numerator and denominator of the largest simple fraction."""
+
+
+def _simple(value: float) -> Exponent:
+    """0 for a literal that is a simple fraction, perhaps times a power of pi; else unknown."""
+    if abs(value) != 1.0 and math.log10(abs(value) or 1.0) % 1.0 == 0.0:
+        return UNKNOWN
+    for power in range(-2, 3):
+        for q in range(1, SIMPLE + 1):
+            p = abs(value) / math.pi**power * q
+            if abs(p - round(p)) < SAME and 1 <= round(p) <= SIMPLE:
+                return 0
+    return UNKNOWN
+
+
+@dataclass(frozen=True, slots=True)
+class BudgetUnits:
+    """What the units of the inputs tell: a scale for each of `BASES`, and units by their text."""
+
+    scales: Mapping[str, Scale]
+    named: Mapping[str, Exponents | None]
+
+    @classmethod
+    def of_inputs(cls, units: Mapping[str, str | None]) -> BudgetUnits:
+        """From the stated unit of every input."""
+        named = {text: unit_exponents(text) for text in (*units.values(), *COMMON) if text}
+        known = {name: None if text is None else named.get(text) for name, text in units.items()}
+        scales = {
+            base: Scale(
+                known={
+                    name: None if item is None else item.get(base, 0.0)
+                    for name, item in known.items()
+                },
+                words=str,
+                unit="",
+                literal=_simple,
+                whole=False,
+            )
+            for base in BASES
+        }
+        return cls(scales, named)
+
+    def faults(self, tree: Node) -> Iterator[EquationError]:
+        """Where numbers of different units are added, and where a function of plain numbers has
+        others.
+        """
+        apart = self.disagree(tree)
+        for node in walk(tree):
+            match node:
+                case Binary("+" | "-", left, right, column) if apart:
+                    yield from self.pair(left, right, column, "are added")
+                case Call("atan2", (left, right), column):
+                    yield from self.pair(left, right, column, "are compared")
+                case Call(function, (argument,)) if function in NUMBERS:
+                    yield from self.plain(argument, f"{function} of numbers in")
+                case Binary("**", _, power):
+                    yield from self.plain(power, "an exponent in")
+
+    def disagree(self, tree: Node) -> bool:
+        """Whether some sum may have terms of different units: a look that costs little."""
+        try:
+            for scale in self.scales.values():
+                exponent(tree, scale)
+        except EquationError:
+            return True
+        return False
+
+    def result_fault(self, tree: Node, stated: str | None) -> EquationError | None:
+        """The fault of an equation that gives another unit than the `stated` one, if it does."""
+        wanted = unit_exponents(stated)
+        if stated is None or wanted is None:
+            return None
+        return self.result(tree, wanted, "rad" if stated.endswith(ANGLES) else "plain numbers")
+
+    def pair(self, left: Node, right: Node, column: int, verb: str) -> Iterator[EquationError]:
+        for sure in (True, False):
+            one, other = self.of(left, sure), self.of(right, sure)
+            if one is None or other is None:
+                continue
+            if _differ(one, other) if sure else _sizes_differ(one, other):
+                first, second = self.text(one), self.text(other)
+                hint = "terms of one unit"
+                if not _differ(one, other):
+                    factor = _ratio(other[SIZE] - one[SIZE])
+                    hint = f"one unit: what is in {second} times {factor}"
+                yield EquationError(f"{first} and {second} {verb}", column, hint)
+                return
+
+    def plain(self, argument: Node, of: str) -> Iterator[EquationError]:
+        for sure in (True, False):
+            found = self.of(argument, sure)
+            if found is None:
+                continue
+            if _differ(found, {}) if sure else _sizes_differ(found, {SIZE: 0.0}):
+                hint = "a plain number, or an angle in rad"
+                if not _differ(found, {}):
+                    hint += f": what is inside times {_ratio(found[SIZE])}"
+                column = first_column(argument)
+                yield EquationError(f"{of} {self.text(found)}", column, hint, shown(argument))
+                return
+
+    def result(self, tree: Node, wanted: Exponents, plain: str) -> EquationError | None:
+        for sure in (True, False):
+            found = self.of(tree, sure)
+            if found is None:
+                continue
+            if _differ(found, wanted) if sure else _sizes_differ(found, wanted):
+                told = self.text(found).replace("plain numbers", plain)
+                hint = f"{told}, or an equation that gives this unit"
+                if not _differ(found, wanted) and not _has_shift(tree):
+                    hint = f"{told}, or the equation times {_ratio(found[SIZE] - wanted[SIZE])}"
+                return EquationError(f"the equation gives {told}", first_column(tree), hint)
+        return None
+
+    def of(self, node: Node, sure: bool) -> dict[str, float] | None:
+        """Exponents of what a term gives; None where they are not known, or disagree within it.
+
+        Where it is to be `sure`, any literal may have a unit: exp(34 - 6292/T) may be in Pa.
+        """
+        if sure and any(_literals(node)):
+            return None
+        found = {}
+        for base, scale in self.scales.items():
+            try:
+                value = exponent(node, scale)
+            except EquationError:
+                return None
+            if value is None:
+                return None
+            found[base] = value
+        return found
+
+    def text(self, found: Exponents) -> str:
+        """A unit as the file calls it, or in base units."""
+        if not _differ(found, {}) and abs(found[SIZE]) < SAME:
+            return "plain numbers"
+        for text, item in self.named.items():
+            if item is not None and not _differ(found, item) and not _sizes_differ(found, item):
+                return text
+        bases = [
+            base if found[base] == 1 else f"{base}^{found[base]:g}"
+            for base in BASES[:-1]
+            if found[base]
+        ]
+        return " ".join([f"units of {10.0 ** found[SIZE]:.6g}", *bases])
+
+
+def _has_shift(tree: Node) -> bool:
+    """Whether a literal is added somewhere: 1 + alpha*dT in ppm is no matter of a factor."""
+    sums = (item for item in walk(tree) if isinstance(item, Binary) and item.operator in "+-")
+    return any(isinstance(side, Number) for item in sums for side in (item.left, item.right))
+
+
+def _literals(node: Node) -> Iterator[Node]:
+    """Numbers of a term but for those of powers."""
+    match node:
+        case Number():
+            yield node
+        case Binary("**", base, Number()):
+            yield from _literals(base)
+        case _:
+            for item in children(node):
+                yield from _literals(item)
+
+
+def _differ(one: Exponents, other: Exponents) -> bool:
+    return any(abs(one.get(base, 0.0) - other.get(base, 0.0)) > SAME for base in BASES[:-1])
+
+
+def _sizes_differ(one: Exponents, other: Exponents) -> bool:
+    """Whether two units of one dimension are not the same; of several dimensions they may be."""
+    return not _differ(one, other) and abs(one[SIZE] - other[SIZE]) > SAME
+
+
+def _ratio(logarithm: float) -> str:
+    ratio = 10.0**logarithm
+    for text, value in (("180/pi", 180 / math.pi), ("pi/180", math.pi / 180)):
+        if math.isclose(ratio, value, rel_tol=SAME):
+            return text
+    return f"{ratio:.6g}"

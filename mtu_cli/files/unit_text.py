@@ -1,0 +1,94 @@
+"""Units as people write them (mm, 1/degC, um/m/K, kg m^2/s2), as exponents of base units."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+SIZE = "size"
+"""Key of the common logarithm of a unit's size in base units: it adds as exponents do."""
+Exponents = Mapping[str, float]
+
+_PREFIXES = {"": 0, "p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}
+_SOME_PREFIXES = {"m": {"c": -2, "d": -1}, "Pa": {"h": 2}, "bar": {}}
+_WITH_PREFIX: dict[str, dict[str, float]] = {
+    "m": {"m": 1},
+    "s": {"s": 1},
+    "A": {"A": 1},
+    "K": {"K": 1},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    "W": {"kg": 1, "m": 2, "s": -3},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "bar": {"kg": 1, "m": -1, "s": -2, SIZE: 5},
+    "Hz": {"s": -1},
+    "rad": {},
+}
+_ANGLE = math.pi / 180
+_PLAIN: dict[str, dict[str, float]] = {
+    "1": {},
+    "kg": {"kg": 1},
+    "mg": {"kg": 1, SIZE: -6},
+    "degC": {"K": 1},
+    "min": {"s": 1, SIZE: math.log10(60)},
+    "h": {"s": 1, SIZE: math.log10(3600)},
+    "in": {"m": 1, SIZE: math.log10(0.0254)},
+    "deg": {SIZE: math.log10(_ANGLE)},
+    "arcmin": {SIZE: math.log10(_ANGLE / 60)},
+    "arcsec": {SIZE: math.log10(_ANGLE / 3600)},
+    "%": {SIZE: -2},
+    "ppm": {SIZE: -6},
+    "ppb": {SIZE: -9},
+}
+"""What may be several things has no entry: g (gram, or the acceleration), C, F, T, l."""
+_SIGNS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u2126": "ohm", "\u03a9": "ohm",
+                        "\u00b2": "2", "\u00b3": "3", "\u00b7": "*", "\u2212": "-"})  # fmt: skip
+_FACTOR = re.compile(
+    r"(?P<before>^|\s*[*/.]\s*|\s+)(?:(?P<number>\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z%]+))"
+    r"(?:(?:\^|\*\*)?(?P<power>[+-]?\d+))?",
+    re.ASCII,
+)
+LONGEST = 60
+
+
+def unit_exponents(text: str | None) -> Exponents | None:
+    """Exponents of the base units m, kg, s, A, K and of ten (`SIZE`); None for an unknown unit.
+
+    An angle is a number (rad), degC and K are one: differences are meant.
+    """
+    if text is None or len(text) > LONGEST:
+        return None
+    plain = text.strip().replace("\u00b0C", "degC").replace("\u00b0", "deg").translate(_SIGNS)
+    found: dict[str, float] = {SIZE: 0.0}
+    position = 0
+    while position < len(plain):
+        match = _FACTOR.match(plain, position)
+        own = None if match is None else _factor(match["number"], match["name"])
+        if match is None or own is None:
+            return None
+        if position and "/" not in match["before"] and "/" in plain[:position]:
+            # What um/m*K means is anyone's guess.
+            return None
+        sign = -1.0 if "/" in match["before"] else 1.0
+        power = sign * float(match["power"] or 1)
+        for base, exponent in own.items():
+            found[base] = found.get(base, 0.0) + power * exponent
+        position = match.end()
+    return found if position else None
+
+
+def _factor(number: str | None, name: str | None) -> Mapping[str, float] | None:
+    if number is not None:
+        return {SIZE: math.log10(float(number))} if float(number) > 0 else None
+    if name is None or name in _PLAIN:
+        return None if name is None else _PLAIN[name]
+    for symbol, own in _WITH_PREFIX.items():
+        if name.endswith(symbol):
+            prefix = name.removesuffix(symbol)
+            size = (_PREFIXES | _SOME_PREFIXES.get(symbol, {})).get(prefix)
+            if size is not None:
+                return own | {SIZE: own.get(SIZE, 0) + size}
+    return None

@@ -1,0 +1,159 @@
+"""Units of budgets: what they are, and where an equation disagrees with them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.budget import load_budget
+from mtu_cli.files.unit_text import SIZE, unit_exponents
+
+# Sizes from the SI brochure (9th edition), in m, kg, s, A, K; an angle is a number.
+SIZES = [
+    ("mm", 1e-3, {"m": 1}),
+    ("\u00b5m", 1e-6, {"m": 1}),
+    ("nm", 1e-9, {"m": 1}),
+    ("in", 0.0254, {"m": 1}),
+    ("mm^2", 1e-6, {"m": 2}),
+    ("mm\u00b2", 1e-6, {"m": 2}),
+    ("m/s2", 1.0, {"m": 1, "s": -2}),
+    ("min", 60.0, {"s": 1}),
+    ("um/m/K", 1e-6, {"K": -1}),
+    ("1/degC", 1.0, {"K": -1}),
+    ("1e-6/K", 1e-6, {"K": -1}),
+    ("10^-6/\u00b0C", 1e-6, {"K": -1}),
+    ("K^-1", 1.0, {"K": -1}),
+    ("ppm", 1e-6, {}),
+    ("rad", 1.0, {}),
+    ("deg", math.pi / 180, {}),
+    ("\u00b0", math.pi / 180, {}),
+    ("arcsec", math.pi / 648000, {}),
+    ("kN", 1e3, {"kg": 1, "m": 1, "s": -2}),
+    ("N*m", 1.0, {"kg": 1, "m": 2, "s": -2}),
+    ("kg m^2/s2", 1.0, {"kg": 1, "m": 2, "s": -2}),
+    ("hPa", 100.0, {"kg": 1, "m": -1, "s": -2}),
+    ("mbar", 100.0, {"kg": 1, "m": -1, "s": -2}),
+    ("mV", 1e-3, {"kg": 1, "m": 2, "s": -3, "A": -1}),
+    ("\u03a9", 1.0, {"kg": 1, "m": 2, "s": -3, "A": -2}),
+]
+
+
+@pytest.mark.parametrize(("text", "size", "bases"), SIZES, ids=[item[0] for item in SIZES])
+def test_units_as_people_write_them(text: str, size: float, bases: dict[str, int]) -> None:
+    found = unit_exponents(text)
+    assert found is not None
+    assert 10.0 ** found[SIZE] == pytest.approx(size, rel=1e-12)
+    assert {base: value for base, value in found.items() if value and base != SIZE} == bases
+
+
+@pytest.mark.parametrize(
+    "text", [None, "", "furlong", "mm (cal.)", "um/m*K", "C", "g", "T", "0/K", "mm^", "m" * 100]
+)
+def test_units_that_nobody_knows_for_sure(text: str | None) -> None:
+    assert unit_exponents(text) is None
+
+
+def faults(tmp_path: Path, equation: str, unit: str, inputs: dict[str, str]) -> list[str]:
+    lines = [f"  {name}: {{value: 2, u: 0.1, unit: '{text}'}}" for name, text in inputs.items()]
+    lines = [line.replace(", unit: ''", "") for line in lines]
+    head = f"schema: mtu/budget/1\nname: t\nquantity: {{name: q, unit: '{unit}'}}\n"
+    path = tmp_path / "b.yaml"
+    path.write_text(f"{head}equation: {equation}\ninputs:\n" + "\n".join(lines) + "\n")
+    try:
+        load_budget(path)
+    except InputError as error:
+        return [str(problem).removeprefix("b.yaml:") for problem in error.problems]
+    return []
+
+
+MM = {"h": "mm", "L": "mm"}
+
+
+@pytest.mark.parametrize(
+    ("equation", "unit", "inputs", "told"),
+    [
+        (
+            "asin(h/L)",
+            "deg",
+            MM,
+            "3: quantity.unit: the equation gives rad: 'deg'; expected rad, or the equation times "
+            "180/pi",
+        ),
+        ("2*atan(h)", "arcsec", {"h": ""}, "3: quantity.unit: the equation gives rad: 'arcsec'"),
+        (
+            "h + L",
+            "mm",
+            {"h": "mm", "L": "um"},
+            "4: equation: mm and um are added at column 3; expected one unit: what is in um times "
+            "0.001",
+        ),
+        ("h - t", "mm", {"h": "mm", "t": "degC"}, "4: equation: mm and degC are added at column 3"),
+        (
+            "L*sin(2*phi)",
+            "mm",
+            {"L": "mm", "phi": "deg"},
+            "4: equation: sin of numbers in deg at column 7: '2*phi'; expected a plain number, or "
+            "an angle in rad: what is inside times pi/180",
+        ),
+        ("log(h)", "1", {"h": "mm"}, "4: equation: log of numbers in mm at column 5: 'h'"),
+        ("2**h", "1", {"h": "mm"}, "4: equation: an exponent in mm at column 4: 'h'"),
+        ("atan2(h, L)", "rad", {"h": "mm", "L": "um"}, "4: equation: mm and um are compared"),
+        ("a*L*t", "um", {"a": "um/m/K", "L": "mm", "t": "degC"}, "gives nm: 'um'; expected nm, or"),
+        ("V/I", "ohm", {"V": "V", "I": "mA"}, "gives kohm: 'ohm'; expected kohm, or the equation"),
+        ("h*L", "mm", MM, "the equation gives mm^2: 'mm'; expected mm^2, or an equation that"),
+        # 1 + 12 ppm is no 1.000012, and no factor mends that.
+        ("L*(1 + a*t)", "mm", {"L": "mm", "a": "ppm/K", "t": "K"}, "gives nm: 'mm'; expected nm"),
+    ],
+)
+def test_what_disagrees_is_refused(
+    tmp_path: Path, equation: str, unit: str, inputs: dict[str, str], told: str
+) -> None:
+    (found,) = faults(tmp_path, equation, unit, inputs)
+    assert told in found
+
+
+@pytest.mark.parametrize(
+    ("equation", "unit", "inputs"),
+    [
+        ("asin(h/L)*180/pi", "deg", MM),
+        ("180/pi*2*asin(h/L)", "deg", MM),
+        ("asin(h/L)", "rad", MM),
+        ("L*sin(phi*pi/180)", "mm", {"L": "mm", "phi": "deg"}),
+        ("h + L/1000", "mm", {"h": "mm", "L": "um"}),
+        ("1000*V/I", "ohm", {"V": "V", "I": "mA"}),
+        ("L*(1 + a*(t - 20))", "mm", {"L": "mm", "a": "1/K", "t": "degC"}),
+        ("sqrt(h**2 + L**2)", "mm", MM),
+        ("pi*h**2/4", "mm^2", MM | {"h": "mm"}),
+        # Empirical equations, whose literals have units: CIPM air density, vapour pressure.
+        ("(0.34848*p - 0.009*h)/(273.15 + t)", "kg/m3", {"p": "hPa", "h": "%", "t": "degC"}),
+        ("exp(34.04 - 6292/T)", "Pa", {"T": "K"}),
+        ("12*t", "um", {"t": "degC"}),
+        # Nobody knows what is not stated.
+        ("h + L", "mm", {"h": "mm", "L": ""}),
+        ("h + L", "mm", {"h": "mm", "L": "digits"}),
+        ("h + L", "length", MM),
+    ],
+)
+def test_what_may_be_right_passes(
+    tmp_path: Path, equation: str, unit: str, inputs: dict[str, str]
+) -> None:
+    used = {name: text for name, text in inputs.items() if name in equation}
+    assert faults(tmp_path, equation, unit, used) == []
+
+
+def test_units_of_several_outputs(tmp_path: Path) -> None:
+    path = tmp_path / "b.yaml"
+    path.write_text(
+        "schema: mtu/budget/1\nname: t\nunits: {s: mm, a: deg}\n"
+        "equations: {s: h + L, a: atan(h/L)}\n"
+        "inputs:\n  h: {value: 1, u: 0.1, unit: mm}\n  L: {value: 9, u: 0.1, unit: mm}\n"
+    )
+    with pytest.raises(InputError) as caught:
+        load_budget(path)
+    assert str(caught.value) == (
+        "b.yaml:3: units.a: the equation gives rad: 'deg'; expected rad, or the equation times "
+        "180/pi"
+    )
