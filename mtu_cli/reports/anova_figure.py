@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mtu_cli.analyses.anova import AnovaResult
 from mtu_cli.analyses.anova.features import FeatureMap
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Plane, common_view, draw_plane, scale_arrow
+from mtu_cli.reports.labels import cut, folded
+from mtu_cli.reports.level_maps import Maps, Side, page_of
+from mtu_cli.reports.levels import flat
 from mtu_cli.reports.numbers import percent, significant
 from mtu_cli.units import UM
 
@@ -27,6 +33,13 @@ BARS = 16
 MAPS = 4
 ERROR = "actual minus\nnominal, um"
 LIMITS = "a part beyond stands out (5 % over all parts, features, lengths, angles)"
+WIDTH = 8.0
+TITLE, LETTERS = 11.0, 19.0
+"""Characters in an inch of a panel's title, and of the names of the parts."""
+PART, OPERATION = 14, 24
+"""Characters of a part's name, and of a line of an operation's."""
+UPRIGHT = 0.095
+"""Inches between upright names."""
 ROW = 1.55
 BAR = 0.36
 
@@ -45,7 +58,7 @@ def _by_part(result: AnovaResult) -> Figure:
     axes = sorted({axis for row in rows for axis in row})
     bars = sum(np.isfinite(item.repeat_share) for item in result.totals[:BARS])
     shares = [BAR * bars + 0.5] * bool(bars)
-    page = figures.blank(8.0, ROW * len(rows) + 0.8 + sum(shares) + 0.4)
+    page = figures.blank(WIDTH, ROW * len(rows) + 0.8 + sum(shares) + 0.4)
     grid = page.add_gridspec(
         len(rows) + len(shares), len(axes), height_ratios=[ROW] * len(rows) + shares
     )
@@ -53,7 +66,7 @@ def _by_part(result: AnovaResult) -> Figure:
         for c, axis in enumerate(axes):
             panel = page.add_subplot(grid[r, c])
             if axis in row:
-                _parts(panel, result, row[axis])
+                _parts(panel, result, row[axis], (WIDTH - 0.6) / len(axes))
             else:
                 panel.set_axis_off()
             if c == 0:
@@ -101,7 +114,7 @@ def _parts_axis(result: AnovaResult) -> str:
     return "part" if count <= NAMED_PARTS else f"parts 1 to {count}, as they first appear"
 
 
-def _parts(panel: Axes, result: AnovaResult, i: int) -> None:
+def _parts(panel: Axes, result: AnovaResult, i: int, width: float) -> None:
     found, k = result.features, result.coverage_factor
     mean, grand = found.part_means(i) / UM, found.one_way.mean[i] / UM
     count = len(mean)
@@ -126,13 +139,23 @@ def _parts(panel: Axes, result: AnovaResult, i: int) -> None:
                 color=colour, markersize=size + extra, markeredgewidth=0, elinewidth=1.0,
                 label=label if style == "o" else "part that stands out here by itself",
             )  # fmt: skip
-    panel.set_title(" ".join(word for word in found.tables.labels[i] if word))
+    panel.set_title(
+        cut(" ".join(word for word in found.tables.labels[i] if word), int(TITLE * width))
+    )
     if count <= NAMED_PARTS:
-        names = found.tables.parts
-        turn = 90 if max(map(len, names)) > 2 else 0
-        panel.set_xticks(range(1, count + 1), names, fontsize=6.5, rotation=turn)
+        _name_parts(panel, found.tables.parts, width)
     panel.set_xlim(1 - 0.03 * count - 0.3, count + 0.03 * count + 0.3)
     panel.grid(axis="x", visible=False)
+
+
+def _name_parts(panel: Axes, parts: Sequence[str], width: float) -> None:
+    """The parts' names upright where they have no room beside one another; not all of too many."""
+    names, count = [cut(name, PART) for name in parts], len(parts)
+    upright = max(map(len, names)) > 2 or sum(map(len, names)) + count > LETTERS * (width - 0.5)
+    every = math.ceil(count * UPRIGHT / (width - 0.5)) if upright else 1
+    panel.set_xticks(
+        range(1, count + 1, every), names[::every], fontsize=6.5, rotation=90 if upright else 0
+    )
 
 
 def _shares(panel: Axes, result: AnovaResult) -> None:
@@ -141,7 +164,10 @@ def _shares(panel: Axes, result: AnovaResult) -> None:
     Variances are means over all features of an operation and axis.
     """
     known = [item for item in result.totals[:BARS] if np.isfinite(item.repeat_share)]
-    names = [" ".join(word for word in (item.operation, item.axis) if word) for item in known]
+    names = [
+        folded(" ".join(word for word in (item.operation, item.axis) if word), OPERATION)
+        for item in known
+    ]
     for row, item in enumerate(known):
         share = 100 * item.repeat_share
         panel.barh(row, 100 - share, color=figures.BLUE, height=0.62)
@@ -166,6 +192,9 @@ def _shares(panel: Axes, result: AnovaResult) -> None:
 def _maps(result: AnovaResult) -> Figure:
     """Arrows of the mean errors at the features, one panel an operation, one scale."""
     shown = result.maps[:MAPS]
+    known = tuple(axis for i, axis in enumerate(AXES) if _known(shown, i))
+    if not all(flat(item.places, known) for item in shown):
+        return _by_level(result, known)
     planes = [_plane(item) for item in shown]
     columns = min(len(planes), 2)
     rows = -(-len(planes) // columns)
@@ -175,8 +204,7 @@ def _maps(result: AnovaResult) -> Figure:
     panels = page.subplots(rows, columns, squeeze=False).ravel()
     for panel in panels[len(planes) :]:
         panel.set_axis_off()
-    part = result.features.tables.parts[0]
-    datum = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
+    part, datum = result.features.tables.parts[0], _less(result)
     for panel, item, plane in zip(panels, shown, planes, strict=False):
         draw_plane(panel, plane, view)
         panel.set_xlabel("x, mm")
@@ -188,5 +216,32 @@ def _maps(result: AnovaResult) -> Figure:
     return page
 
 
+def _known(shown: Sequence[FeatureMap], axis: int) -> bool:
+    return any(np.isfinite(item.errors[:, axis]).any() for item in shown)
+
+
+def _less(result: AnovaResult) -> str:
+    return "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
+
+
+def _by_level(result: AnovaResult, axes: tuple[str, ...]) -> Figure:
+    """Maps level by level, an operation a group, of the features of all operations."""
+    shown = result.maps[:MAPS]
+    places = {
+        name: place for item in shown for name, place in zip(item.ids, item.places, strict=True)
+    }
+    groups = []
+    for item in shown:
+        own = dict(zip(item.ids, item.errors / UM, strict=True))
+        errors = np.array([own.get(name, np.full(3, np.nan)) for name in places])
+        groups.append((item.operation, (Side(name="", colour=figures.BLUE, errors=errors),)))
+    maps = Maps(
+        ids=tuple(places), places=np.array(list(places.values())), axes=axes, groups=tuple(groups)
+    )
+    part = result.features.tables.parts[0]
+    title = f"Part {part}: errors of {len(places)} features, actual minus nominal{_less(result)}"
+    return page_of(maps, title)
+
+
 def _plane(item: FeatureMap) -> Plane:
-    return Plane(ids=item.ids, places=item.places, errors=item.errors / UM)
+    return Plane(ids=item.ids, places=item.places[:, :2], errors=item.errors[:, :2] / UM)

@@ -1,4 +1,4 @@
-"""The errors of the features as arrows with uncertainty ellipses (Gilsinn & Ling 2004, Fig. 6)."""
+"""Errors as arrows with uncertainty ellipses in a plane (Gilsinn & Ling 2004, Fig. 6)."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.analyses.predict_points import PointsResult
-from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures, labels
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import UM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
+LINE = 0.24
+"""Between names one above the other, inches."""
 SHOWN_IDS = 80
 """More features than this are drawn without their names."""
 CHARACTER = 0.066
 """Width of a character of a name, inches."""
 GAP = 0.07
 """Between a feature and its name, inches."""
+FARTHEST = 0.3
+"""From a feature to the middle of a short name, inches, however much room there is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,74 +65,33 @@ class View:
         return float(width / height)
 
 
-@figures.styled
-def figure(result: PointsResult) -> Figure:
-    """Arrows of (Ex, Ey) at the features, ellipses of k standard uncertainties about their tips.
-
-    An axis that is not in the plane, or a machine without Ex and Ey, is drawn feature by
-    feature beside it.
-    """
-    axes = result.prediction.axes
-    in_plane = "x" in axes and "y" in axes
-    apart = [axis for axis in axes if not in_plane or axis not in ("x", "y")]
-    widths = [2.1] * in_plane + [1.0] * len(apart)
-    page = figures.blank(8.0 + 1.6 * (len(widths) - 1), 7.4)
-    panels = page.subplots(1, len(widths), width_ratios=widths, squeeze=False)[0]
-    if in_plane:
-        _predicted(panels[0], _plane(result))
-    for panel, axis in zip(panels[int(in_plane) :], apart, strict=True):
-        _draw_axis(panel, result, axis)
-    return page
-
-
-def _plane(result: PointsResult) -> Plane:
-    axes = result.prediction.axes
-    n, a = len(result.prediction.ids), len(axes)
-    chosen = [axes.index("x"), axes.index("y")]
-    blocks = result.covariance.reshape(n, a, n, a)[np.arange(n), :, np.arange(n), :]
-    return Plane(
-        ids=result.prediction.ids,
-        places=result.points[:, :2],
-        errors=result.prediction.mean.reshape(n, a)[:, chosen] / UM,
-        covariance=blocks[:, chosen][:, :, chosen] / UM**2,
-        k=result.coverage_factor,
-    )
-
-
-def _predicted(panel: Axes, plane: Plane) -> None:
-    view = common_view([plane], (6.4, 5.9))
-    draw_plane(panel, plane, view)
-    panel.set_xlabel("x, mm")
-    panel.set_ylabel("y, mm")
-    panel.set_title("Errors of the features: actual minus nominal", pad=34)
-    k = plane.k
-    share = 100 * (1 - math.exp(-(k**2) / 2))
-    remark = f"      ellipse: {k:g} standard uncertainties ({share:.0f} % where normal)"
-    scale_arrow(panel, view, figures.BLUE, rise=20.0, remark=remark)
-
-
-def common_view(planes: Sequence[Plane], paper: tuple[float, float]) -> View:
+def common_view(
+    planes: Sequence[Plane],
+    paper: tuple[float, float],
+    spacing: float | None = None,
+    limit: float = math.inf,
+) -> View:
     """The view in which all planes can be compared on `paper` (width, height) inches each.
+
+    `spacing` of neighbouring features, mm, where they are not neighbours in all planes together;
+    `limit` is the largest scale.
 
     Neighbours' ellipses about touch at the largest u, and the longest arrow is about as long as
     features are apart (a little longer without ellipses), never as long as the part.
     """
     places = np.vstack([plane.places for plane in planes])
-    spacing, extent = _spacing(places), float(np.ptp(places, axis=0).max())
+    spacing = spacing_of(places) if spacing is None else spacing
+    extent = float(np.ptp(places, axis=0).max())
     step = min(spacing, 0.3 * extent) if extent > 0 else spacing
-    scale = min(_scale(plane, step) for plane in planes)
+    scale = min(limit, *(_scale(plane, step) for plane in planes))
     scale = scale if math.isfinite(scale) else 1.0
-    corners = [places]
-    for plane in planes:
-        tips, radii = _tips(plane, scale), _radii(plane, scale)[:, None]
-        corners += [tips - radii, tips + radii]
-    found = np.vstack(corners)
+    corners = [corner for plane in planes for corner in _corners(plane, scale)]
+    found = np.vstack([places, *corners])
     low, high = found.min(axis=0) - 0.5 * step, found.max(axis=0) + 0.5 * step
     size = np.array(paper)
     longest = CHARACTER * max(len(name) for plane in planes for name in plane.ids)
     margins = np.array([GAP + longest, 2 * GAP + longest / 2])
-    named = max(len(plane.ids) for plane in planes) <= SHOWN_IDS
-    named &= longest <= 0.6 * spacing / float(((high - low) / size).max())
+    named = _named(planes, spacing, float(((high - low) / size).max()), longest)
     if named and (margins < 0.3 * size).all():
         beside = margins * float((np.ptp(places, axis=0) / (size - 2 * margins)).max())
         low = np.minimum(low, places.min(axis=0) - beside)
@@ -146,6 +105,29 @@ def common_view(planes: Sequence[Plane], paper: tuple[float, float]) -> View:
         low=low,
         high=high,
     )
+
+
+def _corners(plane: Plane, scale: float) -> tuple[FloatArray, FloatArray]:
+    """Beyond the ends of all arrows and ellipses, (n, 2) each."""
+    tips, radii = _tips(plane, scale), _radii(plane, scale)[:, None]
+    return tips - radii, tips + radii
+
+
+def _named(planes: Sequence[Plane], spacing: float, inch: float, longest: float) -> bool:
+    """Whether there is room for names of `longest` inches, `inch` mm to an inch."""
+    few = max(len(plane.ids) for plane in planes) <= SHOWN_IDS
+    return few and (
+        longest <= 0.6 * spacing / inch
+        or all(_names_fit(plane.places / inch, longest) for plane in planes)
+    )
+
+
+def _names_fit(places: FloatArray, longest: float) -> bool:
+    """Whether names of `longest` inches have room where features (n, 2), inches, stand in rows or
+    columns.
+    """
+    dx, dy = np.abs(places[:, None] - places[None])[np.triu_indices(len(places), 1)].T
+    return bool(((longest <= 0.6 * dx) | (dy >= LINE)).all())
 
 
 def _tips(plane: Plane, scale: float) -> FloatArray:
@@ -162,7 +144,7 @@ def _radii(plane: Plane, scale: float) -> FloatArray:
     return radii
 
 
-def _spacing(places: FloatArray) -> float:
+def spacing_of(places: FloatArray) -> float:
     """The typical distance of a feature to its nearest neighbour."""
     from scipy.spatial import KDTree
 
@@ -185,8 +167,18 @@ def _scale(plane: Plane, step: float) -> float:
 
 def draw_plane(panel: Axes, plane: Plane, view: View, colour: str = figures.BLUE) -> None:
     """Arrows, ellipses, marks and, where there is room, names."""
-    tips, radii = _tips(plane, view.scale), _radii(plane, view.scale)
-    fine = min(1.0, max(0.35, view.spacing / view.inch / 0.6))
+    draw_arrows(panel, plane, view, colour)
+    frame(panel, view)
+    draw_marks(panel, plane.places, view)
+    if view.named:
+        write_names(panel, [plane], view)
+
+
+def draw_arrows(
+    panel: Axes, plane: Plane, view: View, colour: str, *, thickness: float = 1.0
+) -> None:
+    """The arrows, and the ellipses about their tips; heads of thicker ones grow less."""
+    tips = _tips(plane, view.scale)
     if plane.covariance is not None:
         _ellipses(panel, tips, plane.covariance * (plane.k * view.scale) ** 2)
     panel.quiver(
@@ -197,25 +189,46 @@ def draw_plane(panel: Axes, plane: Plane, view: View, colour: str = figures.BLUE
         scale=1,
         color=colour,
         units="inches",
-        width=0.022 * fine,
-        headwidth=4.5,
-        headlength=5.5,
-        headaxislength=5,
+        width=0.022 * _fine(view) * thickness,
+        headwidth=4.5 / thickness**0.5,
+        headlength=5.5 / thickness**0.5,
+        headaxislength=5 / thickness**0.5,
         minlength=0.1,
         zorder=6,
     )
-    panel.plot(*plane.places.T, "o", color=figures.INK, markersize=3.2 * fine, zorder=5)
+
+
+def draw_marks(panel: Axes, places: FloatArray, view: View) -> None:
+    """A dot a feature."""
+    panel.plot(*places.T, "o", color=figures.INK, markersize=3.2 * _fine(view), zorder=5)
+
+
+def frame(panel: Axes, view: View) -> None:
+    """The limits of the view, a mm of x as long as one of y."""
     panel.set_aspect("equal")
     panel.set_xlim(view.low[0], view.high[0])
     panel.set_ylim(view.low[1], view.high[1])
-    if view.named:
-        longest = CHARACTER * max(map(len, plane.ids))
-        reach = max(0.26 * view.step, view.inch * (GAP + longest / 2))
-        placed = labels.around(plane.places, tips, radii, reach)
-        for name, (x, y) in zip(plane.ids, placed, strict=True):
-            panel.text(x, y, name, ha="center", va="center", fontsize=7.5, zorder=6)
-        for text in panel.texts:
-            text.set_path_effects(labels.halo())
+
+
+def _fine(view: View) -> float:
+    """Lines and marks of features close together are finer."""
+    return min(1.0, max(0.35, view.spacing / view.inch / 0.6))
+
+
+def write_names(panel: Axes, planes: Sequence[Plane], view: View) -> None:
+    """Names of the features of the first plane, clear of the arrows of all."""
+    first, others = planes[0], planes[1:]
+    longest = CHARACTER * max(map(len, first.ids))
+    near = min(0.26 * view.step, FARTHEST * view.inch)
+    reach = max(near, view.inch * (GAP + longest / 2))
+    placed = labels.around(
+        first.places, _tips(first, view.scale), _radii(first, view.scale), reach,
+        also=[(plane.places, _tips(plane, view.scale)) for plane in others],
+    )  # fmt: skip
+    for name, (x, y) in zip(first.ids, placed, strict=True):
+        panel.text(x, y, name, ha="center", va="center", fontsize=7.5, zorder=6)
+    for text in panel.texts:
+        text.set_path_effects(labels.halo())
 
 
 def _ellipses(panel: Axes, tips: FloatArray, squares: FloatArray) -> None:
@@ -268,28 +281,3 @@ def nice(value: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that is at most `value`."""
     power = 10.0 ** math.floor(math.log10(value)) if value > 0 else 1.0
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-9))
-
-
-def _draw_axis(panel: Axes, result: PointsResult, axis: str) -> None:
-    """E -+ U of one axis, feature by feature."""
-    step, start = len(result.prediction.axes), result.prediction.axes.index(axis)
-    error = result.prediction.mean[start::step] / UM
-    U = result.coverage_factor * np.sqrt(result.variance[start::step]) / UM
-    rows = np.arange(len(error))
-    panel.axvline(0.0, color=figures.GREY, linewidth=0.8)
-    panel.errorbar(
-        error,
-        rows,
-        xerr=U,
-        fmt="o",
-        color=figures.BLUE,
-        ecolor=figures.BLUE,
-        elinewidth=1.2,
-        capsize=2.5,
-        markersize=3.5,
-    )
-    every = max(1, math.ceil(len(rows) / 40))
-    panel.set_yticks(rows[::every], list(result.prediction.ids[::every]))
-    panel.invert_yaxis()
-    panel.set_xlabel(f"E{axis}, um")
-    panel.set_title(f"E{AXES[AXES.index(axis)]} ± {result.coverage_factor:g} u")

@@ -9,6 +9,7 @@ import numpy as np
 
 from mtu_cli.analyses.budget import BudgetResult, OutputBudget
 from mtu_cli.reports import figures
+from mtu_cli.reports.labels import cut, folded
 from mtu_cli.reports.numbers import significant, with_u
 from mtu_cli.stats.distributions import log_density
 from mtu_cli.stats.least_squares import FloatArray
@@ -21,6 +22,12 @@ SHOWN = 4
 """Outputs drawn on one sheet."""
 BARS = 12
 """Inputs drawn, the largest shares first; the others are one bar."""
+FAR = 1e5
+"""Of values that differ by less than this part only what differs is written at the ticks."""
+TITLE = 50
+"""Characters of one line of a title."""
+NAME = 24
+"""Characters of a name."""
 DASHES = (0, (4, 3))
 NARROWEST = 1e-12
 """Relative width of a histogram that is more than rounding."""
@@ -43,7 +50,7 @@ def figure(result: BudgetResult) -> Figure:
 
 def _shares(panel: Axes, result: BudgetResult, output: OutputBudget) -> None:
     shares = 100.0 * output.first.share
-    panel.set_title(f"{output.first.name}: shares of the variance")
+    panel.set_title(f"{cut(output.first.name, NAME)}: shares of the variance")
     panel.grid(visible=False, axis="y")
     if not np.all(np.isfinite(shares)):
         panel.set_yticks([])
@@ -59,9 +66,9 @@ def _shares(panel: Axes, result: BudgetResult, output: OutputBudget) -> None:
     places = np.arange(len(values))
     colours = [figures.BLUE if value >= 0 else figures.ORANGE for value in values]
     panel.barh(places, values, color=colours, height=0.7)
-    panel.set_yticks(places, names)
+    panel.set_yticks(places, [folded(name, NAME) for name in names])
     panel.invert_yaxis()
-    panel.set_xlabel("share of u$^2$, %")
+    panel.set_xlabel("share of u², %")
     panel.axvline(0.0, color=figures.GREY, linewidth=0.8)
     reach = max(map(abs, values), default=1.0) or 1.0
     for place, value in zip(places, values, strict=True):
@@ -98,9 +105,10 @@ def _histogram(panel: Axes, result: BudgetResult, output: OutputBudget, index: i
     panel.axvspan(low, high, ymax=0.03, color=figures.BLUE, label=f"{percent}, Monte Carlo")
     panel.set_yticks([])
     panel.locator_params(axis="x", nbins=5)
-    panel.ticklabel_format(axis="x", useOffset=False, scilimits=(-4, 9))
+    offset = max(abs(left), abs(right)) > FAR * (right - left)
+    panel.ticklabel_format(axis="x", useOffset=offset, scilimits=(-4, 9))
     unit = f", {output.unit}" if output.unit else ""
-    panel.set_xlabel(f"{first.name}{unit}")
+    panel.set_xlabel(f"{cut(first.name, NAME)}{unit}")
     panel.set_title(_headline(result, output, index))
 
 
@@ -121,9 +129,11 @@ def _headline(result: BudgetResult, output: OutputBudget, index: int) -> str:
     first = output.first
     value, _ = with_u(first.value, first.u if first.u > 0.0 else None)
     own = float(result.run.u[index])
-    found = f"{first.name} = {value}"
+    found = f"{cut(first.name, NAME)} = {value}"
     if math.isfinite(first.u):
         found += f", u = {significant(first.u)}"
     if math.isfinite(own):
-        return f"{found}, by Monte Carlo {significant(own)}"
-    return f"{found}, none by Monte Carlo"
+        found += f", by Monte Carlo {significant(own)}"
+    else:
+        found += ", none by Monte Carlo"
+    return found if len(found) <= TITLE else found.replace(", ", "\n", 1)

@@ -35,10 +35,15 @@ def draw_arrows(panels: Sequence[Axes], planes: Sequence[Plane], view: View) -> 
     for panel, plane, (title, colour) in zip(panels, planes, SIDES, strict=False):
         draw_plane(panel, plane, view, colour)
         name = title if len(panels) > 1 else "mean errors"
-        panel.set_title(f"{name} ({len(plane.ids)} features)", pad=22)
+        panel.set_title(f"{name} ({counted(len(plane.ids))})", pad=22)
         scale_arrow(panel, view, colour, rise=RISE, length=length)
         panel.set_xlabel("x, mm")
         panel.set_ylabel("y, mm")
+
+
+def counted(features: int) -> str:
+    """How many features, in words."""
+    return "1 feature" if features == 1 else f"{features} features"
 
 
 def view_of(planes: Sequence[Plane], paper: tuple[float, float]) -> View:

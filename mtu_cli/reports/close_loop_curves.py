@@ -192,7 +192,7 @@ def _of_choice(effect: FoundEffect, item: TableResult) -> Curve:
 
 
 def _by_category(item: TableResult, title: str, over: str, effect: FoundEffect | None) -> Curve:
-    """Residuals of two axes at most, or of the effect's own, category by category."""
+    """Residuals of all axes, or of the effect's own, category by category."""
     table, there = item.table, item.table.there
     row, column = things(item)
     number, labels = {
@@ -202,7 +202,7 @@ def _by_category(item: TableResult, title: str, over: str, effect: FoundEffect |
     }[over]
     named = len(labels) <= NAMED
     x = np.broadcast_to(number, there.shape)[there] + (0.0 if named else 1.0)
-    axes: Sequence[str] = table.axes[:2]
+    axes: Sequence[str] = table.axes
     if effect is not None and effect.axis in table.axes:
         axes = [effect.axis]
     scale = unit_of(item).to_internal

@@ -4,26 +4,23 @@ the candidates' ranking.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, TableResult
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, Judged, TableResult
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_cells import IntArray
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Plane
-from mtu_cli.reports.close_loop_arrows import SIDES, draw_arrows, view_of
+from mtu_cli.reports.close_loop_arrows import SIDES, counted, draw_arrows, view_of
 from mtu_cli.reports.close_loop_curves import Curve, Series, by_column, curves
-from mtu_cli.reports.close_loop_shown import (
-    class_of,
-    either,
-    first_table,
-    ranked,
-    things,
-    unit_of,
-)
+from mtu_cli.reports.close_loop_levels import in_plane, maps_of, mean_errors, short_names
+from mtu_cli.reports.close_loop_shown import class_of, either, first_table, ranked, things
+from mtu_cli.reports.labels import cut
+from mtu_cli.reports.level_maps import Maps, draw, legend, sheet, write_title
 from mtu_cli.reports.numbers import p_value
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -38,13 +35,17 @@ LEAST = -6.0
 """The ranking starts here: what is less likely is all the same."""
 BINS = 24
 """Means that residuals are drawn as where they lie at more places."""
-SERIES = (figures.BLUE, figures.RED)
+SERIES = (figures.BLUE, figures.RED, figures.GREEN)
 TITLE = 115
 """Characters of the title."""
 FEW = 4
 """Of so few distinct places cells are spread out beside one another."""
+NAME, NAMED = 26, 44
+"""Characters of a name beside a panel, and above one."""
 CHARACTERS = 40
 """Of names that fit beside one another below a panel."""
+LEGEND = 3
+"""Rows of the ranking that its legend is as high as."""
 TICKS = 30
 """More columns than this are drawn without their names."""
 
@@ -58,6 +59,9 @@ def figure(result: CloseLoopResult) -> Figure:
     Of several components the one that gave the verdict is drawn.
     """
     item = first_table(result)
+    levels = maps_of(item)
+    if levels is not None:
+        return _with_levels(result, item, levels)
     planes = _planes(item)
     view = view_of(planes, (5.0, 4.6)) if planes else None
     above = 3.4 if view is None else float(view.high[1] - view.low[1]) / view.inch + 1.1
@@ -79,6 +83,21 @@ def figure(result: CloseLoopResult) -> Figure:
     return page
 
 
+def _with_levels(result: CloseLoopResult, item: TableResult, levels: Maps) -> Figure:
+    """Maps level by level in place of the arrows of one plane."""
+    drawn = sheet(levels, WIDTH)
+    shown = curves(item) if item.effects else [*curves(item), by_column(item)]
+    page = figures.blank(WIDTH, drawn.height + 4.3)
+    grid = page.add_gridspec(2, 1, height_ratios=[drawn.height, 4.1])
+    top, bottom = page.add_subfigure(grid[0]), page.add_subfigure(grid[1])
+    draw(top, drawn)
+    legend(top, drawn)
+    write_title(top, f"Mean errors of {counted(len(levels.ids))}", drawn)
+    _lower(bottom, item, shown, result.alpha / len(result.tables))
+    page.suptitle(_title(result, item), x=0.012, ha="left", fontsize=10.5, fontweight="bold")
+    return page
+
+
 def _title(result: CloseLoopResult, item: TableResult) -> str:
     names = "; ".join(either(class_of(effect)) for effect in item.effects)
     component = item.table.component
@@ -94,29 +113,17 @@ def _title(result: CloseLoopResult, item: TableResult) -> str:
     return shorten(f"Undeclared effects{of}: {text}", TITLE, placeholder=" ...")
 
 
-def _means(item: TableResult) -> tuple[FloatArray, FloatArray]:
-    """Mean errors (H, A) of the columns before and after, in the unit shown."""
-    there = item.table.there[:, :, None]
-    count = np.maximum(there.sum(axis=0), 1)
-    scale = unit_of(item).to_internal
-
-    def mean(values: FloatArray) -> FloatArray:
-        found: FloatArray = np.where(there, values, 0.0).sum(axis=0) / count / scale
-        return found
-
-    return mean(item.table.errors), mean(item.table.errors - item.explained)
-
-
 def _planes(item: TableResult) -> list[Plane]:
     """Errors before and after in the xy plane, empty where there is none."""
-    table = item.table
-    if table.component is not None or not {"x", "y"} <= set(table.axes):
+    if not in_plane(item):
         return []
+    table = item.table
     axes = [table.axes.index("x"), table.axes.index("y")]
     places = table.places[:, :, :2].mean(axis=0)
-    ids = tuple(name.rpartition(" ")[2] for name in table.features)
-    ids = ids if len(set(ids)) == len(ids) else table.features
-    return [Plane(ids=ids, places=places, errors=mean[:, axes]) for mean in _means(item)]
+    return [
+        Plane(ids=short_names(item), places=places, errors=mean[:, axes])
+        for mean in mean_errors(item)
+    ]
 
 
 def _columns(page: SubFigure, item: TableResult) -> None:
@@ -128,7 +135,7 @@ def _columns(page: SubFigure, item: TableResult) -> None:
     x, runs = _runs(item)
     for a, panel in enumerate(panels):
         panel.axhline(0.0, color=figures.GREY, linewidth=0.9)
-        for (side, colour), mean in zip(sides, _means(item), strict=False):
+        for (side, colour), mean in zip(sides, mean_errors(item), strict=False):
             for (direction, own), style in zip(runs.items(), ("-", "--"), strict=False):
                 panel.plot(
                     x[own], mean[own, a], f"o{style}", color=colour, markersize=3.5,
@@ -136,7 +143,12 @@ def _columns(page: SubFigure, item: TableResult) -> None:
                 )  # fmt: skip
         if not runs.keys() - {""}:
             every = max(1, -(-len(x) // TICKS))
-            panel.set_xticks(x[::every], item.table.features[::every], rotation=90, fontsize=7)
+            panel.set_xticks(
+                x[::every],
+                [cut(f, NAME) for f in item.table.features[::every]],
+                rotation=90,
+                fontsize=7,
+            )
         else:
             panel.set_xlabel(f"{axes[a]}, mm")
         panel.set_title(f"mean errors of the {column}s" + (f", {axes[a]}" if len(axes) > 1 else ""))
@@ -178,11 +190,14 @@ def draw_curve(panel: Axes, curve: Curve) -> None:
         panel.set_xticks(curve.ticks)
     if curve.names:
         panel.set_xticks(
-            range(len(curve.names)), curve.names, rotation=90 * _crowded(curve.names), fontsize=7.5
+            range(len(curve.names)),
+            [cut(name, NAME) for name in curve.names],
+            rotation=90 * _crowded(curve.names),
+            fontsize=7.5,
         )
     if curve.xlabel.endswith("in order"):
         panel.xaxis.set_major_locator(MaxNLocator(integer=True))
-    panel.set_title(curve.title)
+    panel.set_title(cut(curve.title, NAMED))
     panel.set_xlabel(curve.xlabel)
     panel.set_ylabel(curve.ylabel)
     if several:
@@ -233,6 +248,15 @@ def _binned(series: Series) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     return mean(series.x), mean(series.y), fitted
 
 
+def _room(best: Sequence[Judged]) -> float:
+    """Rows below the bars for a legend that would hide some of them."""
+    factors = [judged.log_bayes_factor or 0.0 for judged in best]
+    high, low = max([0.0, *factors]), max(min([0.0, *factors]), LEAST)
+    last = factors[-LEGEND:]
+    free = all(low <= factor < low + 0.5 * (high - low) for factor in last) and high > -low
+    return 0.0 if free or not last else float(LEGEND)
+
+
 def _ranking(panel: Axes, item: TableResult, alpha: float) -> None:
     """Log Bayes factors, solid beyond the gate; the class in orange."""
     from matplotlib.patches import Patch
@@ -255,8 +279,8 @@ def _ranking(panel: Axes, item: TableResult, alpha: float) -> None:
             transform=panel.get_yaxis_transform(), va="center", fontsize=7.5,
         )  # fmt: skip
     panel.axvline(0.0, color=figures.INK, linewidth=0.9)
-    panel.set_yticks(range(len(best)), [judged.name for judged in best])
-    panel.set_ylim(max(len(best), 1) - 0.4, -0.6)
+    panel.set_yticks(range(len(best)), [cut(judged.name, NAME) for judged in best])
+    panel.set_ylim(max(len(best), 1) - 0.4 + _room(best), -0.6)
     panel.set_xlabel("natural log of the Bayes factor")
     panel.set_title("candidates at the first look")
     panel.grid(axis="y", visible=False)

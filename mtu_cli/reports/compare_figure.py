@@ -10,7 +10,10 @@ import numpy as np
 from mtu_cli.analyses.compare import Compared, CompareResult, Side, Verdict
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Plane, View, common_view, draw_plane, scale_arrow
+from mtu_cli.reports.compare_levels import maps_of
 from mtu_cli.reports.compare_words import verdict
+from mtu_cli.reports.labels import folded
+from mtu_cli.reports.level_maps import WIDTH, Maps, draw, legend, sheet, write_title
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
@@ -75,6 +78,9 @@ def figure(result: CompareResult) -> Figure:
     """
     kinds = _kinds(result)
     below = sum(kind.height for kind in kinds) + 0.4
+    levels = maps_of(result, OPERATIONS)
+    if levels is not None:
+        return _with_levels(result, kinds, below, levels)
     planes = _planes(result)
     if not planes:
         page = figures.blank(8.0, below)
@@ -85,14 +91,28 @@ def figure(result: CompareResult) -> Figure:
     grid = page.add_gridspec(2, 1, height_ratios=[layout.height, below])
     above, under = page.add_subfigure(grid[0]), page.add_subfigure(grid[1])
     _arrows(above, planes, view, layout)
-    operations = len(dict.fromkeys(label[0] for label in result.features.labels))
-    more = f" (first {OPERATIONS} of {operations} operations)" if operations > OPERATIONS else ""
-    above.suptitle(
-        f"Mean errors of the features: actual minus nominal{more}",
-        x=0.012, ha="left", fontsize=9.5, fontweight="bold",
-    )  # fmt: skip
+    above.suptitle(_title(result), x=0.012, ha="left", fontsize=9.5, fontweight="bold")
     _intervals(under, result, kinds)
     return page
+
+
+def _with_levels(result: CompareResult, kinds: list[_Listed], below: float, levels: Maps) -> Figure:
+    """Maps level by level in place of the arrows of one plane."""
+    drawn = sheet(levels, WIDTH)
+    page = figures.blank(WIDTH, drawn.height + below)
+    grid = page.add_gridspec(2, 1, height_ratios=[drawn.height, below])
+    above, under = page.add_subfigure(grid[0]), page.add_subfigure(grid[1])
+    draw(above, drawn)
+    legend(above, drawn)
+    write_title(above, _title(result), drawn)
+    _intervals(under, result, kinds)
+    return page
+
+
+def _title(result: CompareResult) -> str:
+    operations = len(dict.fromkeys(label[0] for label in result.features.labels))
+    more = f" (first {OPERATIONS} of {operations} operations)" if operations > OPERATIONS else ""
+    return f"Mean errors of the features: actual minus nominal{more}"
 
 
 def _kinds(result: CompareResult) -> list[_Listed]:
@@ -211,7 +231,7 @@ def _draw(panel: Axes, kind: _Listed, k: float) -> None:
     panel.axvline(0.0, color=figures.GREY, linewidth=0.9)
     _bars(panel, found.predicted, items, k, -0.14, figures.BLUE, "predicted")
     _bars(panel, found.measured, items, k, 0.14, figures.ORANGE, "measured")
-    names = [" ".join(word for word in found.labels[i] if word) for i in items]
+    names = [folded(" ".join(word for word in found.labels[i] if word)) for i in items]
     panel.set_yticks(range(len(items)), names)
     panel.set_ylim(len(items) - 0.4, -0.6)
     beside = panel.get_yaxis_transform()

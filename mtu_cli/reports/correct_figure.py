@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.analyses.correct.result import CorrectResult, Size
+from mtu_cli.analyses.correct.summary import FeatureErrors
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Plane, common_view, draw_plane, scale_arrow
+from mtu_cli.reports.labels import folded
+from mtu_cli.reports.level_maps import Maps, Side, page_of
+from mtu_cli.reports.levels import flat
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
@@ -53,6 +57,9 @@ def figure(result: CorrectResult) -> Figure:
     found = result.by_feature()
     before, after = found.before / UM, found.after / UM
     if {"x", "y"} <= set(result.axes) and np.isfinite(before[:, :2]).all():
+        seen = tuple(axis for axis in result.axes if np.isfinite(after[:, AXES.index(axis)]).any())
+        if not flat(found.places, seen):
+            return _by_level(found, seen)
         return _arrows(found.features, found.places, before[:, :2], after[:, :2])
     lines = [
         _Line(
@@ -65,6 +72,15 @@ def figure(result: CorrectResult) -> Figure:
         for axis in result.axes
     ]
     return _lines("Mean errors of the features", lines, "measured minus nominal")
+
+
+def _by_level(found: FeatureErrors, axes: tuple[str, ...]) -> Figure:
+    sides = (
+        Side(name="before", colour=figures.ORANGE, errors=found.before / UM),
+        Side(name="after", colour=figures.BLUE, errors=found.after / UM),
+    )
+    maps = Maps(ids=found.features, places=found.places, axes=axes, groups=(("", sides),))
+    return page_of(maps, "Mean errors of the features: measured minus nominal")
 
 
 def _of_size(item: Size) -> _Line:
@@ -91,7 +107,7 @@ def _lines(title: str, lines: list[_Line], label: str) -> Figure:
     title += " before and after" + (" (with 95 % interval)" if with_interval else "")
     more = f" (first {SHOWN} of {len(lines)})" if len(lines) > SHOWN else ""
     panel.set_title(f"{title}{more}")
-    panel.set_yticks(range(len(shown)), [line.name for line in shown])
+    panel.set_yticks(range(len(shown)), [folded(line.name) for line in shown])
     panel.set_ylim(len(shown) - 0.4, -0.6)
     panel.set_xlabel(f"{label}, um")
     panel.grid(axis="y", visible=False)

@@ -24,6 +24,7 @@ GREY = "#8a929c"
 BLUE = "#1f5fa8"
 ORANGE = "#d9772b"
 RED = "#b3261e"
+GREEN = "#3d8b57"
 PALE = "#c9dcf0"
 
 _STYLE: dict[str, Any] = {

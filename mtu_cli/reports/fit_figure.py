@@ -12,6 +12,7 @@ from mtu_cli.model.estimates import ComponentEstimate, Estimates
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.reports import figures
+from mtu_cli.reports.labels import cut
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import polynomial
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMNS = 3
+TITLE = 36
+"""Characters above a panel."""
 MARKERS = ({1: ">", -1: "<", 0: "o"}, {1: "^", -1: "v", 0: "s"})
 """By instrument (first, others) and direction."""
 
@@ -147,7 +150,7 @@ def _label(
     words = f"  {says}" if says else ""
     words += "  (machine file)" if stated else ""
     title = f"{name}{words}"
-    panel.set_title(title if len(title) <= 44 else f"{title[:42]}...")
+    panel.set_title(cut(title, TITLE))
     panel.set_ylabel(estimate.unit.name)
     if estimate.of is None:
         panel.set_xlabel("" if stated else "pass")

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.reports import figures
-from mtu_cli.reports.graph_layout import INSIDE, RADIUS, Layout, lay_out
+from mtu_cli.reports.graph_layout import INSIDE, RADIUS, Layout, label_width, lay_out
 from mtu_cli.reports.graph_net import Net, Node, share_percent
+from mtu_cli.reports.labels import cut
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -33,6 +34,10 @@ KEY = 0.95
 BAR = (0.07, 0.30)
 LEAST_SHARE = 0.005
 SMALL = 6.2
+BOLD = 1.15
+"""Width of bold letters beside others."""
+TITLE = 0.105
+"""Width of a letter of the title, inches."""
 LABEL = 6.8
 
 
@@ -43,7 +48,7 @@ def drawing(net: Net) -> Figure:
     from matplotlib.figure import Figure
 
     layout = lay_out(net)
-    width = max(layout.width + 2 * MARGIN, KEY * (len(_kinds(net)) + 3))
+    width = max(layout.width + 2 * _margin(net, layout), KEY * (len(_kinds(net)) + 3))
     height = layout.height + HEAD + FOOT + 2 * MARGIN
     page = Figure(figsize=(width, height))
     FigureCanvasAgg(page)
@@ -70,6 +75,15 @@ def drawing(net: Net) -> Figure:
             )
     _write_frame(panel, net, layout, left)
     return page
+
+
+def _margin(net: Net, layout: Layout) -> float:
+    """Room beside the net for the labels at both ends."""
+    reach = [MARGIN]
+    for node, (x, _) in zip(net.nodes, layout.places, strict=False):
+        half = (BOLD if node.reported else 1.0) * label_width(node) / 2 + 0.1
+        reach += [half - float(x), half + float(x) - layout.width]
+    return max(reach)
 
 
 def _kinds(net: Net) -> list[str]:
@@ -176,7 +190,7 @@ def _write_frame(panel: Axes, net: Net, layout: Layout, left: float) -> None:
 
     of = "" if net.of is None else f": where the variance of {net.of} is from"
     top = -MARGIN - HEAD + 0.25
-    title = net.title + of
+    title = cut(net.title + of, int((layout.width + 2 * left) / TITLE))
     panel.text(-left + 0.3, top, title, fontsize=10.5, fontweight="bold", va="center")
     y = layout.height + MARGIN + FOOT - 0.28
     x = -left + 0.3

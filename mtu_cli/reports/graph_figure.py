@@ -13,6 +13,7 @@ from mtu_cli.analyses.graph.surface import Formula
 from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
 from mtu_cli.reports import figures
 from mtu_cli.reports.graph_simulate import shares_text, small_unit
+from mtu_cli.reports.labels import cut, spread
 from mtu_cli.reports.numbers import plus_minus, significant, with_u
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.distributions import log_density
@@ -23,8 +24,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+NAME = 20
+"""Characters of a coordinate's name."""
 SHOWN = 9
 """Coordinates drawn on one sheet."""
+INSIDE, BESIDE = 6, 14
+"""Lines named inside the panel, and beside it."""
 CURVE = 200
 """Points of a formula's curve."""
 HEADROOM = 1.08
@@ -58,7 +63,7 @@ def _bars(panel: Axes, item: SimulatedCoordinate) -> None:
     panel.set_ylim(0.0, 1.0)
     panel.set_xlabel("value of the place")
     name = str(item.output)
-    panel.set_title(f"{name}: chance of 1 {plus_minus(item.mean, item.errors.mean)}")
+    panel.set_title(f"{cut(name, NAME)}: chance of 1 {plus_minus(item.mean, item.errors.mean)}")
 
 
 def _histogram(panel: Axes, item: SimulatedCoordinate) -> None:
@@ -88,7 +93,7 @@ def _histogram(panel: Axes, item: SimulatedCoordinate) -> None:
     known = "" if shares == "-" else f"\n{shares} % of u²"
     panel.set_xlabel(f"from nominal, {unit}{known}")
     name = str(item.output)
-    panel.set_title(f"{name}: u {significant(item.u * factor)} {unit}")
+    panel.set_title(f"{cut(name, NAME)}: u {significant(item.u * factor)} {unit}")
 
 
 @figures.styled
@@ -115,7 +120,8 @@ def swept(result: Sweep) -> Figure:
         _dots(panel, result, points, first, factor, colour, label)
     panel.set_xlabel(first)
     name = str(result.output)
-    panel.set_ylabel(f"chance that {name} is 1" if result.chance else f"u of {name}, {unit}")
+    short = cut(name, NAME)
+    panel.set_ylabel(f"chance that {short} is 1" if result.chance else f"u of {short}, {unit}")
     if not result.chance:
         # A jump that no trial saw has u 0 and no standard error.
         reached = [item.u + 2 * item.se_u for item in result.grid if math.isfinite(item.se_u)]
@@ -128,8 +134,22 @@ def swept(result: Sweep) -> Figure:
         )
         panel.set_title(f"{result.formula.form}\n{numbers}", fontweight="normal")
     if rest:
-        panel.legend()
+        _legend(panel)
     return page
+
+
+def _legend(panel: Axes) -> None:
+    """Inside of a few lines; of many beside them, lightest and darkest and some between."""
+    handles, names = panel.get_legend_handles_labels()
+    if len(handles) <= INSIDE:
+        panel.legend()
+        return
+    kept = spread(len(handles), BESIDE)
+    some = "" if len(kept) == len(handles) else f"{len(kept)} of {len(handles)} lines"
+    panel.legend(
+        [handles[i] for i in kept], [names[i] for i in kept], title=some,
+        loc="center left", bbox_to_anchor=(1.0, 0.5),
+    )  # fmt: skip
 
 
 def _dots(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,21 +11,54 @@ import numpy as np
 from mtu_cli.stats.least_squares import FloatArray
 
 DIRECTIONS = 16
+WIDTH = 34
+"""Characters of a line of a name beside a panel."""
 
 
-def around(places: FloatArray, tips: FloatArray, radii: FloatArray, reach: float) -> FloatArray:
+def cut(name: str, length: int) -> str:
+    """A name without its middle where it is long: numbered names differ at the end."""
+    if len(name) <= length:
+        return name
+    end = (length - 3) // 2
+    return f"{name[: length - 3 - end]}...{name[-end:]}"
+
+
+def spread(count: int, most: int) -> list[int]:
+    """At most `most` of `count` places, ends included, evenly apart."""
+    if count <= most:
+        return list(range(count))
+    return [round(i * (count - 1) / (most - 1)) for i in range(most)]
+
+
+def folded(name: str, width: int = WIDTH) -> str:
+    """A long name in two lines of at most `width` characters, without its middle if need be."""
+    if len(name) <= width:
+        return name
+    lines = textwrap.wrap(name, width)
+    return "\n".join(lines if len(lines) <= 2 else (name[:width], cut(name[width:], width)))
+
+
+def around(
+    places: FloatArray,
+    tips: FloatArray,
+    radii: FloatArray,
+    reach: float,
+    also: Sequence[tuple[FloatArray, FloatArray]] = (),
+) -> FloatArray:
     """Where to write each name, (n, 2): `reach` from its place, clear of arrows and ellipses.
 
     `tips` (n, 2) end the arrows that start at `places`, `radii` (n,) are those of the
-    ellipses about the tips. Each name takes the direction of least cover, in order; all in
-    the unit of the figure.
+    ellipses about the tips, `also` starts and tips (m, 2) of further arrows. Each name takes
+    the direction of least cover, in order; all in the unit of the figure.
     """
+    starts = np.vstack([places, *(start for start, _ in also)])
+    ends = np.vstack([tips, *(end for _, end in also)])
     angles = np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
     offsets = reach * np.column_stack([np.cos(angles), np.sin(angles)])
     placed = np.zeros((0, 2))
     for place, tip in zip(places, tips, strict=True):
         spots = place + offsets
-        cost = 3.0 * _near(_to_segments(spots, places, tips), 0.8 * reach).sum(axis=1)
+        cost = 3.0 * _near(_to_segments(spots, starts, ends), 0.8 * reach).sum(axis=1)
         cost += 4.0 * _near(_apart(spots, places), 0.9 * reach).sum(axis=1)
         cost += _near(_apart(spots, tips) - radii, 0.5 * reach).sum(axis=1)
         if len(placed):

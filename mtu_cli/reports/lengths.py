@@ -14,6 +14,7 @@ from mtu_cli.analyses.lengths import Length, LengthsResult
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import finite, listed, root, um, um2
+from mtu_cli.reports.labels import folded
 from mtu_cli.reports.numbers import interval, percent, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
@@ -179,7 +180,9 @@ def figure(result: LengthsResult) -> Figure:
     more = f" (first {SHOWN} of {len(result.lengths)})" if len(result.lengths) > SHOWN else ""
     k = shown[0].k
     panel.set_title(f"Errors of the lengths, ± {k:g} u{more}")
-    panel.set_yticks(range(len(shown)), [f"{item.id}\n{item.nominal:.2f} mm" for item in shown])
+    panel.set_yticks(
+        range(len(shown)), [f"{folded(item.id)}\n{item.nominal:.2f} mm" for item in shown]
+    )
     panel.set_ylim(len(shown) - 0.45, -0.55)
     panel.set_xlabel("actual minus nominal length, um")
     panel.grid(axis="y", visible=False)

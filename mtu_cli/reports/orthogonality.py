@@ -20,6 +20,7 @@ from mtu_cli.analyses.orthogonality import (
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import arcsec, finite, listed
+from mtu_cli.reports.labels import cut
 from mtu_cli.reports.numbers import interval, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.stats.least_squares import FloatArray
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 SHOWN = 6
 """Angles drawn on one sheet."""
+LETTERS = 100
+"""Of a title across the sheet."""
 
 
 def document(result: OrthogonalityResult, coverage_factor: float) -> dict[str, Any]:
@@ -181,7 +184,7 @@ def figure(result: OrthogonalityResult) -> Figure:
     page = figures.blank(8.0 if columns == 1 else 10.0, 0.8 + 3.6 * rows)
     panels = page.subplots(rows, columns, squeeze=False).ravel()
     for panel, item in zip(panels, shown, strict=False):
-        _draw(panel, item)
+        _draw(panel, item, LETTERS // columns)
     for panel in panels[len(shown) :]:
         panel.set_visible(False)
     handles, names = panels[0].get_legend_handles_labels()
@@ -189,7 +192,8 @@ def figure(result: OrthogonalityResult) -> Figure:
     return page
 
 
-def _draw(panel: Axes, item: Orthogonality) -> None:
+def _draw(panel: Axes, item: Orthogonality, letters: int) -> None:
+    """Of one angle; `letters` fit in a line above."""
     run = item.run
     values = run.samples[0] / ARCSEC
     low, high = run.low[0] / ARCSEC, run.high[0] / ARCSEC
@@ -212,9 +216,9 @@ def _draw(panel: Axes, item: Orthogonality) -> None:
     u = run.u[0] / ARCSEC
     scale = u if math.isfinite(u) else item.first_order[1] / ARCSEC
     mean, _ = with_u(run.mean[0] / ARCSEC, scale)
-    panel.set_title(
-        f"{item.id}: mean {mean}, u {significant(u)} arcsec, 95 % {interval(low, high, scale)}"
-    )
+    found = f"mean {mean}, u {significant(u)} arcsec, 95 % {interval(low, high, scale)}"
+    long = len(item.id) + len(found) > letters
+    panel.set_title(f"{cut(item.id, letters)}:{chr(10) if long else ' '}{found}")
 
 
 def _first_order(item: Orthogonality, grid: FloatArray) -> FloatArray:

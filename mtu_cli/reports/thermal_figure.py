@@ -13,8 +13,9 @@ from mtu_cli.model.drift_profile import STEPS, DriftProfile, drift_profile
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import nice
 from mtu_cli.reports.document import listed
+from mtu_cli.reports.labels import cut, spread
 from mtu_cli.reports.numbers import significant
-from mtu_cli.reports.thermal_shown import DETAILED, by_share, change, cut, shown_in, spread, twins
+from mtu_cli.reports.thermal_shown import DETAILED, by_share, change, shown_in, twins
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:

@@ -28,6 +28,7 @@ def document(fit: ThermalFit) -> dict[str, Any]:
     return {
         "method": fit.method,
         "sensors": list(fit.sensors),
+        "columns_not_used": list(fit.not_used),
         "reference_temperature_degC": finite(fit.reference),
         "components": {name: _component(item) for name, item in fit.components.items()},
     }

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from mtu_cli.analyses.thermal_fit.evidence import FEWEST_NESTED
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
+from mtu_cli.reports.labels import cut as cut
+from mtu_cli.reports.labels import spread as spread
 from mtu_cli.reports.numbers import significant
 from mtu_cli.units import ARCSEC, LENGTH, UM, Unit
 
@@ -48,18 +50,3 @@ def nothing_held_out(item: ComponentDrift) -> str:
             "a third warm-up or cool-down would"
         )
     return f"its {cycles} cycles give none to test the model on; complete cycles would"
-
-
-def spread(count: int, most: int) -> list[int]:
-    """At most `most` of `count` places, ends included, evenly apart."""
-    if count <= most:
-        return list(range(count))
-    return [round(i * (count - 1) / (most - 1)) for i in range(most)]
-
-
-def cut(name: str, length: int) -> str:
-    """A name without its middle where it is long: numbered sensors differ at the end."""
-    if len(name) <= length:
-        return name
-    end = (length - 3) // 2
-    return f"{name[: length - 3 - end]}...{name[-end:]}"

@@ -78,6 +78,9 @@ def _summary(fit: ThermalFit, items: Sequence[ComponentDrift]) -> Sheet:
     without = [item.name for item in items if not item.estimate.sensors]
     if without:
         notes.append(f"{listed(without, 12)}: no sensor explains the drift")
+    if fit.not_used:
+        own = listed(fit.not_used, 12)
+        notes.append(f"columns that are no sensors (T_<sensor>_degC), not used: {own}")
     rows = [_summary_row(item) for item in items]
     return Sheet(title="Thermal models", columns=columns, rows=rows, notes=notes)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from mtu_cli.analyses.anova.parts import FAMILY_RATE, Label
 from mtu_cli.model.datum import basis, without
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.anova import OneWay
@@ -35,8 +36,8 @@ class UnusualFeature:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureMap:
-    """Mean errors (n, 2) along x and y of the features of an operation, mm, at nominal `places`
-    (n, 2).
+    """Mean errors (n, 3) of the features of an operation, mm, at nominal `places` (n, 3); nan
+    along z where z was not measured or is not known.
     """
 
     operation: str
@@ -78,7 +79,7 @@ def unusual_features(tables: MeasuredTables, table: OneWay) -> tuple[UnusualFeat
 def maps(
     tables: MeasuredTables, table: OneWay, places: dict[str, FloatArray]
 ) -> tuple[FeatureMap, ...]:
-    """The mean errors in the plane of x and y, one map an operation."""
+    """The mean errors of features with errors in x and y, one map an operation."""
     index = {label: i for i, label in enumerate(tables.labels)}
     found = []
     for operation in dict.fromkeys(label[0] for label in tables.labels):
@@ -89,13 +90,14 @@ def maps(
         )
         if not ids:
             continue
-        rows = [[index[operation, name, axis] for axis in ("x", "y")] for name in ids]
+        rows = [[index.get((operation, name, axis), -1) for axis in AXES] for name in ids]
+        errors: FloatArray = np.where(np.array(rows) < 0, np.nan, table.mean[np.array(rows)])
         found.append(
             FeatureMap(
                 operation=operation,
                 ids=ids,
-                places=np.array([places[name][:2] for name in ids]),
-                errors=table.mean[np.array(rows)],
+                places=np.array([places[name] for name in ids]),
+                errors=errors,
             )
         )
     return tuple(found)
@@ -108,9 +110,10 @@ def set_up_warnings(found: tuple[FeatureMap, ...]) -> list[Warned]:
     """
     warned = []
     for item in found:
-        places = np.column_stack([item.places, np.zeros(len(item.ids))])
+        places = np.column_stack([item.places[:, :2], np.zeros(len(item.ids))])
+        errors = item.errors[:, :2]
         Q = basis(places, (0, 1), "offset,rotation")
-        before = item.errors.ravel()
+        before = errors.ravel()
         left = len(before) - Q.shape[1]
         if left < FEWEST_LEFT or not before.any():
             continue
@@ -120,7 +123,7 @@ def set_up_warnings(found: tuple[FeatureMap, ...]) -> list[Warned]:
             continue
         share = min(int(100 * (1 - rest / total)), 99)
         of = f" of {item.operation} features" if item.operation else ""
-        x, y = (1e3 * value for value in item.errors.mean(axis=0))
+        x, y = (1e3 * value for value in errors.mean(axis=0))
         text = (
             f"a common offset (x {x:.3g}, y {y:.3g} um) and rotation explain "
             f"{share} % of the mean errors{of}: if the parts were set up by hand on the CMM, that "

@@ -233,3 +233,20 @@ def test_readings_are_drawn_over_the_position_a_line_each_direction() -> None:
     after = mean["after, forward"] - mean["after, reverse"]
     # Twice the lost motion was taken out.
     assert before - after == pytest.approx(4.1)
+
+
+def test_the_legend_of_the_ranking_hides_no_bar() -> None:
+    """Bars to the left of nothing end where the legend would be."""
+    item = nothing().tables[0]
+    worse = tuple(
+        replace(judged, log_bayes_factor=-1.0 - i) for i, judged in enumerate(item.candidates[:6])
+    )
+    page = figure(result(replace(item, candidates=worse)))
+    with figures.house_style():
+        page.draw_without_rendering()
+    panel = page.axes[-1]
+    legend = panel.get_legend()
+    assert legend is not None
+    bars = [patch for patch in panel.patches if isinstance(patch, Rectangle)]
+    assert len(bars) == len(worse)
+    assert not any(legend.get_window_extent().overlaps(bar.get_window_extent()) for bar in bars)

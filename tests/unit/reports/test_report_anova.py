@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from measured_examples import part_file, points, study, with_measured
 from mtu_cli.analyses.anova import AnovaResult, analyse_variance
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Settings
+from mtu_cli.reports import figures
 from mtu_cli.reports.anova import CSV_COLUMNS, csv_rows, document
 from mtu_cli.reports.anova_figure import figure
 from mtu_cli.reports.anova_table import table
@@ -227,6 +230,35 @@ def test_one_part_is_drawn_as_a_map() -> None:
     # One scale for all of them.
     scale = drawn_at[0, 0] / errors[0, 0]
     np.testing.assert_allclose(drawn_at, scale * errors, rtol=1e-9)
+
+
+def test_one_part_of_three_axes_is_drawn_level_by_level() -> None:
+    found = study(1, 1, 2)
+    heights = found.nominal.copy()
+    heights[:, 2] = [10.0, 60.0, 60.0]
+    measured = heights + 0.01 * np.arange(9).reshape(3, 3)
+    drawn = figure(
+        analyse_variance(
+            replace(found, nominal=heights, measured=measured), None, "reml", Settings()
+        )
+    )
+    titles = [panel.get_title(loc="left") for panel in drawn.axes]
+    assert titles == [
+        f"{what}, z = {z} mm" for what in ("Ex and Ey", "Ez (up is +)") for z in (10, 60)
+    ]
+
+
+@pytest.mark.parametrize(("count", "longest"), [(12, 2), (40, 2), (40, 9)])
+def test_names_of_parts_do_not_run_into_one_another(count: int, longest: int) -> None:
+    rng = np.random.default_rng(2)
+    rows = [(f"{p:0{longest}d}", "a", 0, *(0.01 * rng.standard_normal(2))) for p in range(count)]
+    page = figure(analyse_variance(points(rows), None, "reml", Settings()))
+    with figures.house_style():
+        page.draw_without_rendering()
+    for panel in page.axes[:2]:
+        boxes = [label.get_window_extent() for label in panel.get_xticklabels()]
+        assert len(boxes) >= count / 2
+        assert not any(a.overlaps(b) for a, b in pairwise(boxes))
 
 
 def test_picture_marks_what_stands_out(planted: AnovaResult) -> None:

@@ -143,6 +143,7 @@ def test_figures_are_drawn(text: str) -> None:
     assert figure_bytes(page, ".png").startswith(b"\x89PNG")
     titles = [axes.get_title(loc="left") for axes in page.axes]
     assert titles[0].endswith("shares of the variance")
+    assert page.axes[0].get_xlabel() in ("", "share of u², %")
     assert "by Monte Carlo" in titles[1]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +127,25 @@ transitions:
     assert figure_bytes(drawing(drawn), "svg").startswith(b"<?xml")
 
 
+def test_long_names_end_on_the_paper(tmp_path: Path) -> None:
+    """Those at both ends of the net too, bold where they are reported."""
+    first, last = "the_left_edge_of_the_housing", "the_width_of_the_housing_at_the_top"
+    text = (
+        f"places:\n  {first}: {{kind: constant, value: 1, unit: mm}}\n"
+        f"  {last}: {{kind: constant}}\ntransitions:\n"
+        f"  - {{do: compute, in: [{first}], out: {last}, formula: 2*{first}}}\n"
+    )
+    page = drawing(replace(net_for(graph_of(tmp_path, text)), title="long " * 40))
+    with house_style():
+        page.draw_without_rendering()
+    texts = [item for item in page.axes[0].texts if item.get_text()]
+    assert {first, last} <= {item.get_text() for item in texts}
+    for item in texts:
+        box = item.get_window_extent()
+        assert page.bbox.x0 <= box.x0
+        assert box.x1 <= page.bbox.x1
+
+
 def test_report_of_a_simulation() -> None:
     result = simulate_graph(shipped("rotary-axis-a"), Settings(trials=20_000))
     results = graph_simulate.document(result, 2.0)
@@ -175,6 +195,31 @@ def test_report_of_a_sweep() -> None:
     assert ends == [
         pytest.approx([1e3 * result.grid[i].formula_u for i in (at, at + 4)]) for at in (0, 1)
     ]
+    known = panel.get_legend()
+    assert known is not None
+    assert known.get_title().get_text() == ""
+
+
+def test_a_legend_of_many_lines_stands_beside_them() -> None:
+    """It covers nothing, and names the first, the last and some between."""
+    result = sweep_graph(shipped("ball-centre"), Settings(trials=100), "P1.x", {"axis_um": [1.0]})
+    (one,) = result.grid
+    many = [1.0 + 0.1 * i for i in range(25)]
+    grid = tuple(replace(one, at={"axis_um": a, "probe_um": b}) for a in (1.0, 2.0) for b in many)
+    varied = {"axis_um": (1.0, 2.0), "probe_um": tuple(many)}
+    page = graph_figure.swept(replace(result, grid=grid, varied=varied, formula=None))
+    with house_style():
+        page.draw_without_rendering()
+    (panel,) = page.axes
+    legend = panel.get_legend()
+    assert legend is not None
+    names = [text.get_text() for text in legend.get_texts()]
+    assert legend.get_title().get_text() == f"{len(names)} of 25 lines"
+    assert (names[0], names[-1]) == ("probe_um 1", "probe_um 3.4")
+    box = legend.get_window_extent()
+    assert not box.overlaps(panel.get_window_extent())
+    assert page.bbox.y0 <= box.y0 <= box.y1 <= page.bbox.y1
+    assert box.x1 <= page.bbox.x1
 
 
 @pytest.mark.parametrize("noise", [-1e-15, 0.0, 1e-15])

@@ -192,6 +192,14 @@ def test_tables_say_what_was_gained_and_tried() -> None:
     assert flat.index("Thermal models") < flat.index("Models tried") < flat.index("pos_y: grad")
 
 
+def test_columns_that_are_no_sensors_are_listed() -> None:
+    found = replace(example(), not_used=("load", "operator"))
+    flat = " ".join(plain_text(tables(found)).split())
+    assert "columns that are no sensors (T_<sensor>_degC), not used: load, operator" in flat
+    assert document(found)["columns_not_used"] == ["load", "operator"]
+    assert "no sensors (" not in plain_text(tables(example()))
+
+
 def test_a_model_that_makes_it_worse_falls_by_less_than_nothing() -> None:
     found = cubic()
     assert found.held_out is not None
