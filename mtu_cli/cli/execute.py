@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,23 +58,51 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
         outcome = analyse(inputs, settings)
     files = _files(options, inputs, settings, outcome)
     report = files.pop(STANDARD_OUTPUT, None)
-    if files:
-        from mtu_cli.files.write import write_files
+    gate = None
+    if outcome.gate is not None:
+        gate = f"mtu: gate {options.values[FAIL_IF]}: {outcome.gate}"
 
-        write_files(files, inputs=[source.path for source in inputs.sources])
-    try:
+    def say() -> None:
         if report is not None:
             write_bytes(report)
         elif not options.quiet:
             show(outcome.tables())
-        sys.stdout.flush()
-    except BrokenPipeError:
-        # The gate counts also where nobody reads the tables to their end.
-        hush()
-    warn(outcome.warnings)
-    if outcome.gate is not None:
-        print(f"mtu: gate {options.values[FAIL_IF]}: {outcome.gate}", file=sys.stderr)
+
+    deliver(files, inputs, say, told=[*warning_lines(outcome.warnings), *([gate] if gate else [])])
+    if gate is not None:
         sys.exit(EXIT_GATE)
+
+
+def deliver(
+    files: Mapping[Path, bytes],
+    inputs: Inputs,
+    say: Callable[[], None],
+    told: Sequence[str] = (),
+) -> None:
+    """What a run has made: `say` on standard output and what is `told` on standard error, then
+    the files. Where any of it fails no file is there; a reader who leaves early is no failure.
+    """
+    with _made_ready(files, inputs) if files else nullcontext(tuple) as put_in_place:
+        try:
+            say()
+            sys.stdout.flush()
+        except BrokenPipeError:
+            # The gate counts also where nobody reads the tables to their end.
+            hush()
+        try:
+            for line in told:
+                print(line, file=sys.stderr)
+        except BrokenPipeError:
+            hush(sys.stderr)
+        put_in_place()
+
+
+def _made_ready(
+    files: Mapping[Path, bytes], inputs: Inputs
+) -> AbstractContextManager[Callable[[], object]]:
+    from mtu_cli.files.write import made_ready
+
+    return made_ready(files, inputs=[source.path for source in inputs.sources])
 
 
 def check_outputs(options: Options) -> None:
@@ -163,7 +192,7 @@ def show(tables: Iterable[object]) -> None:
         sys.stdout.write(plain_text(tables))
 
 
-def warn(warnings: Iterable[Warned]) -> None:
-    """Warnings on standard error, each once."""
-    for code, message in dict.fromkeys((item.code, item.message) for item in warnings):
-        print(f"warning: {message} [{code}]", file=sys.stderr)
+def warning_lines(warnings: Iterable[Warned]) -> list[str]:
+    """Warnings as lines for standard error, each once; those for the report alone left out."""
+    shown = ((item.code, item.message) for item in warnings if not item.report_only)
+    return [f"warning: {message} [{code}]" for code, message in dict.fromkeys(shown)]

@@ -18,7 +18,7 @@ from mtu_cli.cli.budget_parameters import BUDGET
 from mtu_cli.cli.close_loop_parameters import CLOSE_LOOP
 from mtu_cli.cli.options import Options, register
 from mtu_cli.cli.simulate_parameters import SIMULATE
-from mtu_cli.cli.streams import hush, prepare_streams
+from mtu_cli.cli.streams import hush, last_words, prepare_streams
 from mtu_cli.errors import EXIT_INPUT, MtuError, reason
 
 EXIT_INTERRUPTED = 130
@@ -213,10 +213,10 @@ def main() -> None:
             # All is written: from here on an interrupt ends the process without a word.
             signal.signal(signal.SIGINT, signal.SIG_DFL)
     except MtuError as error:
-        print(f"mtu: {error}", file=sys.stderr)
+        last_words(f"mtu: {error}")
         sys.exit(EXIT_INPUT)
     except OverflowError:
-        print("mtu: a number of the input is too large to calculate with", file=sys.stderr)
+        last_words("mtu: a number of the input is too large to calculate with")
         sys.exit(EXIT_INPUT)
     except BrokenPipeError:
         hush()
@@ -224,10 +224,10 @@ def main() -> None:
     except OSError as error:
         # The disk behind standard output is full, the working folder is gone.
         hush()
-        print(f"mtu: the system refuses: {reason(error)}", file=sys.stderr)
+        last_words(f"mtu: the system refuses: {reason(error)}")
         sys.exit(EXIT_INPUT)
     except KeyboardInterrupt:
         sys.exit(EXIT_INTERRUPTED)
     except MemoryError:
-        print("mtu: the memory of this computer does not suffice for this call", file=sys.stderr)
+        last_words("mtu: the memory of this computer does not suffice for this call")
         sys.exit(EXIT_INPUT)

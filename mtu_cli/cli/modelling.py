@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.files.source import hash_of, shown_path
 from mtu_cli.files.study import find_study
 from mtu_cli.model.effect_parameters import effect_warnings
 from mtu_cli.model.estimates import Estimates
@@ -42,14 +43,8 @@ def modelled(inputs: Inputs) -> Modelled:
     if report is not None:
         estimates = estimates_from_report(machine, report)
         warnings += effect_warnings(machine, estimates.effects, report.source.shown)
-        if inputs.files("lbb") or inputs.files("laser"):
-            warnings.append(
-                Warned(
-                    code="readings-not-used",
-                    message=f"{report.source.shown} gives the components: "
-                    "the readings are not read again",
-                )
-            )
+        text = f"{report.source.shown} gives the components: the readings are not read again"
+        warnings += _not_read(inputs, ("lbb", "laser"), report.readings, text)
     else:
         readings = inputs.readings
         fit = None if readings is None else fit_machine(machine, readings)
@@ -65,10 +60,36 @@ def modelled(inputs: Inputs) -> Modelled:
     _expand(inputs.at, model.covariates())
     unused = [name for name in inputs.at if name not in model.covariates()]
     warnings += [
-        Warned(code="covariate-not-needed", message=f"no equation needs --at {name}")
-        for name in unused
+        Warned(code="covariate-not-needed", message=_not_needed(name, model)) for name in unused
     ]
     return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
+
+
+def _not_needed(name: str, model: MachineModel) -> str:
+    near = closest(name, model.covariates())
+    # The name comes last: `correct` knows by it what its rings need.
+    return f"{f'is {near!r} meant? ' if near else ''}no equation needs --at {name}"
+
+
+def _not_read(
+    inputs: Inputs, roles: Sequence[str], fitted: frozenset[str], text: str
+) -> list[Warned]:
+    """That readings are not read beside a report of their fit: on the screen only where they are
+    not, to the byte, those that it was fitted to.
+
+    Raises InputError for a file that cannot be read.
+    """
+    found = {path: hash_of(path, role) for role in roles for path in inputs.files(role)}
+    if not found:
+        return []
+    other = [shown_path(path) for path, own in found.items() if own not in fitted]
+    if fitted and other:
+        is_none = "is none" if len(other) == 1 else "are none"
+        text += f"; {', '.join(other)} {is_none} of the files that it was fitted to"
+    elif fitted - set(found.values()):
+        text += "; it was fitted to more files than these"
+    same = set(found.values()) == fitted
+    return [Warned(code="readings-not-used", message=text, report_only=same)]
 
 
 def _study_not_read(inputs: Inputs) -> list[Problem]:
@@ -117,8 +138,8 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Wa
         doubts = [Warned(code=item.code, message=item.message) for item in inputs.thermal.doubts]
         if not inputs.files("drift"):
             return found, doubts
-        message = f"{inputs.thermal.source.shown} gives the drifts: drift readings are not read"
-        return found, [*doubts, Warned(code="readings-not-used", message=message)]
+        text = f"{inputs.thermal.source.shown} gives the drifts: drift readings are not read"
+        return found, [*doubts, *_not_read(inputs, ("drift",), inputs.thermal.readings, text)]
     if not inputs.files("drift"):
         return stated, []
     from mtu_cli.cli.thermal_fit import fitted

@@ -19,10 +19,14 @@ from mtu_cli.errors import fault
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """The options of one call, by name; an option that the command lacks is None."""
+    """The options of one call, by name; an option that the command lacks is None.
+
+    `given` are those that stand in the call, whatever their value.
+    """
 
     command: str
     values: dict[str, Any] = field(default_factory=dict)
+    given: frozenset[str] = frozenset()
 
     def __getattr__(self, name: str) -> Any:
         return self.values.get(name)
@@ -52,10 +56,15 @@ def register(
 ) -> None:
     """Adds a command whose options are the groups' and whose body is `run`."""
 
-    def command(**values: Any) -> None:
-        run(Options(name, values))
+    def command(context: typer.Context, **values: Any) -> None:
+        source = context.get_parameter_source
+        given = {key for key in values if getattr(source(key), "name", "") == "COMMANDLINE"}
+        run(Options(name, values, frozenset(given)))
 
-    parameters = [item for group in groups for item in group]
+    parameters = [
+        ("context", typer.Context, inspect.Parameter.empty),
+        *(item for group in groups for item in group),
+    ]
     command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]  # read by typer
         [
             inspect.Parameter(

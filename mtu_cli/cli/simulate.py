@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 import shlex
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+from mtu_cli.cli.execute import deliver, warning_lines
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
@@ -23,8 +25,9 @@ from mtu_cli.cli.simulate_drift import (
 )
 from mtu_cli.cli.simulate_positions import read_positions
 from mtu_cli.cli.simulate_ranges import check_ranges, option_name
+from mtu_cli.cli.simulate_unused import CLIMATE, DRIFT_TEST, check_used
 from mtu_cli.errors import fault
-from mtu_cli.files.write import check_targets, write_files
+from mtu_cli.files.write import check_targets
 from mtu_cli.language import EquationError, Node, parse
 from mtu_cli.model.drift_simulation import simulate_drift
 from mtu_cli.model.effect_parameters import EFFECT_MARK
@@ -41,14 +44,6 @@ READINGS_AND_POINTS = (
     "one_way", "effect", "covariate", "passes", "parts", "repeats", "cmm_u_um", "positions",
     "scatter", "operation", "first_repeats", "part_offset_um", "reverse_every", "minutes",
 )  # fmt: skip
-CLIMATE = (
-    "room", "sensor_lag_min", "sensor_spread", "sensor_wobble_degc", "sensor_noise_degc",
-    "drift_positions", "settled_drift", "most_drift_um", "most_drift_arcsec", "twin",
-)  # fmt: skip
-DRIFT_TEST = (
-    "cycles", "cycle_minutes", "soak_minutes", "interval_min", "room_lag_min",
-    "room_wobble_degc", "reading_noise_um", "reading_noise_arcsec",
-)  # fmt: skip
 _NAMED = re.compile(r"\s*([A-Za-z_][A-Za-z_0-9]*)\s*:(.*)", re.DOTALL)
 
 
@@ -64,6 +59,7 @@ def run(options: Options) -> None:
     inputs = Inputs(options)
     seed = _seed(inputs)
     check_ranges(options, seed)
+    unused = check_used(options)
     model = modelled(inputs).model
     files: dict[Path, str] = {}
     if options.write_lbb is not None:
@@ -73,11 +69,14 @@ def run(options: Options) -> None:
     if options.write_drift is not None:
         files[options.write_drift] = _drift(inputs, model, seed)
     content = {path: text.encode() for path, text in files.items()}
-    write_files(content, inputs=[source.path for source in inputs.sources])
-    if not options.quiet:
-        for path, text in files.items():
-            rows = sum(not line.startswith("#") for line in text.splitlines()) - 1
-            print(f"{path}: {rows} synthetic rows", file=sys.stdout)
+    say = partial(_say, {} if options.quiet else files)
+    deliver(content, inputs, say, warning_lines(unused))
+
+
+def _say(files: Mapping[Path, str]) -> None:
+    for path, text in files.items():
+        rows = sum(not line.startswith("#") for line in text.splitlines()) - 1
+        print(f"{path}: {rows} synthetic rows", file=sys.stdout)
 
 
 def _seed(inputs: Inputs) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+from typing import TextIO
 
 
 def prepare_streams() -> None:
@@ -18,11 +19,19 @@ def prepare_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def hush() -> None:
-    """The reader of standard output (``| head``) has gone, or its disk is full: nothing more
-    can be said there, not even when the interpreter flushes it at its end.
+def hush(stream: TextIO | None = None) -> None:
+    """The reader of a stream (``| head``; standard output unless said) has gone, or its disk is
+    full: nothing more can be said there, not even when the interpreter flushes it at its end.
     """
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2 if stream is sys.stderr else 1)
+
+
+def last_words(text: str) -> None:
+    """A message on standard error, if that takes any."""
+    try:
+        print(text, file=sys.stderr)
+    except OSError:
+        hush(sys.stderr)
 
 
 def write_bytes(content: bytes) -> None:

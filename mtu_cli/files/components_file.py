@@ -17,6 +17,7 @@ from mtu_cli.files.report_file import (
     NonNegative,
     negative,
     not_a_report,
+    read_from,
     schema_of,
     square,
     unit_problem,
@@ -100,13 +101,16 @@ class _Report(BaseModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentsReport:
-    """A checked fit-components report; `document` is the whole of it as it was read."""
+    """A checked fit-components report; `document` is the whole of it as it was read, `readings`
+    the hashes of the files that it was fitted to.
+    """
 
     source: Source
     components: dict[str, ReportedComponent]
     joint: tuple[ReportedGroup, ...]
     effects: ReportedEffects | None = None
     document: dict[str, Any] = field(default_factory=dict)
+    readings: frozenset[str] = frozenset()
 
 
 def read_components(path: Path) -> ComponentsReport:
@@ -146,6 +150,7 @@ def components_from(source: Source, document: Any) -> ComponentsReport:
         joint=tuple(report.results.joint_pass_covariance),
         effects=report.results.effects,
         document=document,
+        readings=read_from(document, ("lbb", "laser")),
     )
 
 

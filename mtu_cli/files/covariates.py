@@ -11,6 +11,13 @@ KELVIN = 273.15
 COLDEST_K, HOTTEST_K = 230.0, 400.0
 """Values beyond HOTTEST_DEGC that are likely kelvin."""
 _TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
+_START = re.compile(r"^(?:temp(?:erature?)?(?=$|[\W_\d])|t(?=[\W_\d]))[\W_]*", re.IGNORECASE)
+_ENDING = re.compile(r"[\W_]*(?:deg[\W_]*[ckf]?|celsius|kelvin|(?<=[\W_])[ckf])\W*$", re.IGNORECASE)
+_MEANT = re.compile(
+    # What begins as a temperature does, and what is given in degC; t_min may be a time.
+    r"^T[\W_\d]|^(?i:temp(?:erature?)?)(?:$|[\W_\d])"
+    r"|(?i:[\W_]deg[\W_]?c|[\W_]celsius|^t[\W_\d]\w*[\W_]c)\W*$"
+)
 
 
 def is_covariate(name: str) -> bool:
@@ -19,10 +26,17 @@ def is_covariate(name: str) -> bool:
 
 
 def looks_like_temperature(name: str) -> bool:
-    """Whether a name seems to mean a temperature but is none: t_oil_degC, T_oil-1_degC, ..."""
-    folded = name.casefold()
-    meant = folded.startswith("t_") and folded.endswith("_degc")
-    return meant and not is_temperature(name)
+    """Whether a name seems to mean a temperature but is none: T_02, t_oil_degC, Temp 3 [degC]."""
+    folded = name.replace("\u00b0", "deg")
+    return _MEANT.search(folded) is not None and not is_temperature(name)
+
+
+def as_temperature(name: str) -> str | None:
+    """The name of a sensor that such a name seems to mean: T_02_degC of T_02; None if unclear."""
+    core = _ENDING.sub("", name.replace("\u00b0", "deg"))
+    core = re.sub(r"\W+", "_", _START.sub("", core)).strip("_")
+    found = f"T_{core}_degC"
+    return found if core and is_temperature(found) else None
 
 
 def is_temperature(name: str) -> bool:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 
 from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.files.csv_mistaken import refuse_other_table
 from mtu_cli.files.csv_table import TableSpec
 from mtu_cli.files.csv_text import CsvText
 
@@ -12,22 +14,29 @@ OTHER_WORDS = {
     "part": ("serial", "serial_number", "serial_no", "workpiece", "piece", "sn"),
     "feature": ("hole", "bore", "point", "ring", "feature_id", "element"),
     "repeat": ("rep", "replicate", "repetition"),
+    "pass": ("passes",),
+    "cycle": ("warm_up", "zyklus"),
     "component": ("error_component", "channel", "parameter"),
     "error": ("value", "reading", "deviation"),
     "position_mm": ("pos", "position", "target"),
 }
 """What other programs call a column, in lower case with underscores."""
+NUMBER = ("no", "nr", "number", "id")
+SLIP = 0.9
+"""Likeness of two names from which on one is the other with a slip: sequence and squence."""
 
 
 def check_header(text: CsvText, spec: TableSpec) -> None:
     """Raises InputError for columns that are missing, doubled, without name or at odds."""
+    refuse_other_table(text, spec)
     shown, row, header = text.source.shown, text.header_row, text.header
     problems = []
     places: dict[str, int] = {}
     for index, name in enumerate(header):
         if not name:
             what = f"column {index + 1} has no name"
-            problems.append(Problem(what=what, file=shown, row=row, expected="a name"))
+            expected = "a name (spreadsheets leave empty columns: delete them)"
+            problems.append(Problem(what=what, file=shown, row=row, expected=expected))
         elif places.setdefault(name, index) != index:
             what = f"the column stands twice, as column {places[name] + 1} and {index + 1}"
             problems.append(Problem(what=what, file=shown, row=row, column=name))
@@ -61,7 +70,7 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
         a for a, b in spec.exclusive if b in header
     }
     for other in header:
-        name = known.get(_folded(other))
+        name = _meant(_folded(other), known)
         if other and not spec.named(other) and name is not None and name not in shut:
             yield Problem(
                 what=f"the column {other!r} would not be read as {name!r}",
@@ -70,6 +79,17 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
                 column=other,
                 expected=f"rename {other!r} to {name!r}, or to a name of its own",
             )
+
+
+def _meant(folded: str, known: Mapping[str, str]) -> str | None:
+    """The column that a name means by another word, in the plural, as a number (`cycle_no`), or
+    with a slip of a letter; one with something else added (`direction_x`) is a name of its own.
+    """
+    for ending in ("", "s", *NUMBER):
+        if folded.removesuffix(ending) in known:
+            return known[folded.removesuffix(ending)]
+    near = get_close_matches(folded, known, n=1, cutoff=SLIP)
+    return known[near[0]] if near and not folded.startswith(near[0]) else None
 
 
 def _folded(name: str) -> str:

@@ -160,13 +160,14 @@ class _NumberStore(_Store):
 class _TextStore(_Store):
     def __init__(self, name: str, text: CsvText, spec: TableSpec, problems: ProblemList) -> None:
         super().__init__(name, text, spec, problems)
+        self.expected = spec.says.get(name, "a text")
         self.codes = array("i")
         self.index: dict[str, int] = {}
 
     def add(self, row: int, cell: str) -> None:
         label = cell.strip()
         if not label and not self.empty_allowed:
-            self.fault(row, "empty cell", None, "a text")
+            self.fault(row, "empty cell", None, self.expected)
         self.codes.append(self.index.setdefault(label, len(self.index)) if label else -1)
 
     def finish(self, columns: Columns) -> None:
@@ -180,6 +181,7 @@ class _TimeStore(_TextStore):
 
     def __init__(self, name: str, text: CsvText, spec: TableSpec, problems: ProblemList) -> None:
         super().__init__(name, text, spec, problems)
+        self.expected = TIME_EXPECTED
         self.rows = array("q")
 
     def add(self, row: int, cell: str) -> None:

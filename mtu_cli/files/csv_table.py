@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -34,6 +34,7 @@ class TableSpec:
     exclusive: tuple[tuple[str, str], ...] = ()
     together: tuple[tuple[str, str], ...] = ()
     vectors: tuple[tuple[str, ...], ...] = ()
+    says: Mapping[str, str] = field(default_factory=dict)
 
     def kind(self, name: str) -> Kind:
         """How the cells of a column are read."""

@@ -13,6 +13,7 @@ from typing import Literal
 
 from mtu_cli.errors import fault
 from mtu_cli.files.byte_count import count_byte
+from mtu_cli.files.csv_first_line import refuse_no_table, refuse_title
 from mtu_cli.files.source import Digest, RunningDigest, Source, check_text, read_bytes
 
 Separator = Literal[",", ";"]
@@ -176,11 +177,14 @@ _QUOTED = re.compile(r'"[^"]*"')
 def _separator(content: bytes, start: int, row: int, source: Source) -> Separator:
     end = content.find(b"\n", start)
     line = content[start : len(content) if end < 0 else end].decode()
+    refuse_no_table(line.strip(), row, source)
     bare = _QUOTED.sub("", line)
     if bare.count(";") and bare.count(";") >= bare.count(","):
         return ";"
     if "," in bare or not bare.strip():
         return ","
+    if "\t" not in bare:
+        refuse_title(line.strip(), row, b"" if end < 0 else content[end + 1 :], source)
     for sign, name in (("\t", "tabs"), ("|", "'|'"), (" ", "spaces")):
         if sign in bare.strip():
             raise fault(

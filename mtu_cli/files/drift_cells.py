@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.errors import Problem
-from mtu_cli.files.covariates import HOTTEST_DEGC, is_temperature, looks_like_temperature
+from mtu_cli.files.covariates import (
+    COLDEST_K,
+    HOTTEST_DEGC,
+    HOTTEST_K,
+    KELVIN,
+    as_temperature,
+    is_temperature,
+    looks_like_temperature,
+)
 from mtu_cli.units import UNITS, dimension_name
 
 if TYPE_CHECKING:
@@ -21,6 +29,8 @@ TEMPERATURE_EXPECTED = (
     f"a number in degC, at most {HOTTEST_DEGC:g} in size: leave out the column, or the rows"
 )
 
+KELVIN_EXPECTED = f"degC: this looks like kelvin, from which {KELVIN:g} is to be subtracted"
+
 
 def check_drift(
     table: Table, components: Mapping[str, object] | None, problems: ProblemList
@@ -29,16 +39,9 @@ def check_drift(
     components, that all their readings are of one kind.
     """
     for name in table.header:
-        if looks_like_temperature(name):
-            problems.add(
-                Problem(
-                    what="not the name of a temperature",
-                    file=table.source.shown,
-                    row=table.header_row,
-                    column=name,
-                    expected="T_<sensor>_degC with letters a to z, digits and _ alone",
-                )
-            )
+        column = table.columns.texts.get(name)
+        if looks_like_temperature(name) and (column is None or not column.labels):
+            problems.add(_no_sensor(table, name))
     for name, values in table.columns.numbers.items():
         if not is_temperature(name) or _all_within(values, HOTTEST_DEGC):
             continue
@@ -47,9 +50,29 @@ def check_drift(
         far = np.flatnonzero(np.abs(values) > HOTTEST_DEGC)
         cells = values[far].tolist()
         if cells:
-            problems.add_cells(table, far, name, "no temperature", cells, TEMPERATURE_EXPECTED)
+            kelvin = min(cells) > COLDEST_K and max(cells) < HOTTEST_K
+            expected = KELVIN_EXPECTED if kelvin else TEMPERATURE_EXPECTED
+            problems.add_cells(table, far, name, "no temperature", cells, expected)
     if components is None:
         _check_kinds(table, problems)
+
+
+def _no_sensor(table: Table, name: str) -> Problem:
+    """A column of numbers that only its name keeps from being a sensor: it would be lost."""
+    better = as_temperature(name)
+    rename = (
+        ""
+        if better is None or better in table.header
+        else f": rename {name!r} to {better!r} (in degC)"
+    )
+    return Problem(
+        what="not the name of a temperature",
+        file=table.source.shown,
+        row=table.header_row,
+        column=name,
+        expected=f"T_<sensor>_degC with letters a to z, digits and _ alone{rename}, or, where it "
+        "is none, to a name that does not look like one",
+    )
 
 
 def _all_within(values: NDArray[np.float64], most: float) -> bool:

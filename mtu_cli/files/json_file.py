@@ -70,15 +70,24 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
     """
     source, content = read_source(path, role, max_bytes=MAX_BYTES)
     check_text(content, source.shown)
+    text = content.decode("utf-8-sig")
     try:
         data = json.loads(
-            content.decode("utf-8-sig"),
+            text,
             parse_constant=_refuse_constant,
             parse_int=_whole_number,
             parse_float=_finite_number,
             object_pairs_hook=_without_duplicates,
         )
     except json.JSONDecodeError as error:
+        if not text[: error.pos].strip():
+            raise fault(
+                "not readable as JSON",
+                file=source.shown,
+                line=error.lineno,
+                value=text[error.pos :].partition("\n")[0].strip(),
+                expected=f"a {role} report, as -o FILE.json writes it",
+            ) from None
         raise fault(
             f"not readable as JSON: {error.msg.lower()}",
             file=source.shown,

@@ -38,6 +38,11 @@ SPEC = TableSpec(
         tuple(f"{axis}_mm" for axis in AXES),
         tuple(f"nominal_{axis}_mm" for axis in AXES),
     ),
+    says={
+        "part": "the serial number or name of the part",
+        "feature": "the name of a feature of the part",
+        "operation": "a name such as drilled in every row, or no column 'operation'",
+    },
 )
 
 

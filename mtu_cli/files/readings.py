@@ -29,6 +29,11 @@ SPEC = TableSpec(
     times=frozenset({"time"}),
     may_be_empty=frozenset({"position_mm", "direction"}),
     exclusive=(("time", "time_min"),),
+    says={
+        "component": "the name of a component of the machine",
+        "unit": f"one of: {', '.join(UNITS)}",
+        "cycle": "the name of a warm-up or cool-down in every row, or no column 'cycle'",
+    },
 )
 
 FEWEST_COPIED = 4

@@ -113,6 +113,19 @@ def read_bytes(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[
     return shown, content
 
 
+def hash_of(path: Path, role: str) -> str:
+    """The hash of a file's bytes, read piece by piece; raises InputError as `read_bytes` does."""
+    running = RunningDigest()
+    try:
+        with path.open("rb") as stream:
+            while piece := stream.read(_CHUNK):
+                running.update(piece)
+    except (OSError, ValueError):
+        # The same words for what cannot be read.
+        running.update(read_bytes(path, role)[1])
+    return running.hexadecimal()
+
+
 def missing_file(folder: Path, name: str) -> Problem | None:
     """The Problem of a `name` below `folder` that is no file, or None where it is one."""
     path = folder / name
@@ -179,10 +192,21 @@ def _check_kind(content: bytes, shown: str) -> None:
         what = "looks like a web page, not like data: was a login or error page saved?"
     elif content.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
         what = "looks like an Excel workbook"
-    elif content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+    elif content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or _every_other_zero(
+        content
+    ):
         what = "is UTF-16 text"
     if what is not None:
         raise fault(what, file=shown, expected="text saved as UTF-8")
+
+
+def _every_other_zero(content: bytes) -> bool:
+    """Whether a start of letters has a zero byte beside each: UTF-16 without its mark."""
+    start = content[:64]
+    sides = start[::2], start[1::2]
+    return any(
+        len(zero) > 1 and not any(zero) and all(letters) for zero, letters in (sides, sides[::-1])
+    )
 
 
 def _line_at(content: bytes, offset: int) -> int:

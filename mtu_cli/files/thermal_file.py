@@ -16,6 +16,7 @@ from mtu_cli.files.report_file import (
     covariance_like,
     negative,
     not_a_report,
+    read_from,
     schema_of,
     square,
     unit_problem,
@@ -73,11 +74,14 @@ class _Report(BaseModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalReport:
-    """A checked thermal-fit report; `doubts` are those of its warnings that who uses it needs."""
+    """A checked thermal-fit report; `doubts` are those of its warnings that who uses it needs,
+    `readings` the hashes of the files that it was fitted to.
+    """
 
     source: Source
     components: dict[str, ReportedDrift]
     doubts: tuple[Notice, ...] = ()
+    readings: frozenset[str] = frozenset()
 
 
 def thermal_from(source: Source, document: Any) -> ThermalReport:
@@ -103,7 +107,10 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
     if problems:
         raise InputError(problems)
     return ThermalReport(
-        source=source, components=components, doubts=_doubts(source, report.warnings)
+        source=source,
+        components=components,
+        doubts=_doubts(source, report.warnings),
+        readings=read_from(document, ("drift",)),
     )
 
 

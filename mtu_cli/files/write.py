@@ -6,8 +6,8 @@ import os
 import secrets
 import shutil
 import stat
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,8 +27,18 @@ class _Pending:
 
 
 def write_files(contents: Mapping[Path, bytes], *, inputs: Iterable[Path] = ()) -> None:
-    """Writes all files, or none: temporary files beside the targets, then renames.
+    """Writes all files, or none; raises as `made_ready` does."""
+    with made_ready(contents, inputs=inputs) as put_in_place:
+        put_in_place()
 
+
+@contextmanager
+def made_ready(
+    contents: Mapping[Path, bytes], *, inputs: Iterable[Path] = ()
+) -> Iterator[Callable[[], None]]:
+    """All files, or none: temporary files beside the targets; what is given renames them.
+
+    What else a run has to deliver goes in between, so that nothing is written where that fails.
     `inputs` are the files that the run has read; none of them is overwritten.
 
     Raises InputError for a target that is an input or a folder, stands twice, lies in a
@@ -37,26 +47,40 @@ def write_files(contents: Mapping[Path, bytes], *, inputs: Iterable[Path] = ()) 
     check_targets(list(contents), list(inputs))
     pending = [_Pending(path, path.resolve()) for path in contents]
     files = [item for item in pending if _is_replaceable(item.target)]
-    current = pending[0] if pending else None
     try:
-        for current in files:
-            _write_temporary(current, contents[current.path])
-        for current in files:
-            _replace(current)
-        for current in pending:
-            if current not in files:
-                current.target.write_bytes(contents[current.path])
-    except OSError as error:
-        _restore(files)
-        name = shown_path(current.path) if current is not None else None
-        raise fault(f"cannot be written: {reason(error)}", file=name) from None
-    except BaseException:
-        _restore(files)
-        raise
+        for item in files:
+            with _told(item):
+                _write_temporary(item, contents[item.path])
+        yield lambda: _put_in_place(pending, contents)
     finally:
         for item in files:
             _remove(item.temporary)
             _remove(item.backup)
+
+
+def _put_in_place(pending: list[_Pending], contents: Mapping[Path, bytes]) -> None:
+    files = [item for item in pending if item.temporary is not None]
+    try:
+        for item in files:
+            with _told(item):
+                _replace(item)
+        for item in pending:
+            if item not in files:
+                with _told(item):
+                    item.target.write_bytes(contents[item.path])
+    except BaseException:
+        _restore(files)
+        raise
+
+
+@contextmanager
+def _told(item: _Pending) -> Iterator[None]:
+    """Raises what the system says about a file as an InputError that names it."""
+    try:
+        yield
+    except OSError as error:
+        shown = shown_path(item.path)
+        raise fault(f"cannot be written: {reason(error)}", file=shown) from None
 
 
 def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import fingerprints
+from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured_rows import check_rows
 from mtu_cli.model.settings import Warned
@@ -17,19 +18,23 @@ from mtu_cli.stats.least_squares import FloatArray
 
 SUSPICIOUS_MM = 0.5
 """A typical error beyond this is not one of a machine tool."""
+ORIGIN = "origin"
+MOST: Datum = "offset,rotation"
 EXPLAINS = 0.1
 """A mistake is named if undoing it leaves less than this share of the error."""
 FEWEST_COPIED = 4
 """Fewer equal values than this are no reason to speak."""
 CHANCE = 1e-3
 """Equal parts are refused where chance alone would make a pair less often than this."""
+MOST_ALIKE = 6
+"""Equal parts that a warning names."""
 SAME_MM = 1e-6
 _BLOCK = 1 << 15
 
 
-def check_measured(points: Points) -> list[Warned]:
-    """Warnings on errors of millimetres, with the mistake that would explain them, and on rows
-    that stand twice.
+def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
+    """Warnings on errors of millimetres less the freedoms of `datum`, with the mistake that would
+    explain them, and on rows that stand twice.
 
     Raises InputError for rows that contradict each other (`check_rows`) and for a part whose
     values are those of another part, to the last digit, where that cannot be chance.
@@ -41,27 +46,46 @@ def check_measured(points: Points) -> list[Warned]:
         *_copies(points, axes),
         *_left_out(points, axes),
         *_moved(points, axes),
-        *_far(points, axes),
+        *_far(freed(points, axes, datum)[0], axes),
     ]
 
 
-def refuse_mistaken(points: Points) -> None:
+def sound(points: Points, datum: Datum | None = None) -> list[Warned]:
+    """The warnings of `check_measured` on points that `refuse_mistaken` lets pass; raises as both
+    do.
+    """
+    refuse_mistaken(points, datum)
+    return check_measured(points, datum or "none")
+
+
+def refuse_mistaken(points: Points, datum: Datum | None = None) -> None:
     """Raises InputError where most points are so far from their nominal that the error of no
-    machine is behind it: what follows from them would be written into a machine, or about parts.
+    machine is behind it: what follows from them would be said of a machine, or of parts.
+
+    Parts that lie on the CMM as they were put down may be millimetres off: the freedoms of
+    `datum` are taken out first. None: the command has no such option to hint at.
     """
     axes = axes_of(points)
-    far = _are_far(points, axes)
+    loose = freed(points, axes, datum or "none")[0]
+    far = _are_far(loose, axes)
     if 2 * int(far.sum()) <= len(far):
         return
-    errors = np.abs(points.measured[far][:, axes] - points.nominal[far][:, axes])
-    guess = _mistake(points.measured[far][:, axes], points.nominal[far][:, axes])
+    errors = np.abs(loose.measured[far][:, axes] - loose.nominal[far][:, axes])
+    guess = _mistake(loose.measured[far][:, axes], loose.nominal[far][:, axes])
+    expected = "measured coordinates in mm, in the frame of the nominal ones"
+    if (
+        datum == "none"
+        and ORIGIN in guess
+        and not _are_far(freed(points, axes, MOST)[0], axes).any()
+    ):
+        expected += f"; where each part was put down by hand: --datum offset, or --datum {MOST}"
     i = int(np.argmax(far))
     raise fault(
         f"{int(far.sum())} of {len(far)} points are more than {SUSPICIOUS_MM:g} mm from their "
         f"nominal, typically {float(np.median(errors.max(axis=1))):.3g} mm: {guess}",
         file=points.sources[points.file_index[i]].shown,
         row=int(points.row[i]),
-        expected="measured coordinates in mm, in the frame of the nominal ones",
+        expected=expected,
     )
 
 
@@ -149,9 +173,11 @@ def _mistake(measured: FloatArray, nominal: FloatArray) -> str:
     guesses = {
         "this looks like x and y swapped": measured[:, [1, 0, *range(2, measured.shape[1])]],
         "this looks like a sign the other way round": -measured,
-        "this looks like the sign of x the other way round": measured * _flip(measured, 0),
-        "this looks like the sign of y the other way round": measured * _flip(measured, 1),
+        "this looks like the sign of x the other way round": measured * _of_one(measured, 0, -1.0),
+        "this looks like the sign of y the other way round": measured * _of_one(measured, 1, -1.0),
         "this looks like inches taken for mm": measured * 25.4,
+        "this looks like x alone in inches, not mm": measured * _of_one(measured, 0, 25.4),
+        "this looks like y alone in inches, not mm": measured * _of_one(measured, 1, 25.4),
         "this looks like mm taken for inches": measured / 25.4,
         "this looks like um taken for mm": measured / 1000.0,
         "this looks like metres taken for mm": measured * 1000.0,
@@ -168,10 +194,11 @@ def _mistake(measured: FloatArray, nominal: FloatArray) -> str:
     return "this looks like a unit, sign or swap mistake, or another origin"
 
 
-def _flip(measured: FloatArray, axis: int) -> FloatArray:
-    sign = np.ones(measured.shape[1])
-    sign[axis] = -1.0
-    return sign
+def _of_one(measured: FloatArray, axis: int, factor: float) -> FloatArray:
+    """Factors (axes,): that of one axis, 1 of the others."""
+    found = np.ones(measured.shape[1])
+    found[axis] = factor
+    return found
 
 
 def _typical(errors: FloatArray) -> float:
@@ -190,7 +217,7 @@ def _copies(points: Points, axes: tuple[int, ...]) -> list[Warned]:
     run = operation.astype(np.int64) * parts + points.part if several else points.part
     marks = fingerprints(columns, run, len(operations) * parts)
     first: dict[bytes, int] = {}
-    problems, warned = [], []
+    problems, alike = [], []
     for copy in np.flatnonzero(marks[:, 0]).tolist():
         other = first.setdefault(marks[copy].tobytes(), copy)
         if other == copy:
@@ -199,15 +226,14 @@ def _copies(points: Points, axes: tuple[int, ...]) -> list[Warned]:
         if len(rows) * len(axes) < FEWEST_COPIED:
             continue
         part, twin = points.parts[copy % parts], points.parts[other % parts]
-        what = f"part {part!r} has the same values as part {twin!r}"
-        if several and operations[copy // parts]:
-            what += f" in operation {operations[copy // parts]!r}"
+        own = several and operations[copy // parts]
+        where = f" in operation {operations[copy // parts]!r}" if own else ""
         if _chance(points, rows, axes) >= CHANCE:
-            warned.append(Warned(code="parts-alike", message=f"{what}: was it measured twice?"))
+            alike.append((part, f"{twin!r}{where}"))
             continue
         problems.append(
             Problem(
-                what=what,
+                what=f"part {part!r} has the same values as part {twin!r}{where}",
                 file=points.sources[points.file_index[rows[0]]].shown,
                 row=int(points.row[rows[0]]),
                 column="part",
@@ -216,7 +242,20 @@ def _copies(points: Points, axes: tuple[int, ...]) -> list[Warned]:
         )
     if problems:
         raise InputError(problems)
-    return warned
+    return [Warned(code="parts-alike", message=_twice(alike))] if alike else []
+
+
+def _twice(alike: Sequence[tuple[str, str]]) -> str:
+    """One question on all parts that agree with another one, the first few of them by name."""
+    if len(alike) == 1:
+        ((part, twin),) = alike
+        return f"part {part!r} has the same values as part {twin}: was it measured twice?"
+    more = len(alike) - MOST_ALIKE
+    shown = ", ".join(f"{part!r} as {twin}" for part, twin in alike[:MOST_ALIKE])
+    return (
+        f"{len({part for part, _ in alike})} parts have the same values as another one: {shown}"
+        f"{f' and {more} more' if more > 0 else ''}: were they measured twice?"
+    )
 
 
 def _chance(points: Points, rows: np.ndarray, axes: tuple[int, ...]) -> float:

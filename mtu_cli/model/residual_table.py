@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from mtu_cli.errors import fault
 from mtu_cli.files.points import Points
 from mtu_cli.model.datum import Datum
-from mtu_cli.model.datum import freed as freed_points
 from mtu_cli.model.design import places as fixed_places
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -198,10 +197,9 @@ def within(
 
 def _checked(points: Points, datum: Datum) -> list[Warned]:
     """What is odd about the points; places that differ are used as they are."""
-    # Parts that lie on the CMM as they were put down may be millimetres off.
-    refuse_mistaken(freed_points(points, axes_of(points), datum)[0])
+    refuse_mistaken(points, datum)
     check_repeats(points)
-    found = check_measured(points)
+    found = check_measured(points, datum)
     differ = "nominals-differ"
     if any(item.code == differ for item in found):
         text = "features have more than one nominal place: each error is taken at its own"

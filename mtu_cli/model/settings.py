@@ -62,7 +62,11 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Warned:
-    """A warning of a result: a stable code and a message in plain words."""
+    """A warning of a result: a stable code and a message in plain words.
+
+    One that is `report_only` says what a screen need not: it stands in the report alone.
+    """
 
     code: str
     message: str
+    report_only: bool = False

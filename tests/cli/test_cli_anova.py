@@ -172,7 +172,7 @@ def faulty(rows: Rows, kind: str) -> Rows:
         ("negative repeat", 2, "column 'repeat': a negative repeat: '-1'"),
         ("two sequences", 2, "column 'sequence': part '1' has two numbers of sequence: '44'"),
         ("kilometres", 2, "column 'x_mm': too large: '1e+12'"),
-        ("swapped", 0, "this looks like x and y swapped [error-of-millimetres]"),
+        ("swapped", 2, "this looks like x and y swapped; expected measured coordinates in mm"),
         ("mixed units", 0, "this looks like inches taken for mm [error-of-millimetres]"),
     ],
 )

@@ -42,7 +42,7 @@ from mtu_cli.model.measured import (
     only_features,
     visits_of,
 )
-from mtu_cli.model.measured_checks import check_measured
+from mtu_cli.model.measured_checks import check_measured, refuse_mistaken
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -101,8 +101,9 @@ def analyse_variance(
     `datum` takes the freedoms of a set-up by hand out of the features' errors, measurement by
     measurement; lengths and angles do not depend on it.
 
-    Raises InputError for values that cannot be what they claim (see `check_measured`), a feature
-    that stands twice in one repeat of one part, and a row or column that is off its axis.
+    Raises InputError for values that cannot be what they claim (see `check_measured` and
+    `refuse_mistaken`), a feature that stands twice in one repeat of one part, and a row or
+    column that is off its axis.
     """
     bases, warnings = _bases(points, part, datum)
     tables = (parts_table(b.tables, b.kind, b.one_way, b.reml) for b in bases)
@@ -145,7 +146,8 @@ def _bases(
     """The tables of all kinds that there are, features first, and what is odd about the data."""
     with ThreadPoolExecutor(1) as pool:
         # Both go through every point and need nothing of each other.
-        checked = pool.submit(check_measured, points)
+        checked = pool.submit(check_measured, points, datum)
+        refuse_mistaken(points, datum)
         loose, complete = freed(points, axes_of(points), datum)
         kinds: dict[Kind, MeasuredTables | None] = {"feature": feature_tables(loose)}
         warnings = checked.result()

@@ -27,7 +27,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import MeasuredTables, feature_tables, length_tables
-from mtu_cli.model.measured_checks import check_measured
+from mtu_cli.model.measured_checks import sound
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.model.visits import axes_of, visits_of
@@ -85,7 +85,7 @@ def compare(
     Raises InputError for points that cannot be what they claim or share no axis with the
     machine, and for a missing covariate or one with gaps.
     """
-    warnings = list(check_measured(points))
+    warnings = sound(points, datum)
     axes = _shared_axes(model, points)
     foreseen = predict_operations(model, points, covariates or {})
     predictions, points = foreseen.predictions, foreseen.points

@@ -25,6 +25,7 @@ from mtu_cli.model.variance import MeanSquares
 from mtu_cli.model.visits import operations_of
 from mtu_cli.stats.least_squares import FloatArray
 
+MOST_NAMED = 6
 Label = tuple[str, str, str]
 Rows = Callable[[Prediction, Sequence[Label]], FloatArray]
 
@@ -49,13 +50,14 @@ def predict_operations(model: MachineModel, points: Points, given: Mapping[str, 
 
     Raises InputError for a covariate that nobody gives, and for a column with gaps.
     """
-    columns = {name: c for name, c in point_columns(points).items() if name not in given}
+    own_columns = point_columns(points)
+    columns = {name: c for name, c in own_columns.items() if name not in given}
     values = needed_covariates(model, points, columns, given).values
     places = np.full((len(points.features), 3), np.nan)
     places[points.feature] = points.nominal
     measured, along = points.measured.copy(), np.array([AXES.index(name) for name in model.axes])
     found: dict[str, Prediction] = {}
-    warnings: list[Warned] = []
+    warnings = _overruled([x for x in model.covariates() if x in given and x in own_columns])
     moving: set[str] = set()
     operations, operation = operations_of(points)
     for code, name in enumerate(operations):
@@ -128,6 +130,24 @@ def _moves(value: FloatArray | float, rows: np.ndarray, place: np.ndarray) -> bo
     first = np.zeros(int(place.max()) + 1)
     first[place[::-1]] = own[::-1]
     return bool((own != first[place]).any())
+
+
+def _overruled(names: list[str]) -> list[Warned]:
+    """Columns of the points that --at stands in for: what they say of each part is lost."""
+    if not names:
+        return []
+    several = len(names) > 1
+    text = (
+        f"--at gives {_named(names)} one value for all points: "
+        f"{'columns' if several else 'the column'} of the points {'are' if several else 'is'} "
+        "not used"
+    )
+    return [Warned(code="covariate-overruled", message=text)]
+
+
+def _named(names: list[str]) -> str:
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more
 
 
 def _averaged(names: list[str]) -> Warned:

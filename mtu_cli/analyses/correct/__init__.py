@@ -16,7 +16,7 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured_checks import check_measured, refuse_mistaken
+from mtu_cli.model.measured_checks import sound
 from mtu_cli.model.residual_covariates import needed_covariates, point_columns
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
@@ -117,8 +117,7 @@ def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> list[Warn
 
 def _checked(model: MachineModel, points: Points) -> list[Warned]:
     """What is odd about the points; refuses those that are none, or nothing can be corrected of."""
-    checked = check_measured(points)
-    refuse_mistaken(points)
+    checked = sound(points)
     columns = [AXES.index(axis) for axis in model.axes]
     if np.isnan(points.measured[:, columns]).all():
         raise fault(

@@ -18,7 +18,7 @@ from mtu_cli.analyses.thermal_fit.evidence import (
     position_test,
 )
 from mtu_cli.analyses.thermal_fit.models import Fitted, Spec, fit, sum_of_squares
-from mtu_cli.analyses.thermal_fit.reading import read_series
+from mtu_cli.analyses.thermal_fit.reading import columns_beside, read_series
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,
     Curve,
@@ -67,7 +67,8 @@ def thermal_fit(
     Raises InputError without sensors, where a temperature is not given, or where the readings
     of a component are not of one kind or not more than what is fitted to them.
     """
-    series, sensors = read_series(blocks, reference)
+    others, every = columns_beside(blocks)
+    series, sensors = read_series(every, reference)
     found: dict[str, ComponentDrift] = {}
     shares = [1.0]
     warnings: list[Warned] = []
@@ -84,6 +85,7 @@ def thermal_fit(
     return ThermalFit(
         components={name: _with_noise(item, min(shares)) for name, item in found.items()},
         sensors=sensors,
+        not_used=others,
         reference=reference,
         method=method,
         warnings=tuple(dict.fromkeys(warnings)),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import pairwise
+from collections.abc import Iterable, Iterator
+from itertools import chain, islice, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,6 +56,14 @@ def read_series(
     if sensors is None:
         raise fault("no drift readings are given", expected="--drift FILE")
     return series, sensors
+
+
+def columns_beside(blocks: Iterable[Readings]) -> tuple[tuple[str, ...], Iterator[Readings]]:
+    """The columns that are neither the readings' own nor sensors, and all the blocks."""
+    rest = iter(blocks)
+    first = list(islice(rest, 1))
+    names = (name for block in first for name in block.covariates if not is_temperature(name))
+    return tuple(names), chain(first, rest)
 
 
 def _series_of(series: dict[str, Series], block: Readings, rows: slice | np.ndarray) -> Series:

@@ -192,6 +192,9 @@ def test_given_covariates_count_for_all_and_others_are_averaged(tmp_path: Path) 
     given = compare(model, part, found, Settings(), covariates={SENSOR: 20.0})
     i = given.features.labels.index(("milled", "b", "x"))
     assert given.features.verdicts[i] == "biased"
+    (told,) = [item for item in given.warnings if item.code == "covariate-overruled"]
+    assert told.message.startswith(f"--at gives {SENSOR} one value for all points: the column of")
+    assert "covariate-overruled" not in codes(compare(model, part, found, Settings()))
     wandering = found.covariates[SENSOR] + np.linspace(-1, 1, len(found))
     result = compare(model, part, replace(found, covariates={SENSOR: wandering}), Settings())
     assert "covariate-averaged" in codes(result)

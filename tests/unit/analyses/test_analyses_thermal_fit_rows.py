@@ -104,6 +104,15 @@ def test_temperatures_that_are_missing() -> None:
         fitted(replace(found, covariates={"room": np.zeros(len(found))}))
 
 
+def test_columns_that_are_no_sensors_are_told() -> None:
+    found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(19))
+    assert fitted(found).not_used == ()
+    more = {"load": np.zeros(len(found)), "operator": np.full(len(found), "a", object)}
+    again = fitted(replace(found, covariates=more | found.covariates))
+    assert again.not_used == ("load", "operator")
+    assert set(again.sensors) == set(found.covariates)
+
+
 @pytest.mark.parametrize("value", [1010.0, -1010.0, np.inf, -np.inf])
 def test_temperatures_that_no_sensor_reads(value: float) -> None:
     found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(19))

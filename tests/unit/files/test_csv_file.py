@@ -10,6 +10,7 @@ import pytest
 
 from mtu_cli.errors import InputError
 from mtu_cli.files import csv_file
+from mtu_cli.files.csv_cells import TIME_EXPECTED
 from mtu_cli.files.csv_fast import read_fast
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_frames import Suspect
@@ -156,7 +157,7 @@ def test_times(tmp_path: Path) -> None:
     assert np.diff(read.columns.times["time"].microseconds).tolist() == [-250_000]
     found = faults(tmp_path, head + "a,1,2024-05-03\na,1,\na,1,12:30\na,1,2024\na,1,2024-13-01\n")
     assert [line.split(": ")[:2] for line in found] == [
-        [", row 3, column 'time'", "empty cell; expected a text"],
+        [", row 3, column 'time'", f"empty cell; expected {TIME_EXPECTED}"],
         [", row 4, column 'time'", "not a time"],
         [", row 5, column 'time'", "not a time"],
         [", row 6, column 'time'", "not a time"],

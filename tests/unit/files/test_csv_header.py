@@ -10,6 +10,8 @@ from mtu_cli.errors import InputError
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.points import read_points
 from mtu_cli.files.readings import SPEC as READINGS
+from mtu_cli.files.readings import read_readings
+from mtu_cli.files.readings_stream import stream_readings
 
 POINTS = "P1,A,10.001,10.002,1\n"
 
@@ -33,7 +35,9 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("column", "name"),
     [("Repeat", "repeat"), ("dir_X", "dir_x"), ("Sequence", "sequence"), ("Time", "time"),
-     ("Nominal X mm", "nominal_x_mm"), ("TimeMin", "time_min")],
+     ("Nominal X mm", "nominal_x_mm"), ("TimeMin", "time_min"), ("repeats", "repeat"),
+     ("squence", "sequence"), ("opration", "operation"), ("time_mins", "time_min"),
+     ("Sequence No", "sequence"), ("repeat_id", "repeat")],
 )  # fmt: skip
 def test_an_optional_column_is_not_lost_by_its_spelling(
     column: str, name: str, tmp_path: Path
@@ -52,7 +56,19 @@ def test_readings_too(tmp_path: Path) -> None:
     assert "'Pass'" in str(caught.value)
 
 
-@pytest.mark.parametrize("column", ["direction_x", "T_02_degC", "operator", "time_of_day", "load"])
+@pytest.mark.parametrize(
+    "column",
+    [
+        "direction_x",
+        "T_02_degC",
+        "operator",
+        "time_of_day",
+        "load",
+        "zz_mm",
+        "time_min2",
+        "position_mm",
+    ],
+)
 def test_other_columns_stay_covariates(column: str, tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_text(f"part,feature,x_mm,y_mm,{column}\n{POINTS}", "utf-8")
@@ -70,3 +86,76 @@ def test_a_text_of_the_time_beside_minutes_may_stay(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_text("part,feature,x_mm,y_mm,time_min,Time\nP1,A,10.001,10.002,1,noon\n", "utf-8")
     read_points([(path, "cmm")], {"A": (10.0, 10.0, None)})
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("component,error,unit\na,1,um\n", "row 1: holds readings of components: 'component,err"),
+        ("schema: mtu/part/1\nname: p\n", "row 1: is a YAML file, no table: 'schema: mtu/part/1'"),
+        ('{"schema": "mtu/lengths/1"}\n', "row 1: is a JSON document, no table"),
+        ("sep=;\npart;feature;x_mm;y_mm\n", "row 1: a line for spreadsheets, no header: 'sep=;'"),
+        ("Report 7\n\npart,feature,x_mm,y_mm\n", "row 1: no header: 'Report 7'; expected the "
+         "header row first (that of row 3?): lines above it begin with #"),
+        ("Report,7,,\npart,feature,x_mm,y_mm\n", "row 1: no header: 'Report,7,,'; expected the "
+         "header row first (that of row 2?)"),
+        ("P1,A,10.001,10.002\n", "row 1: the file begins without a header: 'P1,A,10.001,10.002'"),
+    ],
+)  # fmt: skip
+def test_what_is_no_table_of_points_is_told_by_what_it_is(
+    content: str, words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(content, "utf-8")
+    with pytest.raises(InputError) as caught:
+        read_points([(path, "cmm")], {"A": (10.0, 10.0, None)})
+    (line,) = str(caught.value).splitlines()
+    assert words in line
+
+
+def drift(tmp_path: Path, column: str, cell: str = "20.5") -> list[tuple[Path, str]]:
+    path = tmp_path / "d.csv"
+    rows = f"a,1,um,20.1,{cell}\na,2,um,20.2,{cell}\n"
+    path.write_text(f"component,error,unit,T_01_degC,{column}\n{rows}", "utf-8")
+    return [(path, "drift")]
+
+
+@pytest.mark.parametrize(
+    ("column", "name"),
+    [("T_02", "T_02_degC"), ("t_02_degC", "T_02_degC"), ("T_02_C", "T_02_degC"),
+     ("Temp_02_degC", "T_02_degC"), ("T02", "T_02_degC"), ("t_02_C", "T_02_degC"),
+     ("temperature 3", "T_3_degC"), ("T_02 [\u00b0C]", "T_02_degC"), ("T-02", "T_02_degC"),
+     ("spindle_degC", "T_spindle_degC"), ("T_02_K", "T_02_degC"), ("Temperature", None)],
+)  # fmt: skip
+def test_a_sensor_is_not_lost_by_its_name(column: str, name: str | None, tmp_path: Path) -> None:
+    """Read as a whole or block by block, the words are the same."""
+    files = drift(tmp_path, column)
+    found = []
+    for read in (lambda: read_readings(files, None, for_fit=False),
+                 lambda: list(stream_readings(files, None))):  # fmt: skip
+        with pytest.raises(InputError) as caught:
+            read()
+        found.append(str(caught.value))
+    assert found[0] == found[1]
+    assert f"column {column!r}: not the name of a temperature" in found[0]
+    wanted = f"alone: rename {column!r} to {name!r} (in degC), or" if name else "alone, or, where"
+    assert wanted in found[0]
+
+
+@pytest.mark.parametrize(
+    "column", ["T_02_degC", "load", "type", "trial_c", "t_min", "tool", "time_of_day", "template"]
+)
+def test_other_columns_of_drift_readings_stay(column: str, tmp_path: Path) -> None:
+    found = read_readings(drift(tmp_path, column), None, for_fit=False)
+    assert column in found.covariates
+
+
+def test_kelvin_are_told(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match=r"no temperature: '293.5'; expected degC: this looks like k"
+    ):
+        read_readings(drift(tmp_path, "T_02_degC", "293.5"), None, for_fit=False)
+
+
+def test_a_text_is_no_temperature_whatever_its_name(tmp_path: Path) -> None:
+    assert read_readings(drift(tmp_path, "T_probe", "glued on"), None, for_fit=False).covariates

@@ -11,7 +11,7 @@ import pytest
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.json_file import read_json, report_bytes
-from mtu_cli.files.write import write_files
+from mtu_cli.files.write import made_ready, write_files
 
 
 def test_a_report_keeps_keys_digits_and_one_record_a_line() -> None:
@@ -81,6 +81,10 @@ def test_what_was_written_is_read_back(tmp_path: Path) -> None:
         ('{"a": 1, "a": 2}', "the key 'a' stands twice in one object"),
         ("[" * 100_000, "nested too deeply"),
         ("", "the file is empty"),
+        (
+            "schema: x\nname: y",
+            r"r.json:1: not readable as JSON: 'schema: x'; expected a components re",
+        ),
         ('{"a": 1e999}', "not readable as JSON: 1e999 is too large for a number"),
         (f'{{"a": -{"9" * 5000}}}', "a whole number of 5000 digits is too large"),
     ],
@@ -125,6 +129,25 @@ def test_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
         write_files({tmp_path / name: b"new" for name in ("a", "b", "c")})
     assert (tmp_path / "a").read_bytes() == (tmp_path / "c").read_bytes() == b"old"
     assert sorted(os.listdir(tmp_path)) == ["a", "c"]
+
+
+def test_what_fails_in_between_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"old")
+    files = {tmp_path / name: b"new" for name in ("a", "b")}
+
+    def interrupted() -> None:
+        with made_ready(files):
+            assert len(os.listdir(tmp_path)) == 3
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert os.listdir(tmp_path) == ["a"]
+    assert (tmp_path / "a").read_bytes() == b"old"
+    with made_ready(files) as put_in_place:
+        put_in_place()
+        assert (tmp_path / "a").read_bytes() == b"new"
+    assert sorted(os.listdir(tmp_path)) == ["a", "b"]
 
 
 def test_targets_that_are_refused(tmp_path: Path) -> None:

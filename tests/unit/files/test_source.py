@@ -54,6 +54,8 @@ def test_a_missing_folder(tmp_path: Path) -> None:
         (b" \n<!DOCTYPE html><html>", "looks like a web page"),
         (b"PK\x03\x04abc", "looks like an Excel workbook"),
         (b"\xff\xfea\0", "is UTF-16 text"),
+        ("name: a".encode("utf-16-le"), "is UTF-16 text"),
+        ("name: a".encode("utf-16-be"), "is UTF-16 text"),
     ],
 )
 def test_what_is_no_text(tmp_path: Path, content: bytes, words: str) -> None:

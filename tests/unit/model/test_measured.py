@@ -200,6 +200,8 @@ def test_a_clean_study_is_not_suspected() -> None:
         (lambda xyz: xyz * [-1, 1, 1], "sign of x"),
         (lambda xyz: xyz * [1, -1, 1], "sign of y"),
         (lambda xyz: xyz / 25.4, "inches taken for mm"),
+        (lambda xyz: xyz / [25.4, 1, 1], "x alone in inches"),
+        (lambda xyz: xyz / [1, 25.4, 1], "y alone in inches"),
         (lambda xyz: xyz * 1000, "um taken for mm"),
         (lambda xyz: xyz / 1000, "metres taken for mm"),
         (lambda xyz: xyz + np.array([3.0, -70.0, 0.0]), "origin that differs by"),
@@ -226,6 +228,22 @@ def test_mistakes_of_most_points_are_refused_where_a_machine_would_be_written() 
     some[:19] = found.measured[:19] * 1000
     with pytest.raises(InputError, match=r"cmm.csv, row 2: 19 of 36"):
         refuse_mistaken(with_measured(found, some))
+
+
+def test_parts_put_down_by_hand_are_no_mistake_of_units() -> None:
+    """Refused like one, with the option that takes their place out; with it they are welcome."""
+    found = study(6, 2, 3)
+    put = np.random.default_rng(5).normal(0.0, 4.0, (6, 3))[found.part]
+    apart = with_measured(found, found.measured + put)
+    with pytest.raises(InputError, match="put down by hand: --datum offset, or --datum off"):
+        refuse_mistaken(apart, "none")
+    with pytest.raises(InputError, match=r"in the frame of the nominal ones$"):
+        refuse_mistaken(apart)
+    refuse_mistaken(apart, "offset")
+    assert check_measured(apart, "offset") == []
+    assert [item.code for item in check_measured(apart)] == ["error-of-millimetres"]
+    with pytest.raises(InputError, match=r"inches taken for mm; expected [^;]*$"):
+        refuse_mistaken(with_measured(found, found.measured / 25.4), "none")
 
 
 def test_an_axis_of_the_machine_that_was_not_measured_is_told() -> None:
@@ -280,7 +298,16 @@ def test_a_part_measured_under_two_names() -> None:
 def test_coarse_values_may_agree_by_chance() -> None:
     """Perfect parts, or one feature to 0.01 mm, are no copies: a word of warning at most."""
     rows = [(f"P{p}", name, 1, 0.0, 0.0) for p in range(3) for name in PLACES]
-    assert codes(check_measured(points(rows))) == ["parts-alike", "parts-alike"]  # type: ignore[arg-type]  # Warned
+    (warning,) = check_measured(points(rows))
+    assert warning.code == "parts-alike"
+    assert "2 parts have" in warning.message
+    assert "'P1' as 'P0', 'P2' as 'P0': were" in warning.message
+    (warning,) = check_measured(points([row for row in rows if row[0] != "P2"]))
+    assert "part 'P1' has the same values as part 'P0': was it" in warning.message
+    rows = [(f"P{p}", name, 1, 0.0, 0.0) for p in range(12) for name in PLACES]
+    (warning,) = check_measured(points(rows))
+    assert "11 parts have" in warning.message
+    assert "'P6' as 'P0' and 5 more: were" in warning.message
     rows = [(f"P{p}", "a", 1, 0.01 * (p % 2), 0.0) for p in range(9)]
     assert check_measured(points(rows)) == []
 

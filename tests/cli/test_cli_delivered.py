@@ -1,0 +1,150 @@
+"""What is told and what is written: nothing of it where the call fails, nothing told in vain."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_runner import done, listing, prepared, shell
+
+from mtu_cli.cli import simulate
+from mtu_cli.cli.execute import deliver, execute, warning_lines
+from mtu_cli.cli.fit_components import analyse as fitting
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.modelling import modelled
+from mtu_cli.cli.options import Options
+from mtu_cli.errors import InputError
+from mtu_cli.model.settings import Warned
+
+DEFAULTS: dict[str, Any] = {
+    "passes": 1, "parts": 1, "repeats": 1, "reverse_every": 0, "cycles": 1, "cmm_u_um": 1.0,
+    "part_offset_um": 0.0, "minutes": 0.5, "cycle_minutes": 2.0, "soak_minutes": 0.0,
+    "interval_min": 1.0, "room_lag_min": 30.0, "room_wobble_degc": 0.5,
+    "sensor_wobble_degc": 0.8, "sensor_noise_degc": 0.015, "sensor_spread": 0.05,
+    "reading_noise_um": 0.25, "reading_noise_arcsec": 0.05, "cmm_wobble_degc": 0.1,
+    "most_drift_um": 40.0, "most_drift_arcsec": 40.0, "room": "20:26", "operation": None,
+    "write_lbb": None, "write_cmm": None, "write_drift": None, "quiet": True,
+}  # fmt: skip
+
+
+@pytest.fixture
+def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the small study, as the working folder."""
+    folder = prepared(tmp_path / "work")
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize(
+    "call",
+    [
+        "fit-components -o r.json --csv r.csv > /dev/full",
+        "fit-components -q -o r.json 2> /dev/full",
+        "simulate --write-lbb r.csv > /dev/full",
+    ],
+)
+def test_nothing_is_written_where_nothing_can_be_said(call: str, work: Path) -> None:
+    before = listing(work)
+    done(shell(f"cd {work} && mtu {call}"), 2)
+    assert listing(work) == before
+
+
+def test_files_come_after_what_is_told(
+    work: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A reader who leaves early is no failure; a disk that is full is one, whatever is left."""
+    target, inputs = work / "new.json", Inputs(Options("lengths"))
+    files = {target: b"{}"}
+
+    def fails(error: OSError) -> None:
+        assert not target.exists()
+        raise error
+
+    monkeypatch.setattr("mtu_cli.cli.execute.hush", lambda *_: None)
+    before = listing(work)
+    with pytest.raises(OSError, match="No space"):
+        deliver(files, inputs, lambda: fails(OSError(28, "No space left on device")))
+    assert listing(work) == before
+    deliver(files, inputs, lambda: fails(BrokenPipeError()), ["warning: a"])
+    assert capsys.readouterr().err == "warning: a\n"
+    assert listing(work) == before | {"new.json": b"{}"}
+
+
+def _report(folder: Path) -> Path:
+    target = folder / "r.json"
+    execute(Options("fit-components", {"out": target, "quiet": True}), fitting)
+    return target
+
+
+def _told(values: Mapping[str, Any]) -> tuple[list[Warned], list[str]]:
+    found = modelled(Inputs(Options("lengths", dict(values)))).warnings
+    own = [item for item in found if item.code == "readings-not-used"]
+    return own, warning_lines(own)
+
+
+def test_readings_that_a_report_was_fitted_to_are_no_news(work: Path) -> None:
+    """The report of a run has it in any case; the screen only where the files are others."""
+    fitted = _report(work)
+    (item,), lines = _told({"components": [fitted]})
+    assert item.message == "r.json gives the components: the readings are not read again"
+    assert lines == []
+    (work / "new.csv").write_bytes((work / "lbb.csv").read_bytes() + b"# once more\n")
+    for lbb in (["new.csv"], ["lbb.csv", "new.csv"]):
+        _, (line,) = _told({"components": [fitted], "lbb": [Path(name) for name in lbb]})
+        assert "; new.csv is none of the files that it was fitted to [readings-not-" in line
+    with pytest.raises(InputError, match=r"lbb\.cvs: no such file; did you mean 'lbb\.csv'"):
+        _told({"components": [fitted], "lbb": [Path("lbb.cvs")]})
+    document = json.loads(fitted.read_text())
+    document["inputs"].append({"role": "laser", "path": "l.csv", "sha256": "0", "rows": 3})
+    fitted.write_text(json.dumps(document))
+    assert "it was fitted to more files than these" in _told({"components": [fitted]})[1][0]
+    fitted.write_text(json.dumps(document | {"inputs": None}))
+    assert _told({"components": [fitted]})[1]
+
+
+def test_a_covariate_that_is_needed_by_another_name(work: Path) -> None:
+    text = (work / "machine.yaml").read_text()
+    (work / "machine.yaml").write_text(text.replace("Ex: ", "Ex: 0.001*dir_x + "))
+    found = modelled(Inputs(Options("lengths", {"at": ["dirx=1"]}))).warnings
+    assert "is 'dir_x' meant? no equation needs --at dirx" in [x.message for x in found]
+
+
+def _simulated(**values: Any) -> None:
+    given = frozenset(values) - {"write_lbb", "write_cmm", "write_drift"}
+    simulate.run(Options("simulate", DEFAULTS | values, given))
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"effect": ["Ex: 0.004*dir_x"]}, "--effect changes nothing .*: 'Ex: 0.004.*--write-cmm"),
+        ({"twin": ["nonsense"]}, "--twin changes nothing in what is written: 'nonsense'"),
+        ({"room": "warm"}, "--room changes .*'warm'; expected --write-drift FILE, or --write-cmm"),
+        ({"cycles": 1}, "--cycles changes nothing in what is written: '1'; expected --write-dr"),
+        ({"cmm_wobble_degc": 0.1}, "--cmm-wobble-degC changes .* --cmm-room DEGC beside it"),
+    ],
+)
+def test_options_that_would_act_on_nothing(values: dict[str, Any], words: str, work: Path) -> None:
+    before = listing(work)
+    with pytest.raises(InputError, match=words):
+        _simulated(write_lbb=work / "l.csv", **values)
+    assert listing(work) == before
+
+
+def test_counts_that_act_on_nothing_are_told(
+    work: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _simulated(write_lbb=work / "l.csv", passes=1, parts=2)
+    told = "warning: --parts changes nothing in what is written: '2'; expected --write-cmm FILE"
+    assert capsys.readouterr().err == f"{told} beside it [option-not-used]\n"
+    with pytest.raises(InputError, match="--one-way changes nothing in what is written; exp"):
+        _simulated(write_cmm=work / "c.csv", one_way=True)
+
+
+def test_what_the_report_alone_says() -> None:
+    warned = [Warned(code="a", message="m"), Warned(code="b", message="n", report_only=True)]
+    assert warning_lines([*warned, *warned]) == ["warning: m [a]"]
