@@ -10,16 +10,23 @@ UN := configs/undeclared
 
 .PHONY: demo test lint type fuzz bench peers-bench loop-bench data pictures clean
 
-# Stamps are made again when the project's requirements change.
-$(VENV)/.base: pyproject.toml
+# Packages are compiled on all cores after pip, which compiles on one; a few hold files that are
+# no Python of this version.
+define installed
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed" if sys.version_info < (3, 11) else 0)'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -e $(1)
+	$(BIN)/python -m compileall -qq -j 0 $(VENV)/lib || true
+endef
+
+# Stamps are made again when the project's requirements change.
+$(VENV)/.base: pyproject.toml
+	$(call installed,.)
 	touch $@
 
-$(VENV)/.dev: $(VENV)/.base
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
-	touch $@
+$(VENV)/.dev: pyproject.toml
+	$(call installed,'.[dev]')
+	touch $(VENV)/.base $@
 
 # One by one: a package that the index does not have is told, and the bench goes on without it.
 $(VENV)/.peers: $(VENV)/.dev
@@ -48,9 +55,9 @@ demo: $(VENV)/.base
 	@echo "== the same parts by the machine with the effect added; pictures are in $(OUT)/"
 	$(MTU) compare $(UN) -m $(OUT)/machine-extended.yaml --plot $(OUT)/compare.png
 
-# Hundreds of tests start the command: its modules are compiled once before.
+# Many tests start the command: its modules are compiled once before.
 test: lint type
-	$(BIN)/python -m compileall -q mtu_cli tests
+	$(BIN)/python -m compileall -q -j 0 mtu_cli tests
 	$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=
 
 lint: $(VENV)/.dev
@@ -58,7 +65,7 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 
 type: $(VENV)/.dev
-	$(BIN)/mypy
+	MYPY_NUM_WORKERS=2 $(BIN)/mypy
 
 # Shipped files, damaged at random, through every reader and command, and the properties of both
 # on many examples: about an hour of one core. FUZZ_ARGS='--readers 1000 --seed 2' tries less, or others.

@@ -1,13 +1,14 @@
 """Effects whose size is not known before: how likely each is, and how far it is believed.
 
-The coefficients beta of a member with k columns have a Cauchy prior, as Jeffreys proposed for a
-mean and Zellner and Siow (in Bayesian Statistics, Valencia 1980, 585) for regression: normal
-given s, beta ~ N(0, s^2 tau^2), with s^2 inverse gamma (1/2, 1/2). tau is what one thinks of: a
-size that the effect may well have on all that is to be foretold, where Zellner and Siow take
-one from the design alone. A member that the data hardly show, and that would be huge elsewhere,
-is then neither likely nor believed. Given s, with g = s^2 tau^2 x' V^-1 x (Liang et al., J. Am.
-Stat. Assoc. 103 (2008) 410, eq. 5, with n degrees of freedom beside what is free, and the
-likelihood ratio LR = -n log(1 - R^2)),
+The coefficients beta of a member with k columns have Student's t with three degrees of freedom as
+their prior: normal given s, beta ~ N(0, s^2 tau^2), with s^2 inverse gamma (3/2, 3/2). Mixtures of
+normals with long tails are the answer of Zellner and Siow (in Bayesian Statistics, Valencia 1980,
+585; with one degree of freedom) to a size that is not known: an effect as strong as can be is
+still believed. tau is what one thinks of: a size that the effect may well have on all that is to be
+foretold, where they take one from the design alone. A member that the data hardly show, and that
+would be huge elsewhere, is then neither likely nor believed. Given s, with g = s^2 tau^2 x' V^-1 x
+(Liang et al., J. Am. Stat. Assoc. 103 (2008) 410, eq. 5, with n degrees of freedom beside what is
+free, and the likelihood ratio LR = -n log(1 - R^2)),
 
     log BF(s) = (n - k)/2 log(1 + g) - n/2 log(1 + g exp(-LR/n)),  E(beta | y, s) = g/(1 + g) b,
 
@@ -23,11 +24,11 @@ import numpy as np
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.profile_ratio import MemberRatios
 
-SIZES = 2.0 ** np.arange(-2, 6)
-"""Values of s: from a quarter of tau to 32 tau, a factor of two apart."""
-WEIGHTS = np.exp(-0.5 / SIZES**2) / SIZES
+SIZES = 2.0 ** np.arange(-2, 11)
+"""Values of s: from a quarter of tau to a thousand tau, a factor of two apart."""
+WEIGHTS = np.exp(-1.5 / SIZES**2) / SIZES**3
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
-"""Density of log s where s^2 is inverse gamma (1/2, 1/2)."""
+"""Density of log s where s^2 is inverse gamma (3/2, 3/2)."""
 CERTAIN = 1e12
 """Largest g: what stands beside no scatter at all is believed."""
 

@@ -8,9 +8,11 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+from forked_calls import POSSIBLE, ForkServer
 from support import SIMULATED
 
 HERE = Path(__file__).parent
@@ -22,19 +24,44 @@ TRUTH = SIMULATED / "truth.yaml"
 MTU = Path(sys.executable).parent / "mtu"
 TIMEOUT_S = 30.0
 
+DROPPED = ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TERM", "PYTHONWARNINGS",
+           "PYTEST_CURRENT_TEST")  # fmt: skip
+"""How a terminal shows itself; and which test runs, or no two would have the same environment."""
+
 Result = subprocess.CompletedProcess[str]
 Listing = dict[str, bytes | None]
 
 
 def environment(changes: Mapping[str, str] | None = None) -> dict[str, str]:
     """The environment of the tests without what changes how a terminal program shows itself."""
-    dropped = ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TERM", "PYTHONWARNINGS")
-    kept = {name: value for name, value in os.environ.items() if name not in dropped}
+    kept = {name: value for name, value in os.environ.items() if name not in DROPPED}
     return kept | dict(changes or {})
 
 
+@cache
+def fork_server() -> ForkServer:
+    """That of this worker of the tests, which ends with it."""
+    return ForkServer(MTU, environment())
+
+
 def mtu(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Result:
-    """One call, standard input closed."""
+    """One call, standard input closed: a child of the fork server, which has the libraries.
+
+    Where an environment is asked for, or that of the tests has changed, a process is started.
+    What tests see of time and memory is of started processes only.
+    """
+    if not POSSIBLE or env is not None or not fork_server().serves(environment()):
+        return started(*args, cwd=cwd, env=env)
+    return forked(*args, cwd=cwd)
+
+
+def forked(*args: object, cwd: Path | None = None) -> Result:
+    """One call in a child of the fork server."""
+    return fork_server().call([*map(str, args)], cwd, environment(), TIMEOUT_S)
+
+
+def started(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Result:
+    """One call as a user or a script makes it: a process of its own, standard input closed."""
     return subprocess.run(
         [MTU, *map(str, args)],
         cwd=cwd,

@@ -6,7 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
-from cli_runner import SMALL, Listing, done, listing, mtu, prepared
+from cli_runner import SMALL, Listing, done, listing, prepared
+from cli_runner import started as mtu
 
 SURROUNDINGS = [
     (1, {"PYTHONHASHSEED": "0", "TZ": "UTC", "LC_ALL": "C"}),

@@ -6,7 +6,8 @@ import re
 
 import pytest
 import typer
-from cli_runner import done, mtu
+from cli_runner import done
+from cli_runner import started as mtu
 
 from mtu_cli import __version__
 from mtu_cli.cli.main import app

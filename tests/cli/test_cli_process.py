@@ -13,7 +13,8 @@ import time
 from pathlib import Path
 
 import pytest
-from cli_runner import MTU, SMALL, done, environment, listing, mtu, prepared, shell
+from cli_runner import MTU, SMALL, done, environment, listing, prepared, shell
+from cli_runner import started as mtu
 from support import SIMULATED
 
 ESCAPE = "\x1b["

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import cauchy
+from scipy.stats import t as student
 
 from mtu_cli.stats.profile_ratio import MemberRatios
 from mtu_cli.stats.size_prior import SIZES, WEIGHTS, sized
@@ -59,11 +59,11 @@ def test_factor_and_share_by_integration_over_coefficient_and_scatter(
     assert found.believed[0] * b == pytest.approx(mean / factor, rel=1e-3)
 
 
-def test_values_of_s_make_the_cauchy_prior() -> None:
-    """A quarter to 32 times the scale, in steps of two: within a fifth of its density there."""
-    for z in (0.3, 1.0, 3.0, 10.0):
+def test_values_of_s_make_students_t_of_three_degrees_of_freedom() -> None:
+    """A factor of two apart: within a fifth of its density from the middle to the far tails."""
+    for z in (0.3, 1.0, 3.0, 10.0, 100.0):
         mixture = WEIGHTS @ (np.exp(-0.5 * (z / SIZES) ** 2) / SIZES) / np.sqrt(2 * np.pi)
-        assert mixture == pytest.approx(cauchy.pdf(z), rel=0.2)
+        assert mixture == pytest.approx(student.pdf(z, 3), rel=0.2)
 
 
 def test_strong_effects_are_believed_and_hidden_ones_are_not() -> None:
