@@ -147,7 +147,7 @@ def oracle_share(
                 record["before" + of] - record[oracle + of],
             )
             for record in records
-            if "after" + of in record
+            if "after" + of in record and oracle + of in record
         ]
     )
     if len(pairs) < 2:

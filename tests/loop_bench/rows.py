@@ -63,6 +63,8 @@ def rows(drawn: Drawn, kind: Kind) -> Iterator[Row]:
         yield row(f"share of the oracle's held-out gain, {a:g} sigma", blocks)
         unseen = oracle_share(library[a], of="_blocks")
         yield row("  whether the whole data name it or not", unseen)
+        best = oracle_share(library[a], of="_blocks", oracle="best", reported=True)
+        yield row("  of what can be had (posterior mean)", best)
         always = oracle_share(library[a], of="_blocks", oracle="always", reported=True)
         yield row("  of an oracle that fits it in every fold", always)
         between = oracle_share(library[a], *limits)
