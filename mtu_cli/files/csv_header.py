@@ -22,6 +22,8 @@ OTHER_WORDS = {
 }
 """What other programs call a column, in lower case with underscores."""
 NUMBER = ("no", "nr", "number", "id")
+NUMBERED = ("part", "feature", "cycle", "pass", "repeat", "sequence")
+"""Columns that others tell as a number; one of a time or an operation is no time or name."""
 SLIP = 0.9
 """Likeness of two names from which on one is the other with a slip: sequence and squence."""
 
@@ -70,7 +72,7 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
         a for a, b in spec.exclusive if b in header
     }
     for other in header:
-        name = _meant(_folded(other), known)
+        name = _meant(other, known)
         if other and not spec.named(other) and name is not None and name not in shut:
             yield Problem(
                 what=f"the column {other!r} would not be read as {name!r}",
@@ -81,13 +83,20 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
             )
 
 
-def _meant(folded: str, known: Mapping[str, str]) -> str | None:
+def _meant(name: str, known: Mapping[str, str]) -> str | None:
     """The column that a name means by another word, in the plural, as a number (`cycle_no`), or
-    with a slip of a letter; one with something else added (`direction_x`) is a name of its own.
+    with a slip of a letter; one with something else added (`direction_x`, `time_s`) is a name of
+    its own.
     """
-    for ending in ("", "s", *NUMBER):
-        if folded.removesuffix(ending) in known:
-            return known[folded.removesuffix(ending)]
+    folded = _folded(name)
+    if folded in known:
+        return known[folded]
+    *before, last = name.casefold().replace("-", "_").replace(" ", "_").split("_")
+    if before and last in (*NUMBER, "s"):
+        counted = known.get(_folded("_".join(before)))
+        return counted if last in NUMBER and counted in NUMBERED else None
+    if folded.removesuffix("s") in known:
+        return known[folded.removesuffix("s")]
     near = get_close_matches(folded, known, n=1, cutoff=SLIP)
     return known[near[0]] if near and not folded.startswith(near[0]) else None
 

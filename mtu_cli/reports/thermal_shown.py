@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from mtu_cli.analyses.thermal_fit.evidence import FEWEST_NESTED
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
-from mtu_cli.reports.labels import cut as cut
-from mtu_cli.reports.labels import spread as spread
 from mtu_cli.reports.numbers import significant
 from mtu_cli.units import ARCSEC, LENGTH, UM, Unit
 

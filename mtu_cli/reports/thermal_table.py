@@ -8,16 +8,15 @@ from rich.text import Text
 
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
 from mtu_cli.reports.document import listed
+from mtu_cli.reports.labels import cut, spread
 from mtu_cli.reports.numbers import MISSING, p_value, percent, plus_minus, significant
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.reports.thermal_shown import (
     DETAILED,
     by_share,
     change,
-    cut,
     nothing_held_out,
     shown_in,
-    spread,
 )
 
 IMPORTANT = 3

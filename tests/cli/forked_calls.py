@@ -82,7 +82,13 @@ class ForkServer:
 
     def _waited(self, command: list[str], timeout_s: float) -> int:
         """The exit code of the child that was asked for; one that takes too long is killed."""
-        child = self._answer(START_S)
+        try:
+            child = self._answer(START_S)
+        except TimeoutError:
+            # What it says later must not be taken for the answer to another call.
+            self.process.kill()
+            self.close()
+            raise
         try:
             return self._answer(timeout_s)
         except TimeoutError:

@@ -32,21 +32,21 @@ from mtu_cli.cli.main import app
 pytestmark = pytest.mark.skipif(not POSSIBLE, reason="every call starts a process")
 
 CALLS = {
-    "fit-components": "",
-    "thermal-fit": "--drift drift.csv --model ridge",
-    "predict-points": "--covariance",
-    "lengths": "",
-    "orthogonality": "--trials 20000",
-    "anova": "--cmm cmm.csv",
-    "close-loop": "--cmm cmm.csv --write-machine new.yaml",
-    "compare": "--cmm cmm.csv",
-    "correct": "--cmm cmm.csv",
-    "budget": "budget.yaml",
+    "fit-components": "--plot out.png",
+    "thermal-fit": "--drift drift.csv --model ridge --plot out.png",
+    "predict-points": "--covariance --plot out.png",
+    "lengths": "--plot out.png",
+    "orthogonality": "--trials 20000 --plot out.png",
+    "anova": "--cmm cmm.csv --plot out.png",
+    "close-loop": "--cmm cmm.csv --write-machine new.yaml --plot out.png",
+    "compare": "--cmm cmm.csv --plot out.png",
+    "correct": "--cmm cmm.csv --plot out.png",
+    "budget": "budget.yaml --plot out.png",
     "simulate": "--write-lbb out.csv",
     "graph check": "graph.yaml",
     "graph draw": "graph.yaml --to out.svg",
-    "graph simulate": "graph.yaml",
-    "graph sweep": "graph.yaml --vary axis_um=0.5:2.5:2 --of d_AC",
+    "graph simulate": "graph.yaml --plot out.png",
+    "graph sweep": "graph.yaml --vary axis_um=0.5:2.5:2 --of d_AC --plot out.png",
     "schema": "machine",
 }
 """What each is called with in the folder of `study`."""

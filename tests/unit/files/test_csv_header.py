@@ -67,6 +67,9 @@ def test_readings_too(tmp_path: Path) -> None:
         "zz_mm",
         "time_min2",
         "position_mm",
+        "time_s",
+        "time_id",
+        "operation_number",
     ],
 )
 def test_other_columns_stay_covariates(column: str, tmp_path: Path) -> None:

@@ -23,9 +23,10 @@ from thermal_examples import (
 
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.reports.labels import cut, spread
 from mtu_cli.reports.tables import plain_text
 from mtu_cli.reports.thermal_fit import CSV_COLUMNS, document, rows, tables
-from mtu_cli.reports.thermal_shown import cut, nothing_held_out, spread
+from mtu_cli.reports.thermal_shown import nothing_held_out
 from mtu_cli.units import UNITS
 
 CONTRACT = {
