@@ -37,13 +37,13 @@ def foretold(prepared: Prepared, found: Search, table: ResidualTable, whole: Who
     model averaging (Hoeting et al., Statistical Science 14 (1999) 382), place by place. The
     candidates are equally likely before, and so are the values that one of them may take; the
     size of each on all cells is of the order of the scatter of one entry in the null of this
-    table (beside parts and columns), with long tails (`size_prior`). That there is nothing is one explanation more where an effect passed the
-    gate. Where none did there is one place still, for what is left out makes a search the
-    weaker: nothing is then as likely before as all candidates together. There are no more
-    places than effects that passed: a machine would not get them. Drifts and fields without a
-    name are no explanations here: a machine gets a named equation. What it foretells is one of
-    the explanations, whole; the mean is what is right on the average. `whole` holds the members
-    on all cells.
+    table (beside parts and columns), with long tails (`size_prior`). That there is nothing is
+    one explanation more where an effect passed the gate. Where none did there is one place
+    still, for what is left out makes a search the weaker: nothing is then as likely before as
+    all candidates together. There are no more places than effects that passed: a machine would
+    not get them. Drifts and fields without a name are no explanations here: a machine gets a
+    named equation. What it foretells is one of the explanations, whole; the mean is what is
+    right on the average. `whole` holds the members on all cells.
     """
     steps = tuple(step for step in found.steps if step.index < prepared.scan.tested)
 
