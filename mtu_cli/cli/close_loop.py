@@ -13,7 +13,7 @@ from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import drift_estimates, modelled
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
-from mtu_cli.model.effect_parameters import effect_warnings
+from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.reading_tables import reading_tables
 from mtu_cli.model.residual_table import ResidualTable, residual_table
@@ -114,6 +114,7 @@ def _tables(
         )
     machine = inputs.machine
     warnings = [Warned(code=item.code, message=item.message) for item in machine.warnings]
+    warnings += not_told_warnings(machine)
     report = inputs.components
     if report is not None:
         before = estimates_from_report(machine, report)

@@ -31,7 +31,8 @@ class Found(Protocol):
     """An effect as close-loop finds it; internal units (mm, rad, degC, min).
 
     `parameters` are (name, unit, value, u), `covariance` (k, k) is over them; `searched` by
-    name: (value, low, high). `component`: whose readings it was found in, None for points.
+    name: (value, low, high), `alike` are other values of it that fit as well. `component`:
+    whose readings it was found in, None for points.
     """
 
     @property
@@ -55,6 +56,8 @@ class Found(Protocol):
     def covariance(self) -> FloatArray: ...
     @property
     def searched(self) -> Mapping[str, tuple[float, float, float]]: ...
+    @property
+    def alike(self) -> Sequence[float]: ...
     @property
     def p_familywise(self) -> float: ...
     @property
@@ -152,6 +155,7 @@ def _entry(
         },
         covariance=((C + C.T) / 2).tolist(),
         equations=equations,
+        alike={name: list(effect.alike) for name in effect.searched if effect.alike},
         found=_where(inputs, effect, held_out),
     )
 

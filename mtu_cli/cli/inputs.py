@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.files.covariates import DIRECTIONS
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
 
 if TYPE_CHECKING:
@@ -158,7 +159,16 @@ class Inputs:
                 )
             elif name in found:
                 problems.append(Problem(what=f"--at gives {name!r} twice", value=text))
+            problems += no_direction(name, number)
             found[name] = number
         if problems:
             raise InputError(problems)
         return found
+
+
+def no_direction(name: str, value: float) -> list[Problem]:
+    """The problem, if there is one, of a direction that is neither forth nor back."""
+    if name not in DIRECTIONS or abs(value) == 1.0:
+        return []
+    what = f"--at {name}: not a direction"
+    return [Problem(what=what, value=f"{value:g}", expected="-1 or +1")]

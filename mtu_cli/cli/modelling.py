@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.inputs import Inputs, no_direction
 from mtu_cli.errors import InputError, Problem, closest
 from mtu_cli.files.source import hash_of, shown_path
 from mtu_cli.files.study import find_study
-from mtu_cli.model.effect_parameters import effect_warnings
+from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
@@ -38,6 +38,7 @@ def modelled(inputs: Inputs) -> Modelled:
     """A components report wins over readings, readings over the machine file."""
     machine = inputs.machine
     warnings = [Warned(code=item.code, message=item.message) for item in machine.warnings]
+    warnings += not_told_warnings(machine)
     report = inputs.components
     fit = None
     if report is not None:
@@ -125,6 +126,9 @@ def _expand(at: dict[str, float], needed: Sequence[str]) -> None:
         if matched:
             value = at.pop(pattern)
             at |= {name: value for name in matched if name not in at}
+    problems = [problem for name in at for problem in no_direction(name, at[name])]
+    if problems:
+        raise InputError(problems)
 
 
 def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Warned]]:

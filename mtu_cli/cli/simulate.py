@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from mtu_cli.cli.execute import deliver, warning_lines
+from mtu_cli.cli.execute import check_outputs, deliver, warning_lines
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
@@ -27,7 +27,6 @@ from mtu_cli.cli.simulate_positions import read_positions
 from mtu_cli.cli.simulate_ranges import check_ranges, option_name
 from mtu_cli.cli.simulate_unused import CLIMATE, DRIFT_TEST, check_used
 from mtu_cli.errors import fault
-from mtu_cli.files.write import check_targets
 from mtu_cli.language import EquationError, Node, parse
 from mtu_cli.model.drift_simulation import simulate_drift
 from mtu_cli.model.effect_parameters import EFFECT_MARK
@@ -54,7 +53,7 @@ def run(options: Options) -> None:
         raise fault(
             "nothing to write", expected="--write-lbb FILE, --write-cmm FILE or --write-drift FILE"
         )
-    check_targets(outputs)
+    check_outputs(options)
     check_cmm_room(options)
     inputs = Inputs(options)
     seed = _seed(inputs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
@@ -11,6 +11,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter,
 
 from mtu_cli.errors import InputError, Problem, closest
 from mtu_cli.files.contract_errors import existing_path, path_text, shown_value, to_problems
+from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 from mtu_cli.files.sizes import WHAT, expected_size, too_large, without
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 
@@ -102,9 +103,33 @@ def check_contract(
     if large or sound is not document.data:
         checked = _salvage(model, without(sound, large) if large else sound)
     check(checked, findings)
+    _check_names(findings)
     if findings.problems:
         raise InputError(sorted(findings.problems, key=lambda problem: problem.line or 0))
     return checked
+
+
+def _check_names(findings: Findings) -> None:
+    told = {problem.path for problem in findings.problems}
+    for path, name in _names(findings.document.data, ()):
+        if not is_name(name) and path_text(path) not in told:
+            findings.add(path, NO_NAME, value=name, expected=EXPECTED)
+
+
+def _names(data: Any, path: YamlPath) -> Iterator[tuple[YamlPath, str]]:
+    """All that is a name in a document: its keys, and what stands at `name` and `id`."""
+    if isinstance(data, dict):
+        for key, item in data.items():
+            own = (*path, key)
+            if isinstance(key, str):
+                yield own, key
+            if key in ("name", "id") and isinstance(item, str):
+                yield own, item
+            else:
+                yield from _names(item, own)
+    elif isinstance(data, list):
+        for index, item in enumerate(data):
+            yield from _names(item, (*path, index))
 
 
 def _too_large(findings: Findings) -> set[YamlPath]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-COVARIATES = ("dir_x", "dir_y", "dir_z", "time_min", "sequence")
+DIRECTIONS = ("dir_x", "dir_y", "dir_z")
+COVARIATES = (*DIRECTIONS, "time_min", "sequence")
 HOTTEST_DEGC = 200.0
 """No sensor of a machine reads more, nor less than minus this; what a shop is in kelvin is more."""
 KELVIN = 273.15

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Collection
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +32,7 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
         seen = _first_texts(text)
         kinds |= {name: "text" for name in seen if kinds[name] == "covariate"}
     capacity = text.newlines + 1
-    numeric = {name for name, kind in kinds.items() if kind in ("number", "covariate")}
+    numeric = [name for name, kind in kinds.items() if kind in ("number", "covariate")]
     numbers, vectors = _number_stores(numeric, spec, capacity)
     texts = {name: _Texts(capacity) for name, kind in kinds.items() if kind == "text"}
     times = {name: _Times(capacity) for name, kind in kinds.items() if kind == "time"}
@@ -100,7 +101,7 @@ def _read_texts(text: CsvText, names: list[str], capacity: int) -> dict[str, _Te
 
 
 def _number_stores(
-    numeric: set[str], spec: TableSpec, capacity: int
+    numeric: Collection[str], spec: TableSpec, capacity: int
 ) -> tuple[dict[str, _Numbers], dict[tuple[str, ...], NDArray[np.float64]]]:
     """A store for each column of numbers; those of a vector are rows of one array (k, n)."""
     import numpy as np
@@ -108,7 +109,7 @@ def _number_stores(
     vectors = {
         names: np.empty((len(names), capacity))
         for names in spec.vectors
-        if numeric.intersection(names)
+        if any(name in numeric for name in names)
     }
     places = {
         name: values[index]

@@ -9,6 +9,7 @@ from mtu_cli.errors import InputError, Problem, closest
 from mtu_cli.files.csv_mistaken import refuse_other_table
 from mtu_cli.files.csv_table import TableSpec
 from mtu_cli.files.csv_text import CsvText
+from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 
 OTHER_WORDS = {
     "part": ("serial", "serial_number", "serial_no", "workpiece", "piece", "sn"),
@@ -39,6 +40,10 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
             what = f"column {index + 1} has no name"
             expected = "a name (spreadsheets leave empty columns: delete them)"
             problems.append(Problem(what=what, file=shown, row=row, expected=expected))
+        elif not is_name(name):
+            problems.append(
+                Problem(what=NO_NAME, file=shown, row=row, value=name, expected=EXPECTED)
+            )
         elif places.setdefault(name, index) != index:
             what = f"the column stands twice, as column {places[name] + 1} and {index + 1}"
             problems.append(Problem(what=what, file=shown, row=row, column=name))

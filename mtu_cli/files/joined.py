@@ -11,6 +11,7 @@ import numpy as np
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec, cell_text
+from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 from mtu_cli.files.source import Source
 
 if TYPE_CHECKING:
@@ -253,3 +254,11 @@ def check_labels(
         if hint is not None:
             indices = np.flatnonzero(column.codes == code)
             problems.add_cells(table, indices, name, what, [label], hint)
+
+
+def check_names(table: Table, columns: Sequence[str], problems: ProblemList) -> None:
+    """A problem for every cell of these text columns that is no name for a table."""
+    for name in columns:
+        check_labels(
+            table, name, NO_NAME, lambda label: None if is_name(label) else EXPECTED, problems
+        )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from decimal import Decimal
 
 from mtu_cli.files.contracts import Findings, duplicates, is_identifier, present
 from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature, is_covariate
@@ -117,9 +119,35 @@ def _check_sizes(component: Component, path: YamlPath, findings: Findings) -> No
 
 def check_effect_covariance(effect: Effect, index: int, findings: Findings) -> None:
     """The covariance of an effect's parameters, in their order."""
-    if effect.covariance is not None:
-        path: YamlPath = ("effects", index, "covariance")
-        _check_matrix(effect.covariance, len(effect.parameters), path, findings)
+    if effect.covariance is None:
+        return
+    path: YamlPath = ("effects", index)
+    before = len(findings.problems)
+    _check_matrix(effect.covariance, len(effect.parameters), (*path, "covariance"), findings)
+    if len(findings.problems) > before:
+        return
+    for i, (name, parameter) in enumerate(effect.parameters.items()):
+        variance = effect.covariance[i][i]
+        if "u" in parameter.model_fields_set and not _same_u(parameter.u, variance):
+            findings.add(
+                (*path, "parameters", name, "u"),
+                "at odds with the effect's covariance, which stands for it",
+                value=parameter.u,
+                expected=f"{math.sqrt(variance):.6g}, or another covariance, or none",
+            )
+
+
+def _same_u(u: float, variance: float) -> bool:
+    """Whether u^2 is the variance, as far as the digits go that both are written with."""
+    low, high = max(0.0, variance - _half_digit(variance)), variance + _half_digit(variance)
+    slack = _half_digit(u) + TOLERANCE * u
+    return math.sqrt(low) - slack <= u <= math.sqrt(high) + slack
+
+
+def _half_digit(value: float) -> float:
+    """Half of the last digit of a number as it is written; nothing of 0, which is exact."""
+    exponent = Decimal(repr(value)).normalize().as_tuple().exponent
+    return 0.5 * 10.0 ** min(int(exponent), 0) if value else 0.0
 
 
 def _check_matrix(

@@ -14,6 +14,7 @@ from mtu_cli.units import PARAMETER_UNITS, UNITS
 AxisName = Literal["x", "y", "z"]
 EquationName = Literal["Ex", "Ey", "Ez"]
 Matrix = list[list[float]]
+SearchedName = Annotated[str, Field(min_length=1)]
 
 
 def _known_unit(text: str) -> str:
@@ -141,6 +142,11 @@ class Effect(Contract):
         default=None, description="Covariance over the parameters in their order, in their units"
     )
     equations: Equations = Field(description="mm; linear in the parameters")
+    alike: dict[SearchedName, Annotated[list[float], Field(min_length=1)]] = Field(
+        default={},
+        description="Of what was searched (`pitch_mm`): other values that fit what it was found "
+        "on as well, so that it holds there alone",
+    )
     found: dict[str, Any] = Field(default={}, description="Where it was found, free")
 
 

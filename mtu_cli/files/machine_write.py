@@ -32,8 +32,9 @@ class WrittenEffect:
     """An effect for the `effects` of a machine file.
 
     `parameters` by name; `covariance` (k, k) over them in their order and units; `equations`
-    by their name (Ex), linear in the parameters, evaluated in mm, rad, degC, min; `found` says
-    where the effect was found, in plain data.
+    by their name (Ex), linear in the parameters, evaluated in mm, rad, degC, min; `alike` holds
+    other values of what was searched that fit as well, `found` says where the effect was found,
+    in plain data.
     """
 
     name: str
@@ -44,6 +45,7 @@ class WrittenEffect:
     covariate: str | None = None
     says: str | None = None
     covariance: Sequence[Sequence[float]] | None = None
+    alike: Mapping[str, Sequence[float]] = field(default_factory=dict)
     found: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -147,6 +149,8 @@ def _entry(effect: WrittenEffect) -> dict[str, Any]:
     if effect.covariance is not None:
         entry["covariance"] = effect.covariance
     entry["equations"] = effect.equations
+    if effect.alike:
+        entry["alike"] = effect.alike
     if effect.found:
         entry["found"] = effect.found
     return entry

@@ -108,7 +108,10 @@ def _check_table(table: Table, features: Mapping[str, Place] | None, problems: P
     for axis in AXES:
         joined.check_magnitude(table, f"{axis}_mm", problems)
         joined.check_magnitude(table, f"nominal_{axis}_mm", problems)
-    if features is not None:
+    joined.check_names(table, ("part", "operation"), problems)
+    if features is None:
+        joined.check_names(table, ("feature",), problems)
+    else:
         joined.check_labels(
             table, "feature", "unknown feature",
             lambda label: None if label in features else did_you_mean(label, features), problems,

@@ -138,7 +138,10 @@ def check_cells(
         joined.check_magnitude(table, name, problems)
     if table.source.role == ROLE:
         check_drift(table, components, problems)
-    if components is not None:
+    joined.check_names(table, ("cycle",), problems)
+    if components is None:
+        joined.check_names(table, ("component",), problems)
+    else:
         joined.check_labels(
             table, "component", "unknown component",
             lambda label: None if label in components else did_you_mean(label, components),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Mapping, Set
 from typing import Any
 
 from mtu_cli.files.yaml_file import YamlPath
@@ -12,10 +12,29 @@ LARGEST = 1e30
 """Of a number, as of a lever arm: products of some of them stay far from what overflows."""
 LARGEST_SQUARED = LARGEST**2
 """Of an entry of a covariance matrix."""
-MATRICES = ("covariance", "covariance_independent", "coefficient_covariance", "pass_covariance",
-            "pass_covariance_moment")  # fmt: skip
-FREE = ("found", "seed")
-"""Keys whose values nothing is calculated with."""
+Place = tuple[str | None, ...]
+"""A path in a document; None is any one key or index."""
+COMPONENT: Place = ("components", None)
+FITTED: Place = ("results", "components", None)
+JOINT: Place = ("results", "joint_pass_covariance", None)
+MATRICES: dict[str, tuple[Place, ...]] = {
+    "covariance": (COMPONENT, ("effects", None), FITTED, ("results", "effects")),
+    "covariance_independent": (FITTED,),
+    "coefficient_covariance": (JOINT,),
+    "pass_covariance": (COMPONENT, FITTED, JOINT),
+    "pass_covariance_moment": (FITTED,),
+}
+"""Where covariance matrices stand, by their key."""
+FREE: dict[str, tuple[Place, ...]] = {
+    "found": (("effects", None),),
+    "seed": (("settings",),),
+    "dof": (COMPONENT,),
+    "pass_dof": (COMPONENT, FITTED, JOINT),
+    "repeat_dof": (COMPONENT, FITTED),
+    "coefficient_dof": (FITTED,),
+    "leftover_dof": (FITTED,),
+}
+"""Where values stand that nothing is calculated with, and degrees of freedom, by their key."""
 WHAT = "the number is too large to calculate with"
 
 
@@ -25,7 +44,8 @@ def expected_size(limit: float) -> str:
 
 
 def too_large(data: Any) -> Iterator[tuple[YamlPath, float, float]]:
-    """Path, value and limit of every number of a document that is beyond what it may be.
+    """Path, value and limit of every number of a document that is beyond what it may be, in the
+    document's order.
 
     Degrees of freedom may be as many as they like: 1e99 is infinite to many. What is not finite
     is told elsewhere.
@@ -34,14 +54,26 @@ def too_large(data: Any) -> Iterator[tuple[YamlPath, float, float]]:
     while waiting:
         path, value, limit = waiting.pop()
         if isinstance(value, dict):
-            for key, item in value.items():
-                if key not in FREE and not str(key).endswith("dof"):
-                    own = LARGEST_SQUARED if key in MATRICES else LARGEST
-                    waiting.append(((*path, key), item, own))
+            own = [
+                ((*path, key), item, LARGEST_SQUARED if _among(MATRICES, path, key) else LARGEST)
+                for key, item in value.items()
+                if not _among(FREE, path, key)
+            ]
+            waiting.extend(reversed(own))
         elif isinstance(value, (list, tuple)):
-            waiting.extend(((*path, i), item, limit) for i, item in enumerate(value))
+            items = [((*path, i), item, limit) for i, item in enumerate(value)]
+            waiting.extend(reversed(items))
         elif isinstance(value, (int, float)) and limit < abs(value) < math.inf:
             yield path, value, limit
+
+
+def _among(places: Mapping[str, tuple[Place, ...]], path: YamlPath, key: Any) -> bool:
+    """Whether `key` stands in one of its places."""
+    return any(
+        len(place) == len(path)
+        and all(step is None or step == own for step, own in zip(place, path, strict=True))
+        for place in places.get(key, ())
+    )
 
 
 def without(data: Any, paths: Set[YamlPath], path: YamlPath = ()) -> Any:

@@ -39,6 +39,7 @@ def made_ready(
     """All files, or none: temporary files beside the targets; what is given renames them.
 
     What else a run has to deliver goes in between, so that nothing is written where that fails.
+    A device, which nothing can be taken back from, is written first: it may be full.
     `inputs` are the files that the run has read; none of them is overwritten.
 
     Raises InputError for a target that is an input or a folder, stands twice, lies in a
@@ -51,23 +52,22 @@ def made_ready(
         for item in files:
             with _told(item):
                 _write_temporary(item, contents[item.path])
-        yield lambda: _put_in_place(pending, contents)
+        for item in pending:
+            if item not in files:
+                with _told(item):
+                    item.target.write_bytes(contents[item.path])
+        yield lambda: _put_in_place(files)
     finally:
         for item in files:
             _remove(item.temporary)
             _remove(item.backup)
 
 
-def _put_in_place(pending: list[_Pending], contents: Mapping[Path, bytes]) -> None:
-    files = [item for item in pending if item.temporary is not None]
+def _put_in_place(files: list[_Pending]) -> None:
     try:
         for item in files:
             with _told(item):
                 _replace(item)
-        for item in pending:
-            if item not in files:
-                with _told(item):
-                    item.target.write_bytes(contents[item.path])
     except BaseException:
         _restore(files)
         raise

@@ -107,7 +107,7 @@ def _left_open(
 def _known_axes(data: TableData) -> tuple[str, ...]:
     """Axes of the errors and axes along which the places differ; x, y, z first, in this order."""
     own = {*data.table.axes, *data.varying_axes()}
-    return (*(axis for axis in POSITIONS if axis in own), *(own - {*POSITIONS}))
+    return (*(axis for axis in POSITIONS if axis in own), *sorted(own - {*POSITIONS}))
 
 
 def _pairs(axes: tuple[str, ...]) -> list[tuple[str, str]]:

@@ -23,7 +23,8 @@ class Member:
     parameters; evaluated, they give the columns back. They are empty where the equation language
     cannot say the effect: `chosen` then is the feature, part or operation. `tangent` holds the
     derivatives of the columns with respect to log(searched), where that is continuous. `alike`
-    are other values of what was searched that make the same columns on this table.
+    are other values of what was searched that make the same columns on this table. `centred` are
+    the axes along which the equation has no mean over the table that these columns were cut from.
     """
 
     columns: tuple[Column, ...]
@@ -34,6 +35,7 @@ class Member:
     tangent: tuple[Column, ...] = ()
     chosen: str | None = None
     alike: tuple[float, ...] = ()
+    centred: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,16 +24,25 @@ def distinct(
     Columns are compared beside an offset of each axis (and the polynomial that the readings
     themselves gave): a member of which nothing is left there, or whose columns depend on each
     other, is dropped, and one that spans the same space as an earlier one (R^2 above COPY): the
-    earlier one is told what else it may be.
+    earlier one is told what else it may be. Of a searched one the columns that do not depend on
+    each other stay: a sine that is 0 at all places leaves its cosine.
     """
     members: list[Member] = []
     spans: dict[tuple[object, ...], list[tuple[int, FloatArray]]] = {}
     for batch in batches:
         key, X, sizes = _beside(family, batch, data)
-        Q, sound = _orthonormal(X, sizes)
-        for g in np.flatnonzero(sound):
-            spans.setdefault(key, []).append((len(members), Q[g]))
-            members.append(batch.members[g])
+        # A sine that is 0 at all places is so up to rounding, which is no size to judge it by.
+        of_all = sizes.max(axis=0, keepdims=True) if batch.bound.is_periodic else sizes
+        least = LEFT * np.broadcast_to(of_all, sizes.shape)
+        Q, sound = _orthonormal(X, least)
+        for g, member in enumerate(batch.members):
+            if sound[g]:
+                spans.setdefault(key, []).append((len(members), Q[g]))
+                members.append(member)
+            elif member.searched and (few := _independent(X[g], least[g])):
+                own, _ = np.linalg.qr(X[g][:, few])
+                spans.setdefault((len(few), *key[1:]), []).append((len(members), own))
+                members.append(batch.bound.narrowed(member, few))
     if family.over is not None and len(members) > 2:
         return tuple(members), ()
     same = _same(spans, len(members))
@@ -85,14 +94,33 @@ def _less_polynomial(block: FloatArray, degree: int, data: TableData) -> FloatAr
     return left
 
 
-def _orthonormal(X: FloatArray, sizes: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Orthonormal columns (G, N, k), and which of the G members have their full rank (G,)."""
+def _orthonormal(X: FloatArray, least: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Orthonormal columns (G, N, k), and which of the G members have their full rank (G,): of
+    each column a square above `least` (G, k) is left beside those before it.
+    """
     if X.shape[1] < X.shape[2]:
         return X, np.zeros(len(X), bool)
     Q, R = np.linalg.qr(X)
     left = np.diagonal(R, axis1=1, axis2=2) ** 2
-    sound: NDArray[np.bool_] = np.all(left > LEFT * sizes, axis=1)
+    sound: NDArray[np.bool_] = np.all(left > least, axis=1)
     return Q, sound
+
+
+def _independent(X: FloatArray, least: FloatArray) -> list[int]:
+    """Columns of X (N, k), the largest first, of which a square above `least` (k,) is left beside
+    those taken before.
+    """
+    shares = (X**2).sum(axis=0) / np.maximum(least, 1e-300)
+    taken = np.zeros((len(X), 0))
+    kept = []
+    # Digits that rounding does not reach: of two alike the first one is taken everywhere.
+    for k in np.argsort([-float(f"{share:.6g}") for share in shares], kind="stable").tolist():
+        left = X[:, k] - taken @ (taken.T @ X[:, k])
+        size = float(left @ left)
+        if size > least[k]:
+            kept.append(k)
+            taken = np.column_stack([taken, left / np.sqrt(size)])
+    return sorted(kept)
 
 
 def _same(

@@ -18,6 +18,8 @@ each end of the data at most."""
 LARGEST = 2_000_000
 """Numbers that the columns of one parameter may take."""
 FEWEST = 24
+ONE_VALUE = 1e-9
+"""Share of the span up to which two values are one."""
 
 
 def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
@@ -64,11 +66,12 @@ def is_continuous(search: Search) -> bool:
 def _known(distinct: FloatArray) -> dict[str, float]:
     if len(distinct) < 2:
         return {}
+    span, steps = float(distinct[-1] - distinct[0]), np.diff(distinct)
     return {
         "low": float(distinct[0]),
         "high": float(distinct[-1]),
-        "span": float(distinct[-1] - distinct[0]),
-        "spacing": float(np.median(np.diff(distinct))),
+        "span": span,
+        "spacing": float(np.median(steps[steps > ONE_VALUE * span])),
     }
 
 

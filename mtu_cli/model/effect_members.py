@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mtu_cli.files.effect_templates import CHOSEN, Template
 from mtu_cli.files.effect_text import equation_text, with_number
 from mtu_cli.files.effects_contract import Family
-from mtu_cli.language import evaluate, names
+from mtu_cli.language import Node, evaluate, names
+from mtu_cli.language.tree import Binary, Name
 from mtu_cli.model.design import LARGEST
 from mtu_cli.model.effect_binding import Binding, filled, resolved
 from mtu_cli.model.effect_candidate import Column, FloatArray, Member
@@ -34,6 +35,7 @@ class Batch:
     the columns of the data in the equations.
     """
 
+    bound: BoundTemplate
     members: tuple[Member, ...]
     columns: tuple[Column, ...]
     used: tuple[str, ...]
@@ -66,7 +68,26 @@ class BoundTemplate:
                 for up, down in zip(above, below, strict=True)
             )
         members = tuple(self.members(columns, tangent, searched, used))
-        return Batch(members=members, columns=columns, used=used)
+        return Batch(bound=self, members=members, columns=columns, used=used)
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether periods are searched: columns are of the same size for all of them."""
+        return self.template.search is not None and self.template.search.grid == "frequency"
+
+    def narrowed(self, member: Member, kept: Sequence[int]) -> Member:
+        """The member with these of its parameters alone."""
+        parameters = tuple(member.parameters[i] for i in kept)
+        texts = self.texts({name for name, _ in parameters})
+        for name, value in member.searched.items():
+            texts = with_number(texts, name, value)
+        return replace(
+            member,
+            columns=tuple(member.columns[i] for i in kept),
+            tangent=tuple(member.tangent[i] for i in kept if member.tangent),
+            parameters=parameters,
+            equations=texts,
+        )
 
     def equations(self) -> Iterator[tuple[str, int, str, Binding]]:
         """Key in the file, index and name of the axis, binding of each equation."""
@@ -174,10 +195,17 @@ class BoundTemplate:
                 chosen=None if chosen is None else chosen[g],
             )
 
-    def texts(self) -> dict[str, str]:
-        """Equations by key (``Ex``) with all numbers but the searched one."""
+    def texts(self, only: Collection[str] | None = None) -> dict[str, str]:
+        """Equations by key (``Ex``) with all numbers but the searched one; with the terms of
+        `only` these parameters.
+        """
         found = {}
         for key, _, axis, bound in self.equations():
+            tree: Node | None = self.template.trees[key]
+            if only is not None:
+                tree = self._of_terms(key, bound, only)
+            if tree is None:
+                continue
             numbers: dict[str, float | str] = {}
             for name in names(self.template.trees[key]):
                 raw = self.template.braced.get(name, name)
@@ -186,8 +214,17 @@ class BoundTemplate:
                     numbers[name] = self.data.number(own.name, own.kind)
                 else:
                     numbers[name] = own.name
-            found[f"E{axis}"] = equation_text(self.template.trees[key], numbers)
+            found[f"E{axis}"] = equation_text(tree, numbers)
         return found
+
+    def _of_terms(self, key: str, bound: Binding, only: Collection[str]) -> Node | None:
+        """The terms of these parameters in an equation; None where it has none."""
+        tree: Node | None = None
+        for name, lever in self.template.forms[key].coefficients.items():
+            if filled(self.template.braced.get(name, name), bound) in only:
+                term = Binary("*", Name(name, 0), lever, 0)
+                tree = term if tree is None else Binary("+", tree, term, 0)
+        return tree
 
     def covariate(self, used: tuple[str, ...]) -> str | None:
         """The column that the effect goes with: that of {T}, {c} or {v}, else the first used."""

@@ -141,6 +141,26 @@ def effect_warnings(
     return warnings
 
 
+def not_told_warnings(machine: LoadedMachine) -> list[Warned]:
+    """Of effects of which a searched value (a pitch) is one of several that fit alike: elsewhere
+    than at the places that they were found on, each of those values foretells other errors.
+    """
+    warnings = []
+    for i, effect in enumerate(machine.machine.effects):
+        place = f"{machine.source.shown}:{machine.line_of('effects', i)}"
+        for name, others in effect.alike.items():
+            what, _, unit = name.rpartition("_")
+            where = "places" if unit == "mm" else "data"
+            fit = "1 other fits" if len(others) == 1 else f"{len(others)} others fit"
+            text = (
+                f"{place}: the {what or name} of effects[{i}] ({effect.name}) was not told by the "
+                f"{where} that it was found on ({fit} alike): what it says holds at those "
+                f"{where} alone"
+            )
+            warnings.append(Warned(code="searched-not-told", message=text))
+    return warnings
+
+
 def effect_estimates(
     effect: Any, rename: Mapping[str, str]
 ) -> tuple[dict[str, ComponentEstimate], list[JointPasses]]:

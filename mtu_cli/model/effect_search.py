@@ -54,7 +54,7 @@ def waves_of(
                     own = BoundTemplate(
                         family=family.family, template=template, binding=bound, data=data
                     )
-                    if own.parameters() == member.parameters:
+                    if {*own.parameters()} >= {*member.parameters}:
                         return _waves(own, template.search)
     return None
 

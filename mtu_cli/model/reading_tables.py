@@ -116,7 +116,7 @@ class _Reader:
         model = _alone(self.name, self.of or AXES[0], estimate, drift)
         values: Values = {
             name: columns[name]
-            for name in {*model.covariates(), *((TIME,) if drift is not None else ())}
+            for name in (*model.covariates(), *((TIME,) if drift is not None else ()))
             if name in columns
         }
         warned += temperature_warnings(model, self._places(), values)

@@ -102,15 +102,16 @@ def cells_of(part: IntArray, column: IntArray, parts: int, columns: int) -> Cell
 
 def filled(table: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
     """A table (P, H, ...) whose missing cells hold the mean of their column, or of their part
-    where the column has none.
+    where the column has none. Means of equal values keep their digits.
     """
     if there.all():
         return table
     shape = (*there.shape, *(1,) * (table.ndim - 2))
     held = there.reshape(shape)
-    zeroed = np.where(held, table, 0.0)
-    sizes = [np.maximum(there.sum(axis=k), 1) for k in (0, 1)]
-    of_column = zeroed.sum(axis=0) / sizes[0].reshape(shape[1:])
-    of_part = zeroed.sum(axis=1) / sizes[1].reshape(shape[0], *shape[2:])
-    has = there.any(axis=0).reshape(1, *shape[1:])
-    return np.where(held, table, np.where(has, of_column[None], of_part[:, None]))
+    means = []
+    for k in (0, 1):
+        first = np.expand_dims(held.argmax(axis=k), k)
+        origin = np.take_along_axis(table, first, axis=k)
+        away = np.where(held, table - origin, 0.0).sum(axis=k, keepdims=True)
+        means.append(origin + away / np.maximum(held.sum(axis=k, keepdims=True), 1))
+    return np.where(held, table, np.where(held.any(axis=0, keepdims=True), *means))

@@ -25,7 +25,7 @@ SENTENCES = {
     "straightness": "{A} bends along {along}: {values}",
     "squareness": "{A} and {B} are out of square by {value}",
     "rotation": "everything is turned about {A} by {value}",
-    "backlash": "{A} {loses} {twice} at reversal",
+    "backlash": "{A} {loses} {twice} at reversal{short}",
     "cyclic": "{A} has a periodic error of {length} amplitude, pitch {pitch_mm} mm",
     "abbe": "a tilt of {value} acts on {A} over the height",
     "thermal-drift": "{A} drifts by {value} of {covariate}",
@@ -168,19 +168,25 @@ def _words(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> 
     if "at" in effect.searched:
         words["at"] = _first_after(effect, item)
     if len(shown) == 1:
-        value = abs(first.value)
-        words |= {
-            "value": _size(first.value, first.u, first.unit),
-            "size": _size(value, first.u, first.unit),
-            "twice": _size(TWICE * value, TWICE * first.u, first.unit),
-            "grows": _grows(effect, item, first.value),
-            "outward": "outward" if first.value >= 0 else "inward",
-        }
-    elif len({p.unit for p in shown}) == 1:
+        words |= _of_one(first, effect, item)
+    if len({p.unit for p in shown}) == 1:
         scale = PARAMETER_UNITS[first.unit].to_internal
         length, u = amplitude(effect)
         words["length"] = _size(length / scale, u / scale, first.unit)
     return words
+
+
+def _of_one(first: Shown, effect: FoundEffect, item: TableResult) -> dict[str, str]:
+    """What sentences may say of an effect with one parameter."""
+    value = abs(first.value)
+    return {
+        "value": _size(first.value, first.u, first.unit),
+        "size": _size(value, first.u, first.unit),
+        "twice": _size(TWICE * value, TWICE * first.u, first.unit),
+        "short": _short(first.value, item),
+        "grows": _grows(effect, item, first.value),
+        "outward": "outward" if first.value >= 0 else "inward",
+    }
 
 
 def _subject(effect: FoundEffect, item: TableResult) -> str:
@@ -207,6 +213,34 @@ def _grows(effect: FoundEffect, item: TableResult, value: float) -> str:
     verb = "grow" if value >= 0 else "shrink"
     several = effect.axis is None and item.table.component is None and len(item.table.axes) > 1
     return verb if several else f"{verb}s"
+
+
+def _short(value: float, item: TableResult) -> str:
+    """What a reversal is where the error is less after a move towards + (forward)."""
+    if value >= 0:
+        return ""
+    return ", short from both sides" if item.table.component is None else ", lower forward"
+
+
+def direction_text(effect: FoundEffect, item: TableResult) -> str | None:
+    """Which way a reversal goes: E = lost_motion dir, dir = +1 after a move towards +."""
+    shown = parameters_of(effect)
+    if effect.family != "backlash" or len(shown) != 1:
+        return None
+    first, over = shown[0], shown[0].value >= 0
+    size = _size(TWICE * abs(first.value), TWICE * first.u, first.unit)
+    if item.table.component is not None:
+        way = "higher" if over else "lower"
+        return f"{item.table.component} is {size} {way} forward than in reverse"
+    subject = _subject(effect, item)
+    way, meant = (
+        ("+", "it goes too far, as play that is corrected too much does")
+        if over
+        else ("-", "it stops short, as play does that is not corrected")
+    )
+    return (
+        f"after a move to + {subject} stands {size} further to {way} than after one to -: {meant}"
+    )
 
 
 def _searched(found: tuple[float, float, float], effect: FoundEffect) -> str:

@@ -17,7 +17,7 @@ from mtu_cli.analyses.close_loop.shown import (
     is_level,
     pitch_is_open,
 )
-from mtu_cli.reports.close_loop_effects import searched_text
+from mtu_cli.reports.close_loop_effects import direction_text, searched_text
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,
@@ -89,7 +89,7 @@ def _effects(result: CloseLoopResult) -> Sheet:
 
 
 def _effect_notes(result: CloseLoopResult) -> list[str]:
-    """What a level is, and the classes that are too long for the sentence."""
+    """What a level is, which way a reversal goes, and classes too long for the sentence."""
     notes = [
         f"{effect.name} may be: {', '.join(in_words(name) for name in class_of(effect))}"
         for effect in result.effects
@@ -102,6 +102,8 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
         if pitch_is_open(effect)
         for name in effect.searched
     ]
+    ways = [(e.name, direction_text(e, item)) for item in result.tables for e in item.effects]
+    notes += [f"{name}: {way}" for name, way in ways if way is not None]
     if any(is_level(name) for effect in result.effects for name, _, _, _ in effect.parameters):
         notes.insert(0, "level: a constant of the equation, the error where the effect itself is 0")
     return notes

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
-from mtu_cli.reports.compare_words import paper_scatter, verdict, verdict_text
+from mtu_cli.reports.compare_words import paper_scatter, set_up_text, verdict, verdict_text
 from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
@@ -36,6 +36,8 @@ def _kinds(result: CompareResult) -> list[tuple[str, Summary]]:
 def _words(result: CompareResult) -> Text:
     """A sentence for each operation and kind."""
     sentences = [verdict_text(item, kind) for kind, item in _kinds(result)]
+    set_up = set_up_text(result)
+    sentences += [] if set_up is None else [set_up]
     text = Text("Predicted against measured\n", style="bold")
     return text.append("\n".join([*sentences, ""]), style="not bold")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mtu_cli.analyses.compare import Compared, Range, Summary
+from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
 from mtu_cli.reports.numbers import significant
 from mtu_cli.units import UM
 
@@ -21,6 +21,26 @@ def verdict_text(item: Summary, kind: str) -> str:
         if untested:
             faults = ["consistent as far as it could be tested"]
     return f"{name}: {'; '.join([*faults, *untested])}"
+
+
+def set_up_text(result: CompareResult) -> str | None:
+    """What parts that were put down by hand look like: most features scatter, no length does."""
+    lengths = {item.operation: item for item in result.length_summaries}
+    for item in result.feature_summaries:
+        beside = lengths.get(item.operation)
+        if (
+            result.datum == "none"
+            and beside is not None
+            and beside.scatter_tested
+            and not beside.under_predicted
+            and item.under_predicted * 2 > item.items
+        ):
+            return (
+                "Features scatter and lengths do not: it may be that each part was set up by hand "
+                "(on the machine or the CMM), with an offset of its own: --datum offset takes that "
+                "out."
+            )
+    return None
 
 
 def _under(item: Summary) -> str | None:

@@ -12,9 +12,10 @@ from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
 from mtu_cli.analyses.graph.surface import Formula
 from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
 from mtu_cli.reports import figures
+from mtu_cli.reports.graph_convergence import chance_text
 from mtu_cli.reports.graph_simulate import shares_text, small_unit
 from mtu_cli.reports.labels import cut, spread
-from mtu_cli.reports.numbers import plus_minus, significant, with_u
+from mtu_cli.reports.numbers import significant, with_u
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.distributions import log_density
 from mtu_cli.stats.least_squares import FloatArray
@@ -63,7 +64,8 @@ def _bars(panel: Axes, item: SimulatedCoordinate) -> None:
     panel.set_ylim(0.0, 1.0)
     panel.set_xlabel("value of the place")
     name = str(item.output)
-    panel.set_title(f"{cut(name, NAME)}: chance of 1 {plus_minus(item.mean, item.errors.mean)}")
+    chance = chance_text(item.mean, item.errors.mean, item.trials)
+    panel.set_title(f"{cut(name, NAME)}: chance of 1 {chance}")
 
 
 def _histogram(panel: Axes, item: SimulatedCoordinate) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite, listed
-from mtu_cli.reports.graph_convergence import not_converged
+from mtu_cli.reports.graph_convergence import BOUNDS, chance_text, not_converged, one_sided
 from mtu_cli.reports.graph_net import share_percent
 from mtu_cli.reports.numbers import PLAIN_DIGITS, interval, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
@@ -115,7 +115,7 @@ def _not_converged(result: GraphSimulation) -> list[Warned]:
 def _known_to(item: SimulatedCoordinate) -> str:
     """What there is instead: ``d2 (u 0.785 ± 0.012 um, ends of the interval ± 0.05 um)``."""
     if item.chance:
-        return f"{item.output} (chance {plus_minus(item.mean, item.errors.mean)})"
+        return f"{item.output} (chance {chance_text(item.mean, item.errors.mean, item.trials)})"
     if not math.isfinite(item.errors.u):
         return f"{item.output} (no trial made it jump, and none rules out that it may)"
     factor, unit = small_unit(item.output.unit)
@@ -169,12 +169,14 @@ def _chances(title: str, coordinates: Sequence[SimulatedCoordinate]) -> Sheet:
         [
             str(item.output),
             significant(item.nominal, PLAIN_DIGITS),
-            plus_minus(item.mean, item.errors.mean),
+            chance_text(item.mean, item.errors.mean, item.trials),
             str(item.trials),
         ]
         for item in coordinates
     ]
     notes = ["chance of 1: the share of the trials in which the place is 1, ± its standard error"]
+    if any(one_sided(item.mean, item.errors.mean) for item in coordinates):
+        notes.append(BOUNDS)
     return Sheet(title=title, columns=columns, rows=rows, notes=notes)
 
 

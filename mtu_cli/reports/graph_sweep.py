@@ -10,8 +10,8 @@ from mtu_cli.analyses.graph.surface import Formula
 from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite
-from mtu_cli.reports.graph_convergence import not_converged
-from mtu_cli.reports.numbers import PLAIN_DIGITS, p_value, plus_minus, significant, with_u
+from mtu_cli.reports.graph_convergence import BOUNDS, chance_text, not_converged, one_sided
+from mtu_cli.reports.numbers import PLAIN_DIGITS, p_value, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
 
@@ -136,7 +136,7 @@ def table(result: Sweep) -> list[Sheet]:
 
 def _chances(result: Sweep) -> tuple[list[Column], list[list[str]]]:
     columns = [Column(title="chance of 1\n± standard error")]
-    return columns, [[plus_minus(item.mean, item.se_mean)] for item in result.grid]
+    return columns, [[chance_text(item.mean, item.se_mean, item.trials)] for item in result.grid]
 
 
 def _uncertainties(result: Sweep) -> tuple[list[Column], list[list[str]]]:
@@ -168,9 +168,11 @@ def _shown(result: Sweep) -> tuple[float, str]:
 def _notes(result: Sweep) -> list[str]:
     found = result.formula
     if result.chance:
+        bounded = any(one_sided(item.mean, item.se_mean) for item in result.grid)
         return [
             f"{result.output} is 0 or 1: the chance of 1 is the share of the trials in which it "
-            "is; no formula is fitted to it"
+            "is; no formula is fitted to it",
+            *([BOUNDS] if bounded else []),
         ]
     at_nominal = f"nominal {significant(result.nominal, PLAIN_DIGITS)} {result.output.unit}"
     if found is None:

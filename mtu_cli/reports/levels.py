@@ -43,12 +43,15 @@ def cut(places: FloatArray, axes: Collection[str]) -> Cut:
     """How features at `places` (n, 3) mm with errors along `axes` are drawn best.
 
     From above, level by level, unless there are too many levels in z for one sheet: then along
-    the axis with the fewest; a face of holes is seen from the side.
+    the axis with the fewest; a face of holes is seen from the side. A feature without a height
+    cannot be seen from the side: then all are seen from above.
     """
-    found = [_cut(places, normal) for normal in (2, 1, 0)]
-    above = found[0]
+    above = _cut(places, 2)
+    if not set(AXES) <= set(axes) or np.isnan(places[:, 2]).any():
+        return above
+    found = [above, _cut(places, 1), _cut(places, 0)]
     face = above.total > 1 and any(item.total == 1 for item in found)
-    if not set(AXES) <= set(axes) or (above.total <= MOST and not face):
+    if above.total <= MOST and not face:
         return above
     if face:
         return next(item for item in found if item.total == 1)
@@ -91,11 +94,13 @@ def _grouped(heights: FloatArray, apart: float) -> IntArray:
 
 
 def _atop(plane: FloatArray, group: IntArray, near: float) -> bool:
-    """Whether features of different levels stand at one place of the plane."""
+    """Whether features of different levels stand at one known place of the plane."""
     from scipy.spatial import KDTree
 
-    pairs = KDTree(plane).query_pairs(near, output_type="ndarray")
-    return bool((group[pairs[:, 0]] != group[pairs[:, 1]]).any())
+    known = np.isfinite(plane).all(axis=1)
+    level = group[known]
+    pairs = KDTree(plane[known]).query_pairs(near, output_type="ndarray")
+    return bool((level[pairs[:, 0]] != level[pairs[:, 1]]).any())
 
 
 def _words(heights: FloatArray, normal: int) -> str:

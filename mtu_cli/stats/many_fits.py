@@ -23,9 +23,12 @@ def squares_left(B: FloatArray, z: FloatArray) -> FloatArray:
 
     Columns of which nothing is left beside those before them explain nothing.
     """
-    Q, R = np.linalg.qr(B)
+    sizes = np.sqrt(np.einsum("gnk,gnk->gk", B, B))
+    largest = float(sizes.max(initial=0.0))
+    # Nothing but rounding must not stand first: the others would lose what they share with it.
+    order = np.argsort(sizes <= DEPENDENT * largest, axis=1, kind="stable")
+    Q, R = np.linalg.qr(np.take_along_axis(B, order[:, None, :], axis=2))
     left = np.abs(np.diagonal(R, axis1=1, axis2=2))
-    largest = float(np.sqrt(np.einsum("gnk,gnk->gk", B, B).max(initial=0.0)))
     held = np.where(left > DEPENDENT * largest, np.einsum("gnk,n->gk", Q, z), 0.0)
     found: FloatArray = z @ z - np.einsum("gk,gk->g", held, held)
     return found

@@ -31,6 +31,7 @@ WEIGHTS = WEIGHTS / WEIGHTS.sum()
 """Density of log s where s^2 is inverse gamma (3/2, 3/2)."""
 CERTAIN = 1e12
 """Largest g: what stands beside no scatter at all is believed."""
+LARGEST = float(np.finfo(np.float64).max)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,11 +47,11 @@ class Sized:
 
 def sized(members: MemberRatios, columns: FloatArray, tau: FloatArray) -> Sized:
     """Of one table's `members` (1, M) with `columns` (M,) each, and scales `tau` (M,) of their
-    coefficients; inf where nothing scatters.
+    coefficients; inf where nothing scatters. A member without information has g = 0.
     """
     ratio = np.maximum(members.ratio[0], 0.0)
     n = np.maximum(members.dof[0], 1.0)
-    g = np.minimum(SIZES[:, None] ** 2 * tau**2 * members.information[0], CERTAIN)
+    g = _spread(tau, members.information[0])
     given = 0.5 * np.maximum(n - columns, 0.0) * np.log1p(g)
     given = given - 0.5 * n * np.log1p(g * np.exp(-ratio / n)) + np.log(WEIGHTS)[:, None]
     top = given.max(axis=0)
@@ -61,3 +62,14 @@ def sized(members: MemberRatios, columns: FloatArray, tau: FloatArray) -> Sized:
         log_bayes=np.where(tested, top + np.log(total), -np.inf),
         believed=(weight * g / (1 + g)).sum(axis=0) / total,
     )
+
+
+def _spread(tau: FloatArray, information: FloatArray) -> FloatArray:
+    """g (sizes, M), at most `CERTAIN`: tau is cut before anything is multiplied, as neither its
+    square nor that times the information need be a number.
+    """
+    root: FloatArray = np.sqrt(np.minimum(information, LARGEST))
+    most = np.zeros((len(SIZES), len(root)))
+    np.divide(CERTAIN**0.5, SIZES[:, None] * root, out=most, where=root > 0.0)
+    found: FloatArray = (SIZES[:, None] * np.minimum(tau, most) * root) ** 2
+    return found

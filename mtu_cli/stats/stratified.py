@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 
@@ -14,6 +15,10 @@ FEWEST = 1.0
 """Degrees of freedom that a stratum is judged by at least."""
 LEAST = 1e-12
 """Share of a stratum's squares below which what is left of them is rounding."""
+FEWEST_BESIDE = 2.0
+"""Degrees of freedom that a stratum needs beside the columns in it to be judged by itself alone."""
+HELD = 1e-20
+"""Share of a column's square below which a stratum does not hold it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,13 +46,18 @@ class StratifiedFit:
 
 
 def stratified_fit(
-    X: FloatArray, y: FloatArray, places: Sequence[slice], dof: FloatArray
+    X: FloatArray,
+    y: FloatArray,
+    places: Sequence[slice],
+    dof: FloatArray,
+    within: NDArray[np.int64] | None = None,
 ) -> StratifiedFit:
     """Fits y = X beta + e; X (N, k), y (N,), `places` and `dof` (S,) those of the strata.
 
     beta = (X' W X)^-1 X' W y with W one over the strata's variances, which are re-estimated
     from what is left with the degrees of freedom that are left: restricted maximum likelihood
-    where coordinates of a stratum are uncorrelated with one variance.
+    where coordinates of a stratum are uncorrelated with one variance. Of one that its columns fit
+    nearly exactly (`_bounded`) `within` (S,) is the stratum whose variance is a part of its own.
     """
     k = X.shape[1]
     rows = [triangle(np.column_stack([X[s], y[s]])) for s in places]
@@ -57,6 +67,7 @@ def stratified_fit(
     for _ in range(REWEIGHTED):
         w = np.maximum(dof - spent, FEWEST) / np.maximum(left, 1e-300)
         w = np.where((dof > 0) & (total > 0), w, 0.0)
+        w = _bounded(w, dof / np.maximum(total, 1e-300), dof - _held(G), within)
         whole = np.concatenate([np.sqrt(v) * r for v, r in zip(w, rows, strict=True)])
         fit = least_squares(whole[:, :k], whole[:, k])
         beta, C = fit.coefficients, fit.unscaled_covariance
@@ -73,6 +84,28 @@ def stratified_fit(
         weights=w,
         at_weights=C,
     )
+
+
+def _held(G: FloatArray) -> FloatArray:
+    """The number (S,) of columns that each stratum holds, by their cross products (S, k, k)."""
+    squares = np.diagonal(G, axis1=1, axis2=2)
+    found: FloatArray = (squares > HELD * squares.sum(axis=0)).sum(axis=1).astype(np.float64)
+    return found
+
+
+def _bounded(
+    w: FloatArray, null: FloatArray, beside: FloatArray, within: NDArray[np.int64] | None
+) -> FloatArray:
+    """Weights (S,) no larger than strata with so few degrees of freedom `beside` their columns can
+    have: where none are, not above those of the `null`, of which nothing was taken out, for
+    the columns fit them whatever their variance; where fewer than two are, not above the weight
+    of what lies `within`, as a part's mean scatters no less than its entries.
+    """
+    found: FloatArray = np.where(beside < 1.0, np.minimum(w, null), w)
+    if within is None:
+        return found
+    least = np.where(w[within] > 0, found[within], np.inf)
+    return np.where(beside < FEWEST_BESIDE, np.minimum(found, least), found)
 
 
 def _of_estimated_weights(M: FloatArray, own: FloatArray, nu: FloatArray) -> FloatArray:

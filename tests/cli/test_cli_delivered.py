@@ -148,3 +148,32 @@ def test_counts_that_act_on_nothing_are_told(
 def test_what_the_report_alone_says() -> None:
     warned = [Warned(code="a", message="m"), Warned(code="b", message="n", report_only=True)]
     assert warning_lines([*warned, *warned]) == ["warning: m [a]"]
+
+
+@pytest.mark.parametrize("name", ["dir_z=0", "dir_x=2", "dir_*=0.5"])
+def test_a_direction_is_forth_or_back(name: str, work: Path) -> None:
+    """As a column of points is."""
+    text = (work / "machine.yaml").read_text()
+    (work / "machine.yaml").write_text(text.replace("Ex: ", "Ex: 0.001*dir_x + "))
+    modelled(Inputs(Options("lengths", {"at": ["dir_*=-1"]})))
+    words = r"--at dir_[xz]: not a direction: '.*'; expected -1 or \+1"
+    with pytest.raises(InputError, match=words):
+        modelled(Inputs(Options("lengths", {"at": [name]})))
+
+
+def test_simulated_files_do_not_go_to_standard_output(work: Path) -> None:
+    before = listing(work)
+    with pytest.raises(InputError, match="--write-cmm does not go to standard output; expected a"):
+        _simulated(write_lbb=work / "l.csv", write_cmm=Path("-"))
+    assert listing(work) == before
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_rows_are_told_once_they_are_written(
+    work: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = listing(work)
+    with pytest.raises(InputError, match="full: cannot be written: no space left on device"):
+        _simulated(write_lbb=work / "l.csv", write_cmm=Path("/dev/full"))
+    assert capsys.readouterr().out == ""
+    assert listing(work) == before

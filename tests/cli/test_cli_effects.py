@@ -14,6 +14,7 @@ from cli_runner import prepared
 from model_examples import run_command
 from numpy.typing import NDArray
 
+from mtu_cli.cli.close_loop import _tables as tables_of
 from mtu_cli.cli.close_loop_choices import read_choices
 from mtu_cli.cli.close_loop_files import Known, check_written, written
 from mtu_cli.cli.execute import Outcome, execute
@@ -38,6 +39,12 @@ EFFECTS = [
         equations={"Ey": "slope*(tool_parts - 3)"},
     ),
 ]
+CYCLIC = WrittenEffect(
+    name="cyclic-x",
+    parameters={"sine": (1.6, 0.1, "um")},
+    equations={"Ex": "sine*sin(2*pi*x/160)"},
+    alike={"pitch_mm": [62.6, 57.6, 37.0]},
+)
 PREDICTIONS = ("predict-points", "lengths", "orthogonality")
 AT = ("--at", "dir_x=1", "--at", "tool_parts=5")
 PLACES = {"A": (0, 0), "B": (100, 0), "C": (200, 0), "D": (0, 80), "E": (0, 160)}
@@ -130,6 +137,32 @@ def test_measured_points_bring_their_covariates(
     assert code == 0, told
 
 
+@pytest.fixture
+def untold(work: Path) -> str:
+    """The small study, whose machine has a pitch that is one of four; what is to be told of it."""
+    before = load_machine(work / "before.yaml")
+    content = extended_machine(before, [EFFECTS[1], CYCLIC]).content
+    (work / "machine.yaml").write_bytes(content)
+    line = 1 + content.decode().splitlines().index("  - name: cyclic-x")
+    return (
+        f"machine.yaml:{line}: the pitch of effects[1] (cyclic-x) was not told by the places that "
+        "it was found on (3 others fit alike): what it says holds at those places alone"
+    )
+
+
+@pytest.mark.parametrize("command", [*PREDICTIONS, "correct", "compare"])
+def test_a_pitch_that_was_not_told_is_told_of(
+    command: str, work: Path, untold: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once, by every command that predicts with it."""
+    call = AT[2:] if command in PREDICTIONS else ("--cmm", "cmm.csv")
+    code, report, told = run_command(monkeypatch, work, command, *call)
+    assert code == 0, told
+    found = [item for item in report["warnings"] if "cyclic-x" in item["message"]]
+    assert found == [{"code": "searched-not-told", "message": untold}]
+    assert told.count("was not told by") == 1
+
+
 @dataclass(frozen=True)
 class Effect:
     """What close-loop finds, in internal units."""
@@ -143,6 +176,7 @@ class Effect:
     axis: str | None = "x"
     says: str = "what it is"
     searched: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    alike: Sequence[float] = ()
     p_familywise: float = 0.001
     class_names: Sequence[str] = ("only",)
     component: str | None = None
@@ -168,6 +202,7 @@ FOUND = [
         JOINT[1:, 1:] * np.outer(FACTORS, FACTORS)[1:, 1:],
         {"Ex": "-angle*(y - 40) + scale*(x - 50)", "Ey": "angle*(x - 50)"},
         searched={"pitch_mm": (10.0, 9.5, 10.5)},
+        alike=(20.0, 4.0),
     ),
 ]
 
@@ -190,6 +225,18 @@ def made(inputs: Inputs, effects: Sequence[Effect], covariance: Any = None) -> l
     for path, content in result.files.items():
         path.write_bytes(content)
     return [warning.code for warning in result.warnings]
+
+
+@pytest.mark.parametrize("judged", ["cmm", "lbb"])
+def test_a_loop_tells_of_a_pitch_that_was_not_told(
+    judged: str, work: Path, untold: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = {"machine": "machine.yaml", "part": "part.yaml", judged: [f"{judged}.csv"]}
+    if judged == "cmm":
+        given["lbb"] = ["lbb.csv"]
+    inputs = inputs_of(work, monkeypatch, **given)
+    _, _, warnings = tables_of(inputs, read_choices(inputs))
+    assert [item.message for item in warnings if item.code == "searched-not-told"] == [untold]
 
 
 WRITE = {"write_machine": "new.yaml", "write_components": "new.json"}
@@ -222,7 +269,8 @@ def test_the_files_of_close_loop_predict_with_the_joint_covariance(
     assert len(inputs.points.parts) == 5
     joint = JOINT * np.outer(FACTORS, FACTORS)
     assert made(inputs, FOUND, joint) == []
-    entry = load_machine(work / "new.yaml").machine.effects[0]
+    entry, turn = load_machine(work / "new.yaml").machine.effects
+    assert [entry.alike, turn.alike] == [{}, {"pitch_mm": [20.0, 4.0]}]
     assert entry.found["parts"] == 5
     assert [item["path"] for item in entry.found["files"]] == ["cmm.csv"]
     assert entry.found["class"] == ["backlash-x", "trend-x"]
@@ -297,7 +345,7 @@ def test_an_effect_of_a_component_acts_through_its_lever_arms(
         component="axy",
     )
     shift = Effect(
-        "backlash", (("shift", "um", 1e-3, 1e-4),), covariance, {"Ex": "shift*dir_x"},
+        "backlash", (("shift", "um", 1e-3, 1e-6),), covariance, {"Ex": "shift*dir_x"},
         component="dx_x",
     )  # fmt: skip
     inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
+import pytest
 from cli_runner import MTU, environment
 from support import CONFIGS
 
@@ -58,9 +59,29 @@ def test_steps_follow_from_what_a_study_names(tmp_path: Path) -> None:
         ]
         for name in ("gilsinn-ling-parts", "undeclared", "valdes-ring")
     }
-    parts = ["anova", "close-loop", "compare", "correct", "lengths", "predict-points"]
+    asked = ["lengths", "orthogonality"]
+    parts = ["anova", "close-loop", "compare", "correct", *asked, "predict-points"]
     assert sorted(steps["gilsinn-ling-parts"]) == parts
     assert sorted(steps["undeclared"]) == sorted([*parts, "fit-components"])
     assert sorted(steps["valdes-ring"]) == sorted(
-        [s for s in parts if s != "lengths"] + ["fit-components", "thermal-fit"]
+        [s for s in parts if s not in asked] + ["fit-components", "thermal-fit"]
     )
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        ("ROOT={}/none", "*** no study: no {}/none/*/mtu.yaml here"),
+        ("ROOT={}/shop", "make knows no spaces in names: rename the folder of {}/shop/mill 1/mtu"),
+        ("ROOT={}/shop/mill 1", "ROOT='{}/shop/mill 1': make knows no spaces in names"),
+        ("STUDIES=none", "no study: no ../none/mtu.yaml here"),
+    ],
+)
+def test_a_gate_that_finds_no_study_does_not_pass(tmp_path: Path, call: str, words: str) -> None:
+    study = tmp_path / "shop" / "mill 1"
+    study.mkdir(parents=True)
+    (study / "mtu.yaml").write_text(STUDY, "utf-8")
+    ran = make(tmp_path / "out", "GATE=1", call.format(tmp_path))
+    assert ran.returncode == 2
+    assert words.format(tmp_path) in ran.stderr
+    assert "grep" not in ran.stderr

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.stats.column_groups import MemberColumns, whitened
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.loop_null import draw
+from mtu_cli.stats.strata import Strata
 from mtu_cli.stats.stratified import StratifiedFit, stratified_fit, triangle
 from mtu_cli.stats.streams import stream
 
@@ -39,8 +41,17 @@ def estimate(
     strata = scan.frame.strata
     X = _design(scan, members, beside)
     places = [stratum.slice for stratum in strata.all]
-    fit = stratified_fit(X, whitened(strata, scan.whitening, y), places, scan.dof)
+    own = whitened(strata, scan.whitening, y)
+    fit = stratified_fit(X, own, places, scan.dof, _entries(strata))
     return fit.only(sum(len(member) for member in members))
+
+
+def _entries(strata: Strata) -> NDArray[np.int64]:
+    """By stratum (S,) the interaction of its axis, which every mean square has in it; itself in a
+    table of one part, that has none.
+    """
+    own = {s.axis: i for i, s in enumerate(strata.all) if s.kind == "interaction"}
+    return np.array([own.get(s.axis, i) for i, s in enumerate(strata.all)], np.int64)
 
 
 def _design(

@@ -70,7 +70,7 @@ def fixed_points(
                 continue
             if growth and drift and straight and len(unsure) < 2:
                 ratio = _ratio(effects, covariance, levers)
-                point = _point(table, axis, next(iter(own), None), growth, drift, ratio)
+                point = _point(table, axis, min(own, default=None), growth, drift, ratio)
                 found.append(replace(point, given=given))
     return tuple(found)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.analyses.close_loop.state import CENTRED
 from mtu_cli.model.effect_library import Candidate, Member
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
@@ -71,7 +72,8 @@ def cut_candidates(
 
     Members that what is kept hardly shows are left out: a warm-up without the first parts. Of
     members that are the same on what is kept, such as steps between the same two parts, one is
-    kept; on all cells it is their mean, as each of them may be meant.
+    kept; on all cells it is their mean, as each of them may be meant. An equation keeps its centre:
+    what has no mean over all cells has one over some of them, and no level of its own for that.
     """
 
     def cut(values: FloatArray) -> FloatArray:
@@ -89,13 +91,25 @@ def cut_candidates(
         members = []
         for same in _alike([m for m in candidate.members if _shown(m.columns, cut)], cut):
             m = same[len(same) // 2]
-            members.append(replace(m, columns=cut_all(m.columns), tangent=cut_all(m.tangent)))
+            columns, tangent = cut_all(m.columns), cut_all(m.tangent)
+            members.append(replace(m, columns=columns, tangent=tangent, centred=_centred(m)))
             whole[identity(candidate.name, m)] = _mean_of(same) if len(same) > 1 else m
         own.append(replace(candidate, members=tuple(members)))
     return CutCandidates(candidates=tuple(own), whole=whole)
 
 
 Cut = Callable[[FloatArray], FloatArray]
+
+
+def _centred(member: Member) -> frozenset[int]:
+    """The axes along which no column has a mean."""
+    means: dict[int, list[float]] = {}
+    sizes: dict[int, list[float]] = {}
+    for column in member.columns:
+        for axis, values in column.items():
+            means.setdefault(axis, []).append(abs(float(np.mean(values))))
+            sizes.setdefault(axis, []).append(float(np.sqrt(np.mean(values**2))))
+    return frozenset(axis for axis in means if max(means[axis]) <= CENTRED * max(sizes[axis]))
 
 
 def _shown(columns: Sequence[Mapping[int, FloatArray]], cut: Cut) -> bool:

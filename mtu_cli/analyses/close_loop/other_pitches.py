@@ -60,7 +60,7 @@ def _with(effect: FoundEffect, seen: Periodic, others: Sequence[float]) -> Found
     alike = tuple(sorted([*known, *new], reverse=True))
     ((name, (value, low, high)),) = effect.searched.items()
     names = effect.class_names
-    if len(seen.along) <= len(seen.member.parameters) + 2:
+    if len(seen.along) <= len(seen.waves.bound.parameters()) + 2:
         names = tuple(dict.fromkeys([*names, f"{FIELD}-{seen.letter}"]))
     return replace(
         effect,

@@ -101,12 +101,18 @@ class State:
             self.offsets.add(scan.offsets[offset])
 
     def _own_levels(self, member: int) -> None:
-        """A level along an axis that the effect has a mean of belongs to the effect."""
-        scan, columns = self.prepared.scan, self.prepared.members[member].columns
+        """A level along an axis that the effect has a mean of belongs to the effect.
+
+        Not where it has that mean because some parts or columns of a table are left out.
+        """
+        scan, own = self.prepared.scan, self.prepared.members[member]
+        columns = own.columns
         means = self.prepared.means[member]
         for i, axis in enumerate(scan.offsets):
             sizes = [float(np.sqrt(np.mean(c[axis] ** 2))) for c in columns if axis in c]
-            if sizes and np.abs(means[:, axis]).max() > CENTRED * max(sizes):
+            if axis in own.centred or not sizes:
+                continue
+            if np.abs(means[:, axis]).max() > CENTRED * max(sizes):
                 self.done.add(len(scan.columns) + i)
                 self.owned.add(len(scan.columns) + i)
                 self.offsets.discard(axis)

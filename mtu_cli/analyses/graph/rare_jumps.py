@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.model.graph.first_order import FirstOrder
 from mtu_cli.model.graph.measurement_graph import Evaluation
@@ -19,6 +21,10 @@ CHANCES = np.array([NormalDist().cdf(-float(item)) for item in RADII])
 NEAR = np.array([0.0, 1.0, -1.0])
 UNSEEN = 3.0
 """Trials expected beyond, below which there may be none: e^-3 is 1 in 20."""
+MOST = 200
+"""Inputs, and gradients, that are gone along."""
+AT_ONCE = 128
+"""Directions of one evaluation: it holds k x directions x radii numbers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,36 +47,57 @@ def rare_jumps(
 ) -> list[RareJump]:
     """Jumps that `trials` (n,) of an output with `u` (n,) need not have met, one an output at most.
 
-    Along each normal input and along the gradient of each output, both ways, the outputs are
-    evaluated at `RADII`. With a chance Q to be beyond r and a change D there, u^2 grows by
-    Q (1 - Q) D^2 at least, all else being unrelated: told where that changes u by more than the
-    numerical tolerance of its `digits` (JCGM 101:2008, 7.9.2) and fewer than `UNSEEN` trials are
-    expected beyond. A jump that takes several inputs at once, not along a gradient, is not seen.
+    Along each normal input and along the gradient of each output that has a u, both ways, the
+    outputs are evaluated at `RADII`; along no more than `MOST` inputs, those with the largest
+    shares of an output's first-order variance, and no more than `MOST` gradients, the first ones.
+    With a chance Q to be beyond r and a change D there, u^2 grows by Q (1 - Q) D^2 at least, all
+    else being unrelated: told where that changes u by more than the numerical tolerance of its
+    `digits` (JCGM 101:2008, 7.9.2) and fewer than `UNSEEN` trials are expected beyond. A jump that
+    takes several inputs at once, not along a gradient, is not seen.
     """
-    directions, names = _directions(whole, linear)
-    if not names:
+    if not np.any(u > 0.0):
         return []
+    along, names = _directions(whole, linear, u > 0.0)
+    found: dict[int, RareJump] = {}
+    for first in range(0, len(names), AT_ONCE):
+        chunk = slice(first, first + AT_ONCE)
+        values = _values(whole, along[:, chunk])
+        for i in np.flatnonzero(u > 0.0).tolist():
+            jump = _largest(i, values[i], names[chunk], float(u[i]), float(trials[i]))
+            if i not in found or jump.u > found[i].u:
+                found[i] = jump
+    return [
+        jump
+        for i, jump in found.items()
+        if jump.u - u[i] > numerical_tolerance(float(u[i]), digits) > 0.0
+    ]
+
+
+def _values(whole: Evaluation, along: FloatArray) -> FloatArray:
+    """Outputs (n, directions, 3 + radii) at `NEAR` and `RADII` along directions (k, directions)."""
     r = np.concatenate([NEAR, RADII])
-    z = (directions[:, :, None] * r).reshape(len(directions), -1)
+    z = (along[:, :, None] * r).reshape(len(along), -1)
     with np.errstate(all="ignore"):
-        values = whole.run(whole.inputs.scaled(z)).reshape(len(whole.outputs), len(names), len(r))
-    found = []
-    for i, own in enumerate(values):
-        change = _change(own, max(2, int(np.count_nonzero(CHANCES * trials[i] >= UNSEEN))))
-        grown = np.sqrt(u[i] ** 2 + CHANCES * (1.0 - CHANCES) * change**2)
-        d, k = np.unravel_index(int(np.argmax(grown)), grown.shape)
-        if grown[d, k] - u[i] > numerical_tolerance(float(u[i]), digits) > 0.0:
-            found.append(
-                RareJump(
-                    output=i,
-                    along=names[d],
-                    radius=float(RADII[k]),
-                    chance=float(CHANCES[k]),
-                    change=float(change[d, k]),
-                    u=float(grown[d, k]),
-                )
-            )
-    return found
+        values = whole.run(whole.inputs.scaled(z))
+    return values.reshape(len(whole.outputs), along.shape[1], len(r))
+
+
+def _largest(
+    output: int, values: FloatArray, names: Sequence[str], u: float, trials: float
+) -> RareJump:
+    """What makes u the largest of all that was seen along some directions, be it nothing."""
+    seen = int(np.count_nonzero(CHANCES * trials >= UNSEEN))
+    change = _change(values, max(2, seen))
+    grown = np.sqrt(u**2 + CHANCES * (1.0 - CHANCES) * change**2)
+    d, k = np.unravel_index(int(np.argmax(grown)), grown.shape)
+    return RareJump(
+        output=output,
+        along=names[int(d)],
+        radius=float(RADII[k]),
+        chance=float(CHANCES[k]),
+        change=float(change[d, k]),
+        u=float(grown[d, k]),
+    )
 
 
 def _change(values: FloatArray, seen: int) -> FloatArray:
@@ -94,7 +121,9 @@ def _change(values: FloatArray, seen: int) -> FloatArray:
     return np.where(np.isfinite(change), change, 0.0)
 
 
-def _directions(whole: Evaluation, linear: FirstOrder) -> tuple[FloatArray, list[str]]:
+def _directions(
+    whole: Evaluation, linear: FirstOrder, judged: NDArray[np.bool_]
+) -> tuple[FloatArray, list[str]]:
     """Unit vectors (k, directions) of the independent normal inputs z, and the place of each.
 
     What is rectangular or triangular has an end that the trials reach, and stays at its mean.
@@ -102,11 +131,14 @@ def _directions(whole: Evaluation, linear: FirstOrder) -> tuple[FloatArray, list
     inputs = whole.inputs
     places = [", ".join(item.places) for item in inputs.noises for _ in range(item.size)]
     normal = sum(item.size for item in inputs.noises if item.distribution == "normal")
-    gradient = (linear.gradient @ inputs.factor)[:, :normal]
+    gradient = (linear.gradient[judged] @ inputs.factor)[:, :normal]
     size = np.linalg.norm(gradient, axis=1)
-    kept = size > 0.0
-    along = np.zeros((inputs.k, normal + int(kept.sum())))
-    along[:normal, :normal] = np.eye(normal)
-    along[:normal, normal:] = (gradient[kept] / size[kept, None]).T
-    names = places[:normal] + ["all its inputs"] * int(kept.sum())
+    gradient = gradient[size > 0.0] / size[size > 0.0, None]
+    shares = np.max(gradient**2, axis=0, initial=0.0)
+    inner = np.sort(np.argsort(-shares, kind="stable")[:MOST])
+    gradient = gradient[:MOST]
+    along = np.zeros((inputs.k, len(inner) + len(gradient)))
+    along[inner, np.arange(len(inner))] = 1.0
+    along[:normal, len(inner) :] = gradient.T
+    names = [places[i] for i in inner] + ["all its inputs"] * len(gradient)
     return np.hstack([along, -along]), names * 2

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 from crossed_tables import Floats
 from effect_tables import grid_places
-from loop_tables import candidate, crossed, residuals, whole_column
+from loop_tables import candidate, crossed, offset, residuals, whole_column
 
+from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.folds import CutCandidates, cut_candidates, identity, only_parts
-from mtu_cli.analyses.close_loop.foretold import foretold
-from mtu_cli.analyses.close_loop.held_out import folds_of, held_out
+from mtu_cli.analyses.close_loop.foretold import LEAST, foretold
+from mtu_cli.analyses.close_loop.held_out import folds_of, held_out, of_fold
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search, search
-from mtu_cli.analyses.close_loop.state import State
-from mtu_cli.model.effect_candidate import Column
+from mtu_cli.analyses.close_loop.state import State, Step
+from mtu_cli.model.effect_candidate import Candidate, Column
 from mtu_cli.stats.size_prior import sized
 
 SHAPE = (12, 10, 2)
@@ -29,8 +30,10 @@ OTHER: Column = {1: RNG.normal(size=(12, 10))}
 LIBRARY = (candidate("cells", (CELLS,)), candidate("like", (LIKE,)), candidate("other", (OTHER,)))
 
 
-def seen(errors: Floats) -> tuple[Prepared, Search, CutCandidates]:
-    own = cut_candidates(LIBRARY, KEPT, 0)
+def seen(
+    errors: Floats, library: tuple[Candidate, ...] = LIBRARY
+) -> tuple[Prepared, Search, CutCandidates]:
+    own = cut_candidates(library, KEPT, 0)
     prepared = prepare(only_parts(residuals(errors), KEPT), own.candidates)
     gate = calibrated(prepared.scan, 399, 1)
     return prepared, search(prepared, gate, alpha=0.05, most=3), own
@@ -80,6 +83,65 @@ def test_little_evidence_foretells_little_by_bayes_rule_over_the_candidates() ->
     size = float(np.sqrt(np.mean(wanted**2)))
     # The strata of parts and columns hold a fifth of a column's entries, with more scatter.
     assert np.sqrt(np.mean((told(errors) - wanted) ** 2)) < 0.5 * size
+
+
+def step_of(member: int, index: int) -> Step:
+    return Step(index=index, member=member, p=0.0, log_bayes=0.0, posterior=1.0, credible=())
+
+
+AGAIN = np.random.default_rng(3)
+MORE: list[Column] = [{0: AGAIN.normal(size=(12, 10))} for _ in range(4)]
+UNEQUAL = (candidate("cells", (CELLS,), *((c,) for c in MORE)), candidate("other", (OTHER,)))
+
+
+@pytest.mark.parametrize("library", [LIBRARY, UNEQUAL])
+@pytest.mark.parametrize("passed", [False, True])
+def test_shares_are_bayes_rule_to_the_last_digit(
+    library: tuple[Candidate, ...], passed: bool
+) -> None:
+    """Candidates are equally likely before, and in each of them its members; nothing is as
+    likely as one of them where an effect passed the gate, and as all together where none did.
+    """
+    errors = noise(5) + 0.2 * whole_column(CELLS, SHAPE)
+    prepared, found, own = seen(errors, library)
+    found = replace(found, steps=(step_of(0, 0),) if passed else ())
+    flat = [(f, m.columns[0]) for f, c in enumerate(library) for m in c.members]
+    variance = prepared.scan.null.interaction
+    tau = np.array([np.sqrt(variance[a]) / c[a].std() for _, c in flat for a in c])
+    members = sized(State(prepared, None).look().members, np.ones(len(flat)), tau)
+    count = np.array([len(library[f].members) for f, _ in flat])
+    nothing = 1.0 if passed else float(len(library))
+    weights = np.exp(members.log_bayes) / count
+    share = weights / (weights.sum() + nothing)
+    share = np.where(share >= LEAST, share * members.believed, 0.0)
+    wanted = np.zeros(SHAPE)
+    for m, (f, column) in enumerate(flat):
+        alone = added(prepared, replace(found, steps=(step_of(m, f),)), rough=True)
+        assert alone.fit is not None
+        wanted += share[m] * alone.fit.beta[0] * whole_column(column, SHAPE)
+    said = foretold(prepared, found, residuals(errors), own.whole)
+    assert 0.05 < share.sum() < 0.95
+    np.testing.assert_allclose(said, wanted, rtol=0, atol=1e-6 * np.abs(wanted).max())
+
+
+def test_a_mean_error_is_a_rival_of_nothing_but_not_of_an_effect_that_was_found() -> None:
+    """Either may act without the other: beside a member the mean is free, and says nothing."""
+    library = (candidate("cells", (CELLS,)), offset("y"))
+    errors = noise(5) + 0.2 * whole_column(CELLS, SHAPE)
+    errors[..., 1] -= errors[KEPT][..., 1].mean()
+    said = {}
+    for passed in (False, True):
+        for level in (0.0, 8.0):
+            moved = errors + np.array([0.0, level])
+            prepared, found, own = seen(moved, library)
+            found = replace(found, steps=(step_of(0, 0),) if passed else ())
+            said[passed, level] = foretold(prepared, found, residuals(moved), own.whole)
+    np.testing.assert_allclose(said[True, 8.0], said[True, 0.0], rtol=0, atol=1e-9)
+    assert np.abs(said[True, 0.0][..., 0]).max() > 0.01
+    np.testing.assert_array_equal(said[True, 8.0][..., 1], 0.0)
+    # Where nothing passed it is the likeliest of all explanations.
+    assert said[False, 8.0][..., 1] == pytest.approx(8.0, abs=0.5)
+    np.testing.assert_allclose(said[False, 0.0][..., 1], 0.0, atol=1e-9)
 
 
 def test_the_values_that_an_effect_may_search_are_averaged() -> None:
@@ -156,6 +218,27 @@ def test_nothing_that_is_left_out_takes_part() -> None:
     other = errors.copy()
     other[~KEPT] = 50.0
     np.testing.assert_array_equal(told(errors), told(other))
+
+
+@pytest.mark.parametrize("start", [0.0, -5.5])
+def test_a_fold_finds_the_level_of_an_equation_that_is_centred_on_all_parts(start: float) -> None:
+    """Cut to some parts it has a mean, which is no level of its own; one that counts from the first
+    part has one, on all parts as on some.
+    """
+    number = np.arange(12.0)
+    library = (candidate("trend", ({0: (number + start)[:, None]},)), offset("x"))
+    errors = noise(4)
+    errors[..., 0] += 2.0 * number[:, None] + 9.0
+    table = residuals(errors)
+    for fold in folds_of(table, library, 1, count=4):
+        own = of_fold(table, fold, alpha=0.05, most=3)
+        wanted = {"trend", "offset-x"} if start else {"trend"}
+        assert own.chosen == wanted
+        # The straight line through the means of the parts kept, carried on.
+        kept = fold.kept
+        line = np.polynomial.Polynomial.fit(number[kept], errors[kept, :, 0].mean(axis=1), 1)
+        # Nine means leave a hundredth of the slope in doubt; a level told wrong would be 2 or more.
+        np.testing.assert_allclose(own.foretold[:, 0, 0], line(number), rtol=0, atol=0.02 * 22)
 
 
 def test_steps_that_are_the_same_on_what_is_kept_foretell_their_mean() -> None:

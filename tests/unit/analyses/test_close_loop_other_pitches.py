@@ -112,6 +112,22 @@ def test_pitches_that_are_the_same_on_even_places_are_all_told() -> None:
             assert min(abs(f - frequency) for f in known) <= 1 / 130
 
 
+def test_of_a_pitch_of_one_column_the_others_are_told_too() -> None:
+    """At twice the steps sine and cosine are one: its size is that of the errors, not 1e13."""
+    table = grid(np.linspace(10.0, 130.0, 5), 0.0)
+    wave = 5e-3 * np.cos(2 * np.pi * (table.places[:, :, 0] - 10.0) / 60.0)
+    errors = table.errors + wave[:, :, None] * [1.0, 0.0]
+    effect = described(told(replace(table, errors=errors)))
+    ((_, _, value, u),) = effect.parameters
+    ((pitch, low, high),) = effect.searched.values()
+    assert pitch == pytest.approx(60.0)
+    # The sine of 60 mm is sqrt(3)/2 at most there.
+    assert abs(value) == pytest.approx(5e-3 / np.sqrt(0.75), abs=3 * u)
+    same = [30.0 / n for n in (1.5, 2.5, 3.5)]
+    assert all(min(abs(1 / a - 1 / p) for a in effect.alike) <= 1 / 120 for p in same)
+    assert low <= min(same) <= 60.0 <= high
+
+
 def test_at_many_uneven_places_a_pitch_is_told() -> None:
     effect = described(told(grid(MANY)))
     assert effect.alike == ()

@@ -118,7 +118,7 @@ def test_short_waves_that_the_old_places_hid_are_rivals_of_a_shift(plan: str) ->
     by = {"shift-x": np.full(6, pitch / 4), "stagger-x": spacing * (golden * np.arange(1, 7) % 1)}
     x[21:] += by.get(plan, np.zeros(6))[:, None]
     low, high = max(2.0, np.median(np.diff(np.unique(x))) / 2), np.ptp(x) / 2
-    count = min(200, int(np.ceil((1 / low - 1 / high) * 4 * np.ptp(x))) + 1)
+    count = min(500, int(np.ceil((1 / low - 1 / high) * 4 * np.ptp(x))) + 1)
     turns = [2 * np.pi * f * x for f in np.linspace(1 / high, 1 / low, count)]
     rivals = [[{0: np.sin(turn)}, {0: np.cos(turn)}] for turn in turns]
     wanted = dense_d2({0: 2e-4 * x}, rivals, parts_basis(day.places), VARIANCES)

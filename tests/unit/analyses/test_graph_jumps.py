@@ -24,6 +24,7 @@ from mtu_cli.analyses.graph.trial_runs import SIMULATED, Effort
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph_simulate, graph_sweep
 from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.graph_convergence import chance_text
 from mtu_cli.reports.graph_figure import simulated, swept
 from mtu_cli.stats.coverage import numerical_tolerance
 
@@ -93,11 +94,35 @@ def test_a_chance_that_no_trial_met(
 ) -> None:
     """1 in 3.5 thousand million. Of u = sqrt(p (1 - p)) no digit is known: se(u) = 1/(2 sqrt n)."""
     monkeypatch.setattr(simulate, "SIMULATED", FEW)
-    item = found(tmp_path, formula, Settings())
+    result = simulate_graph(graph_of(tmp_path, LIMIT.replace("FORMULA", formula)), Settings())
+    (item,) = result.coordinates
     assert (item.u, item.trials, item.converged) == (0.0, 200_000, False)
     assert item.errors.mean == pytest.approx(5e-6, rel=1e-4)
     assert item.errors.u == pytest.approx(0.5 / math.sqrt(200_000), rel=1e-12)
     assert item.interval == (item.mean, item.mean)
+    (sheet,) = graph_simulate.table(result)
+    bound = "< 1.5e-5" if item.mean == 0 else "> 0.999985"
+    assert sheet.rows == [["far", sheet.rows[0][1], bound, "200000"]]
+    assert sheet.notes[1].startswith("< and >: none or all")
+    (told,) = (own for own in graph_simulate.warnings(result) if own.code == "not-converged")
+    assert told.message.endswith(f"for far (chance {bound})")
+
+
+@pytest.mark.parametrize("trials", [1000, 200_000, 2_500_000])
+def test_the_bound_of_a_chance_holds_nineteen_times_in_twenty(trials: int) -> None:
+    """At the bound, n trials hit nothing with (1 - p)^n = 0.05."""
+    least, most = (
+        chance_text(mean, chance_error(mean, trials), trials).split() for mean in (0.0, 1.0)
+    )
+    assert (1.0 - float(least[1])) ** trials == pytest.approx(0.05, rel=0.1)
+    assert (least[0], most[0]) == ("<", ">")
+    assert 1.0 - float(most[1]) == pytest.approx(float(least[1]), rel=1e-6)
+
+
+def test_a_chance_that_some_trials_met_has_its_spread() -> None:
+    assert chance_text(4e-7, 4e-7, 2_500_000) == "4.0e-7 ± 4.0e-7"
+    # What does not vary is sure.
+    assert chance_text(1.0, 0.0, 10) == "1 ± 0"
 
 
 def test_a_jump_that_no_trial_met(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

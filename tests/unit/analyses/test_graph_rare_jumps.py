@@ -10,11 +10,12 @@ import pytest
 from graph_examples import SHIPPED, graph_of, shipped
 from scipy.stats import norm
 
-from mtu_cli.analyses.graph.rare_jumps import UNSEEN, rare_jumps
+from mtu_cli.analyses.graph.rare_jumps import NEAR, RADII, UNSEEN, rare_jumps
 from mtu_cli.analyses.graph.simulate import simulate_graph
 from mtu_cli.model.graph.first_order import first_order
-from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
+from mtu_cli.model.graph.measurement_graph import Evaluation, MeasurementGraph, evaluation
 from mtu_cli.model.settings import Settings
+from mtu_cli.stats.least_squares import FloatArray
 
 LINE = """
 uncertainty: {{axis_um: 1}}
@@ -91,6 +92,49 @@ def test_nothing_is_told_of_what_matters_not_or_is_seen(
 @pytest.mark.parametrize("trials", [FIRST_LOOK, 2.5e6])
 def test_shipped_graphs_have_none(path: Path, trials: float) -> None:
     assert jumps_of(shipped(path.stem), None, trials) == []
+
+
+def test_nothing_is_evaluated_where_no_output_is_judged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    graph = graph_of(tmp_path, LINE.format(formula="x/i + w/i*0 + 1000*step(x - 0.005)"))
+    whole = evaluation(graph, graph.outputs(()))
+    linear = first_order(whole)
+    monkeypatch.setattr(Evaluation, "run", None)
+    assert rare_jumps(whole, linear, np.zeros(1), np.full(1, FIRST_LOOK), 2) == []
+
+
+def test_directions_are_evaluated_some_at_a_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever their number, the same is found."""
+    graph = graph_of(tmp_path, LINE.format(formula="x/i + w/i - 3000*step(-x - w - 0.0075)"))
+    at_once = jumps_of(graph, None, FIRST_LOOK)
+    assert len(at_once) == 1
+    wide: list[int] = []
+    run = Evaluation.run
+
+    def counted(self: Evaluation, X: FloatArray) -> FloatArray:
+        wide.append(X.shape[1])
+        return run(self, X)
+
+    monkeypatch.setattr(Evaluation, "run", counted)
+    monkeypatch.setattr("mtu_cli.analyses.graph.rare_jumps.AT_ONCE", 4)
+    assert jumps_of(graph, None, FIRST_LOOK) == at_once
+    # x, w and the gradient, both ways, after the first order's differences.
+    each = len(NEAR) + len(RADII)
+    assert wide[1:] == [4 * each, 2 * each]
+
+
+def test_inputs_of_little_weight_are_left_out_where_there_are_many(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    jump = "1000*step({} - 0.005)"
+    formulas = [f"x/i + 0.1*w/i + {jump.format(name)}" for name in ("x", "w")]
+    graphs = [graph_of(tmp_path, LINE.format(formula=formula)) for formula in formulas]
+    assert [len(jumps_of(graph, None, FIRST_LOOK)) for graph in graphs] == [1, 1]
+    monkeypatch.setattr("mtu_cli.analyses.graph.rare_jumps.MOST", 1)
+    assert [len(jumps_of(graph, None, FIRST_LOOK)) for graph in graphs] == [1, 0]
 
 
 def test_the_simulation_warns(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from mtu_cli.errors import InputError
+from mtu_cli.files import csv_file
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.points import read_points
 from mtu_cli.files.readings import SPEC as READINGS
@@ -162,3 +163,16 @@ def test_kelvin_are_told(tmp_path: Path) -> None:
 
 def test_a_text_is_no_temperature_whatever_its_name(tmp_path: Path) -> None:
     assert read_readings(drift(tmp_path, "T_probe", "glued on"), None, for_fit=False).covariates
+
+
+@pytest.mark.parametrize("small", [0, csv_file.SMALL])
+def test_bad_columns_are_told_in_the_order_of_the_header(
+    small: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By either reader, whatever the hashes of the names, which differ from run to run."""
+    monkeypatch.setattr(csv_file, "SMALL", small)
+    sensors = [f"T_{i:02}_degC" for i in range(1, 13)]
+    (path, role), *_ = drift(tmp_path, ",".join(sensors[1:]), ",".join(["293.1"] * 11))
+    with pytest.raises(InputError) as caught:
+        read_readings([(path, role)], None, for_fit=False)
+    assert list(dict.fromkeys(item.column for item in caught.value.problems)) == sensors[1:]

@@ -153,6 +153,17 @@ def test_a_covariance_over_no_parameters(tmp_path: Path) -> None:
     assert load(tmp_path, text).machine.effects[0].covariance == []
 
 
+@pytest.mark.parametrize(
+    "numbers", ["u: 0.33, %s: [[0.11]]", "u: 0.3317, %s: [[0.11]]", "u: 3, %s: [[10.7]]",
+                "u: 0.3, %s: [[0.09]]", "u: 0, %s: [[0]]", "u: 1e-17, %s: [[1e-34]]", "%s: [[4]]"]
+)  # fmt: skip
+def test_u_and_covariance_agree_to_their_printed_digits(tmp_path: Path, numbers: str) -> None:
+    own, covariance = (numbers % "covariance").rsplit("covariance", 1)
+    parameter = f"parameters: {{p: {{value: 1, {own}unit: um}}}}"
+    effect = f"{{name: e, {parameter}, covariance{covariance}, equations: {{Ex: p}}}}"
+    assert load(tmp_path, machine(more=f"effects: [{effect}]")).machine.effects[0].covariance
+
+
 def test_a_singular_covariance_of_printed_digits_is_one(tmp_path: Path) -> None:
     text = machine(
         "{a: {of: x, unit: um, coefficients: [1, 2], covariance: [[4, 2e-9], [2e-9, 1e-18]]}}"
@@ -220,6 +231,15 @@ def test_an_angle_needs_its_lever_arm(tmp_path: Path) -> None:
             "constants.h: the number is too large to calculate with: '1e+200'; expected at most "
             "1e+30 in size",
         ),
+        (
+            "constants: {mydof: 1e300}",
+            "constants.mydof: the number is too large to calculate with: '1e+300'",
+        ),
+        (
+            "constants: {covariance: 1e40}",
+            "constants.covariance: the number is too large to calculate with: '1e+40'; expected "
+            "at most 1e+30",
+        ),
         ("fish: 1", "fish: unknown key: 'fish'; expected one of: schema, name, says"),
         ("effects: [3]", "effects[0]: wrong value: '3'; expected keys with values"),
     ],
@@ -284,6 +304,20 @@ def test_effects_that_may_be_right(tmp_path: Path, unit: str, equation: str) -> 
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p}, covariance: [[1, 0]]",
             "effects[0].covariance: 1 rows of 2 numbers; expected 1 rows of 1",
+        ),
+        (
+            "parameters: {p: {value: 1, u: 5, unit: um}}, equations: {Ex: p}, covariance: [[0.09]]",
+            "effects[0].parameters.p.u: at odds with the effect's covariance, which stands for it: "
+            "'5.0'; expected 0.3, or another covariance, or none",
+        ),
+        (
+            "parameters: {p: {value: 1, u: 0, unit: um}}, equations: {Ex: p}, covariance: [[0.09]]",
+            "effects[0].parameters.p.u: at odds",
+        ),
+        (
+            "parameters: {p: {value: 1, u: 0.34, unit: um}}, equations: {Ex: p}, "
+            "covariance: [[0.1089]]",
+            "'0.34'; expected 0.33, or",
         ),
     ],
 )

@@ -62,6 +62,20 @@ def test_numbers_too_large_to_calculate_with(
     assert read_report(written(tmp_path, "c.json", "fit-components", sound))
 
 
+def test_names_do_not_exempt_and_faults_keep_their_order(tmp_path: Path) -> None:
+    """A component of whatever name is limited; degrees of freedom are, where they stand."""
+    huge = FITTED | {"coefficients": [1e300, -1e300], "pass_dof": 1e99, "s_repeat": 1e31}
+    named = ("mydof", "found", "seed", "dof", "covariance")
+    document = {
+        "schema": "mtu/fit-components/1",
+        "results": {"components": dict.fromkeys(named, huge)},
+    }
+    (tmp_path / "c.json").write_text(json.dumps(document))
+    wanted = ("coefficients.0", "coefficients.1", "s_repeat")
+    paths = [text.split(": ")[1] for text in told(tmp_path / "c.json")]
+    assert paths == [f"results.components.{name}.{path}" for name in named for path in wanted]
+
+
 def test_reports_are_told_apart(tmp_path: Path) -> None:
     fitted = written(tmp_path, "c.json", "fit-components", FITTED)
     drift = written(tmp_path, "t.json", "thermal-fit", DRIFT)

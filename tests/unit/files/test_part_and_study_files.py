@@ -79,6 +79,8 @@ def test_a_part(tmp_path: Path) -> None:
             "circles: [{id: c, features: [3, 9, a], calibrated_mm: -1}]",
             "expected a number above 0",
         ),
+        ("lengths: [{from: 3, to: 9, id: ''}]", "lengths[0].id: no name for a table: ''; expected"),
+        ('lengths: [{from: 3, to: 9, id: "a\\nb"}]', r"no name for a table: 'a\nb'; expected a t"),
     ],
 )
 def test_faulty_parts(tmp_path: Path, text: str, words: str) -> None:
@@ -86,6 +88,14 @@ def test_faulty_parts(tmp_path: Path, text: str, words: str) -> None:
     assert len(found) == 1
     assert found[0].startswith("p.yaml:5: ")
     assert words in found[0]
+
+
+@pytest.mark.parametrize("name", ["", "\\e[31m", "a\\nb", "a\\tb", "a\\u2028b"])
+def test_a_feature_has_a_name_of_one_line(tmp_path: Path, name: str) -> None:
+    (line,) = part_faults(tmp_path, f'features: {{"{name}": {{x_mm: 1, y_mm: 2}}}}\n')
+    assert line.startswith("p.yaml:4: features.")
+    assert "no name for a table: " in line
+    assert line.isprintable()
 
 
 def test_a_faulty_feature_is_not_called_unknown(tmp_path: Path) -> None:

@@ -143,3 +143,15 @@ def test_many_points(tmp_path: Path) -> None:
     assert doubled == [
         f"p0.csv, row {n + 2}: the same as row 2 in every column; expected each reading once"
     ]
+
+
+def test_names_stand_on_one_line(tmp_path: Path) -> None:
+    content = f'{HEAD},note\n1\x1b[31m,h1,0,0,a\n2,"h\n1",0,0,"b\nc"\n2,h2,0,0,d\n'
+    expected = "expected a text on one line that is not empty, without control characters"
+    assert faults(tmp_path, content, features=None)[:2] == [
+        f"p0.csv, row 2, column 'part': no name for a table: '1\\x1b[31m'; {expected}",
+        f"p0.csv, row 3, column 'feature': no name for a table: 'h\\n1'; {expected}",
+    ]
+    assert faults(tmp_path, f"{HEAD},T\x07\n1,h1,0,0,1\n") == [
+        f"p0.csv, row 1: no name for a table: 'T\\x07'; {expected}"
+    ]

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import pytest
 
+from mtu_cli.files.effect_text import filled_tree
 from mtu_cli.language import EquationError, check_dimension, parse
 from mtu_cli.units import ANGLE, LENGTH
 
@@ -94,6 +95,20 @@ def test_sums_inside_a_term_are_of_one_dimension(text: str, column: int) -> None
     with pytest.raises(EquationError, match="are added") as caught:
         check_dimension(parse(text), LENGTH, DIMENSIONS)
     assert caught.value.column == column
+
+
+@pytest.mark.parametrize("text", ["dx_x*y**-n", "dx_x*y*-n", "dx_x*-n*y", "dx_x*y**(-(-n))"])
+def test_a_negated_number_of_a_template_is_a_number(text: str) -> None:
+    """A parser makes ``-1`` a number, a template that is filled in does not."""
+    written = parse(text.replace("n", "1"))
+    for tree in (written, filled_tree(parse(text), {"n": 1.0})):
+        with pytest.raises(EquationError, match=r"its equation is a length \(mm\)"):
+            check_dimension(tree, LENGTH, DIMENSIONS)
+
+
+def test_what_is_added_to_minus_one_is_a_plain_number() -> None:
+    for text in ("dx_x*(x/500 - 1)", "dx_x*(-1 + x/500)", "dx_x*(1 + x/-500)"):
+        check_dimension(parse(text), LENGTH, DIMENSIONS)
 
 
 def test_an_angle_may_be_wanted() -> None:

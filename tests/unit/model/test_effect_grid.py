@@ -54,6 +54,16 @@ def test_where_the_data_gives_no_grid_it_is_empty(given: dict[str, Any], values:
     assert grid_of(search(**given), values, 1).tolist() == []
 
 
+@pytest.mark.parametrize("less", [0.0, 3e-14])
+def test_values_that_differ_by_rounding_are_no_steps(less: float) -> None:
+    """Steps of 10 in 13 of 20 pairs that a sum of thirds would make of one value."""
+    values = np.repeat(10.0 * np.arange(1, 14), 2) - np.tile([less, 0.0], 13)
+    asked = search(grid="frequency", **{"from": ["2", "spacing/2"]}, to=["span/2"], count=500)
+    found = grid_of(asked, values, 1)
+    assert (found[0], found[-1]) == pytest.approx((60.0, 5.0))
+    assert shortest_of(search(**{"from": ["spacing/2"]}), values) == pytest.approx(5.0)
+
+
 def test_numbers_alone_need_no_data() -> None:
     found = grid_of(search(grid="linear", **{"from": ["2"]}, to=["4"], count=3), None, 1)
     assert found.tolist() == [2.0, 3.0, 4.0]

@@ -14,7 +14,7 @@ from mtu_cli.errors import InputError
 from mtu_cli.files.components_file import read_components
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.report_file import Matrix
-from mtu_cli.model.effect_parameters import all_together, effect_warnings
+from mtu_cli.model.effect_parameters import all_together, effect_warnings, not_told_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
 from mtu_cli.model.machine_model import build_model
@@ -136,6 +136,40 @@ def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
     (warning,) = effect_warnings(machine, estimates.effects, "c.json")
     assert warning.code == "effects-not-used"
     assert "backlash-x.lost_motion, turn.angle, turn.shift" in warning.message
+
+
+@pytest.mark.parametrize(
+    ("alike", "told"),
+    [
+        (None, []),
+        ("{}", []),
+        ("{pitch_mm: [32.0]}", [("pitch", "places", "1 other fits")]),
+        ("{pitch_mm: [62.6, 37]}", [("pitch", "places", "2 others fit")]),
+        ("{tau_min: [90, 7]}", [("tau", "data", "2 others fit")]),
+        ("{at: [2.5]}", [("at", "data", "1 other fits")]),
+    ],
+)
+def test_one_of_several_values_is_told_of(
+    alike: str | None, told: list[tuple[str, str, str]], tmp_path: Path
+) -> None:
+    """Not where there is no other value."""
+    machine = loaded(tmp_path, MACHINE + EFFECTS + (f"    alike: {alike}\n" if alike else ""))
+    line = machine.line_of("effects", 1)
+    found = not_told_warnings(machine)
+    assert [item.code for item in found] == ["searched-not-told"] * len(told)
+    assert [item.message for item in found] == [
+        f"machine.yaml:{line}: the {what} of effects[1] (turn) was not told by the {where} that "
+        f"it was found on ({fit} alike): what it says holds at those {where} alone"
+        for what, where, fit in told
+    ]
+
+
+@pytest.mark.parametrize(
+    "alike", ["3", "[3]", "{pitch_mm: 3}", "{pitch_mm: []}", "{pitch_mm: [a]}", "{'': [1]}"]
+)
+def test_other_values_are_lists_of_numbers_by_name(alike: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"machine\.yaml:\d+: effects\[1\]\.alike"):
+        loaded(tmp_path, f"{MACHINE}{EFFECTS}    alike: {alike}\n")
 
 
 def test_a_unit_of_another_kind_is_another_parameter(tmp_path: Path) -> None:

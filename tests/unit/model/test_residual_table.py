@@ -26,6 +26,7 @@ from residual_examples import (
 
 from mtu_cli.errors import InputError
 from mtu_cli.model import residual_factors
+from mtu_cli.model.residual_cells import filled
 from mtu_cli.model.residual_table import residual_table
 
 Floats = NDArray[np.float64]
@@ -98,6 +99,17 @@ def test_factors_at_cells_that_were_not_measured_are_finite(tmp_path: Path) -> N
     np.testing.assert_allclose(
         table.common[tuple(missing)], table.common[there, missing[1]].mean(axis=0), atol=1e-15
     )
+
+
+def test_missing_cells_have_the_digits_of_their_equals() -> None:
+    """The sum of three 0.1 is not 0.3; a column without any has the mean of its part."""
+    table = np.full((4, 3, 1), np.nan)
+    table[:3, 0], table[:3, 1] = 0.1, [[1.0], [2.0], [6.0]]
+    table[3, 1] = 3.0
+    found = filled(table, np.isfinite(table[..., 0]))
+    assert found[:, 0].tolist() == [[0.1]] * 4
+    assert found[:3, 1].tolist() == [[1.0], [2.0], [6.0]]
+    np.testing.assert_allclose(found[:, 2, 0], [0.55, 1.05, 3.05, 3.0], rtol=1e-15)
 
 
 def test_operations_are_columns_of_their_own(tmp_path: Path) -> None:

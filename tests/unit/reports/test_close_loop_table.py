@@ -22,7 +22,7 @@ from close_loop_examples import (
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
 from mtu_cli.reports.close_loop import table
-from mtu_cli.reports.close_loop_effects import SENTENCES, effect_text
+from mtu_cli.reports.close_loop_effects import SENTENCES, direction_text, effect_text
 from mtu_cli.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import WIDTH, plain_text
 
@@ -51,6 +51,21 @@ def test_a_name_comes_with_its_size_and_its_worth() -> None:
         "X loses 4.10 ± 0.30 um at reversal (backlash-x). Held-out parts: rms 5.9 -> 3.8 um; "
         "repeatability 3.6 um."
     )
+
+
+def test_a_reversal_says_which_way_it_goes() -> None:
+    """E = lost_motion dir: at -2.05 um the hole is 4.10 um further to - after a move to +."""
+    less = effect(parameters=(("lost_motion", "um", -2.05, 0.15),))
+    assert said(less) == "X loses 4.10 ± 0.30 um at reversal, short from both sides"
+    for own, way in ((effect(), "+ than after one to -: it goes too far"),
+                     (less, "- than after one to -: it stops short")):  # fmt: skip
+        text = " ".join(plain_text(table(result(on_table("named", (own,))))).split())
+        assert f"after a move to + X stands 4.10 ± 0.30 um further to {way}, as play" in text
+    component = replace(less, name="backlash-dx_x", component="dx_x")
+    found = on_component("dx_x", "um", "named", (component,))
+    assert effect_text(component, found).endswith("um at reversal, lower forward")
+    way = direction_text(component, found) or ""
+    assert way == "dx_x is 4.10 ± 0.30 um lower forward than in reverse"
 
 
 def test_a_class_is_not_told_as_one_name() -> None:

@@ -231,6 +231,19 @@ def test_a_pitch_that_is_one_of_several_makes_a_class() -> None:
     assert "pitch 43 [2, 65] mm (cyclic-x)" in words(result(on_table("named", (wave(),))))
 
 
+def test_a_wave_of_one_column_has_its_size() -> None:
+    own = effect(
+        "cyclic-x",
+        parameters=(("cosine", "um", -4.0, 0.3),),
+        equations={"Ex": "cosine*cos(2*pi*x/60)"},
+        searched={"pitch_mm": (60.0, 58.0, 62.0)},
+    )
+    text = words(result(on_table("named", (own,))))
+    assert text.startswith(
+        "X has a periodic error of 4.00 ± 0.30 um amplitude, pitch 60.0 [58.0, 62.0]"
+    )
+
+
 def left_of_parts(*effects: FoundEffect, datum: Datum = "none", fired: bool = True) -> str:
     item = on_table(
         "unexplained" if fired else "named",

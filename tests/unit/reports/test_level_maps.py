@@ -71,6 +71,8 @@ def scale_of(title: str, page: Figure) -> float:
 
 SURFACE = np.column_stack([grid(6, 6, 1)[:, :2], np.linspace(0, 40, 36)])
 FACE = grid(1, 6, 6) @ np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+SOME_KNOWN = SURFACE * np.where(np.arange(36)[:, None] % 2, 1.0, [1, 1, np.nan])
+HALF_KNOWN = np.where([[1, 1, i >= 3] for i in range(72)], grid(2, 3, 12), np.nan)
 
 
 @pytest.mark.parametrize(
@@ -84,6 +86,7 @@ FACE = grid(1, 6, 6) @ np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
         (grid(2, 3, 12), XYZ, (1, 2), ["x = 0 mm", "x = 120 mm"]),
         (grid() * [1, 1, np.nan], ("x", "y"), (0, 1), [""]),
         (grid(1, 1, 1), XYZ, (0, 1), ["z = 10 mm"]),
+        (SOME_KNOWN, XYZ, (0, 1), ["z 1.14286 to 40 mm"]),
     ],
 )  # fmt: skip
 def test_the_plane_and_the_levels(
@@ -96,6 +99,20 @@ def test_the_plane_and_the_levels(
         range(len(places))
     )
     assert flat(places, axes) == ("z" not in axes and len(levels) == 1)
+
+
+@pytest.mark.parametrize("axes", [("x", "y"), XYZ])
+@pytest.mark.parametrize(("places", "panels"), [(SOME_KNOWN, 1), (HALF_KNOWN, MOST)])
+def test_features_without_a_height_are_seen_from_above(
+    places: FloatArray, panels: int, axes: tuple[str, ...]
+) -> None:
+    """From the side they would have no place, be it the side with the fewest levels."""
+    assert cut(places, axes).plane == (0, 1)
+    assert not flat(places, axes)
+    found = quivers(page_of(maps(places, axes=axes), ""))
+    assert len(found) == panels * (len(axes) - 1)
+    drawn = [len(np.asarray(own[0].U)) for _, own in found]
+    assert sum(drawn[:panels]) == sum(len(level.rows) for level in cut(places, axes).levels)
 
 
 def test_heights_that_differ_by_rounding_are_one_level() -> None:

@@ -247,6 +247,22 @@ def test_words_for_what_was_not_tested_or_not_told_apart(two: CompareResult) -> 
     assert (verdict(none, 0), verdict(few, 0)) == ("not tested", "inconsistent")
 
 
+def test_parts_that_scatter_as_a_whole_may_have_been_set_up_by_hand(two: CompareResult) -> None:
+    """As most features scatter and no length does; a datum was not taken yet."""
+    most, few = (decreed(two.features, under=tuple(range(n))) for n in (40, 20))
+    assert two.lengths is not None
+    lengths = summarised(decreed(two.lengths))
+    found = replace(with_features(two, most), length_summaries=lengths)
+    assert "--datum offset takes that out." in plain_text(table(found)).replace("\n", " ")
+    for other in (
+        replace(with_features(two, few), length_summaries=lengths),
+        replace(found, length_summaries=()),
+        replace(found, length_summaries=summarised(decreed(two.lengths, under=(0,)))),
+        replace(found, datum="offset"),
+    ):
+        assert "set up by hand" not in plain_text(table(other))
+
+
 def test_tables_fit(two: CompareResult) -> None:
     text = plain_text(table(two))
     assert max(map(len, text.splitlines())) <= 100

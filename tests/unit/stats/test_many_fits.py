@@ -26,6 +26,15 @@ def test_columns_that_depend_on_others_explain_nothing_more() -> None:
     np.testing.assert_allclose(squares_left(B, z), wanted, rtol=1e-12)
 
 
+def test_a_column_of_rounding_takes_nothing_from_those_after_it() -> None:
+    B, z = RNG.normal(size=(3, 6, 2)), RNG.normal(size=6)
+    B[0, :, 0] = 0.0
+    B[1, :, 0] = 1e-14 * B[1, :, 1]
+    B[2, :, 0] *= 1e-14
+    wanted = [least_squares(own[:, 1:], z).rss for own in B]
+    np.testing.assert_allclose(squares_left(B, z), wanted, rtol=1e-12)
+
+
 def test_columns_beside_others_fit_as_all_together() -> None:
     rows = RNG.normal(size=(20, 7))
     left = beside(rows, 3)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import t as student
 
 from mtu_cli.stats.profile_ratio import MemberRatios
-from mtu_cli.stats.size_prior import SIZES, WEIGHTS, sized
+from mtu_cli.stats.size_prior import CERTAIN, SIZES, WEIGHTS, sized
 
 N = 9
 RNG = np.random.default_rng(4)
@@ -84,3 +86,35 @@ def test_bounds() -> None:
     without_scatter = sized(members(y), np.ones(1), np.array([np.inf]))
     assert without_scatter.believed[0] == pytest.approx(1.0)
     assert np.isfinite(without_scatter.log_bayes[0])
+
+
+@pytest.mark.parametrize(
+    ("tau", "information", "g"),
+    [
+        # s = 1/4 has the smallest g: that of tau = 4 is given.
+        (4.0, 0.25, 0.25),
+        (4e150, 2.5e-301, 0.25),
+        (4e-150, 2.5e299, 0.25),
+        (1e150, 1e200, CERTAIN),
+        (1e300, 1e300, CERTAIN),
+        (1.0, np.inf, CERTAIN),
+        (np.inf, 1e-300, CERTAIN),
+        # Without information nothing is believed, however large it may be.
+        (np.inf, 0.0, 0.0),
+        (1e150, 0.0, 0.0),
+        (0.0, np.inf, 0.0),
+        (1e-170, 1e-170, 0.0),
+    ],
+)
+def test_sizes_whose_squares_are_no_numbers(tau: float, information: float, g: float) -> None:
+    """Warnings are errors here."""
+    y = X + RNG.normal(size=N)
+    extreme = replace(members(y), information=np.array([[information]]))
+    found = sized(extreme, np.ones(1), np.array([tau]))
+    ratio = float(extreme.ratio[0, 0])
+    given = np.minimum((4 * SIZES) ** 2 * g, CERTAIN)
+    factors = (N - 1) / 2 * np.log1p(given) - N / 2 * np.log1p(given * np.exp(-ratio / N))
+    weights = WEIGHTS * np.exp(factors)
+    assert found.log_bayes[0] == pytest.approx(np.log(weights.sum()), rel=1e-9, abs=1e-12)
+    believed = weights @ (given / (1 + given)) / weights.sum()
+    assert found.believed[0] == pytest.approx(believed, rel=1e-9)

@@ -100,6 +100,37 @@ def test_a_stratum_without_freedom_or_squares_tells_nothing() -> None:
     np.testing.assert_array_equal(stratified_fit(X, y, PLACES, DOF).beta, without.beta)
 
 
+@pytest.mark.parametrize("short", [1, 2])
+def test_a_stratum_that_the_columns_fit_is_judged_by_what_lies_within(short: int) -> None:
+    """Few parts: what is left of their lines is next to nothing, and is no sign of certainty."""
+    count, n = 150, 14
+    rng = np.random.default_rng(8)
+    x = rng.normal(size=(short + n, 1))
+    x[:short] *= 0.5
+    places, dof = [slice(0, short), slice(short, short + n)], np.array([short, n], float)
+    known = 1 / np.sqrt(float((x**2).sum()))
+    found, hits = [], 0
+    for i in range(count):
+        y = 3.0 * x[:, 0] + rng.normal(size=short + n) * np.repeat([1.0 + i % 2, 1.0], [short, n])
+        fit = stratified_fit(x, y, places, dof, np.array([1, 1]))
+        assert 0 < fit.weights[0] <= fit.weights[1]
+        if short == 1:
+            # Fitted exactly whatever its variance: that of its own square, nothing taken out.
+            assert fit.weights[0] <= 1 / y[0] ** 2 * (1 + 1e-12)
+        u = float(np.sqrt(fit.covariance[0, 0]))
+        found.append(u)
+        hits += abs(fit.beta[0] - 3) <= t.ppf(0.975, fit.dof[0]) * u
+    # As good as if all variances were known: four standard deviations of that of 14 entries.
+    assert min(found) > known * (1 - 4 / np.sqrt(2 * n))
+    assert hits >= binom.ppf(1e-3, count, 0.94)
+
+
+def test_a_stratum_with_freedom_enough_is_judged_by_itself() -> None:
+    y = fitted(9)[1]
+    within = stratified_fit(X, y, PLACES, DOF, np.array([2, 2, 2]))
+    assert within.weights.tolist() == stratified_fit(X, y, PLACES, DOF).weights.tolist()
+
+
 def test_a_triangle_keeps_all_products() -> None:
     for rows in (X, X[:1]):
         short = triangle(rows)
