@@ -38,6 +38,7 @@ from mtu_cli.model.residual_factors import (
 )
 from mtu_cli.model.residual_layout import Layout, layout_of
 from mtu_cli.model.residual_visits import Visited, only_rows, visited_of
+from mtu_cli.model.resolution import resolution
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
@@ -61,7 +62,8 @@ class ResidualTable:
     each part draws anew (the pass-to-pass covariance, D). `datum` has been projected out of
     errors and factors; `fitted_degree` is that of the polynomial that the readings themselves
     gave (-1: none). `pass_dof` are the degrees of freedom that D was estimated with; `travel`
-    the ends of the machine's axes, mm, where they are known.
+    the ends of the machine's axes, mm, where they are known; `resolution` (A,) the step, mm, that
+    measured coordinates were rounded to, 0 where there is none (empty: none is known).
     """
 
     axes: tuple[str, ...]
@@ -83,6 +85,7 @@ class ResidualTable:
     fitted_degree: int = -1
     pass_dof: float = np.inf
     travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    resolution: tuple[float, ...] = ()
 
     @property
     def there(self) -> NDArray[np.bool_]:
@@ -124,6 +127,8 @@ def residual_table(
     axes = _axes(model, points, warned)
     layout = layout_of(points)
     table, errors = _measured(model, points, covariates or {}, axes, layout, warned)
+    steps = tuple(resolution(points.measured[:, axis]) for axis in axes)
+    table = replace(table, resolution=steps)
     if datum == "none":
         return table, tuple(warned)
     table = replace(table, datum=datum)

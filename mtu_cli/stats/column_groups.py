@@ -64,7 +64,7 @@ class Packed:
     `whitening` (A, k, k) makes the first k coordinates of the column stratum of each axis, the
     means over the parts along the smooth directions, as uncertain as the rest of it: those
     directions scatter from part to part and the model's own coefficients are uncertain along
-    them.
+    them. `least` (S,) is a variance that no coordinate's can be below, such as that of rounding.
     """
 
     strata: Strata
@@ -76,6 +76,7 @@ class Packed:
     one: tuple[OneStratum, ...]
     many: tuple[ManyStrata, ...]
     found: Mapping[int, FloatArray]
+    least: FloatArray
 
     def without_found(self, y: FloatArray) -> FloatArray:
         """Coordinates (..., N), whitened, with the found columns projected out."""
@@ -95,6 +96,7 @@ def packed(
     whitening: FloatArray,
     candidates: Sequence[Sequence[MemberColumns]],
     found: Sequence[MemberColumns] = (),
+    least: FloatArray | None = None,
 ) -> Packed:
     """Packs the members of `candidates` for data of `strata` with `dof` (S,).
 
@@ -125,6 +127,7 @@ def packed(
         one=tuple(one),
         many=tuple(many),
         found=nuisance,
+        least=np.zeros(len(dof)) if least is None else least,
     )
 
 

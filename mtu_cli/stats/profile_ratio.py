@@ -87,10 +87,10 @@ def member_ratios(pack: Packed, y: FloatArray) -> MemberRatios:
 
 
 def sums_of_squares(pack: Packed, y: FloatArray) -> FloatArray:
-    """R_s(0) (B, S); never quite 0."""
+    """R_s(0) (B, S); never quite 0, nor below what `least` makes of it."""
     own = [y[:, stratum.slice] for stratum in pack.strata.all]
     found = np.stack([np.einsum("bn,bn->b", values, values) for values in own], axis=1)
-    least: FloatArray = np.maximum(found, TINY)
+    least: FloatArray = np.maximum(found, np.maximum(pack.least * pack.dof, TINY))
     return least
 
 
@@ -103,8 +103,10 @@ def _add_one(
 ) -> None:
     own = y[:, pack.strata.all[one.index].slice]
     explained = ((own @ one.Q) ** 2).reshape(len(y), len(one.members), one.g).sum(axis=2)
-    r2 = np.minimum(explained / squares[:, one.index, None], MOST_EXPLAINED)
     n = pack.dof[one.index]
+    total = squares[:, one.index, None]
+    most = np.minimum(1 - pack.least[one.index] * n / total, MOST_EXPLAINED)
+    r2 = np.minimum(explained / total, most)
     ratio = n * np.log1p(r2 / (1 - r2) / one.spread)
     found.ratio[:, one.members] += ratio
     found.log_bayes[:, one.members] += unit_information(ratio, n, one.g)
@@ -136,7 +138,7 @@ def _add_many(
         beta = np.linalg.solve(A, np.einsum("bms,bmsi->bmi", w, b)[..., None])[..., 0]
         R = R0 - 2 * np.einsum("bmi,bmsi->bms", beta, b)
         R = R + np.einsum("bmi,msij,bmj->bms", beta, many.G, beta)
-        R = np.maximum(R, (1 - MOST_EXPLAINED) * R0)
+        R = np.maximum(R, np.maximum((1 - MOST_EXPLAINED) * R0, pack.least * n))
     gain, loss = np.maximum(R0 - R, 0.0), np.maximum(R - R0, 0.0)
     ratio = np.log1p(gain / (R * many.spread)) - np.log1p(loss / (R0 * many.spread))
     ratio = (n * ratio).sum(axis=2)

@@ -165,8 +165,19 @@ def _scan(
         operation=table.operation,
         directions=scatter_directions(table, strata),
         predicted_dof=known.dof,
+        least=_of_rounding(table, strata),
     )
     return scan, ordered
+
+
+def _of_rounding(table: ResidualTable, strata: Strata) -> FloatArray:
+    """Variance (S,) that rounding alone gives the coordinates of a stratum: a twelfth of the
+    squared step, over the repeats of a cell (GUM, F.2.2.1).
+    """
+    steps = np.zeros(len(table.axes))
+    steps[: len(table.resolution)] = table.resolution
+    repeats = float(table.repeats.max(initial=1))
+    return np.array([steps[s.axis] ** 2 / (12 * repeats) for s in strata.all])
 
 
 def scan_with_null(scan: Scan, null: NullModel) -> Scan:

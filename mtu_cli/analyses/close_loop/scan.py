@@ -39,7 +39,8 @@ class Scan:
     """What is tested, in order: `columns` the members of the mean candidates, then the axes of
     `offsets`, then the drawn checks; `scatters` and the variance checks have p of their own.
 
-    `names` are those of all candidates: mean, offset, scatter.
+    `names` are those of all candidates: mean, offset, scatter; `least` (S,) the variance of
+    rounding.
     """
 
     frame: Frame
@@ -55,6 +56,7 @@ class Scan:
     operation: np.ndarray
     directions: FloatArray
     predicted_dof: float
+    least: FloatArray
 
     @property
     def tested(self) -> int:
@@ -64,7 +66,12 @@ class Scan:
     def pack(self, found: Sequence[MemberColumns] = ()) -> Packed:
         """The mean candidates beside what was found."""
         return packed(
-            self.frame.strata, self.dof, self.whitening, self.columns, (*self.base, *found)
+            self.frame.strata,
+            self.dof,
+            self.whitening,
+            self.columns,
+            (*self.base, *found),
+            self.least,
         )
 
 

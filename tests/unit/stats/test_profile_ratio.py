@@ -194,3 +194,20 @@ def test_a_perfect_effect_stays_finite_and_keeps_its_rank() -> None:
     assert found.log_bayes[0, 0] > found.log_bayes[0, 1] + 10
     zero = ratios(pack, np.zeros((1, STRATA.size)), 2)
     assert (zero.ratio == 0).all()
+
+
+def test_no_stratum_is_known_better_than_rounding() -> None:
+    """What is left exactly 0 by chance, of rounded data, has the variance of rounding."""
+    member = ONE["trend"]
+    (index,) = member[0]
+    stratum = STRATA.all[index]
+    y = np.zeros((1, STRATA.size))
+    y[0, stratum.slice] = member[0][index]
+    n, square = DOF[index], float(member[0][index] @ member[0][index])
+    least = np.full(len(DOF), 0.01 * square / n)
+    pack = packed(STRATA, DOF, PLAIN, [[member]], least=least)
+    assert member_ratios(pack, y).ratio[0, 0] == pytest.approx(n * np.log(100.0))
+    # Below rounding nothing is told at all.
+    assert member_ratios(pack, 0.05 * y).ratio[0, 0] == pytest.approx(0.0, abs=1e-9)
+    both = packed(STRATA, DOF, PLAIN, [[MANY["cells"]]], least=np.full(len(DOF), 1e6))
+    assert member_ratios(both, y).ratio[0, 0] <= 0

@@ -1,0 +1,21 @@
+"""The step to which measured coordinates were rounded."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.stats.least_squares import FloatArray
+
+STEPS_MM = (1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
+"""Steps that measuring programs round to; who rounds to more than 1 um has at least that."""
+WHOLE = 1e-6
+"""How far a multiple may be from a whole number, by rounding of the arithmetic."""
+
+
+def resolution(values: FloatArray) -> float:
+    """The largest of `STEPS_MM` that all `values` (n,) mm are multiples of; 0 without one."""
+    for step in STEPS_MM:
+        count = values / step
+        if bool((np.abs(count - np.round(count)) < WHOLE).all()):
+            return step
+    return 0.0
