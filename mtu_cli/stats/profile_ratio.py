@@ -111,7 +111,7 @@ def _add_one(
     found.ratio[:, one.members] += ratio
     found.log_bayes[:, one.members] += unit_information(ratio, n, one.g)
     found.dof[:, one.members] += n
-    variance = squares[:, one.index, None] * (1 - r2) * one.spread / n
+    variance = total * (1 - r2) * one.spread / n
     found.information[:, one.members] += one.g / pack.k[one.members] * one.size / variance
 
 
