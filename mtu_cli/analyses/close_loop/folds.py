@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.analyses.close_loop.shape_prior import shape_weights
 from mtu_cli.analyses.close_loop.state import CENTRED
 from mtu_cli.model.effect_library import Candidate, Member
 from mtu_cli.model.residual_table import ResidualTable
@@ -57,12 +58,14 @@ def only_columns(table: ResidualTable, kept: NDArray[np.bool_]) -> ResidualTable
 
 @dataclass(frozen=True, kw_only=True)
 class CutCandidates:
-    """Candidates at some of the parts or columns, and `whole`, by what `identity` tells of their
-    members, what each of them is on all cells.
+    """Candidates at some of the parts or columns; by what `identity` tells of their members,
+    `whole` what each of them is on all cells, and `weights` how likely it is before beside the
+    others of its candidate.
     """
 
     candidates: tuple[Candidate, ...]
     whole: Mapping[Identity, Member]
+    weights: Mapping[Identity, float]
 
 
 def cut_candidates(
@@ -72,7 +75,8 @@ def cut_candidates(
 
     Members that what is kept hardly shows are left out: a warm-up without the first parts. Of
     members that are the same on what is kept, such as steps between the same two parts, one is
-    kept; on all cells it is their mean, as each of them may be meant. An equation keeps its centre:
+    kept; on all cells it is their mean, and as likely as all together, as each of them may be
+    meant. An equation keeps its centre:
     what has no mean over all cells has one over some of them, and no level of its own for that.
     """
 
@@ -86,16 +90,21 @@ def cut_candidates(
     ) -> tuple[dict[int, FloatArray], ...]:
         return tuple({a: cut(v) for a, v in column.items()} for column in columns)
 
-    own, whole = [], {}
+    own, whole, weights = [], {}, {}
     for candidate in candidates:
         members = []
+        weight = dict(
+            zip(map(id, candidate.members), shape_weights(candidate.members), strict=True)
+        )
         for same in _alike([m for m in candidate.members if _shown(m.columns, cut)], cut):
             m = same[len(same) // 2]
             columns, tangent = cut_all(m.columns), cut_all(m.tangent)
             members.append(replace(m, columns=columns, tangent=tangent, centred=_centred(m)))
-            whole[identity(candidate.name, m)] = _mean_of(same) if len(same) > 1 else m
+            name = identity(candidate.name, m)
+            whole[name] = _mean_of(same) if len(same) > 1 else m
+            weights[name] = sum(weight[id(one)] for one in same)
         own.append(replace(candidate, members=tuple(members)))
-    return CutCandidates(candidates=tuple(own), whole=whole)
+    return CutCandidates(candidates=tuple(own), whole=whole, weights=weights)
 
 
 Cut = Callable[[FloatArray], FloatArray]

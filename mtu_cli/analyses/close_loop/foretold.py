@@ -19,12 +19,15 @@ from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loop_null import entry_variance
 from mtu_cli.stats.size_prior import sized
 
-LEAST = 0.01
+LEAST = 0.001
 """Posterior below which an explanation is left out of the mean."""
 Whole = Mapping[Identity, Member]
+Weights = Mapping[Identity, float]
 
 
-def foretold(prepared: Prepared, found: Search, table: ResidualTable, whole: Whole) -> FloatArray:
+def foretold(
+    prepared: Prepared, found: Search, table: ResidualTable, whole: Whole, weights: Weights
+) -> FloatArray:
     """Errors (P, H, A) of a whole `table`, of which the search saw some parts or columns.
 
     An effect that was found is one of several explanations, each of them one candidate with one
@@ -35,15 +38,14 @@ def foretold(prepared: Prepared, found: Search, table: ResidualTable, whole: Who
         m(S) + sum_i (m(S_i) - m(S) + sum_c p_ic h_ic (m(S_i with c) - m(S_i))):
 
     model averaging (Hoeting et al., Statistical Science 14 (1999) 382), place by place. The
-    candidates are equally likely before, and so are the values that one of them may take; the
-    size of each on all cells is of the order of the scatter of one entry in the null of this
+    candidates are equally likely before, the values of each go by `weights` (`shape_prior`), and
+    the size of each on all cells is of the order of the scatter of one entry in the null of this
     table (beside parts and columns), with long tails (`size_prior`). That there is nothing is
     one explanation more where an effect passed the gate. Where none did there is one place
     still, for what is left out makes a search the weaker: nothing is then as likely before as
-    all candidates together. There are no more places than effects that passed: a machine would
-    not get them. Drifts and fields without a name are no explanations here: a machine gets a
-    named equation. What it foretells is one of the explanations, whole; the mean is what is
-    right on the average. `whole` holds the members on all cells.
+    all candidates together, and a mean error that passed stays: a level is not yet a cause. There
+    are no more places than effects that passed, and no drifts and fields without a name: a
+    machine would not get them. `whole` holds the members on all cells.
     """
     steps = tuple(step for step in found.steps if step.index < prepared.scan.tested)
 
@@ -54,12 +56,13 @@ def foretold(prepared: Prepared, found: Search, table: ResidualTable, whole: Who
 
     chosen = said(*steps)
     total = chosen.copy()
-    for place in range(max(len(steps), 1)):
+    places = [i for i, step in enumerate(steps) if step.member >= 0]
+    for place in places or [len(steps)]:
         before, after = steps[:place], steps[place + 1 :]
         without = said(*before, *after)
         total += without - chosen
-        own = steps[place] if steps else None
-        for explained in _explanations(prepared, (*before, *after), own, whole):
+        explanations = _explanations(prepared, (*before, *after), bool(places), whole, weights)
+        for explained in explanations:
             total += explained.weight * (said(*before, explained.step, *after) - without)
     return total
 
@@ -73,9 +76,9 @@ class _Explained:
 
 
 def _explanations(
-    prepared: Prepared, others: Sequence[Step], place: Step | None, whole: Whole
+    prepared: Prepared, others: Sequence[Step], passed: bool, whole: Whole, weights: Weights
 ) -> Iterator[_Explained]:
-    """Those beside other effects; in the `place` of an effect that passed, if one did."""
+    """Those beside other effects, in a place that an effect passed the gate for, or in none."""
     scan, state = prepared.scan, State(prepared, None)
     for step in others:
         state.take_out(step)
@@ -85,12 +88,14 @@ def _explanations(
     tau = np.array([_scale(whole[_identity(prepared, m)], scan) for m in range(M)])
     members = sized(looked.members, columns, tau)
     family = np.repeat(np.arange(F), [len(own) for own in scan.columns])
-    tested = np.isfinite(members.log_bayes)
-    count = np.maximum(np.bincount(family[tested], minlength=F), 1)
-    offsets = _offsets(looked, scan, state, place)
-    nothing = 0.0 if place is not None else np.log(max(scan.tested, 1))
-    scores = np.concatenate([members.log_bayes - np.log(count)[family], offsets, [nothing]])
-    posterior = posterior_of(scores)
+    weight = np.array([weights[_identity(prepared, m)] for m in range(M)])
+    weight[~np.isfinite(members.log_bayes)] = 0.0
+    share = np.bincount(family, weights=weight, minlength=F)[family]
+    prior = np.full(M, -np.inf)
+    np.log(np.divide(weight, share, where=weight > 0.0, out=weight), where=weight > 0.0, out=prior)
+    offsets = np.full(scan.tested - F, -np.inf) if passed else _offsets(looked, scan, state)
+    nothing = 0.0 if passed else np.log(max(scan.tested, 1))
+    posterior = posterior_of(np.concatenate([members.log_bayes + prior, offsets, [nothing]]))
     for m in np.flatnonzero(posterior[:M] >= LEAST).tolist():
         step = _step(int(family[m]), m, posterior[m])
         yield _Explained(step=step, weight=float(posterior[m] * members.believed[m]))
@@ -99,13 +104,11 @@ def _explanations(
         yield _Explained(step=step, weight=float(posterior[M + i]))
 
 
-def _offsets(looked: Evidence, scan: Scan, state: State, place: Step | None) -> FloatArray:
-    """log Bayes factors of mean errors. They are none of an effect that was found beside a free
-    mean: either may act without the other.
+def _offsets(looked: Evidence, scan: Scan, state: State) -> FloatArray:
+    """log Bayes factors of mean errors, beside those that are there. They are none of an effect
+    that was found beside a free mean: either may act without the other.
     """
     found = looked.log_bayes[len(scan.columns) : scan.tested].copy()
-    if place is not None and place.member >= 0:
-        found[:] = -np.inf
     found[[i - len(scan.columns) for i in state.done if i < scan.tested]] = -np.inf
     return found
 

@@ -6,7 +6,7 @@ explanations by their posterior (`foretold`): a single one would be scored as if
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.added import Added, added
 from mtu_cli.analyses.close_loop.folds import (
-    Identity,
+    CutCandidates,
     cut_candidates,
     only_columns,
     only_parts,
@@ -25,7 +25,7 @@ from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.result import Scores
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.searched import searched
-from mtu_cli.model.effect_library import Candidate, Member
+from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
@@ -43,12 +43,12 @@ LARGE, SAMPLES_LARGE = 20_000, 199
 @dataclass(frozen=True, kw_only=True)
 class Fold:
     """What is `kept` to search in, of parts (dimension 0) or columns (1); its preparation and
-    gate, that serve all data of the same design; `whole` its candidates' members on all cells.
+    gate, that serve all data of the same design; `cut` its candidates.
     """
 
     dimension: int
     kept: NDArray[np.bool_]
-    whole: Mapping[Identity, Member]
+    cut: CutCandidates
     prepared: Prepared
     gate: Gate
 
@@ -100,9 +100,7 @@ def folds_of(
         prepared = prepare(set_aside(cut)[0], own.candidates, pass_dof)
         samples = SAMPLES_LARGE if table.errors.size > LARGE else SAMPLES
         gate = calibrated(prepared.scan, samples, seed, 1 + fold)
-        found.append(
-            Fold(dimension=dimension, kept=kept, whole=own.whole, prepared=prepared, gate=gate)
-        )
+        found.append(Fold(dimension=dimension, kept=kept, cut=own, prepared=prepared, gate=gate))
     return tuple(found)
 
 
@@ -155,7 +153,7 @@ def of_fold(table: ResidualTable, fold: Fold, *, alpha: float, most: int) -> OfF
     own = searched(cut(table, fold.kept), start, alpha=alpha, most=most)
     prepared, found = own.prepared, own.found
     return OfFold(
-        foretold=foretold(prepared, found, table, fold.whole),
+        foretold=foretold(prepared, found, table, fold.cut.whole, fold.cut.weights),
         variance=_cell_variance(added(prepared, found), prepared.scan.frame.strata),
         chosen=frozenset(prepared.candidates[step.index].name for step in found.steps),
     )

@@ -41,7 +41,7 @@ def seen(
 
 def told(errors: Floats) -> Floats:
     prepared, found, own = seen(errors)
-    return foretold(prepared, found, residuals(errors), own.whole)
+    return foretold(prepared, found, residuals(errors), own.whole, own.weights)
 
 
 def noise(seed: int) -> Floats:
@@ -119,7 +119,7 @@ def test_shares_are_bayes_rule_to_the_last_digit(
         alone = added(prepared, replace(found, steps=(step_of(m, f),)), rough=True)
         assert alone.fit is not None
         wanted += share[m] * alone.fit.beta[0] * whole_column(column, SHAPE)
-    said = foretold(prepared, found, residuals(errors), own.whole)
+    said = foretold(prepared, found, residuals(errors), own.whole, own.weights)
     assert 0.05 < share.sum() < 0.95
     np.testing.assert_allclose(said, wanted, rtol=0, atol=1e-6 * np.abs(wanted).max())
 
@@ -135,7 +135,9 @@ def test_a_mean_error_is_a_rival_of_nothing_but_not_of_an_effect_that_was_found(
             moved = errors + np.array([0.0, level])
             prepared, found, own = seen(moved, library)
             found = replace(found, steps=(step_of(0, 0),) if passed else ())
-            said[passed, level] = foretold(prepared, found, residuals(moved), own.whole)
+            said[passed, level] = foretold(
+                prepared, found, residuals(moved), own.whole, own.weights
+            )
     np.testing.assert_allclose(said[True, 8.0], said[True, 0.0], rtol=0, atol=1e-9)
     assert np.abs(said[True, 0.0][..., 0]).max() > 0.01
     np.testing.assert_array_equal(said[True, 8.0][..., 1], 0.0)
@@ -160,7 +162,7 @@ def test_the_values_that_an_effect_may_search_are_averaged() -> None:
     prepared = prepare(only_parts(residuals(errors), kept), own.candidates)
     found = search(prepared, calibrated(prepared.scan, 399, 1), alpha=0.05, most=3)
     found = replace(found, steps=found.steps[:1])
-    said = foretold(prepared, found, residuals(errors), own.whole)[:, 0, 0]
+    said = foretold(prepared, found, residuals(errors), own.whole, own.weights)[:, 0, 0]
     low, at, high = said[0], said[6], said[11]
     assert 0.1 < (at - low) / (high - low) < 0.9
     assert high - low == pytest.approx(6.0, abs=1.5)
@@ -179,7 +181,8 @@ def test_what_would_be_huge_where_it_is_not_seen_is_believed_less() -> None:
         prepared = prepare(only_parts(table, kept), (candidate("rise", ({0: rise[0][kept]},)),))
         found = search(prepared, calibrated(prepared.scan, 399, 1), alpha=0.05, most=3)
         (whole,) = candidate("rise", (rise,)).members
-        own = foretold(prepared, found, table, {identity("rise", whole): whole})
+        name = identity("rise", whole)
+        own = foretold(prepared, found, table, {name: whole}, {name: 1.0})
         said.append(float(np.ptp(own[kept, :, 0])))
     assert said[0] > 3 * said[1] > 0
 
@@ -204,7 +207,7 @@ def test_a_field_without_a_name_is_foretold_by_the_curve_that_comes_nearest() ->
     assert len(found.steps) == 1
     # The field is far likelier than the name: by Bayes' rule alone nothing would be foretold.
     assert looked.unnamed[2] > looked.log_bayes[0] + 5
-    said = foretold(prepared, found, table, own.whole)[~kept, :, 0]
+    said = foretold(prepared, found, table, own.whole, own.weights)[~kept, :, 0]
     centred = errors[~kept, :, 0] - errors[kept, :, 0].mean()
     # The best that the curve can do for the mean of the kept parts.
     mean = errors[kept, :, 0].mean(axis=0)
@@ -253,6 +256,29 @@ def test_steps_that_are_the_same_on_what_is_kept_foretell_their_mean() -> None:
     (between,) = (m for m in left.members if m.columns[0][0].sum() == 4 and kept[5:].sum() == 4)
     whole = own.whole[identity("step", between)].columns[0][0][:, 0]
     np.testing.assert_allclose(whole, [0, 0, 0, 0, 0, 0.25, 0.5, 0.75, 1, 1, 1, 1])
+    # It is as likely as all that it stands for.
+    assert own.weights[identity("step", between)] == 4.0
+    assert sum(own.weights.values()) == len(columns)
+
+
+def test_a_drift_needs_not_win_against_the_level_beside_it() -> None:
+    """The level passed the gate, the drift did not: it is told by its share beside that level."""
+    number = np.arange(12.0)
+    kept = number >= 3
+    drift: Column = {0: (number - number.mean())[:, None]}
+    library = (candidate("drift", (drift,)), offset("x"))
+    errors = noise(14)
+    errors[..., 0] += 12.0 - errors[kept, :, 0].mean(axis=1).mean()
+    errors[..., 0] += 0.1 * drift[0]
+    own = cut_candidates(library, kept, 0)
+    prepared = prepare(only_parts(residuals(errors), kept), own.candidates)
+    found = search(prepared, calibrated(prepared.scan, 399, 1), alpha=0.05, most=3)
+    level = replace(found, steps=(step_of(-1, 1),))
+    said = foretold(prepared, level, residuals(errors), own.whole, own.weights)[:, 0, 0]
+    slope = np.polynomial.Polynomial.fit(number[kept], errors[kept, :, 0].mean(axis=1), 1).deriv()
+    share = float(np.diff(said).mean() / slope(0.0))
+    assert 0.05 < share < 0.95
+    assert said[kept].mean() == pytest.approx(12.0, abs=0.5)
 
 
 def test_gross_entries_are_set_aside_where_a_fold_keeps_them_and_scored_where_it_does_not() -> None:
