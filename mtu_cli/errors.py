@@ -65,8 +65,8 @@ class InputError(MtuError):
     """The input or the call is at fault (exit code 2); carries every problem found."""
 
     def __init__(self, problems: Problem | Iterable[Problem]) -> None:
-        listed = (problems,) if isinstance(problems, Problem) else tuple(problems)
-        self.problems: tuple[Problem, ...] = listed
+        listed = [problems] if isinstance(problems, Problem) else _in_file_order(problems)
+        self.problems: tuple[Problem, ...] = tuple(listed)
         super().__init__(str(self))
 
     def __str__(self) -> str:
@@ -74,6 +74,25 @@ class InputError(MtuError):
         if len(self.problems) > SHOWN_PROBLEMS:
             shown.append(f"... and {len(self.problems) - SHOWN_PROBLEMS} more")
         return "\n".join(shown)
+
+
+def _in_file_order(problems: Iterable[Problem]) -> list[Problem]:
+    """Problems with a line or row by it among those of their file; others stay where they are."""
+    listed = list(problems)
+    places: dict[str | None, list[int]] = {}
+    for i, problem in enumerate(listed):
+        if problem.line is not None or problem.row is not None:
+            places.setdefault(problem.file, []).append(i)
+    result = list(listed)
+    for own in places.values():
+        for to, i in zip(own, sorted(own, key=lambda i: _place(listed[i])), strict=True):
+            result[to] = listed[i]
+    return result
+
+
+def _place(problem: Problem) -> int:
+    """Where in its file a problem stands: a YAML file has lines, a table rows."""
+    return problem.line or problem.row or 0
 
 
 def fault(what: str, **place: str | int | None) -> InputError:

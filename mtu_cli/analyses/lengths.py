@@ -11,6 +11,7 @@ from mtu_cli.errors import fault
 from mtu_cli.files.part import Length as LengthEntry
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.conformance import Conformance, conformance_of, joint_conformance
+from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.length_geometry import differences, length_gradient, length_measure
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -102,6 +103,7 @@ def predict_lengths(
             *_planar_warnings(model, geometry.delta, geometry.names),
             *outside_warnings(prediction),
             *temperature_warnings(model, prediction.points, covariates or {}),
+            *effect_warnings_at(model, prediction.points, covariates or {}),
             *dof_warnings(geometry.names, variances.dof),
         ),
     )

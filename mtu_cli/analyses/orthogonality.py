@@ -11,6 +11,7 @@ from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.angle_geometry import Line, angle_error, check_square, contrasts
 from mtu_cli.model.angle_trials import AngleTrials
+from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
@@ -90,6 +91,7 @@ def predict_orthogonality(
         prediction = predict(model, ids, points, covariates)
         angles.append(_angle(entry.id, entry.row, entry.column, prediction, settings))
         warnings += [*noted, *outside_warnings(prediction)]
+        warnings += effect_warnings_at(model, points, covariates or {})
         warnings += dof_warnings([entry.id], np.array([angles[-1].first_order[2]]))
     return OrthogonalityResult(angles=tuple(angles), warnings=tuple(dict.fromkeys(warnings)))
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from mtu_cli.files.part import LoadedPart
+from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import Prediction, predict
@@ -18,13 +20,13 @@ from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PointsResult:
     """Errors (rows,) at all features, rows being (feature, axis); mm and mm^2.
 
-    `variance`, `dof` under the settings' correlation; `interval95` (rows, 2) with t;
-    `covariance` (rows, rows); `passes`, `repeatability`, `coefficients` (rows,) split the
-    variance; `independent` whether the papers' independence was asked for.
+    `variance`, `dof` under the settings' correlation; `interval95` (rows, 2) with t; `passes`,
+    `repeatability`, `coefficients` (rows,) split the variance; `independent` whether the papers'
+    independence was asked for.
     """
 
     prediction: Prediction
@@ -33,12 +35,18 @@ class PointsResult:
     variance: FloatArray
     dof: FloatArray
     interval95: FloatArray
-    covariance: FloatArray
     coefficients: FloatArray
     passes: FloatArray
     repeatability: FloatArray
     independent: bool
     warnings: tuple[Warned, ...]
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance (rows, rows), which of many features is made only where it is asked for."""
+        if self.independent:
+            return np.diag(self.variance)
+        return reportable(self.prediction, self.variance)
 
     @property
     def U(self) -> FloatArray:
@@ -77,13 +85,10 @@ def predict_places(
 ) -> PointsResult:
     """The same at any places (n, 3) in mm, such as a grid over the machine's volume."""
     prediction = predict(model, ids, points, covariates)
-    rows = np.eye(len(prediction.mean))
-    split = prediction.variance(rows)
+    split = prediction.variance()
     total, dof = split.total, split.dof
-    covariance = reportable(prediction, total)
     if settings.independent:
         total = prediction.independent_variance
-        covariance = np.diag(total)
         dof = np.full(len(total), np.inf)
     names = tuple(f"{i}.{axis}" for i in ids for axis in prediction.axes)
     u = np.sqrt(total)
@@ -95,7 +100,6 @@ def predict_places(
         variance=total,
         dof=dof,
         interval95=np.column_stack([prediction.mean - factor * u, prediction.mean + factor * u]),
-        covariance=covariance,
         coefficients=split.coefficients,
         passes=split.passes,
         repeatability=split.repeatability,
@@ -104,6 +108,7 @@ def predict_places(
             *warnings,
             *outside_warnings(prediction),
             *temperature_warnings(model, points, covariates or {}),
+            *effect_warnings_at(model, points, covariates or {}),
             *dof_warnings(names, dof),
         ),
     )

@@ -37,7 +37,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     result = analyse_variance(points, part, cast(Method, method), settings, datum)
     return Outcome(
         results=lambda: report.document(result),
-        tables=lambda: _tables(result),
+        tables=lambda: _tables(result, settings.digits),
         rows=lambda: report.csv_rows(result),
         figure=lambda: _figure(result),
         warnings=result.warnings,
@@ -45,10 +45,10 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     )
 
 
-def _tables(result: AnovaResult) -> list[object]:
+def _tables(result: AnovaResult, digits: int) -> list[object]:
     from mtu_cli.reports.anova_table import table
 
-    return table(result)
+    return table(result, digits)
 
 
 def _figure(result: AnovaResult) -> Figure:

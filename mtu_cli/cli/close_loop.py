@@ -14,6 +14,7 @@ from mtu_cli.cli.modelling import drift_estimates, modelled
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
 from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
+from mtu_cli.model.effect_ranges import seen_ranges
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.reading_tables import reading_tables
 from mtu_cli.model.residual_table import ResidualTable, residual_table
@@ -53,7 +54,8 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     )
     results = report.document(result)
     worth = _worth(result, results)
-    files = written(inputs, found, settings, result.effects, result.covariance, worth)
+    seen = [seen_ranges(t.table, e.equations) for t in result.tables for e in t.effects]
+    files = written(inputs, found, settings, result.effects, result.covariance, worth, seen)
     return Outcome(
         results=lambda: results,
         tables=lambda: report.table(result),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -98,12 +98,13 @@ def written(
     effects: Sequence[Found],
     covariance: FloatArray | None,
     held_out: Sequence[Mapping[str, Any]] | None,
+    seen: Sequence[Mapping[str, Sequence[float]]] | None = None,
 ) -> Written:
     """The files of --write-machine and --write-components, none where neither is asked for.
 
     `covariance` (K, K) is over the parameters of all `effects` in their order, in internal
-    units; None leaves them uncorrelated between effects. `held_out` tells what each
-    effect is worth, in plain data: it is written into the machine's `found`.
+    units; None leaves them uncorrelated between effects. `held_out` tells what each effect is
+    worth, in plain data, for the machine's `found`; `seen` the ranges that each was found on.
 
     Raises InputError for effects that no machine file can hold.
     """
@@ -114,7 +115,8 @@ def written(
     kept = [i for i, equations in enumerate(stated) if equations]
     warnings = _left_out([effect for effect, own in zip(effects, stated, strict=True) if not own])
     worth = [held_out[i] if held_out is not None else None for i in range(len(effects))]
-    entries = [_entry(inputs, effects[i], stated[i], worth[i]) for i in kept]
+    own = seen or [{}] * len(effects)
+    entries = [replace(_entry(inputs, effects[i], stated[i], worth[i]), seen=own[i]) for i in kept]
     extended = extended_machine(inputs.machine, entries)
     warnings += [Warned(code=item.code, message=item.message) for item in extended.warnings]
     if not kept:

@@ -33,7 +33,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     met = list(dict.fromkeys(name for gate in gates for name in _met(result, gate)))
     return Outcome(
         results=lambda: report.document(result),
-        tables=lambda: report.table(result),
+        tables=lambda: report.table(result, settings.digits),
         rows=lambda: report.csv_rows(result),
         figure=lambda: report.figure(result),
         warnings=[*found.warnings, *result.warnings],

@@ -9,10 +9,14 @@ import typer
 
 from mtu_cli.cli.parameters import Parameter
 
+UNITS = {"um": "UM", "arcsec": "ARCSEC", "degc": "DEGC", "min": "MIN", "minutes": "MIN"}
+"""What is to be given, by the end of an option's name."""
+
 
 def _number(name: str, default: float, text: str) -> Parameter:
     option = f"--{name.replace('_', '-')}".replace("degc", "degC")
-    return (name, Annotated[float, typer.Option(option, help=text)], default)
+    metavar = UNITS.get(name.rpartition("_")[2], "NUMBER")
+    return (name, Annotated[float, typer.Option(option, metavar=metavar, help=text)], default)
 
 
 def _text(name: str, metavar: str, default: str, text: str) -> Parameter:
@@ -42,7 +46,9 @@ DRIFT: list[Parameter] = [
         "cycles",
         Annotated[
             int,
-            typer.Option("--cycles", help="Warm-ups and cool-downs in turn, each a cycle."),
+            typer.Option(
+                "--cycles", metavar="N", help="Warm-ups and cool-downs in turn, each a cycle."
+            ),
         ],
         4,
     ),

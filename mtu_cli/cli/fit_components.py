@@ -8,6 +8,7 @@ from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
 from mtu_cli.model.fit_warnings import fit_warnings, significant
+from mtu_cli.model.reading_doubts import reading_doubts
 from mtu_cli.model.settings import Settings, Warned
 
 GATES = ("drift",)
@@ -31,10 +32,11 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     fit = fit_machine(machine, readings)
     estimates = estimates_from_fit(machine, fit)
     warnings = [Warned(code=item.code, message=item.message) for item in machine.warnings]
+    warnings += reading_doubts(machine, readings)
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     return Outcome(
         results=lambda: report.document(machine.machine.name, fit, estimates, says=says),
-        tables=lambda: report.table(machine.machine.name, fit, estimates),
+        tables=lambda: report.table(machine.machine.name, fit, estimates, settings.digits),
         rows=lambda: report.csv_rows(fit, estimates),
         figure=lambda: report.figure(fit, estimates, settings.coverage_factor, says=says),
         warnings=[*warnings, *fit_warnings(fit), *report.warnings(fit, estimates)],

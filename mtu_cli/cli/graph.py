@@ -48,7 +48,7 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     result = simulate_graph(loaded_graph(inputs), settings, outputs_wanted(inputs.options))
     return Outcome(
         results=lambda: report.document(result, settings.coverage_factor),
-        tables=lambda: report.table(result),
+        tables=lambda: report.table(result, settings.digits),
         rows=lambda: report.csv_rows(result, settings.coverage_factor),
         figure=lambda: _figure("simulated", result),
         warnings=report.warnings(result),
@@ -72,7 +72,7 @@ def sweep(inputs: Inputs, settings: Settings) -> Outcome:
             **graph_sweep.document(result),
             "converged": base.converged and result.converged,
         },
-        tables=lambda: graph_sweep.table(result),
+        tables=lambda: graph_sweep.table(result, settings.digits),
         rows=lambda: graph_sweep.csv_rows(result),
         figure=lambda: _figure("swept", result),
         warnings=graph_sweep.warnings(result),

@@ -113,7 +113,11 @@ class Inputs:
             return None
         from mtu_cli.files.readings import read_readings
 
-        readings = read_readings(files, self.machine.machine.components, for_fit=True)
+        machine = self.machine.machine
+        travels = {
+            str(name): (axis.travel_mm[0], axis.travel_mm[1]) for name, axis in machine.axes.items()
+        }
+        readings = read_readings(files, machine.components, for_fit=True, travels=travels)
         self.sources.extend(readings.sources)
         return readings
 

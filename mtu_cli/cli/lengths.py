@@ -26,7 +26,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     result = predict_lengths(found.model, inputs.part, settings, inputs.at)
     return Outcome(
         results=lambda: report.document(result),
-        tables=lambda: report.table(result),
+        tables=lambda: report.table(result, settings.digits),
         rows=lambda: report.csv_rows(result),
         figure=lambda: report.figure(result),
         warnings=[

@@ -16,7 +16,7 @@ from mtu_cli.cli import graph_parameters as g
 from mtu_cli.cli import parameters as p
 from mtu_cli.cli.budget_parameters import BUDGET
 from mtu_cli.cli.close_loop_parameters import CLOSE_LOOP
-from mtu_cli.cli.options import Options, register
+from mtu_cli.cli.options import Commands, Options, register
 from mtu_cli.cli.simulate_parameters import SIMULATE
 from mtu_cli.cli.streams import hush, last_words, prepare_streams
 from mtu_cli.errors import EXIT_INPUT, MtuError, reason
@@ -25,6 +25,7 @@ EXIT_INTERRUPTED = 130
 
 app = typer.Typer(
     name="mtu",
+    cls=Commands,
     help="Machine tool uncertainty: from measurements of a machine and of its parts to "
     "statements with uncertainty.",
     no_args_is_help=True,
@@ -154,6 +155,7 @@ register(
     "A virtual machine: synthetic readings and points, with any effect, seeded.",
 )
 graph = typer.Typer(
+    cls=Commands,
     help="The measurement graph: its soundness, picture, uncertainty, and what that follows.",
     no_args_is_help=True,
 )

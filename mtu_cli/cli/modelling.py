@@ -17,11 +17,17 @@ from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
+from mtu_cli.model.reading_doubts import reading_doubts
 from mtu_cli.model.settings import Warned
 
 if TYPE_CHECKING:
+    from mtu_cli.analyses.thermal_fit import Check
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.model.thermal import ThermalEstimate
+
+NO_READINGS = "neither readings nor coefficients"
+MOST_LACKING = 6
+"""Components without readings that are told one by one, or by name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,8 +40,10 @@ class Modelled:
     warnings: tuple[Warned, ...]
 
 
-def modelled(inputs: Inputs) -> Modelled:
-    """A components report wins over readings, readings over the machine file."""
+def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
+    """A components report wins over readings, readings over the machine file. `check` hears of
+    the sensors of a drift that is fitted, as soon as they are chosen.
+    """
     machine = inputs.machine
     warnings = [Warned(code=item.code, message=item.message) for item in machine.warnings]
     warnings += not_told_warnings(machine)
@@ -50,14 +58,15 @@ def modelled(inputs: Inputs) -> Modelled:
         readings = inputs.readings
         fit = None if readings is None else fit_machine(machine, readings)
         estimates = estimates_from_fit(machine, fit)
-        if fit is not None:
+        if fit is not None and readings is not None:
+            warnings += reading_doubts(machine, readings)
             estimates = _as_reported(machine, fit, estimates)
-    thermal, more = drift_estimates(inputs)
+    thermal, more = drift_estimates(inputs, check)
     warnings += more
     try:
         model = build_model(machine, replace(estimates, thermal=thermal))
     except InputError as error:
-        raise InputError([*error.problems, *_study_not_read(inputs)]) from None
+        raise InputError(_shortened(error.problems, inputs)) from None
     _expand(inputs.at, model.covariates())
     unused = [name for name in inputs.at if name not in model.covariates()]
     warnings += [
@@ -93,17 +102,23 @@ def _not_read(
     return [Warned(code="readings-not-used", message=text, report_only=same)]
 
 
-def _study_not_read(inputs: Inputs) -> list[Problem]:
-    """That -m alone leaves the study of this folder, and so its readings, unread."""
+def _shortened(problems: Sequence[Problem], inputs: Inputs) -> list[Problem]:
+    """What a model lacks; where -m alone leaves the study of this folder, and so its readings,
+    unread, or no component of many has readings, that is one cause and one problem.
+    """
+    lacking = [item for item in problems if item.what.endswith(NO_READINGS)]
     near = find_study(Path()) if inputs.study is None else None
-    if near is None:
-        return []
-    return [
-        Problem(
-            what=f"{near.name} is not read where -m is given without a study",
-            expected="the study's folder as an argument too, and -m in place of its machine",
-        )
-    ]
+    if not lacking or (near is None and len(lacking) <= MOST_LACKING):
+        return list(problems)
+    names = [repr((item.path or "").removeprefix("components.")) for item in lacking]
+    more = f" and {len(names) - MOST_LACKING} more" if len(names) > MOST_LACKING else ""
+    many = f"the components {', '.join(names[:MOST_LACKING])}{more} have {NO_READINGS}"
+    one = replace(lacking[0], what=lacking[0].what if len(names) == 1 else many, path="components")
+    if near is not None:
+        unread = f"{near.name} is not read where -m is given without a study"
+        expected = "the study's folder as an argument too, and -m in place of its machine"
+        one = replace(one, what=f"{one.what}: {unread}", expected=expected)
+    return [one, *(item for item in problems if item not in lacking)]
 
 
 def one_direction(inputs: Inputs, model: MachineModel) -> list[Warned]:
@@ -131,7 +146,9 @@ def _expand(at: dict[str, float], needed: Sequence[str]) -> None:
         raise InputError(problems)
 
 
-def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Warned]]:
+def drift_estimates(
+    inputs: Inputs, check: Check | None = None
+) -> tuple[dict[str, ThermalEstimate], list[Warned]]:
     """A thermal-fit report wins over drift readings, those over the machine file."""
     from mtu_cli.model.thermal_estimates import thermal_from_machine_file, thermal_from_report
 
@@ -148,7 +165,7 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Wa
         return stated, []
     from mtu_cli.cli.thermal_fit import fitted
 
-    fit = fitted(inputs, "auto")
+    fit = fitted(inputs, "auto", check)
     return stated | {name: item.estimate for name, item in fit.components.items()}, [*fit.warnings]
 
 

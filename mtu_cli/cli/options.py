@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from mtu_cli.cli.parameters import FAIL_IF, Parameter
 from mtu_cli.errors import fault
@@ -32,11 +32,52 @@ class Options:
         return self.values.get(name)
 
 
+def _shown_once(params: list[Any]) -> list[Any]:
+    """Parameters whose help says what they take in one word, their metavar: no Python type
+    stands beside the name of an argument, and none beside a flag, which takes nothing.
+    """
+    for param in params:
+        named = param.param_type_name == "argument" or getattr(param, "is_flag", False)
+        if named:
+            param.display_type_rich = lambda ctx: ""
+    return params
+
+
+def _check_own(command: TyperCommand, ctx: Any, args: list[str]) -> None:
+    """Raises InputError for an option of other commands alone, and says of which."""
+    own = {
+        name for param in command.get_params(ctx) for name in (*param.opts, *param.secondary_opts)
+    }
+    others = getattr(ctx.parent.command, "commands", {}) if ctx.parent else {}
+    for name in (text.partition("=")[0] for text in args):
+        if not name.startswith("--") or name in own or name == "--":
+            continue
+        have = [key for key, other in others.items() if any(name in p.opts for p in other.params)]
+        if have:
+            expected = f"an option of its own (mtu {command.name} --help): {name} is one of"
+            raise fault(f"{command.name} has no {name}", expected=f"{expected} {', '.join(have)}")
+
+
+class Commands(TyperGroup):
+    """Commands under one name."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The parameters, as help shows them."""
+        return _shown_once(super().get_params(ctx))
+
+
 class Once(TyperCommand):
     """A command that refuses what stands twice in a call: the first would be lost in silence."""
 
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The parameters, as help shows them."""
+        return _shown_once(super().get_params(ctx))
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """The rest of the arguments; raises InputError where an option with a value is repeated."""
+        """The rest of the arguments; raises InputError where an option with a value is repeated,
+        or one is given that only other commands have.
+        """
+        _check_own(self, ctx, args)
         order = self.make_parser(ctx).parse_args(list(args))[2]
         for option in dict.fromkeys(order):
             if option.multiple or getattr(option, "is_flag", True) or order.count(option) < 2:

@@ -22,7 +22,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     result = predict_orthogonality(found.model, inputs.part, settings, inputs.at)
     return Outcome(
         results=lambda: report.document(result, settings.coverage_factor),
-        tables=lambda: report.table(result, settings.coverage_factor),
+        tables=lambda: report.table(result, settings.coverage_factor, settings.digits),
         rows=lambda: report.csv_rows(result, settings.coverage_factor),
         figure=lambda: report.figure(result),
         warnings=[

@@ -71,7 +71,8 @@ CMM: list[Parameter] = [
     (
         "cmm",
         Annotated[
-            list[Path] | None, typer.Option("--cmm", help="Measured points CSV; repeatable.")
+            list[Path] | None,
+            typer.Option("--cmm", metavar="FILE", help="Measured points CSV; repeatable."),
         ],
         None,
     ),
@@ -247,6 +248,7 @@ DATUM: list[Parameter] = [
             str | None,
             typer.Option(
                 "--datum",
+                metavar="DATUM",
                 help="Freedoms of a part's coordinate system: none, offset or offset,rotation.",
                 show_default="none",
             ),

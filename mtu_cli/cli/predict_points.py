@@ -29,7 +29,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         result = predict_places(found.model, ids, places, settings, inputs.at)
     return Outcome(
         results=lambda: report.document(result, with_covariance=bool(inputs.options.covariance)),
-        tables=lambda: report.table(result),
+        tables=lambda: report.table(result, settings.digits),
         rows=lambda: report.csv_rows(result),
         figure=lambda: report.figure(result) if grid is None else volume_map.figure(result),
         warnings=[*found.warnings, *result.warnings, *report.warnings(result)],

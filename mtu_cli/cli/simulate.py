@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 import sys
 from collections.abc import Collection, Mapping
@@ -23,11 +22,12 @@ from mtu_cli.cli.simulate_drift import (
     temperatures,
     with_readings,
 )
+from mtu_cli.cli.simulate_equations import named_equation
 from mtu_cli.cli.simulate_positions import read_positions
 from mtu_cli.cli.simulate_ranges import check_ranges, option_name
 from mtu_cli.cli.simulate_unused import CLIMATE, DRIFT_TEST, check_used
 from mtu_cli.errors import fault
-from mtu_cli.language import EquationError, Node, parse
+from mtu_cli.language import Node
 from mtu_cli.model.drift_simulation import simulate_drift
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.features import feature_points
@@ -43,7 +43,6 @@ READINGS_AND_POINTS = (
     "one_way", "effect", "covariate", "passes", "parts", "repeats", "cmm_u_um", "positions",
     "scatter", "operation", "first_repeats", "part_offset_um", "reverse_every", "minutes",
 )  # fmt: skip
-_NAMED = re.compile(r"\s*([A-Za-z_][A-Za-z_0-9]*)\s*:(.*)", re.DOTALL)
 
 
 def run(options: Options) -> None:
@@ -197,7 +196,7 @@ def _by_axis(
     """Equations named Ex, Ey or Ez, by their axis."""
     found = []
     for text in texts or ():
-        name, node = _equation(option, text)
+        name, node = named_equation(option, text)
         axis = name[1:]
         if name[:1] != "E" or axis not in model.axes:
             raise fault(
@@ -216,7 +215,7 @@ def _covariates(options: Options) -> list[tuple[str, Node]]:
     taken |= {f"{start}{axis}_mm" for axis in AXES for start in ("", "nominal_")}
     found = []
     for text in options.covariate or ():
-        name, node = _equation("--covariate", text)
+        name, node = named_equation("--covariate", text, column=True)
         if name in taken:
             raise fault(
                 f"--covariate: the name {name!r} is taken",
@@ -226,19 +225,3 @@ def _covariates(options: Options) -> list[tuple[str, Node]]:
         taken.add(name)
         found.append((name, node))
     return found
-
-
-def _equation(option: str, text: str) -> tuple[str, Node]:
-    match = _NAMED.fullmatch(text)
-    if match is None:
-        raise fault(f"{option} is not NAME: EQUATION", value=text, expected="'Ex: 0.004*dir_x'")
-    try:
-        # Blanks for the name: columns count from the start of the option's text.
-        return match[1], parse(" " * match.start(2) + match[2])
-    except EquationError as error:
-        raise fault(
-            f"{option} {match[1]}: {error.what}",
-            column=error.column,
-            value=text,
-            expected=error.expected,
-        ) from None

@@ -13,7 +13,7 @@ from mtu_cli.cli.parameters import Parameter
 SIMULATE: list[Parameter] = [
     (
         "passes",
-        Annotated[int, typer.Option("--passes", help="Passes in each direction.")],
+        Annotated[int, typer.Option("--passes", metavar="N", help="Passes in each direction.")],
         5,
     ),
     (
@@ -34,22 +34,24 @@ SIMULATE: list[Parameter] = [
         ],
         None,
     ),
-    ("parts", Annotated[int, typer.Option("--parts", help="Parts to make.")], 21),
+    ("parts", Annotated[int, typer.Option("--parts", metavar="N", help="Parts to make.")], 21),
     (
         "repeats",
-        Annotated[int, typer.Option("--repeats", help="CMM measurements a feature.")],
+        Annotated[int, typer.Option("--repeats", metavar="N", help="CMM measurements a feature.")],
         2,
     ),
     (
         "cmm_u_um",
-        Annotated[float, typer.Option("--cmm-u-um", help="CMM standard uncertainty, um.")],
+        Annotated[
+            float, typer.Option("--cmm-u-um", metavar="UM", help="CMM standard uncertainty, um.")
+        ],
         1.0,
     ),
     (
         "part_offset_um",
         Annotated[
             float,
-            typer.Option("--part-offset-um", help="Random offset of each part, um."),
+            typer.Option("--part-offset-um", metavar="UM", help="Random offset of each part, um."),
         ],
         0.0,
     ),
@@ -57,13 +59,15 @@ SIMULATE: list[Parameter] = [
         "reverse_every",
         Annotated[
             int,
-            typer.Option("--reverse-every", help="Machine every n-th part backwards; 0: none."),
+            typer.Option(
+                "--reverse-every", metavar="N", help="Machine every n-th part backwards; 0: none."
+            ),
         ],
         0,
     ),
     (
         "minutes",
-        Annotated[float, typer.Option("--minutes", help="Minutes a feature.")],
+        Annotated[float, typer.Option("--minutes", metavar="MIN", help="Minutes a feature.")],
         0.5,
     ),
     (
@@ -80,7 +84,10 @@ SIMULATE: list[Parameter] = [
     ),
     (
         "operation",
-        Annotated[str | None, typer.Option("--operation", help="How the features are made.")],
+        Annotated[
+            str | None,
+            typer.Option("--operation", metavar="NAME", help="How the features are made."),
+        ],
         None,
     ),
     (

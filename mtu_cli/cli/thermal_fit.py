@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mtu_cli.analyses.thermal_fit import METHODS, thermal_fit
+from mtu_cli.analyses.thermal_fit import METHODS, Check, thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ThermalFit
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
@@ -42,8 +42,8 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     )
 
 
-def fitted(inputs: Inputs, method: str) -> ThermalFit:
-    """The thermal models of a call's drift readings."""
+def fitted(inputs: Inputs, method: str, check: Check | None = None) -> ThermalFit:
+    """The thermal models of a call's drift readings; `check` as for `thermal_fit`."""
     machine = inputs.machine.machine if inputs.files("machine") else None
     with one_blas_thread():
         return thermal_fit(
@@ -55,4 +55,5 @@ def fitted(inputs: Inputs, method: str) -> ThermalFit:
                 REFERENCE_WITHOUT_MACHINE if machine is None else machine.reference_temperature_degC
             ),
             method=method,
+            check=check,
         )

@@ -104,7 +104,7 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
         budget=budget,
         trees=trees,
         single=budget.equation is not None,
-        warnings=_unused(budget, trees, document),
+        warnings=(*_unused(budget, trees, document), *_equal_readings(budget, document)),
         document=document,
     )
 
@@ -216,3 +216,27 @@ def _unused(
         for name in budget.inputs
         if name not in used
     )
+
+
+def _equal_readings(budget: Budget, document: YamlDocument) -> tuple[Notice, ...]:
+    """Readings without scatter, and nothing beside them that says how well they are known."""
+    shown = document.source.shown
+    return tuple(
+        Notice(
+            code="equal-readings",
+            message=f"{shown}:{document.line_of('inputs', name, 'readings')}: inputs.{name}."
+            f"readings: all {len(item.readings)} are {item.readings[0]:g}, so that u is 0: what "
+            "they were rounded to hides their scatter; for a resolution r add half_width: r/2 and "
+            "distribution: rectangular (JCGM 100, F.2.2.1)",
+        )
+        for name, item in budget.inputs.items()
+        if item.readings is not None
+        and min(item.readings) == max(item.readings)
+        and not any(_width(part) for part in (item, *item.contributions))
+    )
+
+
+def _width(part: Contribution) -> bool:
+    """Whether a contribution has an uncertainty above 0."""
+    limits = part.low is not None and part.high is not None
+    return limits or any((part.u, part.half_width, part.U))

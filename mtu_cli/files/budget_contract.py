@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mtu_cli.files.contract_errors import told
+from mtu_cli.files.contract_errors import number_expectation, told
 from mtu_cli.files.contracts import Contract, NonNegative, Positive
 from mtu_cli.files.study import MAX_COVERAGE
 
@@ -60,6 +60,10 @@ def _plain_number(value: object) -> object:
     """`g: 9.81` is short for `g: {value: 9.81}`: exactly known."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return {"value": value}
+    if isinstance(value, str):
+        expected = number_expectation(value)
+        keys = ", or keys with values" if expected == "a number" else ""
+        raise told("wrong value", expected + keys)
     return value
 
 

@@ -23,8 +23,9 @@ class Dimensions(NamedTuple):
 NUMBER = Dimensions()
 PLACE = Dimensions(length=LENGTH)
 TEMPERATURE = Dimensions(degree=1)
+TIME = Dimensions(minute=1)
 _KNOWN = {"dir_x": NUMBER, "dir_y": NUMBER, "dir_z": NUMBER, "sequence": NUMBER,
-          "time_min": Dimensions(minute=1)} | dict.fromkeys(POSITIONS, PLACE)  # fmt: skip
+          "time_min": TIME} | dict.fromkeys(POSITIONS, PLACE)  # fmt: skip
 
 
 def column_dimensions(name: str) -> Dimensions | None:

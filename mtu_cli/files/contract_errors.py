@@ -39,6 +39,7 @@ _EXPECTED = {
 
 
 TOLD = "told"
+PLAIN = "in plain letters"
 
 
 def told(what: str, expected: str) -> PydanticCustomError:
@@ -100,6 +101,9 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
         known = _keys_at(model, item["loc"][:-1])
         what, value = "unknown key", str(item["loc"][-1])
         expected = did_you_mean(value, known)
+        if value.isdecimal() and item["input"] is None:
+            # {value: 1,5} has the keys `value` and `5`.
+            expected = f"a decimal point before {value}: a comma ends a value"
     elif item["type"] == TOLD:
         context = item.get("ctx", {})
         what, expected = str(context["what"]), str(context["expected"])
@@ -140,7 +144,7 @@ def _expected(item: ErrorDetails) -> str:
     return phrase.format(**item.get("ctx", {}))
 
 
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _NUMBER = r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?"
 _WITH_UNIT = re.compile(_NUMBER + r"\s*+[A-Za-zµμ°%\"'/].*", re.DOTALL)
 _PLAIN = re.compile(_NUMBER)
@@ -162,7 +166,7 @@ def unit_expectation(text: str, units: Collection[str] = UNITS) -> str:
     """The unit that an unknown one was probably meant to be."""
     plain = text.strip().replace("\u00b5", "u").replace("\u03bc", "u")
     if plain in units:
-        return f"{plain!r}, in plain letters"
+        return f"{plain!r}, {PLAIN}"
     return did_you_mean(text, units)
 
 

@@ -137,6 +137,7 @@ class _Store:
 class _NumberStore(_Store):
     def __init__(self, name: str, text: CsvText, spec: TableSpec, problems: ProblemList) -> None:
         super().__init__(name, text, spec, problems)
+        self.expected = spec.says.get(name)
         self.values = array("d")
 
     def add(self, row: int, cell: str) -> None:
@@ -145,9 +146,9 @@ class _NumberStore(_Store):
         if value is None or value - value != 0:
             if cell.strip():
                 what = "not finite" if is_not_finite(cell, decimal) else "not a number"
-                self.fault(row, what, cell, expectation(cell, decimal))
+                self.fault(row, what, cell, self.expected or expectation(cell, decimal))
             elif not self.empty_allowed:
-                self.fault(row, "empty cell", None, "a number")
+                self.fault(row, "empty cell", None, self.expected or "a number")
             value = float("nan")
         self.values.append(value)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import Problem
+from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.covariates import (
     COLDEST_K,
     HOTTEST_DEGC,
@@ -17,6 +17,7 @@ from mtu_cli.files.covariates import (
     is_temperature,
     looks_like_temperature,
 )
+from mtu_cli.files.sensor_faults import check_sensors
 from mtu_cli.units import UNITS, dimension_name
 
 if TYPE_CHECKING:
@@ -43,7 +44,10 @@ def check_drift(
         if looks_like_temperature(name) and (column is None or not column.labels):
             problems.add(_no_sensor(table, name))
     for name, values in table.columns.numbers.items():
-        if not is_temperature(name) or _all_within(values, HOTTEST_DEGC):
+        if not is_temperature(name):
+            continue
+        if _all_within(values, HOTTEST_DEGC):
+            check_sensors(table, name, problems)
             continue
         empty = np.flatnonzero(np.isnan(values))
         problems.add_cells(table, empty, name, "empty cell", [""], TEMPERATURE_EXPECTED)
@@ -55,6 +59,27 @@ def check_drift(
             problems.add_cells(table, far, name, "no temperature", cells, expected)
     if components is None:
         _check_kinds(table, problems)
+
+
+def refuse_drift(table: Table) -> None:
+    """Raises InputError for a table given as other readings that looks like drift readings: what
+    else is wrong with it comes from that.
+    """
+    columns = table.columns
+    sensors = [name for name in columns.numbers if is_temperature(name)]
+    passes = "pass" in columns.numbers or "direction" in columns.texts
+    if table.source.role != ROLE and sensors and "cycle" in columns.texts and not passes:
+        raise InputError(drift_problem(table.source.shown, sensors))
+
+
+def drift_problem(file: str, sensors: Sequence[str]) -> Problem:
+    """The Problem of drift readings where others are asked for."""
+    more = ", ..." if len(sensors) > 1 else ""
+    return Problem(
+        what=f"this looks like drift readings (columns cycle, {sensors[0]}{more}, but no pass)",
+        file=file,
+        expected="readings of the machine's components; those of drifts go to thermal-fit --drift",
+    )
 
 
 def _no_sensor(table: Table, name: str) -> Problem:

@@ -21,6 +21,8 @@ from mtu_cli.files.effects_contract import EffectEquations, EffectParameters, Se
 from mtu_cli.files.yaml_file import YamlPath
 from mtu_cli.language import EquationError, LinearForm, Node, check_dimension, linear_form, names
 from mtu_cli.language import parse as parse_equation
+from mtu_cli.language.dimensions import Columns, first_column, shown
+from mtu_cli.language.tree import walk
 from mtu_cli.units import LENGTH, PARAMETER_UNITS
 
 AXIS_MARKS = ("a", "b", "n", "each")
@@ -148,17 +150,20 @@ class _Known:
         """Dimensions of a column, None where they are not known."""
         if raw in self.units or raw == self.searched:
             return None
-        if raw in _POSITIONS:
-            return PLACE
-        if raw == "{T}":
-            return TEMPERATURE
-        if raw in (CHOSEN, "{c}"):
-            return NUMBER
-        return column_dimensions(_BRACES.sub("x", raw) if raw.startswith("dir_") else raw)
+        return NUMBER if raw == CHOSEN else template_column(raw)
 
     def is_column(self, raw: str) -> bool:
         """Whether a name is a position or a column of the data."""
         return raw in _POSITIONS or _is_column(raw) or raw in self.needs
+
+
+def template_column(raw: str) -> Dimensions | None:
+    """Dimensions of a position or column as a template names it, None where they are not known."""
+    if raw in _POSITIONS:
+        return PLACE
+    if raw in ("{T}", "{c}"):
+        return TEMPERATURE if raw == "{T}" else NUMBER
+    return column_dimensions(_BRACES.sub("x", raw) if raw.startswith("dir_") else raw)
 
 
 def _is_mark(name: str) -> bool:
@@ -207,13 +212,30 @@ def _equation(
             {name: known.column(braced.get(name, name)) for name in dimensions},
             {name: PARAMETER_UNITS[unit] for name, unit in known.units.items()},
         )
-        check_dimension(_as_written(tree, known, braced), LENGTH, dimensions, columns)
+        _check_dimension(tree, _as_written(tree, known, braced), dimensions, columns)
         if form.remainder is not None:
             raise EquationError("a term without a parameter", 1, "parameters in every term")
     except EquationError as error:
         _add(error, braced, findings, path)
         return None
     return tree, form
+
+
+def _check_dimension(
+    tree: Node, written: Node, dimensions: Mapping[str, int | None], columns: Columns
+) -> None:
+    """Checks the equation as it will be `written`; the term of a fault is shown as in the file."""
+    try:
+        check_dimension(written, LENGTH, dimensions, columns)
+    except EquationError as error:
+        own = (
+            shown(before)
+            for before, after in zip(walk(tree), walk(written), strict=True)
+            if first_column(after) == error.column and shown(after) == error.value
+        )
+        raise EquationError(
+            error.what, error.column, error.expected, next(own, error.value)
+        ) from None
 
 
 def _as_written(tree: Node, known: _Known, braced: Mapping[str, str]) -> Node:
@@ -245,9 +267,7 @@ def _dimensions(
 def _add(
     error: EquationError, braced: Mapping[str, str], findings: Findings, path: YamlPath
 ) -> None:
-    # Where numbers of the data stand in, the text of a term is not that of the file.
-    standing_in = any(number_of(raw) is not None for raw in braced.values())
-    what, value = error.what, None if standing_in else error.value
+    what, value = error.what, error.value
     for name, raw in braced.items():
         what = what.replace(name, raw)
         value = None if value is None else value.replace(name, raw)

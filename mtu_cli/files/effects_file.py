@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.column_dimensions import PLACE, TIME, Dimensions
 from mtu_cli.files.contracts import (
     Findings,
     check_contract,
@@ -14,7 +15,7 @@ from mtu_cli.files.contracts import (
     is_identifier,
     present,
 )
-from mtu_cli.files.effect_templates import AXIS_MARKS, Template, marks, template_of
+from mtu_cli.files.effect_templates import AXIS_MARKS, Template, marks, template_column, template_of
 from mtu_cli.files.effects_contract import Effects, Family, MemberTemplate, Search
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
@@ -24,6 +25,9 @@ from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
 SCATTERS = ("rotation-scatter", "scale-scatter", "operation-scatter")
 """Effects on the scatter are no equations: close-loop knows these."""
+
+NAMED_UNITS: dict[str, Dimensions] = {"_mm": PLACE, "_min": TIME}
+"""What the end of a searched value's name says of its unit: reports show it so."""
 
 _SCHEMA = "mtu/effects/1"
 
@@ -227,8 +231,20 @@ def _check_search(search: Search, path: YamlPath, findings: Findings) -> None:
     if search.of is None and (used or search.grid in ("between", "frequency")):
         expected = "the position or column that span, low and the grid are of"
         findings.add(path, "the key 'of' is missing", expected=expected)
+    _check_unit(search, path, findings)
     if search.grid != "between":
         _check_bounds(search, path, findings)
+
+
+def _check_unit(search: Search, path: YamlPath, findings: Findings) -> None:
+    """A value `at_mm` is one of a position, no number of a part."""
+    name = str(path[-1])
+    wanted = next((own for end, own in NAMED_UNITS.items() if name.endswith(end)), None)
+    found = None if search.of is None else template_column(search.of)
+    if wanted is not None and found is not None and found != wanted:
+        what = f"its name says {name.rpartition('_')[2]}, the column has none"
+        expected = f"another name than {name}, or a column in that unit"
+        findings.add((*path, "of"), what, value=search.of, expected=expected)
 
 
 def _check_bounds(search: Search, path: YamlPath, findings: Findings) -> None:

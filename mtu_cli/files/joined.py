@@ -27,6 +27,7 @@ SMALL_INTEGER = 1e6
 FEW = 30_000
 """Codes and whole numbers up to these have 4 bytes, and products of two of them still fit."""
 LARGEST_READING = 1e12
+SIGNS = "-1 or +1"
 
 
 def read_tables(
@@ -113,7 +114,7 @@ def check_signs(tables: Sequence[Table], name: str, problems: ProblemList) -> No
     if any(name in table.columns.numbers for table in tables):
         values = numbers(tables, name)
         faulty = ~np.isnan(values) & (np.abs(values) != 1.0)
-        _by_table(tables, faulty, name, "not a direction", values, "-1 or +1", problems)
+        _by_table(tables, faulty, name, "not a direction", values, SIGNS, problems)
 
 
 def check_magnitude(table: Table, name: str, problems: ProblemList) -> None:

@@ -38,6 +38,9 @@ def _plain(value: Any, place: str) -> Any:
         return value
     if isinstance(value, Mapping):
         return {str(key): _plain(item, f"{place}.{key}") for key, item in value.items()}
+    # A matrix has millions of these: a place is named only where one is at fault.
+    if type(value) is list and set(map(type, value)) == {float} and all(map(math.isfinite, value)):
+        return value
     if isinstance(value, (list, tuple)):
         return [_plain(item, f"{place}[{index}]") for index, item in enumerate(value)]
     if hasattr(value, "tolist"):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mtu_cli.files.contracts import Findings, Notice, check_contract, present
+from mtu_cli.files.effect_checks import check_effect_used, effect_notices
 from mtu_cli.files.machine_checks import (
     check_components,
     check_effect_covariance,
@@ -85,7 +86,10 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
             check_effect_covariance(effect, index, findings)
             path = ("effects", index, "equations")
             own = vocabulary.with_parameters(effect)
-            effect_forms.append(check_equations(effect.equations, own, findings, path))
+            found = check_equations(effect.equations, own, findings, path)
+            if len(found) == len(effect.equations):
+                check_effect_used(effect, index, findings)
+            effect_forms.append(found)
 
     machine = check_contract(document, Machine, "machine", check)
     return LoadedMachine(
@@ -138,4 +142,4 @@ def _warnings(
                     f"{position:g} mm is off by {away:.3g} {component.unit} per degC",
                 )
             )
-    return tuple(notices)
+    return (*notices, *effect_notices(machine, document))

@@ -147,6 +147,11 @@ class Effect(Contract):
         description="Of what was searched (`pitch_mm`): other values that fit what it was found "
         "on as well, so that it holds there alone",
     )
+    seen: dict[SearchedName, Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(
+        default={},
+        description="Lowest and highest value, in what it was found on, of the positions and "
+        "columns of its equations: beyond them it is a guess",
+    )
     found: dict[str, Any] = Field(default={}, description="Where it was found, free")
 
 

@@ -33,8 +33,8 @@ class WrittenEffect:
 
     `parameters` by name; `covariance` (k, k) over them in their order and units; `equations`
     by their name (Ex), linear in the parameters, evaluated in mm, rad, degC, min; `alike` holds
-    other values of what was searched that fit as well, `found` says where the effect was found,
-    in plain data.
+    other values of what was searched that fit as well, `seen` the lowest and highest value of the
+    columns of the equations, `found` says where the effect was found, in plain data.
     """
 
     name: str
@@ -46,6 +46,7 @@ class WrittenEffect:
     says: str | None = None
     covariance: Sequence[Sequence[float]] | None = None
     alike: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    seen: Mapping[str, Sequence[float]] = field(default_factory=dict)
     found: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -151,6 +152,8 @@ def _entry(effect: WrittenEffect) -> dict[str, Any]:
     entry["equations"] = effect.equations
     if effect.alike:
         entry["alike"] = effect.alike
+    if effect.seen:
+        entry["seen"] = effect.seen
     if effect.found:
         entry["found"] = effect.found
     return entry

@@ -42,6 +42,7 @@ SPEC = TableSpec(
         "part": "the serial number or name of the part",
         "feature": "the name of a feature of the part",
         "operation": "a name such as drilled in every row, or no column 'operation'",
+        **dict.fromkeys(("dir_x", "dir_y", "dir_z"), joined.SIGNS),
     },
 )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -11,10 +11,11 @@ import numpy as np
 
 from mtu_cli.errors import Problem, closest, did_you_mean
 from mtu_cli.files import doubled, joined
-from mtu_cli.files.contract_errors import unit_expectation
+from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_header import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
-from mtu_cli.files.drift_cells import ROLE, check_drift
+from mtu_cli.files.drift_cells import ROLE, check_drift, refuse_drift
+from mtu_cli.files.reading_sizes import Travels, check_sizes, check_units, unused_positions
 from mtu_cli.files.row_marks import row_marks
 from mtu_cli.files.source import Source
 from mtu_cli.units import UNITS, dimension_name
@@ -69,7 +70,7 @@ class Readings:
     time of all files where those are dates, nan where not given; `covariates` are floats
     (nan where not given) or texts ("" where not given); `row` counts as a text editor in the
     file `sources[file_index[i]]`, whose role is `roles[file_index[i]]`. Arrays may be
-    read-only.
+    read-only. `notes` say what a fit does not use.
     """
 
     components: tuple[str, ...]
@@ -88,6 +89,7 @@ class Readings:
     row: NDArray[np.int64]
     sources: tuple[Source, ...]
     roles: tuple[str, ...]
+    notes: tuple[Notice, ...] = ()
 
     def __len__(self) -> int:
         return len(self.code)
@@ -98,11 +100,13 @@ def read_readings(
     components: Mapping[str, ComponentLike] | None,
     *,
     for_fit: bool,
+    travels: Travels | None = None,
 ) -> Readings:
     """Reads all files of readings; `files` are (path, role).
 
     `components` are the machine's, by name; without them any name is accepted and positions
-    are taken as they stand. `for_fit` asks for degree + 1 distinct positions a component.
+    are taken as they stand. `for_fit` asks for degree + 1 distinct positions a component, and
+    for errors and positions of a machine, whose `travels` are known in part.
 
     Raises InputError with all problems of all files: of headers and of every cell first,
     then, where those are sound, of what the rows mean together.
@@ -114,6 +118,8 @@ def read_readings(
         if doubled.tells_repeats_apart(table):
             doubled.check_doubled_rows(table, problems)
     if problems.listed:
+        for table in tables:
+            refuse_drift(table)
         joined.integers(tables, "pass", problems)
         problems.raise_if_any()
     readings = assemble(tables, components, problems)
@@ -121,6 +127,11 @@ def read_readings(
         _check_copied_files(readings, problems)
     if for_fit and components is not None and not problems.listed:
         _check_positions(readings, components, problems)
+        for table in tables if problems.listed else ():
+            refuse_drift(table)
+        if not problems.listed:
+            check_sizes(tables, components, travels or {}, problems)
+        readings = replace(readings, notes=unused_positions(tables, components))
     problems.raise_if_any()
     return readings
 
@@ -129,10 +140,7 @@ def check_cells(
     table: Table, components: Mapping[str, ComponentLike] | None, problems: ProblemList
 ) -> None:
     """Cells that mean nothing: units, directions, components, positions, sizes."""
-    joined.check_labels(
-        table, "unit", "unknown unit",
-        lambda label: None if label in UNITS else unit_expectation(label), problems,
-    )  # fmt: skip
+    check_units(table, problems)
     joined.check_labels(table, "direction", "unknown direction", _direction_hint, problems)
     for name in ("error", "position_mm"):
         joined.check_magnitude(table, name, problems)

@@ -76,7 +76,7 @@ def check_dimension(
     """
     columns = Columns() if columns is None else columns
     beside = {**dimensions, **columns.lengths}
-    for term in _terms(node):
+    for term in terms(node):
         stated = any(name in columns.stated for name in names(term))
         if stated:
             _check_per(term, columns.per)
@@ -89,7 +89,7 @@ def check_dimension(
                 hint if found < wanted else f"a term that is {dimension_name(wanted)}",
                 shown(term),
             )
-    for scale in (length_scale(beside), *_scales(columns.per).values()):
+    for scale in (length_scale(beside), *base_scales(columns.per).values()):
         check_arguments(node, scale)
 
 
@@ -131,8 +131,8 @@ WORDS = {
 }
 
 
-def _scales(per: Mapping[str, Mapping[str, int | None]]) -> dict[str, Scale]:
-    """Of temperature and time."""
+def base_scales(per: Mapping[str, Mapping[str, int | None]]) -> dict[str, Scale]:
+    """Of temperature and time, by exponents `per` them of all names."""
 
     def words(base: str) -> Callable[[float], str]:
         return lambda found: WORDS[base].get(int(found), f"{base}^{found:g}")
@@ -148,14 +148,20 @@ FACTOR = {DEGREE: "a temperature, such as (T_spindle_degC - 20)", MINUTE: "a tim
 
 
 def _check_per(term: Node, per: Mapping[str, Mapping[str, int | None]]) -> None:
-    """What is per kelvin or minute has its temperature or time. The other way round a unit may
-    be short of its "per": um for each degC.
+    """What is per kelvin or minute has its temperature or time, and once. The other way round a
+    unit may be short of its "per": um for each degC.
     """
-    for base, scale in _scales(per).items():
+    for base, scale in base_scales(per).items():
         found = exponent(term, scale)
-        if found is not UNKNOWN and found < -SAME:
+        if found is UNKNOWN or abs(found) < SAME:
+            continue
+        if found < 0:
             what = f"this term is per {base}, its equation is not"
             hint = f"multiply it by {FACTOR[base]}"
+            raise EquationError(what, first_column(term), hint, shown(term))
+        if any((scale.known.get(name) or 0) < 0 for name in names(term)):
+            what = f"this term has {scale.words(found)} too many"
+            hint = f"one factor that is {scale.words(1)} beside a unit per {base}"
             raise EquationError(what, first_column(term), hint, shown(term))
 
 
@@ -165,13 +171,14 @@ def shown(node: Node) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
-def _terms(node: Node) -> Iterator[Node]:
+def terms(node: Node) -> Iterator[Node]:
+    """The terms of a sum."""
     match node:
         case Binary("+" | "-", left, right):
-            yield from _terms(left)
-            yield from _terms(right)
+            yield from terms(left)
+            yield from terms(right)
         case Negative(operand):
-            yield from _terms(operand)
+            yield from terms(operand)
         case _:
             yield node
 

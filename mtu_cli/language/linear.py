@@ -56,6 +56,9 @@ def _product(left: Node, right: Node, column: int, linear: frozenset[str]) -> Pa
     in_left = [name for name in names(left) if name in linear]
     in_right = [name for name in names(right) if name in linear]
     if in_left and in_right:
+        # What stands inside a function is told so.
+        _split(left, linear)
+        _split(right, linear)
         raise EquationError(
             f"product of the components {in_left[0]!r} and {in_right[0]!r}",
             column,

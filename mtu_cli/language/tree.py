@@ -119,13 +119,16 @@ def _text(node: Node, outer: int) -> str:
         case Call(function, arguments):
             return f"{function}({', '.join(_text(item, 0) for item in arguments)})"
         case Negative(operand):
-            return _wrap(f"-{_text(operand, 3)}", outer > 1)
+            return _wrap(f"-{_text(operand, 3)}", outer > 2)
         case Binary(operator, left, right):
             own = PRECEDENCE[operator]
             # The left side of ** and the right side of the others need parentheses at
             # equal precedence: ** groups to the right, the others to the left.
             left_text = _text(left, own + (operator == "**"))
             right_text = _text(right, own if operator == "**" else own + 1)
+            if operator != "**" and not isinstance(right, Number):
+                # a - -b*c would parse back, but nobody would read it.
+                right_text = _wrap(right_text, right_text.startswith("-"))
             joint = f"{left_text}{operator}{right_text}"
             if operator in "+-":
                 joint = f"{left_text} {operator} {right_text}"

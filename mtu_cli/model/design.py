@@ -89,30 +89,48 @@ def _check_finite(
     if not bad.any():
         return
     i, a = np.argwhere(bad)[0]
-    axis = model.axes[a]
+    raise InputError(not_finite(model, model.axes[a], points[i]))
+
+
+def coordinates_of(model: MachineModel, axis: str) -> tuple[str, ...]:
+    """The coordinates that the equation of an axis is of, without those that a constant fixes."""
     used: set[str] = set()
     for term in model.terms:
         if axis in term.levers:
             used |= {*names(term.levers[axis]), term.estimate.of or ""}
     for node in model.remainders[axis]:
         used |= set(names(node))
-    unknown = [
-        name
-        for k, name in enumerate(AXES)
-        if np.isnan(points[i, k]) and name in used and name not in model.constants
-    ]
-    place = ", ".join(f"{name}={points[i, k]:g}" for k, name in enumerate(AXES) if name in used)
-    raise InputError(
-        Problem(
-            what=f"the equation E{axis} of {model.name!r} has no finite value at {place}",
-            expected=(
-                f"a value for {unknown[0]} (z_mm in the part, or a constant of the machine)"
-                if unknown
-                else "an equation that is defined at every feature (no division by 0, no root or "
-                "logarithm of a negative number, no exponential of millimetres)"
-            ),
-        )
+    return tuple(name for name in AXES if name in used and name not in model.constants)
+
+
+def not_finite(model: MachineModel, axis: str, point: FloatArray) -> Problem:
+    """The Problem of the equation of an axis that has no value at `point` (3,), mm."""
+    used = coordinates_of(model, axis)
+    unknown = [name for k, name in enumerate(AXES) if np.isnan(point[k]) and name in used]
+    place = ", ".join(f"{name}={point[AXES.index(name)]:g}" for name in used)
+    return Problem(
+        what=f"the equation E{axis} of {model.name!r} has no finite value at {place}",
+        expected=(
+            f"a value for {unknown[0]} (z_mm in the part, or a constant of the machine)"
+            if unknown
+            else "an equation that is defined at every feature (no division by 0, no root or "
+            "logarithm of a negative number, no exponential of millimetres)"
+        ),
     )
+
+
+def without_coordinate(
+    model: MachineModel, points: FloatArray
+) -> tuple[np.ndarray, Problem] | None:
+    """Which of `points` (n, 3) lack a coordinate that an equation needs, and the Problem of the
+    first of them; None where none does.
+    """
+    for axis in model.axes:
+        columns = [AXES.index(name) for name in coordinates_of(model, axis)]
+        lacking = np.flatnonzero(np.isnan(points[:, columns]).any(axis=1))
+        if len(lacking):
+            return lacking, not_finite(model, axis, points[lacking[0]])
+    return None
 
 
 def theta(model: MachineModel) -> FloatArray:

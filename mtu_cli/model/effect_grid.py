@@ -12,6 +12,8 @@ from mtu_cli.language import evaluate, parse
 from mtu_cli.model.effect_candidate import FloatArray
 
 DEFAULT_COUNT = 40
+MOST_FREQUENCIES = 2000
+"""Frequencies where no number is asked for: as many as the places demand, up to here."""
 PER_SPAN = 4.0
 """Frequencies a span: halfway between two of them the phase is off by an eighth of a period at
 each end of the data at most."""
@@ -38,7 +40,8 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
     high = min(_bounds(search.to, known), default=math.nan)
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         return np.zeros(0)
-    count = min(search.count or DEFAULT_COUNT, max(FEWEST, LARGEST // size))
+    usual = MOST_FREQUENCIES if search.grid == "frequency" else DEFAULT_COUNT
+    count = min(search.count or usual, max(FEWEST, LARGEST // size))
     if search.grid == "linear":
         return np.linspace(low, high, count)
     if low <= 0.0:
@@ -48,6 +51,15 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
     ends = 1.0 / high, 1.0 / low
     needed = math.ceil((ends[1] - ends[0]) * PER_SPAN * known["span"]) + 1
     return 1.0 / np.linspace(*ends, max(2, min(needed, count)))
+
+
+def periods_apart(search: Search, values: FloatArray, grid: FloatArray) -> float:
+    """Periods from one frequency of a grid (G,) to the next over the span of the values; 0 of
+    other grids. One over `PER_SPAN` is wanted.
+    """
+    if search.grid != "frequency" or len(grid) < 2:
+        return 0.0
+    return float(abs(1.0 / grid[1] - 1.0 / grid[0]) * np.ptp(values))
 
 
 def shortest_of(search: Search, values: FloatArray) -> float:

@@ -151,7 +151,8 @@ def _of_family(family: LoadedFamily, data: TableData) -> Iterator[Candidate]:
         used = {name for batch in batches for name in batch.used}
         told = tuple(reasons) if members else ()
         reason = None if members else "; ".join(reasons)
-        notes = (*notes, *told, *copy_notes(data, used), *_unusable(family, data))
+        coarse = [note for batch in batches for note in batch.bound.not_searched(batch.members)]
+        notes = (*notes, *coarse, *told, *copy_notes(data, used), *_unusable(family, data))
         yield _candidate(family, binding, members, reason, notes)
 
 

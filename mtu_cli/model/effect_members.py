@@ -17,8 +17,10 @@ from mtu_cli.model.design import LARGEST
 from mtu_cli.model.effect_binding import Binding, filled, resolved
 from mtu_cli.model.effect_candidate import Column, FloatArray, Member
 from mtu_cli.model.effect_data import POSITIONS, TableData, indicators, labels
-from mtu_cli.model.effect_grid import grid_of, is_continuous
+from mtu_cli.model.effect_grid import grid_of, is_continuous, periods_apart
 
+COARSE = 0.5
+"""Periods from one frequency to the next above which waves between them are not sure to be seen."""
 STEP = 1e-5
 """Of the logarithm of a searched value, for its derivative: errors of order STEP^2."""
 
@@ -74,6 +76,22 @@ class BoundTemplate:
     def is_periodic(self) -> bool:
         """Whether periods are searched: columns are of the same size for all of them."""
         return self.template.search is not None and self.template.search.grid == "frequency"
+
+    def not_searched(self, members: Sequence[Member]) -> tuple[str, ...]:
+        """What lies between the values that are searched, where the data would tell it."""
+        search = self.template.search
+        if search is None or search.of is None or not self.is_periodic:
+            return ()
+        along = self.data.values[resolved(search.of, self.binding).name]
+        grid = np.array([value for m in members for value in m.searched.values()])
+        apart = periods_apart(search, along, grid)
+        if apart <= COARSE:
+            return ()
+        return (
+            f"{len(grid)} values of {self.template.searched} were searched, {apart:.2g} periods "
+            "apart over the span of the data: one between two of them may be missed, or be told "
+            "as two effects",
+        )
 
     def narrowed(self, member: Member, kept: Sequence[int]) -> Member:
         """The member with these of its parameters alone."""

@@ -21,6 +21,31 @@ SAME_VALUE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DeclaredEffect:
+    """An effect of a machine file: its place among the effects of `file`, and by column the lowest
+    and highest value that it was found on.
+    """
+
+    name: str
+    file: str
+    index: int
+    seen: Mapping[str, tuple[float, float]]
+
+
+def declared_effects(machine: LoadedMachine) -> tuple[DeclaredEffect, ...]:
+    """The effects of a machine in the file's order."""
+    return tuple(
+        DeclaredEffect(
+            name=effect.name,
+            file=machine.source.shown,
+            index=i,
+            seen={column: (low, high) for column, (low, high) in effect.seen.items()},
+        )
+        for i, effect in enumerate(machine.machine.effects)
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EffectParameters:
     """The parameters of all effects of a machine, as components that are known.
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from mtu_cli.errors import InputError
 from mtu_cli.files.part import LoadedPart
+from mtu_cli.model.design import without_coordinate
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Warned
@@ -21,6 +24,8 @@ def feature_points(
     """Ids, nominal coordinates (n, 3) in mm (nan: not given) and warnings.
 
     A coordinate that a constant of the machine fixes (its effective z) is the machine's.
+
+    Raises InputError for features without a coordinate that an equation needs.
     """
     places = part.part.places()
     ids = tuple(places) if chosen is None else tuple(dict.fromkeys(chosen))
@@ -28,6 +33,7 @@ def feature_points(
         [[np.nan if value is None else value for value in places[i]] for i in ids],
         dtype=np.float64,
     ).reshape(len(ids), 3)
+    _check_coordinates(part, model, ids, points)
     warnings: list[Warned] = []
     for axis, value in model.position_constants().items():
         column = points[:, AXES.index(axis)]
@@ -40,6 +46,26 @@ def feature_points(
                 )
             )
     return ids, points, warnings
+
+
+def _check_coordinates(
+    part: LoadedPart, model: MachineModel, ids: Sequence[str], points: FloatArray
+) -> None:
+    found = without_coordinate(model, points)
+    if found is None:
+        return
+    lacking, problem = found
+    name = ids[lacking[0]]
+    more = f" (and {len(lacking) - 1} more features)" if len(lacking) > 1 else ""
+    raise InputError(
+        replace(
+            problem,
+            what=f"{problem.what}, of feature {name!r}{more}",
+            file=part.source.shown,
+            line=part.line_of("features", name),
+            path=f"features.{name}",
+        )
+    )
 
 
 def outside_warnings(prediction: Prediction) -> list[Warned]:

@@ -14,6 +14,8 @@ from mtu_cli.files.components_file import (
     ReportedEffects,
     ReportedGroup,
 )
+from mtu_cli.files.covariates import is_temperature
+from mtu_cli.files.drift_cells import drift_problem
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.model.estimates import (
     ComponentEstimate,
@@ -60,13 +62,21 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
         if name not in read and component.coefficients is None
     ]
     if missing:
-        raise InputError(missing)
+        raise InputError(_drift_instead(readings) or missing)
     fits = {
         name: fit_component(readings, name, component)
         for name, component in components.items()
         if name in read
     }
     return MachineFit(components=fits, joint=shared_passes(fits))
+
+
+def _drift_instead(readings: Readings) -> list[Problem]:
+    """That the readings look like those of drifts: then these are not the machine's components."""
+    sensors = [name for name in readings.covariates if is_temperature(name)]
+    if not sensors or not readings.cycles or readings.has_pass.any() or readings.direction.any():
+        return []
+    return [drift_problem(_shown(readings), sensors)]
 
 
 def _shown(readings: Readings) -> str:

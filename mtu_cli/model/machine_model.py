@@ -13,7 +13,7 @@ from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.language import LinearForm, Node, names
 from mtu_cli.language.tree import Binary
 from mtu_cli.model.basis import Basis, PolynomialBasis, ThermalBasis
-from mtu_cli.model.effect_parameters import effects_of
+from mtu_cli.model.effect_parameters import DeclaredEffect, declared_effects, effects_of
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.model.thermal_terms import leftover_estimate, temperature_estimate
@@ -43,7 +43,8 @@ class MachineModel:
     """A machine with all its components known.
 
     `axes` are the axes that have an equation, `terms` the components in the order of theta,
-    `remainders` what the equations hold beside components, `constants` name -> (value, u).
+    `remainders` what the equations hold beside components, `constants` name -> (value, u),
+    `effects` what the machine file declares as such.
     """
 
     name: str
@@ -52,6 +53,7 @@ class MachineModel:
     remainders: dict[str, tuple[Node, ...]]
     constants: dict[str, tuple[float, float]]
     joint: tuple[JointPasses, ...]
+    effects: tuple[DeclaredEffect, ...] = ()
 
     def covariates(self) -> tuple[str, ...]:
         """Names that the equations use beside positions, constants and components."""
@@ -103,6 +105,7 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
             for name, constant in machine.machine.constants.items()
         },
         joint=(*estimates.joint, *effects.joint),
+        effects=declared_effects(machine),
     )
 
 

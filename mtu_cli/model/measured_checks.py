@@ -12,6 +12,7 @@ from mtu_cli.files.row_marks import fingerprints
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured_rows import check_rows
+from mtu_cli.model.measured_slips import slips
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import axes_of, operations_of
 from mtu_cli.stats.least_squares import FloatArray
@@ -46,7 +47,7 @@ def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
         *_copies(points, axes),
         *_left_out(points, axes),
         *_moved(points, axes),
-        *_far(freed(points, axes, datum)[0], axes),
+        *_far(points, freed(points, axes, datum)[0], axes),
     ]
 
 
@@ -99,18 +100,21 @@ def _are_far(points: Points, axes: tuple[int, ...]) -> np.ndarray:
     return far
 
 
-def _far(points: Points, axes: tuple[int, ...]) -> list[Warned]:
-    far = _are_far(points, axes)
+def _far(points: Points, loose: Points, axes: tuple[int, ...]) -> list[Warned]:
+    far = _are_far(loose, axes)
     if not far.any():
         return []
     i = int(np.argmax(far))
-    guess = _mistake(points.measured[far][:, axes], points.nominal[far][:, axes])
-    place = f"{points.sources[points.file_index[i]].shown}, row {points.row[i]}"
+    guess = _mistake(loose.measured[far][:, axes], loose.nominal[far][:, axes])
+    place = f" (first: {points.sources[points.file_index[i]].shown}, row {points.row[i]})"
+    if ORIGIN in guess and (single := slips(points, loose, axes, far, SUSPICIOUS_MM)):
+        place, guess = "", single
+    count = int(far.sum())
     return [
         Warned(
             code="error-of-millimetres",
-            message=f"{int(far.sum())} of {len(far)} points are more than {SUSPICIOUS_MM:g} mm "
-            f"from their nominal (first: {place}): {guess}",
+            message=f"{count} of {len(far)} points {'is' if count == 1 else 'are'} more than "
+            f"{SUSPICIOUS_MM:g} mm from {'its' if count == 1 else 'their'} nominal{place}: {guess}",
         )
     ]
 

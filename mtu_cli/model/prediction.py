@@ -108,8 +108,9 @@ class Prediction:
         """Row of a point's error along an axis."""
         return self.ids.index(point) * len(self.axes) + self.axes.index(axis)
 
-    def variance(self, A: FloatArray) -> Variance:
+    def variance(self, A: FloatArray | None = None) -> Variance:
         """Variance of the linear measurands A E, A (m, n*a): law of propagation with covariance.
+        Without A of the errors themselves, (n*a,).
 
         Effective degrees of freedom by Welch-Satterthwaite (JCGM 100, G.4.1) over the
         independent mean squares behind the variance (see `variance.block_variance`), and never

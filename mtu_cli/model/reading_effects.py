@@ -9,6 +9,8 @@ import numpy as np
 
 from mtu_cli.language import evaluate, names
 from mtu_cli.language.linear import LinearForm
+from mtu_cli.model.effect_parameters import declared_effects
+from mtu_cli.model.effect_ranges import outside_seen
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
@@ -32,7 +34,10 @@ def effects_on_readings(
     """
     total = np.zeros(len(places))
     warned = []
-    for effect, form in zip(machine.machine.effects, machine.effect_forms, strict=True):
+    own_columns = _numeric(columns) | {axis: places[:, i] for i, axis in enumerate(AXES)}
+    for effect, form, declared in zip(
+        machine.machine.effects, machine.effect_forms, declared_effects(machine), strict=True
+    ):
         if effect.found.get("component") != component:
             continue
         values = _values(machine, places, columns)
@@ -49,6 +54,7 @@ def effects_on_readings(
         said = np.zeros(len(places))
         for name, node in own.coefficients.items():
             said = said + np.asarray(values[name]) * evaluate(node, values)
+        warned += outside_seen([declared], own_columns)
         total += said / evaluate(lever.coefficients[component], values)
     return total, warned
 
@@ -61,8 +67,11 @@ def _values(
     }
     for i, axis in enumerate(AXES):
         found.setdefault(axis, np.where(np.isfinite(places[:, i]), places[:, i], ELSEWHERE))
-    numeric = {n: c.astype(np.float64) for n, c in columns.items() if c.dtype != object}
-    return found | {n: c for n, c in numeric.items() if np.isfinite(c).all()}
+    return found | {n: c for n, c in _numeric(columns).items() if np.isfinite(c).all()}
+
+
+def _numeric(columns: Mapping[str, np.ndarray]) -> dict[str, FloatArray]:
+    return {n: c.astype(np.float64) for n, c in columns.items() if c.dtype != object}
 
 
 def _equation(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from mtu_cli.errors import InputError, Problem, closest
 from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature, is_temperature
 from mtu_cli.files.points import Points
 from mtu_cli.model.basis import TIME
+from mtu_cli.model.design import without_coordinate
 from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
 from mtu_cli.model.measured import MOST_TOLD
 from mtu_cli.model.moments import moment_problem
@@ -144,18 +145,50 @@ def needed_covariates(
         values[TIME] = numbers_of(points, TIME, columns[TIME], problems)
     if not problems and (problem := moment_problem(model, points, values)) is not None:
         problems.append(problem)
+    if not problems:
+        problems += _without_place(model, points)
     if problems:
         raise InputError(problems)
     return Needed(values=values, warnings=tuple(warnings))
 
 
+def _without_place(model: MachineModel, points: Points) -> Iterator[Problem]:
+    """Points without a coordinate that an equation needs, neither measured nor nominal."""
+    found = without_coordinate(
+        model, np.where(np.isnan(points.nominal), points.measured, points.nominal)
+    )
+    if found is not None:
+        lacking, problem = found
+        i = int(lacking[0])
+        more = f" (and {len(lacking) - 1} more points)" if len(lacking) > 1 else ""
+        yield replace(
+            problem,
+            what=f"{problem.what}, of feature {points.features[points.feature[i]]!r}{more}",
+            file=points.sources[points.file_index[i]].shown,
+            row=int(points.row[i]),
+        )
+
+
 def _missing(model: MachineModel, points: Points, name: str, known: Sequence[str]) -> Problem:
     drifts = sensors_of(model)
+    if name in drifts:
+        return missing_sensor(points, name, drifts[name], known)
+    return _lacks(points, name, known, f"the equations of {model.name!r} need the covariate")
+
+
+def missing_sensor(
+    points: Points, name: str, drifts: Sequence[str], known: Sequence[str]
+) -> Problem:
+    """The Problem of a sensor that the points, whose columns are `known`, do not have, and that
+    the drifts of these components need.
+    """
+    return _lacks(points, name, known, f"the drift of {', '.join(drifts)} needs the temperature")
+
+
+def _lacks(points: Points, name: str, known: Sequence[str], what: str) -> Problem:
     near = closest(name, known)
     return Problem(
-        what=f"the drift of {', '.join(drifts[name])} needs the temperature {name!r}"
-        if name in drifts
-        else f"the equations of {model.name!r} need the covariate {name!r}",
+        what=f"{what} {name!r}",
         file=", ".join(source.shown for source in points.sources),
         column=name,
         expected=f"a column of this name{f' (there is {near!r})' if near else ''}, or "

@@ -15,6 +15,7 @@ from mtu_cli.errors import fault
 from mtu_cli.files.points import Points
 from mtu_cli.model.datum import Datum
 from mtu_cli.model.design import places as fixed_places
+from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import axes_of, check_repeats
@@ -238,6 +239,7 @@ def _guesses(model: MachineModel, points: Points, values: Values, layout: Layout
     return [
         *outside_warnings(at_once),
         *temperature_warnings(model, points.nominal, values),
+        *effect_warnings_at(model, points.nominal, values),
     ]
 
 

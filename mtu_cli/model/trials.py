@@ -154,12 +154,21 @@ def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
     The prediction's own where it has both already.
     """
     covariance = prediction.covariance
-    values = np.linalg.eigvalsh((covariance + covariance.T) / 2)
     same = np.allclose(np.diag(covariance), variance, rtol=1e-9, atol=0.0)
-    if same and values[0] >= -1e-9 * abs(values[-1]):
+    if same and (_nowhere_negative(prediction) or not _indefinite(covariance)):
         return covariance
     drawable = prediction.drawable
     own = np.diag(drawable)
     ratio = np.divide(variance, own, out=np.zeros_like(own), where=own > 0)
     scaled: FloatArray = drawable * np.sqrt(np.outer(ratio, ratio))
     return scaled
+
+
+def _nowhere_negative(prediction: Prediction) -> bool:
+    """Whether C + D of every block is a covariance: then so is their sum, however many rows."""
+    return not any(_indefinite(block.C + block.D) for block in prediction.blocks)
+
+
+def _indefinite(matrix: FloatArray) -> bool:
+    values = np.linalg.eigvalsh((matrix + matrix.T) / 2)
+    return bool(values[0] < -1e-9 * abs(values[-1]))

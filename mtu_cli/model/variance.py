@@ -76,14 +76,16 @@ def of_rows(block: Block, rows: slice) -> Block:
     return replace(block, columns=(slice(0, len(R)),), G=R.T, C=C, D=D, noise=noise)
 
 
-def block_variance(block: Block, A: FloatArray, axes: int) -> tuple[FloatArray, MeanSquares]:
-    """(3, m) variance by nature, and the mean squares behind it."""
-    g = A @ block.G
+def block_variance(block: Block, A: FloatArray | None, axes: int) -> tuple[FloatArray, MeanSquares]:
+    """(3, m) variance by nature of the measurands A E, and the mean squares behind it.
+
+    Without A the measurands are the errors themselves, row by row: A = I, which for many rows is
+    not to be multiplied out.
+    """
+    # A zero of G has no sign in a product with I.
+    g = block.G + 0.0 if A is None else A @ block.G
     of_C, of_D = _quadratic(g, block.C), _quadratic(g, block.D)
-    visits = [
-        ((A * column).reshape(len(A), -1, axes).sum(axis=2) ** 2).sum(axis=1)
-        for column in block.noise.T
-    ]
+    visits = [_visits(column, A, axes) for column in block.noise.T]
     dof = np.array([block.pass_dof, *block.repeat_dof])
     if block.between is not None:
         split, of_mean, of_part = _of_mean_squares(block, block.between, g, visits)
@@ -101,6 +103,14 @@ def block_variance(block: Block, A: FloatArray, axes: int) -> tuple[FloatArray, 
         of_mean=np.array([of_C, *none]), of_part=np.array([of_D, *visits]), dof=dof
     )
     return split, squares
+
+
+def _visits(column: FloatArray, A: FloatArray | None, axes: int) -> FloatArray:
+    """Variance (m,) of A E from visits of one component, which the axes of a point share."""
+    if A is None:
+        return np.asarray(column**2)
+    shared = (A * column).reshape(len(A), -1, axes).sum(axis=2)
+    return np.asarray((shared**2).sum(axis=1))
 
 
 def _of_mean_squares(

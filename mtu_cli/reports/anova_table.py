@@ -28,13 +28,13 @@ METHODS = {
 }
 
 
-def table(result: AnovaResult) -> list[object]:
+def table(result: AnovaResult, digits: int = 2) -> list[object]:
     """What a terminal shows; everything is in the report and in the CSV."""
     k = result.coverage_factor
     lines = [Text(line) for line in sentences(result)]
-    found: list[object] = [_summary(result), *lines, Text("")]
+    found: list[object] = [_summary(result, digits), *lines, Text("")]
     apart = [item for item in (result.lengths, result.angles) if item is not None]
-    return [*found, *(_sheet(item, k) for item in (*apart, result.features))]
+    return [*found, *(_sheet(item, k, digits) for item in (*apart, result.features))]
 
 
 def _filled(
@@ -57,7 +57,7 @@ def _filled(
     )
 
 
-def _summary(result: AnovaResult) -> Sheet:
+def _summary(result: AnovaResult, digits: int) -> Sheet:
     parts = len(result.features.tables.parts)
     columns = [
         Column(title="operation\n", text=True, folds=True),
@@ -86,34 +86,36 @@ def _summary(result: AnovaResult) -> Sheet:
     return _filled(
         f"{parts} part{'s' if parts > 1 else ''} by operation and axis{datum}",
         columns,
-        [_total(item) for item in result.totals],
+        [_total(item, digits) for item in result.totals],
         notes,
     )
 
 
-def _total(item: Total) -> list[str]:
+def _total(item: Total, digits: int) -> list[str]:
     return [
         item.operation or MISSING,
         item.axis,
         str(item.features),
-        _mean(item.mean / UM, item.rounding / UM),
-        _mean(item.largest / UM, item.rounding / UM),
+        _mean(item.mean / UM, item.rounding / UM, digits),
+        _mean(item.largest / UM, item.rounding / UM, digits),
         item.worst,
-        significant(item.spread / UM),
-        significant(root(item.part) / UM),
-        significant(root(item.both) / UM),
-        significant(root(item.repeat) / UM),
+        significant(item.spread / UM, digits),
+        significant(root(item.part) / UM, digits),
+        significant(root(item.both) / UM, digits),
+        significant(root(item.repeat) / UM, digits),
         significant(100 * item.repeat_share),
         f"{item.differ} of {item.tested}" if item.tested else MISSING,
     ]
 
 
-def _mean(value: float, u: float) -> str:
-    """A mean to the last place of its uncertainty, or to three digits."""
-    return with_u(value, u)[0] if np.isfinite(u) and u > 0 else significant(value, DIGITS)
+def _mean(value: float, u: float, digits: int) -> str:
+    """A mean to the last place of its uncertainty, or to three digits at least."""
+    if np.isfinite(u) and u > 0:
+        return with_u(value, u, digits)[0]
+    return significant(value, max(digits, DIGITS))
 
 
-def _sheet(found: Analysed, k: float) -> Sheet:
+def _sheet(found: Analysed, k: float, digits: int) -> Sheet:
     unit, size = UNITS[found.kind]
     total = len(found.tables.labels)
     chosen = range(total) if total <= SHOWN else found.largest(k)[:WORST]
@@ -138,7 +140,7 @@ def _sheet(found: Analysed, k: float) -> Sheet:
         what = "the largest errors to come" if several else "the largest errors"
         counted = f"{total} features and axes" if found.kind == "feature" else str(total)
         title += f": the {len(chosen)} with {what}, of {counted}"
-    rows = [_row(found, i, k, size) for i in chosen]
+    rows = [_row(found, i, k, size, digits) for i in chosen]
     return _filled(title, columns, rows, _notes(found, k, listed=total > len(chosen)))
 
 
@@ -156,25 +158,27 @@ def _notes(found: Analysed, k: float, *, listed: bool) -> list[tuple[str, str]]:
     return notes
 
 
-def _row(found: Analysed, i: int, k: float, size: float) -> list[str]:
+def _row(found: Analysed, i: int, k: float, size: float, digits: int) -> list[str]:
     operation, name, axis = found.tables.labels[i]
     one, components = found.one_way, found.components
     u = found.u_mean[i] / size
     mean = one.mean[i] / size
     interval = found.both_interval[i] if np.isfinite(found.both[i]) else found.interval[i]
-    low, high = (significant(root(end) / size) for end in interval)
+    low, high = (significant(root(end) / size, digits) for end in interval)
+    known = np.isfinite(u) and u > 0
+    part = components.part_estimate[i], root(components.part[i]) / size
     return [
         operation or MISSING,
         name,
         axis or MISSING,
         str(int(one.N[i])),
-        plus_minus(mean, u) if np.isfinite(u) and u > 0 else significant(mean, DIGITS),
-        "<0" if components.part_estimate[i] < 0 else significant(root(components.part[i]) / size),
-        significant(root(found.both[i]) / size),
+        plus_minus(mean, u, digits) if known else significant(mean, max(digits, DIGITS)),
+        "<0" if part[0] < 0 else significant(part[1], digits),
+        significant(root(found.both[i]) / size, digits),
         f"[{low}, {high}]" if np.isfinite(interval).all() else MISSING,
-        significant(root(components.repeat[i]) / size),
+        significant(root(components.repeat[i]) / size, digits),
         significant(one.F[i], 3),
         significant(one.F_critical_95[i], 3),
-        significant(k * found.u_future[i] / size),
+        significant(k * found.u_future[i] / size, digits),
         " ".join(found.unusual[i]),
     ]

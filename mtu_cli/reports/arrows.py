@@ -15,12 +15,8 @@ from mtu_cli.stats.least_squares import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LINE = 0.24
-"""Between names one above the other, inches."""
 SHOWN_IDS = 80
 """More features than this are drawn without their names."""
-CHARACTER = 0.066
-"""Width of a character of a name, inches."""
 GAP = 0.07
 """Between a feature and its name, inches."""
 FARTHEST = 0.3
@@ -47,16 +43,21 @@ class View:
 
     `scale` mm of the figure a um of error, `spacing` of neighbouring features in mm, `step` the
     same or, of features far apart, a part of the whole; limits `low` and `high` (2,) in mm,
-    `inch` the mm in an inch of paper. There is room for names where `named`.
+    `inch` the mm in an inch of paper. There is room for names of so many `letters`; of 0 for none.
     """
 
     scale: float
     spacing: float
     step: float
     inch: float
-    named: bool
+    letters: int
     low: FloatArray
     high: FloatArray
+
+    @property
+    def named(self) -> bool:
+        """Whether there is room for names."""
+        return self.letters > 0
 
     @property
     def aspect(self) -> float:
@@ -89,10 +90,10 @@ def common_view(
     found = np.vstack([places, *corners])
     low, high = found.min(axis=0) - 0.5 * step, found.max(axis=0) + 0.5 * step
     size = np.array(paper)
-    longest = CHARACTER * max(len(name) for plane in planes for name in plane.ids)
+    letters = _letters(planes, spacing, float(((high - low) / size).max()))
+    longest = labels.CHARACTER * letters
     margins = np.array([GAP + longest, 2 * GAP + longest / 2])
-    named = _named(planes, spacing, float(((high - low) / size).max()), longest)
-    if named and (margins < 0.3 * size).all():
+    if letters and (margins < 0.3 * size).all():
         beside = margins * float((np.ptp(places, axis=0) / (size - 2 * margins)).max())
         low = np.minimum(low, places.min(axis=0) - beside)
         high = np.maximum(high, places.max(axis=0) + beside)
@@ -101,7 +102,7 @@ def common_view(
         spacing=spacing,
         step=step,
         inch=float(((high - low) / size).max()),
-        named=named,
+        letters=letters,
         low=low,
         high=high,
     )
@@ -113,21 +114,12 @@ def _corners(plane: Plane, scale: float) -> tuple[FloatArray, FloatArray]:
     return tips - radii, tips + radii
 
 
-def _named(planes: Sequence[Plane], spacing: float, inch: float, longest: float) -> bool:
-    """Whether there is room for names of `longest` inches, `inch` mm to an inch."""
-    few = max(len(plane.ids) for plane in planes) <= SHOWN_IDS
-    return few and (
-        longest <= 0.6 * spacing / inch
-        or all(_names_fit(plane.places / inch, longest) for plane in planes)
-    )
-
-
-def _names_fit(places: FloatArray, longest: float) -> bool:
-    """Whether names of `longest` inches have room where features (n, 2), inches, stand in rows or
-    columns.
-    """
-    dx, dy = np.abs(places[:, None] - places[None])[np.triu_indices(len(places), 1)].T
-    return bool(((longest <= 0.6 * dx) | (dy >= LINE)).all())
+def _letters(planes: Sequence[Plane], spacing: float, inch: float) -> int:
+    """Characters of a name that there is room for, `inch` mm to an inch of paper."""
+    if max(len(plane.ids) for plane in planes) > SHOWN_IDS:
+        return 0
+    names = {name for plane in planes for name in plane.ids}
+    return labels.room(names, [plane.places / inch for plane in planes], spacing / inch)
 
 
 def _tips(plane: Plane, scale: float) -> FloatArray:
@@ -218,14 +210,15 @@ def _fine(view: View) -> float:
 def write_names(panel: Axes, planes: Sequence[Plane], view: View) -> None:
     """Names of the features of the first plane, clear of the arrows of all."""
     first, others = planes[0], planes[1:]
-    longest = CHARACTER * max(map(len, first.ids))
+    names = [labels.clipped(name, view.letters) for name in first.ids]
+    longest = labels.CHARACTER * max(map(len, names))
     near = min(0.26 * view.step, FARTHEST * view.inch)
     reach = max(near, view.inch * (GAP + longest / 2))
     placed = labels.around(
         first.places, _tips(first, view.scale), _radii(first, view.scale), reach,
         also=[(plane.places, _tips(plane, view.scale)) for plane in others],
     )  # fmt: skip
-    for name, (x, y) in zip(first.ids, placed, strict=True):
+    for name, (x, y) in zip(names, placed, strict=True):
         panel.text(x, y, name, ha="center", va="center", fontsize=7.5, zorder=6)
     for text in panel.texts:
         text.set_path_effects(labels.halo())

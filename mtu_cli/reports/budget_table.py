@@ -26,14 +26,14 @@ def table(result: BudgetResult, digits: int) -> list[Sheet]:
     """For every output its contributions and its result; with several their correlation."""
     sheets = []
     for index, output in enumerate(result.outputs):
-        sheets.append(_contributions(result, output))
+        sheets.append(_contributions(result, output, digits))
         sheets.append(_result(result, index, digits))
     if len(result.outputs) > 1:
         sheets.append(_correlation(result))
     return sheets
 
 
-def _contributions(result: BudgetResult, output: OutputBudget) -> Sheet:
+def _contributions(result: BudgetResult, output: OutputBudget, digits: int) -> Sheet:
     of = f" ({output.unit})" if output.unit else ""
     columns = [
         Column(title="input\n", text=True, folds=True),
@@ -47,16 +47,16 @@ def _contributions(result: BudgetResult, output: OutputBudget) -> Sheet:
         Column(title=f"contribution\n{output.unit}"),
         Column(title="share\n%"),
     ]
-    rows = [_row(output, which, item) for which, item in enumerate(result.inputs)]
+    rows = [_row(output, which, item, digits) for which, item in enumerate(result.inputs)]
     return Sheet(
         title=f"{result.name}: contributions to {output.first.name}{of}", columns=columns, rows=rows
     )
 
 
-def _row(output: OutputBudget, which: int, item: InputQuantity) -> list[str]:
+def _row(output: OutputBudget, which: int, item: InputQuantity, digits: int) -> list[str]:
     c = float(output.first.sensitivity[which])
     share = float(output.first.share[which])
-    value, u = with_u(item.value, item.u)
+    value, u = with_u(item.value, item.u, digits)
     exact = item.u == 0.0
     kinds = " + ".join(SHORT.get(kind, kind) for kind in item.kind.split(" + "))
     return [
@@ -68,7 +68,7 @@ def _row(output: OutputBudget, which: int, item: InputQuantity) -> list[str]:
         kinds,
         MISSING if exact else degrees_of_freedom(item.dof),
         MISSING if exact else significant(c, 4),
-        MISSING if exact else significant(float(output.first.contribution[which])),
+        MISSING if exact else significant(float(output.first.contribution[which]), digits),
         MISSING if exact or math.isnan(share) else fixed(100 * share, 1),
     ]
 

@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 
+from mtu_cli.analyses.close_loop.one_phase import least_amplitude
 from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import amplitude, is_level, pitch_is_open
 from mtu_cli.language import names, parse
@@ -25,8 +26,8 @@ SENTENCES = {
     "straightness": "{A} bends along {along}: {values}",
     "squareness": "{A} and {B} are out of square by {value}",
     "rotation": "everything is turned about {A} by {value}",
-    "backlash": "{A} {loses} {twice} at reversal{short}",
-    "cyclic": "{A} has a periodic error of {length} amplitude, pitch {pitch_mm} mm",
+    "backlash": "{A} {loses} {twice} at reversal{sides}",
+    "cyclic": "{A} has a periodic error of {wave} amplitude, pitch {pitch_mm} mm",
     "abbe": "a tilt of {value} acts on {A} over the height",
     "thermal-drift": "{A} drifts by {value} of {covariate}",
     "thermal-growth": "{A} {grows} by {size} of {covariate}",
@@ -151,7 +152,6 @@ def _words(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> 
         "column": column,
         "A": _subject(effect, item),
         "of": "positioning of " if item.table.component is None else "",
-        "loses": "loses" if item.table.component is None else "changes by",
         "values": _values(shown),
         **{name: _searched(found, effect) for name, found in effect.searched.items()},
     }
@@ -171,8 +171,11 @@ def _words(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> 
         words |= _of_one(first, effect, item)
     if len({p.unit for p in shown}) == 1:
         scale = PARAMETER_UNITS[first.unit].to_internal
-        length, u = amplitude(effect)
-        words["length"] = _size(length / scale, u / scale, first.unit)
+        seen = least_amplitude(effect, item.table) if effect.family == "cyclic" else None
+        length, u = amplitude(effect) if seen is None else seen
+        words["wave"] = _size(length / scale, u / scale, first.unit)
+        if seen is not None:
+            words["wave"] = f"at least {words['wave']}"
     return words
 
 
@@ -183,7 +186,7 @@ def _of_one(first: Shown, effect: FoundEffect, item: TableResult) -> dict[str, s
         "value": _size(first.value, first.u, first.unit),
         "size": _size(value, first.u, first.unit),
         "twice": _size(TWICE * value, TWICE * first.u, first.unit),
-        "short": _short(first.value, item),
+        **_reversal(first.value, item),
         "grows": _grows(effect, item, first.value),
         "outward": "outward" if first.value >= 0 else "inward",
     }
@@ -215,11 +218,15 @@ def _grows(effect: FoundEffect, item: TableResult, value: float) -> str:
     return verb if several else f"{verb}s"
 
 
-def _short(value: float, item: TableResult) -> str:
-    """What a reversal is where the error is less after a move towards + (forward)."""
-    if value >= 0:
-        return ""
-    return ", short from both sides" if item.table.component is None else ", lower forward"
+def _reversal(value: float, item: TableResult) -> dict[str, str]:
+    """An axis with play stops short after a move towards + (forward), and loses; one that goes too
+    far gains.
+    """
+    if item.table.component is not None:
+        return {"loses": "changes by", "sides": "" if value > 0 else ", lower forward"}
+    if value > 0:
+        return {"loses": "gains", "sides": ", too far from both sides"}
+    return {"loses": "loses", "sides": ", short from both sides"}
 
 
 def direction_text(effect: FoundEffect, item: TableResult) -> str | None:

@@ -75,7 +75,7 @@ def class_of(effect: FoundEffect) -> tuple[str, ...]:
 
 def something_left(item: TableResult) -> bool:
     """Whether there is more than scatter beside what was named."""
-    return bool(item.fired) or item.without_name
+    return bool(item.fired or item.twofold) or item.without_name
 
 
 def ranked(item: TableResult) -> list[Judged]:

@@ -54,7 +54,7 @@ def verdict_text(item: TableResult, result: CloseLoopResult) -> str:
 
 
 def _named(item: TableResult) -> str:
-    """Such as "X loses 8.2 ± 0.6 um at reversal (backlash-x). Held-out parts: ..."."""
+    """Such as "X loses 8.2 ± 0.6 um at reversal, short from both sides (backlash-x). ..."."""
     found = "; ".join(said.named for said in sentences(item))
     return " ".join([f"{_capital(found, item)}.", *_set_up(item), _before_after(item)])
 
@@ -123,6 +123,11 @@ def _unexplained(item: TableResult) -> str:
     ]
     if item.without_name:
         fired.append("a smooth drift or field explains more than any named effect")
+    fired += [
+        f"{name} fits only twice over, in two forms that no one cause has at once, and together "
+        "they are a shape without a name"
+        for name in item.twofold
+    ]
     rest, floor = _together(item, item.unexplained_rms, item.floor)
     left = f"What is left has an rms of {rest} {item.table.unit}"
     left += f"; repeatability is {floor} {item.table.unit}." if item.floor is not None else "."

@@ -16,13 +16,13 @@ SHOWN = 40
 """Features listed one by one; more are summed up only."""
 
 
-def table(result: CompareResult) -> list[object]:
+def table(result: CompareResult, digits: int = 2) -> list[object]:
     """The verdicts in words and the summary first, then lengths, then features where few."""
     sheets: list[object] = [_words(result), _summary_sheet(result)]
     if result.lengths is not None:
-        sheets.append(_sheet("Lengths", result.lengths))
+        sheets.append(_sheet("Lengths", result.lengths, digits))
     if len(result.features.labels) <= SHOWN:
-        sheets.append(_sheet("Features", result.features))
+        sheets.append(_sheet("Features", result.features, digits))
     return sheets
 
 
@@ -97,7 +97,7 @@ def _shown(found: Range | None) -> str:
     return f"{significant(found.least)} to {significant(found.largest)}"
 
 
-def _sheet(title: str, found: Compared) -> Sheet:
+def _sheet(title: str, found: Compared, digits: int) -> Sheet:
     columns = [
         Column(title="item\n", text=True, folds=True),
         Column(title="predicted\num"),
@@ -108,7 +108,7 @@ def _sheet(title: str, found: Compared) -> Sheet:
         Column(title="p scatter\n"),
         Column(title="verdict\n", text=True, folds=True),
     ]
-    rows = [_row(found, i) for i in range(len(found.labels))]
+    rows = [_row(found, i, digits) for i in range(len(found.labels))]
     note = (
         "predicted, measured: mean ± u of one future part (in anova ± is the u of the mean); "
         "bias ± its u; E_n = bias/(k u of the bias); p scatter: that the prediction allows such "
@@ -117,12 +117,12 @@ def _sheet(title: str, found: Compared) -> Sheet:
     return Sheet(title=title, columns=columns, rows=rows, notes=[note])
 
 
-def _row(found: Compared, i: int) -> Sequence[str]:
+def _row(found: Compared, i: int, digits: int) -> Sequence[str]:
     return [
         " ".join(word for word in found.labels[i] if word),
-        plus_minus(found.predicted.mean[i] / UM, found.predicted.u[i] / UM),
-        plus_minus(found.measured.mean[i] / UM, found.measured.u[i] / UM),
-        plus_minus(found.bias[i] / UM, found.u_difference[i] / UM),
+        plus_minus(found.predicted.mean[i] / UM, found.predicted.u[i] / UM, digits),
+        plus_minus(found.measured.mean[i] / UM, found.measured.u[i] / UM, digits),
+        plus_minus(found.bias[i] / UM, found.u_difference[i] / UM, digits),
         significant(found.E_n[i]),
         significant(found.ratio_u[i]),
         p_value(float(found.p_scatter[i])),

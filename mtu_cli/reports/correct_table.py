@@ -29,7 +29,7 @@ DETERMINED = {"circle": 3, "sphere": 4, "length": 2}
 SIGN = "corrected = measured + correction; correction = minus the modelled error"
 
 
-def table(result: CorrectResult) -> list[Sheet]:
+def table(result: CorrectResult, digits: int = 2) -> list[Sheet]:
     """Circles, spheres and lengths where there are any, then the points."""
     sheets = []
     for title, items in (
@@ -38,13 +38,14 @@ def table(result: CorrectResult) -> list[Sheet]:
         ("Lengths", result.of_kind("length")),
     ):
         if items:
-            sheet = _sizes(title, items)
+            sheet = _sizes(title, items, digits)
             sheets.append(replace(sheet, notes=[*sheet.notes, _scattered(result)]))
-    sheets.append(_listed(result) if len(result.points) <= SHOWN else _summed(result))
+    few = len(result.points) <= SHOWN
+    sheets.append(_listed(result, digits) if few else _summed(result, digits))
     return sheets
 
 
-def _sizes(title: str, items: tuple[Size, ...]) -> Sheet:
+def _sizes(title: str, items: tuple[Size, ...], digits: int) -> Sheet:
     rounds = items[0].kind != "length"
     warm = any(math.isfinite(item.temperature) for item in items)
     columns = [
@@ -60,7 +61,7 @@ def _sizes(title: str, items: tuple[Size, ...]) -> Sheet:
         Column(title="reduction\n%"),
     ]
     columns += [Column(title="form\num")] if rounds else []
-    rows = [_row(item, rounds=rounds, warm=warm) for item in items[:SIZES]]
+    rows = [_row(item, digits, rounds=rounds, warm=warm) for item in items[:SIZES]]
     against = "calibrated diameter" if rounds else "nominal length"
     notes = [
         f"before, after: measured minus {against}, after ± its u; "
@@ -101,7 +102,7 @@ def _scattered(result: CorrectResult) -> str:
     )
 
 
-def _row(item: Size, *, rounds: bool, warm: bool) -> list[str]:
+def _row(item: Size, digits: int, *, rounds: bool, warm: bool) -> list[str]:
     u = item.u_error / UM
     before, after = (value / UM for value in item.error)
     low, high = (end / UM for end in item.error_interval95)
@@ -113,7 +114,7 @@ def _row(item: Size, *, rounds: bool, warm: bool) -> list[str]:
             *([fixed(item.temperature, 1)] if warm else []),
             MISSING,
             f"{item.size[0]:.4f} mm",
-            f"{plus_minus(item.size[1], item.u)} mm",
+            f"{plus_minus(item.size[1], item.u, digits)} mm",
             MISSING,
             MISSING,
             _form(item),
@@ -121,9 +122,9 @@ def _row(item: Size, *, rounds: bool, warm: bool) -> list[str]:
     row = [item.id, _part(item), *([fixed(item.temperature, 1)] if warm else [])]
     row += [
         f"{item.reference:.4f}",
-        plus_minus(before, u).partition(" ")[0],
-        plus_minus(after, u),
-        interval(low, high, u),
+        _rounded(before, u, digits),
+        plus_minus(after, u, digits),
+        interval(low, high, u, digits),
         fixed(item.reduction_percent, 1),
     ]
     return [*row, _form(item)] if rounds else row
@@ -144,7 +145,7 @@ def _form(item: Size) -> str:
     return " to ".join(significant(side) for side in sides)
 
 
-def _listed(result: CorrectResult) -> Sheet:
+def _listed(result: CorrectResult, digits: int) -> Sheet:
     points = result.points
     axes = [AXES.index(axis) for axis in result.axes]
     repeated = bool((points.repeat >= 0).any())
@@ -161,7 +162,7 @@ def _listed(result: CorrectResult) -> Sheet:
         row = [points.parts[points.part[i]], points.features[points.feature[i]]]
         row += [str(points.repeat[i]) if points.repeat[i] >= 0 else MISSING] if repeated else []
         for k in axes:
-            row.append(plus_minus(-result.error[i, k] / UM, result.u[i, k] / UM))
+            row.append(plus_minus(-result.error[i, k] / UM, result.u[i, k] / UM, digits))
             row.append(_mm(result.corrected[i, k], u[i, k]))
         rows.append(row)
     return Sheet(
@@ -174,7 +175,7 @@ def _mm(value: float, u: float) -> str:
     return fixed(value, 4 if not math.isfinite(u) or u < 0.01 else 3)
 
 
-def _summed(result: CorrectResult) -> Sheet:
+def _summed(result: CorrectResult, digits: int) -> Sheet:
     columns = [
         Column(title="axis\n", text=True),
         Column(title="points\n"),
@@ -188,17 +189,17 @@ def _summed(result: CorrectResult) -> Sheet:
             [
                 axis,
                 str(own.points),
-                *(_rounded(value / UM, u) for value in (own.least, own.mean, own.largest)),
-                significant(u),
-                significant(own.u_largest / UM),
+                *(_rounded(value / UM, u, digits) for value in (own.least, own.mean, own.largest)),
+                significant(u, digits),
+                significant(own.u_largest / UM, digits),
             ]
         )
     notes = [f"{SIGN}; all points with --csv or -o; {_kind(result)}"]
     return Sheet(title="Corrections of the points", columns=columns, rows=rows, notes=notes)
 
 
-def _rounded(value: float, u: float) -> str:
-    return plus_minus(value, u).partition(" ")[0]
+def _rounded(value: float, u: float, digits: int) -> str:
+    return plus_minus(value, u, digits).partition(" ")[0]
 
 
 def _kind(result: CorrectResult) -> str:

@@ -105,6 +105,9 @@ def root(variance: float) -> float:
 def matrix(values: FloatArray) -> list[Any]:
     """An array as nested lists, None where a number is not finite."""
     array = np.asarray(values, dtype=np.float64)
+    if np.isfinite(array).all():
+        found: list[Any] = array.tolist()
+        return found
     if array.ndim == 1:
         return [finite(value) for value in array]
     return [matrix(row) for row in array]

@@ -29,7 +29,7 @@ TESTS: tuple[Callable[[InstrumentFit], FTest | Shift | None], ...] = (
 )
 
 
-def table(machine: str, fit: MachineFit, estimates: Estimates) -> list[Sheet]:
+def table(machine: str, fit: MachineFit, estimates: Estimates, digits: int = 2) -> list[Sheet]:
     """Coefficients with u, scatter and tests; what is not determined below."""
     titles = ["at 0\nunit", "slope\nunit/m", "s_repeat\nunit", "s_pass\nunit", "drift\np"]
     titles += ["trend\np", "misfit\np", "reversal\nunit"]
@@ -41,7 +41,7 @@ def table(machine: str, fit: MachineFit, estimates: Estimates) -> list[Sheet]:
     ]
     standing_out = [_standing_out(fit, test) for test in TESTS]
     rows = [
-        _row(name, item, fit.components.get(name), standing_out)
+        _row(name, item, fit.components.get(name), standing_out, digits)
         for name, item in estimates.components.items()
     ]
     legend = (
@@ -49,7 +49,7 @@ def table(machine: str, fit: MachineFit, estimates: Estimates) -> list[Sheet]:
         "steady from pass to pass; misfit: the polynomial does not fit; reversal: forward minus "
         f"reverse; * stands out among all components at {100 * FAMILY_RATE:g} % (Bonferroni)"
     )
-    notes = [legend, *_higher(estimates), *_stated(fit, estimates), *_agreement(fit)]
+    notes = [legend, *_higher(estimates, digits), *_stated(fit, estimates), *_agreement(fit)]
     notes += _open(fit, estimates)
     return [Sheet(title=f"Components of {machine}", columns=columns, rows=rows, notes=notes)]
 
@@ -72,19 +72,20 @@ def _row(
     estimate: ComponentEstimate,
     found: ComponentFit | None,
     standing_out: Sequence[set[str]],
+    digits: int,
 ) -> list[str]:
     f = estimate.unit.to_internal
     value, u = estimate.coefficients / f, np.sqrt(np.diag(estimate.covariance)) / f
     one = single_instrument(found)
     slope = MISSING
     if len(value) > 1:
-        slope = plus_minus(value[1] * MM_PER_M, _known(u[1] * MM_PER_M))
+        slope = plus_minus(value[1] * MM_PER_M, _known(u[1] * MM_PER_M), digits)
     row = [name, estimate.of or MISSING, estimate.unit.name]
-    row += [plus_minus(value[0], _known(u[0])), slope, *_scatter(estimate, found)]
+    row += [plus_minus(value[0], _known(u[0]), digits), slope, *_scatter(estimate, found, digits)]
     return row + _tests(name, one, found, standing_out, f)
 
 
-def _scatter(estimate: ComponentEstimate, found: ComponentFit | None) -> list[str]:
+def _scatter(estimate: ComponentEstimate, found: ComponentFit | None, digits: int) -> list[str]:
     """s_repeat and s_pass, each only where something tells it from the other."""
     f = estimate.unit.to_internal
     s_pass = float(np.sqrt(pass_covariance(estimate, found)[0, 0])) / f
@@ -92,8 +93,8 @@ def _scatter(estimate: ComponentEstimate, found: ComponentFit | None) -> list[st
     repeated = not fits or any(not fit.separated or fit.within_dof > 0 for fit in fits)
     several_passes = any(fit.separated for fit in fits) if fits else s_pass > 0
     return [
-        significant(estimate.s_repeat / f) if repeated else MISSING,
-        significant(s_pass) if several_passes else MISSING,
+        significant(estimate.s_repeat / f, digits) if repeated else MISSING,
+        significant(s_pass, digits) if several_passes else MISSING,
     ]
 
 
@@ -119,14 +120,15 @@ def _known(u: float) -> float | None:
     return float(u) if u > 0 else None
 
 
-def _higher(estimates: Estimates) -> list[str]:
+def _higher(estimates: Estimates, digits: int) -> list[str]:
     """Coefficients beyond the slope."""
     notes = []
     for name, item in estimates.components.items():
         f, u = item.unit.to_internal, np.sqrt(np.diag(item.covariance))
         for power in range(2, len(item.coefficients)):
             scale = MM_PER_M**power / f
-            shown = plus_minus(item.coefficients[power] * scale, _known(u[power] * scale))
+            value, known = item.coefficients[power] * scale, _known(u[power] * scale)
+            shown = plus_minus(value, known, digits)
             notes.append(f"{name}: {shown} {item.unit.name}/m^{power} with {item.of}^{power}")
     return notes
 

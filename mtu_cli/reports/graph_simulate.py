@@ -124,20 +124,20 @@ def _known_to(item: SimulatedCoordinate) -> str:
     return f"{item.output} (u {own} {unit}, ends of the interval ± {ends} {unit})"
 
 
-def table(result: GraphSimulation) -> list[Sheet]:
+def table(result: GraphSimulation, digits: int = 2) -> list[Sheet]:
     """One row a coordinate: its nominal, and what differs from it in um, urad or millionths; and
     one a chance.
     """
     plain = [item for item in result.coordinates if not item.chance]
     chances = [item for item in result.coordinates if item.chance]
     title = f"Graph: {result.graph.graph.name}"
-    sheets = [_places(title, plain)] if plain else []
+    sheets = [_places(title, plain, digits)] if plain else []
     if chances:
         sheets.append(_chances(title if not plain else "Chances", chances))
     return sheets
 
 
-def _places(title: str, coordinates: Sequence[SimulatedCoordinate]) -> Sheet:
+def _places(title: str, coordinates: Sequence[SimulatedCoordinate], digits: int) -> Sheet:
     columns = [
         Column(title="place\n", text=True, folds=True),
         Column(title="nominal\nmm, rad, 1"),
@@ -154,7 +154,7 @@ def _places(title: str, coordinates: Sequence[SimulatedCoordinate]) -> Sheet:
         "uncertainty to either side; variance from: shares of its square",
         _verdicts_explained({_verdict(item) for item in coordinates}),
     ]
-    rows = [_row(item) for item in coordinates]
+    rows = [_row(item, digits) for item in coordinates]
     return Sheet(title=title, columns=columns, rows=rows, notes=notes)
 
 
@@ -186,17 +186,17 @@ def _counts(coordinates: Sequence[SimulatedCoordinate]) -> str:
     return str(low) if low == high else f"{low} to {high}"
 
 
-def _row(item: SimulatedCoordinate) -> list[str]:
+def _row(item: SimulatedCoordinate, digits: int) -> list[str]:
     factor, unit = small_unit(item.output.unit)
     u = item.u * factor
     low, high = ((end - item.nominal) * factor for end in item.interval)
     return [
         str(item.output),
         "0" if item.at_zero else significant(item.nominal, PLAIN_DIGITS),
-        with_u((item.mean - item.nominal) * factor, u)[0],
-        significant(u),
-        "fixed" if item.fixed else interval(low, high, u),
-        significant(item.first_order_u * factor),
+        with_u((item.mean - item.nominal) * factor, u, digits)[0],
+        significant(u, digits),
+        "fixed" if item.fixed else interval(low, high, u, digits),
+        significant(item.first_order_u * factor, digits),
         unit,
         shares_text(item.shares),
         _verdict(item),

@@ -118,13 +118,13 @@ def _known_to(result: Sweep) -> str:
     return f"the standard error of u is up to {significant(100 * result.largest_error)} %"
 
 
-def table(result: Sweep) -> list[Sheet]:
+def table(result: Sweep, digits: int = 2) -> list[Sheet]:
     """One row a grid point: mean and u, in um for a length; or the chance."""
     names = list(result.varied)
     varied = [
         Column(title=name.replace("_um", "\num") if "_" in name else f"{name}\n") for name in names
     ]
-    columns, cells = _chances(result) if result.chance else _uncertainties(result)
+    columns, cells = _chances(result) if result.chance else _uncertainties(result, digits)
     rows = [
         [*(f"{item.at[name]:g}" for name in names), *own, str(item.trials)]
         for item, own in zip(result.grid, cells, strict=True)
@@ -139,7 +139,7 @@ def _chances(result: Sweep) -> tuple[list[Column], list[list[str]]]:
     return columns, [[chance_text(item.mean, item.se_mean, item.trials)] for item in result.grid]
 
 
-def _uncertainties(result: Sweep) -> tuple[list[Column], list[list[str]]]:
+def _uncertainties(result: Sweep, digits: int) -> tuple[list[Column], list[list[str]]]:
     factor, unit = _shown(result)
     columns = [
         Column(title=f"mean less nominal\n{unit}"),
@@ -150,7 +150,7 @@ def _uncertainties(result: Sweep) -> tuple[list[Column], list[list[str]]]:
     ]
     cells = [
         [
-            with_u(item.deviation * factor, item.u * factor)[0],
+            with_u(item.deviation * factor, item.u * factor, digits)[0],
             significant(item.u * factor, 4),
             significant(item.first_order_u * factor, 4),
             significant(item.formula_u * factor, 4),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,12 @@ from mtu_cli.stats.least_squares import FloatArray
 DIRECTIONS = 16
 WIDTH = 34
 """Characters of a line of a name beside a panel."""
+CHARACTER = 0.066
+"""Width of a character of a name, inches."""
+LINE = 0.24
+"""Between names one above the other, inches."""
+LONG, SHORT = 40, 5
+"""Characters that a name keeps where there is no room for all of it, at most and at least."""
 
 
 def cut(name: str, length: int) -> str:
@@ -21,6 +27,37 @@ def cut(name: str, length: int) -> str:
         return name
     end = (length - 3) // 2
     return f"{name[: length - 3 - end]}...{name[-end:]}"
+
+
+def clipped(name: str, length: int) -> str:
+    """The same with one sign for what is left out, where there is little room."""
+    if len(name) <= length:
+        return name
+    end = (length - 1) // 2
+    return f"{name[: length - 1 - end]}\N{HORIZONTAL ELLIPSIS}{name[len(name) - end :]}"
+
+
+def room(names: Collection[str], places: Sequence[FloatArray], spacing: float) -> int:
+    """Characters of a name that there is room for beside features at `places` (n, 2), inches.
+
+    All of the longest, or of long names as many as the others leave room for and as tell all names
+    apart; 0 where that is none. `spacing` of neighbouring features, inches.
+    """
+    longest: int = max(len(name) for name in names)
+    lengths: list[int] = [longest, *range(min(LONG, longest - 1), SHORT - 1, -1)]
+    for letters in lengths:
+        if len({clipped(name, letters) for name in names}) < len(names):
+            return 0
+        width = CHARACTER * letters
+        if width <= 0.6 * spacing or all(_rows_fit(item, width) for item in places):
+            return letters
+    return 0
+
+
+def _rows_fit(places: FloatArray, width: float) -> bool:
+    """Whether names of a `width`, inches, have room where features stand in rows or columns."""
+    dx, dy = np.abs(places[:, None] - places[None])[np.triu_indices(len(places), 1)].T
+    return bool(((width <= 0.6 * dx) | (dy >= LINE)).all())
 
 
 def spread(count: int, most: int) -> list[int]:

@@ -88,7 +88,7 @@ def warnings(result: LengthsResult) -> list[Warned]:
     ]
 
 
-def table(result: LengthsResult) -> list[Sheet]:
+def table(result: LengthsResult, digits: int = 2) -> list[Sheet]:
     """One row a length; um beside the nominal length."""
     toleranced = any(item.conformance for item in result.lengths)
     columns = [
@@ -99,7 +99,7 @@ def table(result: LengthsResult) -> list[Sheet]:
     ]
     if toleranced:
         columns += [Column(title="tolerance\num"), Column(title="conforming\n%")]
-    rows = [_row(item, toleranced) for item in result.lengths]
+    rows = [_row(item, toleranced, digits) for item in result.lengths]
     k = result.lengths[0].k
     notes = [
         f"U = {k:g} u of one future part: repeatability, drift, coefficients; error = actual minus "
@@ -118,16 +118,16 @@ def table(result: LengthsResult) -> list[Sheet]:
     return [Sheet(title="Lengths", columns=columns, rows=rows, notes=notes)]
 
 
-def _row(item: Length, toleranced: bool) -> list[str]:
+def _row(item: Length, toleranced: bool, digits: int) -> list[str]:
     error, u = item.error / UM, item.u / UM
     low, high = (end / UM for end in item.interval95)
     row = [
         item.id,
         f"{item.nominal:.3f}",
-        *with_u(error, u),
-        with_u(item.k * u, u)[0],
-        interval(low, high, u),
-        significant(root(item.independent_variance) / UM),
+        *with_u(error, u, digits),
+        with_u(item.k * u, u, digits)[0],
+        interval(low, high, u, digits),
+        significant(root(item.independent_variance) / UM, digits),
     ]
     if toleranced:
         found = item.conformance

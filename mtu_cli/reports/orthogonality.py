@@ -111,7 +111,7 @@ def warnings(result: OrthogonalityResult) -> list[Warned]:
     return list(dict.fromkeys(noted))
 
 
-def table(result: OrthogonalityResult, coverage_factor: float) -> list[Sheet]:
+def table(result: OrthogonalityResult, coverage_factor: float, digits: int = 2) -> list[Sheet]:
     """One row an angle; arcsec."""
     names = ("mean", "u", "U", "95 % interval", "first order u", "u indep.")
     columns = [
@@ -128,12 +128,12 @@ def table(result: OrthogonalityResult, coverage_factor: float) -> list[Sheet]:
         rows.append(
             [
                 item.id,
-                with_u(mean, scale)[0],
-                significant(u),
-                with_u(coverage_factor * u, u)[0],
-                interval(item.run.low[0] / ARCSEC, item.run.high[0] / ARCSEC, scale),
-                significant(item.first_order[1] / ARCSEC),
-                significant(item.independent.u[0] / ARCSEC),
+                with_u(mean, scale, digits)[0],
+                significant(u, digits),
+                with_u(coverage_factor * u, u, digits)[0],
+                interval(item.run.low[0] / ARCSEC, item.run.high[0] / ARCSEC, scale, digits),
+                significant(item.first_order[1] / ARCSEC, digits),
+                significant(item.independent.u[0] / ARCSEC, digits),
                 str(item.run.trials),
                 verdict[item.validation.passed],
             ]

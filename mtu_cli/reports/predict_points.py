@@ -25,9 +25,13 @@ __all__ = ["csv_rows", "document", "figure", "table", "warnings"]
 def document(result: PointsResult, *, with_covariance: bool = False) -> dict[str, Any]:
     """`results` of the report; the covariance between all points and axes only if asked for."""
     prediction = result.prediction
+    outside = _outside(result)
     results: dict[str, Any] = {
         "axes": list(prediction.axes),
-        "points": [_point(result, i) for i in range(len(prediction.ids))],
+        "points": [
+            {**_point(result, i), "outside_measured_range": outside.get(name, [])}
+            for i, name in enumerate(prediction.ids)
+        ],
     }
     if with_covariance:
         results["covariance_rows"] = [f"{i}.{a}" for i in prediction.ids for a in prediction.axes]
@@ -54,7 +58,6 @@ def _point(result: PointsResult, i: int) -> dict[str, Any]:
                 "passes": um2(result.passes[row]),
                 "repeatability": um2(result.repeatability[row]),
             }
-    point["outside_measured_range"] = _outside(result, prediction.ids[i])
     return point
 
 
@@ -73,8 +76,12 @@ def _scatter(axis: str, variance: float, k: float) -> dict[str, Any]:
     return {f"var_{axis}_um2": um2(variance), f"u_{axis}_um": um(u), f"U_{axis}_um": um(k * u)}
 
 
-def _outside(result: PointsResult, name: str) -> list[str]:
-    return [component for point, component, *_ in result.prediction.outside if point == name]
+def _outside(result: PointsResult) -> dict[str, list[str]]:
+    """The components beyond their measured range, by feature."""
+    found: dict[str, list[str]] = {}
+    for point, component, *_ in result.prediction.outside:
+        found.setdefault(point, []).append(component)
+    return found
 
 
 def warnings(result: PointsResult) -> list[Warned]:
@@ -82,8 +89,8 @@ def warnings(result: PointsResult) -> list[Warned]:
     return list(result.warnings)
 
 
-def table(result: PointsResult) -> list[Sheet]:
-    """One row a feature: position, and E, u, U by axis; um."""
+def table(result: PointsResult, digits: int = 2) -> list[Sheet]:
+    """One row a feature: position, and E, u, U by axis; um, u to `digits`."""
     axes = result.prediction.axes
     placed = [a for a in range(3) if np.isfinite(result.points[:, a]).any()]
     columns = [Column(title="feature\n", text=True, folds=True)]
@@ -92,11 +99,13 @@ def table(result: PointsResult) -> list[Sheet]:
         columns += [Column(title=f"{name}\num") for name in (f"E{axis}", "u", "U")]
         columns.append(Column(title="95 %\num" if len(axes) < 3 else "dof\n"))
     rows = []
+    outside = _outside(result)
+    places = [_places(result.points[:, a]) for a in placed]
     for i, name in enumerate(result.prediction.ids):
-        flag = "†" if _outside(result, name) else ""
-        cells = [f"{name}{flag}", *(_place(result.points[:, a], i) for a in placed)]
+        flag = "†" if name in outside else ""
+        cells = [f"{name}{flag}", *(column[i] for column in places)]
         for j in range(len(axes)):
-            cells += _cells(result, i * len(axes) + j, last_is_interval=len(axes) < 3)
+            cells += _cells(result, i * len(axes) + j, digits, last_is_interval=len(axes) < 3)
         rows.append(cells)
     notes = [f"U = {result.coverage_factor:g} u; error = actual minus nominal; {_kind(result)}"]
     if result.prediction.outside:
@@ -104,12 +113,12 @@ def table(result: PointsResult) -> list[Sheet]:
     return [Sheet(title="Errors of the features", columns=columns, rows=rows, notes=notes)]
 
 
-def _place(column: FloatArray, i: int) -> str:
-    """A coordinate in mm, with decimals only where the column has any."""
-    if np.isnan(column[i]):
-        return MISSING
+def _places(column: FloatArray) -> list[str]:
+    """Coordinates in mm, with decimals only where the column has any."""
     whole = bool(np.all(np.isnan(column) | (column == np.round(column))))
-    return fixed(float(column[i]), 0 if whole else 3)
+    return [
+        MISSING if np.isnan(value) else fixed(float(value), 0 if whole else 3) for value in column
+    ]
 
 
 def _kind(result: PointsResult) -> str:
@@ -118,11 +127,13 @@ def _kind(result: PointsResult) -> str:
     return "covariance of shared passes and coefficients included"
 
 
-def _cells(result: PointsResult, row: int, *, last_is_interval: bool) -> list[str]:
+def _cells(result: PointsResult, row: int, digits: int, *, last_is_interval: bool) -> list[str]:
     error, u = result.prediction.mean[row] / UM, root(float(result.variance[row])) / UM
     low, high = result.interval95[row] / UM
-    last = interval(low, high, u) if last_is_interval else degrees_of_freedom(result.dof[row])
-    return [*with_u(error, u), with_u(result.coverage_factor * u, u)[0], last]
+    U = with_u(result.coverage_factor * u, u, digits)[0]
+    dof = degrees_of_freedom(result.dof[row])
+    last = interval(low, high, u, digits) if last_is_interval else dof
+    return [*with_u(error, u, digits), U, last]
 
 
 def csv_rows(result: PointsResult) -> tuple[list[str], Iterable[list[object]]]:

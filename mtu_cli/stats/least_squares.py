@@ -90,30 +90,65 @@ def _refined(
 def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Minimises |y - X b|^2 of m small problems at once; X is (k, n, m), y is (n, m), k <= n.
 
-    Returns b (k, m) and the sum of squares (m,) that X explains, |y|^2 - |y - X b|^2. Modified
-    Gram-Schmidt of X with y beside it, which loses no more digits than Householder's (Bjorck
-    1967, BIT 7, 1-21): the condition of X is not squared. Where a problem does not determine
-    its b (to `RANK_TOLERANCE` of a column's length) both are nan.
+    Returns b (k, m) and the sum of squares (m,) that X explains, |y|^2 - |y - X b|^2, by
+    `_orthogonalised`. Where a problem does not determine its b (to `RANK_TOLERANCE` of a column's
+    length) both are nan.
     """
-    k, _, m = X.shape
-    Q, rest = X.copy(), y.copy()
-    R, z = np.zeros((k, k, m)), np.empty((k, m))
-    for j in range(k):
-        # What is left of a column beside the ones before it tells the rank.
-        whole, left = _length(X[j]), _length(Q[j])
-        R[j, j] = np.where(left > RANK_TOLERANCE * whole, left, np.nan)
-        Q[j] /= R[j, j]
-        for c in range(j + 1, k):
-            R[j, c] = np.einsum("nm,nm->m", Q[j], Q[c])
-            Q[c] -= R[j, c] * Q[j]
-        z[j] = np.einsum("nm,nm->m", Q[j], rest)
-        rest -= z[j] * Q[j]
+    R, z, _ = _orthogonalised(X, y, RANK_TOLERANCE * _length(X), np.nan)
+    k, m = z.shape
     b = np.empty((k, m))
     for j in reversed(range(k)):
         b[j] = (z[j] - np.einsum("cm,cm->m", R[j, j + 1 :], b[j + 1 :])) / R[j, j]
     return b, np.einsum("km,km->m", z, z)
 
 
+def batched_squares_left(X: FloatArray, y: FloatArray, least: float) -> FloatArray:
+    """min over b of |y - X b|^2, (m,), of m small problems at once; X is (k, n, m), y (n, m) or
+    (n, 1) for all of them.
+
+    A column of which no more than the length `least` is left beside those before it explains
+    nothing: what is rounding alone takes nothing from the others either.
+    """
+    given = np.broadcast_to(y, X.shape[1:])
+    _, _, rest = _orthogonalised(X, given, np.full(1, least), np.inf)
+    found: FloatArray = np.einsum("nm,nm->m", rest, rest)
+    return found
+
+
+def beside(rows: FloatArray, first: int) -> FloatArray:
+    """The last columns of `rows` (n, first + k) beside the first ones, as at most k rows: squares
+    and products are those of what the first leave of them.
+    """
+    R = np.asarray(np.linalg.qr(rows, mode="r"), np.float64)
+    return R[first:, first:]
+
+
+def _orthogonalised(
+    X: FloatArray, y: FloatArray, least: FloatArray, undetermined: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """X = Q R with R (k, k, m), z = Q'y (k, m) and what X leaves of y (n, m).
+
+    Modified Gram-Schmidt of X with y beside it, which loses no more digits than Householder's
+    (Bjorck 1967, BIT 7, 1-21): the condition of X is not squared. The diagonal of R is
+    `undetermined` where no more than `least` (k or 1, m or 1) is left of a column beside the ones
+    before it: nan makes all of its problem nan, infinity a column of Q that is 0.
+    """
+    k, _, m = X.shape
+    least = np.broadcast_to(least, (k, m))
+    Q, rest = X.copy(), y.copy()
+    R, z = np.zeros((k, k, m)), np.empty((k, m))
+    for j in range(k):
+        left = _length(Q[j])
+        R[j, j] = np.where(left > least[j], left, undetermined)
+        Q[j] /= R[j, j]
+        for c in range(j + 1, k):
+            R[j, c] = np.einsum("nm,nm->m", Q[j], Q[c])
+            Q[c] -= R[j, c] * Q[j]
+        z[j] = np.einsum("nm,nm->m", Q[j], rest)
+        rest -= z[j] * Q[j]
+    return R, z, rest
+
+
 def _length(columns: FloatArray) -> FloatArray:
-    found: FloatArray = np.sqrt(np.einsum("nm,nm->m", columns, columns))
+    found: FloatArray = np.sqrt(np.einsum("...nm,...nm->...m", columns, columns))
     return found

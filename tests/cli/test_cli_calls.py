@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cli_runner import SMALL, TRUTH, done, mtu, prepared, refused
+from support import CONFIGS, PAPER
 
 OUTPUTS = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.png"]
 
@@ -26,6 +28,29 @@ def test_all_settings_out_of_range_are_told_at_once(work: Path) -> None:
     assert len(found) == len(values)
     for line, (option, value) in zip(found, values.items(), strict=True):
         assert line.startswith(f"{option} is out of range: '{value}'; expected ")
+
+
+@pytest.mark.parametrize(
+    ("call", "shown"),
+    [
+        (["fit-components", SMALL], r"(?m)^\S+ .*?± (\S+)"),
+        (["compare", CONFIGS / "undeclared"], r"± (\d\S*)"),
+        (["anova", CONFIGS / "undeclared"], r"± (\d\S*)"),
+        (["predict-points", PAPER], r"(?m)^\d+ .*?(\S+) +\S+ +\["),
+        (["budget", CONFIGS / "budgets" / "gum-h1-end-gauge.yaml", "--trials", 4000],
+         r"order +\S+ +(\S+)"),
+        (["graph", "simulate", CONFIGS / "graphs" / "bore-to-bore.yaml", "--trials", 4000],
+         r"(\S+) +\["),
+    ],
+    ids=lambda item: item[0] if isinstance(item, list) else "",
+)  # fmt: skip
+def test_tables_show_the_digits_of_u_that_are_asked_for(call: list[Any], shown: str) -> None:
+    found = re.findall(shown, done(mtu(*call, "--digits", 3)).stdout)
+    assert found
+    for u in found:
+        figures = u.partition("e")[0].replace(".", "").lstrip("0")
+        # An integer may end in zeros, as in 1250 for 1.25e3.
+        assert len(figures) == 3 or ("." not in u and len(figures) > 3), u
 
 
 def test_the_other_ends_of_the_ranges(work: Path) -> None:
@@ -88,6 +113,19 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
         (["--effect", "Ex: 0.004*dirx"], "unknown name 'dirx' at column 11"),
         (["--effect", "Ex: 0.004*"], "--effect Ex: the equation ends too early at column 11"),
         (["--effect", "Ex: 1/(x - x)"], "--effect Ex: no finite value in part 1 at feature 'A'"),
+        (
+            ["--effect", "Ex: x*(T_a_degC - 20)", "--covariate", "T_a_degC: 20"],
+            "--effect Ex: this term is a length (mm) times a temperature (degC), its equation is "
+            "a length (mm) at column 5: 'x*(T_a_degC - 20)'; expected a number before it",
+        ),
+        (["--effect", "Ex: exp(-time_min)"], "--effect Ex: exp of a time (min) at column 9"),
+        (["--scatter", "Ex: x*y"], "--scatter Ex: this term is mm^2, its equation is a length"),
+        (
+            ["--covariate", "T_a_degC: 20 + time_min"],
+            "--covariate T_a_degC: this term is a time (min), its equation is a temperature "
+            "(degC) at column 16: 'time_min'",
+        ),
+        (["--covariate", "load: x + time_min"], "are added at column 9"),
         (["--covariate", "x_mm: 1"], "--covariate: the name 'x_mm' is taken: 'x_mm: 1'"),
         (["--covariate", "dir_x: 1"], "--covariate: the name 'dir_x' is taken"),
         (["--covariate", "T_a_degC: 20 + t"], "unknown name 't' at column 16"),

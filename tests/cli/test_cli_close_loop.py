@@ -80,6 +80,8 @@ def test_the_effect_is_named_alone(first: Run) -> None:
     assert parameter["unit"] == "um"
     assert abs(parameter["value"] - TRUE_UM) < 3 * parameter["u"]
     assert parameter["u"] < 0.3
+    # Where it was found: the parts were machined in both directions.
+    assert "    seen:\n      dir_x: [-1.0, 1.0]\n" in first.machine.read_text()
     assert not results["unexplained"]["found"]
 
 
@@ -121,7 +123,7 @@ def test_the_table_says_it_first_and_in_words(first: Run) -> None:
     heading, *rest = first.result.stdout.splitlines()
     assert heading == "Undeclared effects: named"
     said = " ".join(rest[:3])
-    assert re.search(r"X loses \d\.\d+ ± 0\.\d+ um at reversal \(backlash-x\)", said)
+    assert re.search(r"X gains \d\.\d+ ± 0\.\d+ um at reversal, too far .*\(backlash-x\)", said)
     assert "Held-out parts: rms 3." in said
     assert max(map(len, first.result.stdout.splitlines())) <= 100
     assert "verdict named" in first.result.stderr

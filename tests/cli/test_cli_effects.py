@@ -141,7 +141,8 @@ def test_measured_points_bring_their_covariates(
 def untold(work: Path) -> str:
     """The small study, whose machine has a pitch that is one of four; what is to be told of it."""
     before = load_machine(work / "before.yaml")
-    content = extended_machine(before, [EFFECTS[1], CYCLIC]).content
+    trend = replace(EFFECTS[1], seen={"tool_parts": [0.0, 2.0]})
+    content = extended_machine(before, [trend, CYCLIC]).content
     (work / "machine.yaml").write_bytes(content)
     line = 1 + content.decode().splitlines().index("  - name: cyclic-x")
     return (
@@ -161,6 +162,13 @@ def test_a_pitch_that_was_not_told_is_told_of(
     found = [item for item in report["warnings"] if "cyclic-x" in item["message"]]
     assert found == [{"code": "searched-not-told", "message": untold}]
     assert told.count("was not told by") == 1
+    last = 5 if command in PREDICTIONS else 4
+    (beyond,) = [item for item in report["warnings"] if item["code"] == "outside-effect-range"]
+    assert beyond["message"] == (
+        "machine.yaml: effects[0] (trend-y) was found with tool_parts from 0 to 2: what it says "
+        f"at {last} is a guess"
+    )
+    assert told.count(beyond["message"]) == 1
 
 
 @dataclass(frozen=True)
@@ -216,12 +224,15 @@ def inputs_of(work: Path, monkeypatch: pytest.MonkeyPatch, **values: Any) -> Inp
     return Inputs(Options("close-loop", paths))
 
 
-def made(inputs: Inputs, effects: Sequence[Effect], covariance: Any = None) -> list[str]:
+def made(
+    inputs: Inputs, effects: Sequence[Effect], covariance: Any = None, seen: Any = None
+) -> list[str]:
     """Writes what is asked for, and gives the codes of the warnings."""
     found = modelled(inputs)
     known = Known(estimates=found.estimates, fit=found.fit)
     held_out = {"before": {"rms_um": 5.0}, "after": {"rms_um": 3.5}}
-    result = written(inputs, known, Settings(), effects, covariance, [held_out] * len(effects))
+    worth = [held_out] * len(effects)
+    result = written(inputs, known, Settings(), effects, covariance, worth, seen)
     for path, content in result.files.items():
         path.write_bytes(content)
     return [warning.code for warning in result.warnings]
@@ -237,6 +248,8 @@ def test_a_loop_tells_of_a_pitch_that_was_not_told(
     inputs = inputs_of(work, monkeypatch, **given)
     _, _, warnings = tables_of(inputs, read_choices(inputs))
     assert [item.message for item in warnings if item.code == "searched-not-told"] == [untold]
+    beyond = [item.message for item in warnings if item.code == "outside-effect-range"]
+    assert ["effects[0] (trend-y)" in text for text in beyond] == [True] * (judged == "cmm")
 
 
 WRITE = {"write_machine": "new.yaml", "write_components": "new.json"}
@@ -268,8 +281,9 @@ def test_the_files_of_close_loop_predict_with_the_joint_covariance(
     inputs = inputs_of(work, monkeypatch, **given, **WRITE)
     assert len(inputs.points.parts) == 5
     joint = JOINT * np.outer(FACTORS, FACTORS)
-    assert made(inputs, FOUND, joint) == []
+    assert made(inputs, FOUND, joint, [{"dir_x": [-1.0, 1.0]}, {}]) == []
     entry, turn = load_machine(work / "new.yaml").machine.effects
+    assert [entry.seen, turn.seen] == [{"dir_x": [-1.0, 1.0]}, {}]
     assert [entry.alike, turn.alike] == [{}, {"pitch_mm": [20.0, 4.0]}]
     assert entry.found["parts"] == 5
     assert [item["path"] for item in entry.found["files"]] == ["cmm.csv"]

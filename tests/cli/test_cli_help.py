@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import pytest
 import typer
@@ -13,6 +14,34 @@ from mtu_cli import __version__
 from mtu_cli.cli.main import app
 
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # a group has them
+
+
+GRAPH = [("graph", name) for name in COMMANDS["graph"].commands]
+
+
+def parameters(words: tuple[str, ...]) -> list[Any]:
+    command = COMMANDS[words[0]]
+    found: list[Any] = (command if len(words) == 1 else command.commands[words[1]]).params
+    return found
+
+
+@pytest.mark.parametrize("words", [(), *((name,) for name in COMMANDS), *GRAPH], ids=" ".join)
+def test_help_says_once_and_without_types_what_an_option_takes(words: tuple[str, ...]) -> None:
+    shown = done(mtu(*words, "--help", env={"COLUMNS": "100"})).stdout
+    assert not re.findall(
+        r"<\S+>|\[(?:Path|str|int|float)\]|\b(?:PATH|TEXT|INTEGER|FLOAT)\b", shown
+    )
+    if not words or words == ("graph",):
+        return
+    for parameter in parameters(words):
+        takes = not getattr(parameter, "is_flag", False)
+        assert (parameter.metavar is not None) == takes, parameter.name
+        if takes and parameter.param_type_name == "argument":
+            assert re.search(rf"(?m)^[│|* ]+{parameter.metavar}  +[A-Za-z]", shown), parameter.name
+        elif takes:
+            assert re.search(
+                rf"{parameter.opts[-1]} +(-\w +)?{re.escape(parameter.metavar)} ", shown
+            )
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -64,6 +64,7 @@ def test_a_study_beside_a_machine_of_its_own_is_told_of(work: Path) -> None:
     message = refused(work, "predict-points", "-m", "machine.yaml", "-p", "part.yaml")
     assert "neither readings nor coefficients" in message
     assert "mtu.yaml is not read where -m is given without a study" in message
+    assert len(message.splitlines()) == 1
 
 
 @pytest.mark.parametrize("study", [SMALL, SIMULATED], ids=["small", "simulated"])

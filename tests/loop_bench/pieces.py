@@ -19,7 +19,7 @@ from mtu_cli.stats.threads import one_blas_thread
 
 ROOT = Path(__file__).parents[2]
 DAYS = 8
-FIRST_DAY = {False: 4000, True: 0}
+FIRST_DAY = {False: 5000, True: 0}
 """Of judging, and of tuning. Judging days move on when the engine was changed after a judgement."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
 

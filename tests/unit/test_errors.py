@@ -58,6 +58,15 @@ def test_every_problem_is_kept_and_twenty_are_shown() -> None:
     assert lines[SHOWN_PROBLEMS:] == ["... and 3 more"]
 
 
+def test_problems_stand_in_the_order_of_their_file() -> None:
+    at = {"a 9": ("a", 9), "b 4": ("b", 4), "none": ("a", None), "a 2": ("a", 2), "b 3": ("b", 3)}
+    problems = [Problem(what=what, file=file, line=line) for what, (file, line) in at.items()]
+    found = [problem.what for problem in InputError(problems).problems]
+    assert found == ["a 2", "b 3", "none", "a 9", "b 4"]
+    rows = [Problem(what=str(row), file="c.csv", row=row) for row in (7, 3, 5)]
+    assert [problem.row for problem in InputError(rows).problems] == [3, 5, 7]
+
+
 def test_twenty_problems_leave_nothing_to_count() -> None:
     assert "more" not in str(InputError([Problem(what="fault")] * SHOWN_PROBLEMS))
 

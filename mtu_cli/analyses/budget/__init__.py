@@ -14,6 +14,7 @@ from mtu_cli.analyses.budget.copulas import copula_correlations
 from mtu_cli.analyses.budget.correlation import correlation_of, input_covariance
 from mtu_cli.analyses.budget.first_order import FirstOrder, first_order
 from mtu_cli.analyses.budget.quantities import InputQuantity, input_quantities
+from mtu_cli.analyses.budget.rare_jumps import rare_jumps
 from mtu_cli.analyses.budget.sources import Source, independent_sources
 from mtu_cli.analyses.budget.trials import BudgetTrials
 from mtu_cli.analyses.budget.warnings import budget_warnings
@@ -25,6 +26,7 @@ from mtu_cli.stats.coverage import numerical_tolerance
 from mtu_cli.stats.distributions import student_quantile
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult, monte_carlo
+from mtu_cli.stats.rare_jumps import told_jump
 from mtu_cli.stats.validation import CONVERGED_TO, Validation, clause8
 
 DRAWN = 2**17
@@ -115,8 +117,28 @@ def evaluate_budget(
         probability=probability,
         run=run,
         converged=converged,
-        warnings=budget_warnings(loaded, inputs, sources, outputs, run, converged),
+        warnings=(
+            *budget_warnings(loaded, inputs, sources, outputs, run, converged),
+            *(_rare(loaded, inputs, sources, first, run, settings.digits) if converged else ()),
+        ),
     )
+
+
+def _rare(
+    loaded: LoadedBudget,
+    inputs: Sequence[InputQuantity],
+    sources: Sequence[Source],
+    first: Sequence[FirstOrder],
+    run: MonteCarloResult,
+    digits: int,
+) -> list[Warned]:
+    """Of outputs that converged; without that they have a warning."""
+    found = rare_jumps(loaded.trees, inputs, sources, first, run.u, run.trials, digits)
+    told = [
+        told_jump(first[jump.output].name, jump, float(run.u[jump.output]), run.trials)
+        for jump in found
+    ]
+    return [Warned(code="rare-jump", message=text) for text in told]
 
 
 def _joint(first: Sequence[FirstOrder], covariance: FloatArray) -> FloatArray:

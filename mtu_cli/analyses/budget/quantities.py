@@ -101,7 +101,9 @@ def _quantity(name: str, item: Input, group: int | None) -> InputQuantity:
     readings = None
     if item.readings is not None:
         readings = np.array(item.readings, dtype=np.float64)
-        value = math.fsum(item.readings) / len(readings)
+        # Of equal readings the mean would be off by its rounding, which is no scatter.
+        alike = bool(np.all(readings == readings[0]))
+        value = item.readings[0] if alike else math.fsum(item.readings) / len(readings)
         s = float(np.std(readings - value, ddof=1))
         scatter = Distribution(kind="t", u=s / math.sqrt(len(readings)), dof=len(readings) - 1.0)
         parts.append(Part(distribution=scatter, type_a=True, group=group, says="readings"))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from mtu_cli.stats.stratified import StratifiedFit
 AGREES = 2.0
 """Standard uncertainties within which a mean error agrees with an effect's own mean."""
 CENTRED = 1e-9
+NO_OWNERS: Mapping[int, int] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,10 +59,16 @@ class Added:
 
 
 def added(
-    prepared: Prepared, found: Search, seed: int | None = None, *, rough: bool = False
+    prepared: Prepared,
+    found: Search,
+    seed: int | None = None,
+    *,
+    rough: bool = False,
+    owners: Mapping[int, int] = NO_OWNERS,
 ) -> Added:
     """Estimates the effects of a search; with a `seed`, their covariance as exactly as it can
-    be had; `rough`: by the weights alone, where only the coefficients count.
+    be had; `rough`: by the weights alone, where only the coefficients count. By axis, `owners`
+    are the places of effects that get a mean error which is not explained, where none has a mean.
     """
     scan = prepared.scan
     columns = [prepared.flat()[m] for m in found.members]
@@ -77,7 +85,7 @@ def added(
         if first <= step.index < scan.tested
     ]
     joint = _joint_covariance(left, [prepared.flat()[m] for m in found.members], fit, seed, rough)
-    fit, levels = _with_levels(left, found.members, fit, offsets, joint)
+    fit, levels = _with_levels(left, found.members, fit, offsets, joint, owners)
     return Added(
         members=found.members,
         fit=fit if len(fit.beta) else None,
@@ -123,6 +131,7 @@ def _with_levels(
     fit: StratifiedFit,
     offsets: list[int],
     joint: FloatArray,
+    owners: Mapping[int, int],
 ) -> tuple[StratifiedFit, tuple[Level, ...]]:
     """The mean errors: those found, and those that an effect's own mean disagrees with.
 
@@ -141,7 +150,7 @@ def _with_levels(
     spread = np.einsum("ai,ij,aj->a", contrasts, joint, contrasts)
     disagrees = left**2 > AGREES**2 * spread
     others = [a for a in prepared.scan.offsets if a not in offsets and disagrees[a]]
-    owned = [(axis, _owner(prepared, members, means[:, axis], fit.beta)) for axis in others]
+    owned = [(a, _owner(prepared, members, means[:, a], fit.beta, owners.get(a))) for a in others]
     opened: list[tuple[int, int | None]] = [(axis, None) for axis in offsets]
     opened += [(axis, owner) for axis, owner in owned if owner is not None]
     axes = [axis for axis, _ in opened]
@@ -158,11 +167,17 @@ def _with_levels(
 
 
 def _owner(
-    prepared: Prepared, members: tuple[int, ...], means: FloatArray, beta: FloatArray
+    prepared: Prepared,
+    members: tuple[int, ...],
+    means: FloatArray,
+    beta: FloatArray,
+    otherwise: int | None,
 ) -> int | None:
-    """The place of the effect whose mean over the data is the largest; None if none has one."""
+    """The place of the effect whose mean over the data is the largest; if none has one, that
+    which gets it `otherwise`.
+    """
     if not (np.abs(means) > CENTRED * _sizes(prepared, members)).any():
-        return None
+        return otherwise
     sizes = [len(prepared.members[m].columns) for m in members]
     owners = np.repeat(np.arange(len(members)), sizes)
     return int(owners[int(np.argmax(np.abs(means * beta)))])
@@ -186,7 +201,9 @@ def _level_dof(prepared: Prepared, fit: StratifiedFit, m: FloatArray, axis: int)
         if stratum.axis == axis and stratum.kind in squares and n > 0:
             terms.append((squares[stratum.kind] / size, float(n)))
     total = sum(variance for variance, _ in terms)
-    return float(max(total**2 / max(sum(v**2 / nu for v, nu in terms), 1e-300), 1.0))
+    # What has no degrees of freedom says nothing of its own scatter: one in all is the least.
+    doubt = sum(v**2 / max(nu, 1e-12) for v, nu in terms)
+    return float(max(total**2 / max(doubt, 1e-300), 1.0))
 
 
 def _sizes(prepared: Prepared, members: tuple[int, ...]) -> FloatArray:

@@ -167,7 +167,6 @@ def _point(
 ) -> FixedPoint:
     """In mm: the ratio is in halves of the places' extent from their middle."""
     middle, half = _extent(table, axis)
-    travel = table.travel.get(axis, (middle - half, middle + half))
     ends = None
     if ratio.interval is not None:
         low, high = ratio.interval
@@ -180,5 +179,17 @@ def _point(
         at=middle + half * ratio.value,
         u=half * ratio.u,
         interval=ends,
-        told=ends is not None and ends[1] - ends[0] <= travel[1] - travel[0],
+        told=ends is not None and ends[1] - ends[0] <= _reach(table, axis),
     )
+
+
+def _reach(table: ResidualTable, axis: str) -> float:
+    """The travel of an axis, mm; where it is not known, the longest that the machine has by the
+    other axes and the parts: a fixed point lies beyond flat parts as well as beyond high ones.
+    """
+    if axis in table.travel:
+        low, high = table.travel[axis]
+        return high - low
+    known = [high - low for low, high in table.travel.values()]
+    placed = [a for i, a in enumerate(AXES) if np.isfinite(table.places[..., i]).any()]
+    return max(*known, *(2 * _extent(table, other)[1] for other in placed))

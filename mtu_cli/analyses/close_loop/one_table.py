@@ -20,6 +20,7 @@ from mtu_cli.analyses.close_loop.held_out import (
     scores,
 )
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
+from mtu_cli.analyses.close_loop.own_constant import with_own_constants
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.result import (
     FixedPoint,
@@ -34,6 +35,7 @@ from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.searched import Searched, searched
 from mtu_cli.analyses.close_loop.shown import pitch_is_open
+from mtu_cli.analyses.close_loop.twofold import twofold
 from mtu_cli.model.effect_library import Candidate, EffectLibrary
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.family_gate import Gate
@@ -65,22 +67,22 @@ def loop_on(
 ) -> LoopResult:
     """Closes the loop on one table at the family-wise rate `alpha`."""
     first = _searched(given, candidates, alpha, most, seed)
-    folds = folds_of(given, candidates, seed, given.pass_dof)
-    out = held_out(given, folds, alpha=alpha, most=most)
+    out = _held_out(given, candidates, alpha, most, seed)
     told = _told(first, out, seed)
     scored, found, fired = _scored(told, out), first.found, first.found.fired(alpha)
-    found_alone = _described(told, library)
-    others = all_instead(told, found_alone, library, seed)
+    found_alone, twice = _described(told, library), twofold(told)
+    others, left_over = all_instead(told, found_alone, library, seed), (*fired, *twice)
     described = with_rivals(found_alone, others)
-    covariance = joint_covariance(told)
+    covariance, table = joint_covariance(told), first.prepared.table
     result = TableResult(
-        table=first.prepared.table,
-        verdict=verdict_of(found, described, fired),
+        table=table,
+        verdict=verdict_of(found, described, left_over),
         effects=described,
         candidates=_judged(first, candidates, alpha),
         checks=found.checks,
         fired=fired,
         without_name=found.without_name,
+        twofold=twice,
         gross=first.gross,
         explained=scored.explained,
         before=scored.before,
@@ -90,10 +92,17 @@ def loop_on(
         held_out_by=None if out is None else out.by,
         folds=len(told.chosen),
         floor=_floor(told.effects.prepared),
-        unexplained_rms=_unexplained(found, scored, alpha),
-        fixed_points=_fixed_points(first.prepared.table, described, covariance, others),
+        unexplained_rms=_unexplained(found, scored, left_over),
+        fixed_points=_fixed_points(table, described, covariance, others),
     )
     return LoopResult(result=result, covariance=covariance)
+
+
+def _held_out(
+    given: ResidualTable, candidates: Sequence[Candidate], alpha: float, most: int, seed: int
+) -> HeldOut | None:
+    folds = folds_of(given, candidates, seed, given.pass_dof)
+    return held_out(given, folds, alpha=alpha, most=most)
 
 
 def _fixed_points(
@@ -133,7 +142,8 @@ def _searched(
         prepared = prepare(left, candidates, given.pass_dof)
         return prepared, calibrated(prepared.scan, samples, seed)
 
-    return searched(given, start, alpha=alpha, most=most)
+    first = searched(given, start, alpha=alpha, most=most)
+    return with_own_constants(first, alpha=alpha, most=most)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,8 +182,8 @@ def _held_out_after(told: Described, out: HeldOut | None, in_sample: Scores) -> 
     return scores(left, told.prepared.table.axes, out.variance)
 
 
-def _unexplained(found: Search, scored: _Scored, alpha: float) -> float | None:
-    left = found.fired(alpha) or found.without_name
+def _unexplained(found: Search, scored: _Scored, left_over: Sequence[str]) -> float | None:
+    left = left_over or found.without_name
     return scored.in_sample_after.rms if left else None
 
 

@@ -17,21 +17,24 @@ from numpy.typing import NDArray
 from mtu_cli.analyses.close_loop.describe import SUPPORT, Described
 from mtu_cli.analyses.close_loop.follow_up import as_it_is
 from mtu_cli.analyses.close_loop.result import FIELD, FoundEffect
+from mtu_cli.analyses.close_loop.same_waves import WaveFits
 from mtu_cli.analyses.close_loop.separation import Seen, Sight, sight_of
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.model.effect_candidate import Column, Member
 from mtu_cli.model.effect_library import EffectLibrary
 from mtu_cli.model.effect_search import Waves, waves_of
-from mtu_cli.stats import many_fits
 from mtu_cli.stats.column_groups import whiten
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, beside
 
 MOST_PLACES = 60
 """Different places along an axis up to which other pitches are sought."""
 PLACE_DIGITS = 3
 PER_SPAN = 32.0
 """Frequencies a span: the phase is off by a 64th of a period between two of them at most."""
-MOST_FREQUENCIES = 20_000
+MOST_FREQUENCIES = 200_000
+DIGITS = 7
+FEW = 4
+"""Pitches whose images are sought: where more of them fit, nearly all that there are do."""
 SAME = 0.01
 """Share of a pitch within which two are one."""
 
@@ -49,16 +52,33 @@ def with_other_pitches(
     place = 0
     for step, effect in zip(told.found.steps, effects, strict=True):
         seen = periodic(told, step, library) if step.member >= 0 else None
-        found.append(effect if seen is None else _with(effect, seen, _others(told, seen, place)))
+        found.append(
+            effect if seen is None else _with(effect, seen, pitches_as_good(told, seen, place))
+        )
         place += step.member >= 0
     return tuple(found)
 
 
-def _with(effect: FoundEffect, seen: Periodic, others: Sequence[float]) -> FoundEffect:
-    known = effect.alike
-    new = [v for v in others if all(abs(v - own) > SAME * own for own in known)]
-    alike = tuple(sorted([*known, *new], reverse=True))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Others:
+    """Pitches that are the `same` as the one found at these places, those `as_good`, and the
+    `ends` of all that the data support.
+    """
+
+    same: tuple[float, ...] = ()
+    as_good: tuple[float, ...] = ()
+    ends: tuple[float, ...] = ()
+
+
+def _with(effect: FoundEffect, seen: Periodic, others: Others) -> FoundEffect:
+    known = list(others.same)
+    for v in (*effect.alike, *others.as_good):
+        # Those of the grid that was searched are near to what is the same.
+        if all(abs(v - own) > SAME * own for own in (seen.found, *known)):
+            known.append(v)
+    alike = tuple(sorted(known, reverse=True))
     ((name, (value, low, high)),) = effect.searched.items()
+    ends = (low, high, *alike, *(others.ends if alike else ()))
     names = effect.class_names
     if len(seen.along) <= len(seen.waves.bound.parameters()) + 2:
         names = tuple(dict.fromkeys([*names, f"{FIELD}-{seen.letter}"]))
@@ -66,7 +86,7 @@ def _with(effect: FoundEffect, seen: Periodic, others: Sequence[float]) -> Found
         effect,
         alike=alike,
         class_names=names,
-        searched={name: (value, min(low, *alike, low), max(high, *alike, high))},
+        searched={name: (value, min(ends), max(ends))},
     )
 
 
@@ -111,14 +131,14 @@ def periodic(told: Described, step: Step, library: EffectLibrary) -> Periodic | 
     )
 
 
-def _others(told: Described, seen: Periodic, place: int) -> tuple[float, ...]:
+def pitches_as_good(told: Described, seen: Periodic, place: int) -> Others:
     """Pitches that fit as well as the one found."""
     span = float(np.ptp(seen.along))
     frequencies = _frequencies(seen, span)
-    left = squares_left(told, seen, place, 1.0 / frequencies)
-    if left is None:
-        return ()
-    return _as_good(frequencies, left, 1.0 / seen.found, 1.0 / span)
+    fits = _fits(told, seen, place)
+    if fits is None:
+        return Others()
+    return _as_good(fits, frequencies, 1.0 / seen.found, 1.0 / span)
 
 
 def squares_left(
@@ -127,39 +147,41 @@ def squares_left(
     """What each of G pitches leaves (G,) of the data beside all other effects, by generalised
     least squares: chi^2 up to a constant. None where the data have no scatter to measure by.
     """
-    beside = [m for i, m in enumerate(told.effects.members) if i != place]
+    fits = _fits(told, seen, place)
+    return None if fits is None else fits.left(1.0 / pitches)
+
+
+def _fits(told: Described, seen: Periodic, place: int) -> WaveFits | None:
+    others = [m for i, m in enumerate(told.effects.members) if i != place]
     D, axis = len(seen.along), seen.axis
     levels = [{axis: (seen.which == d).astype(float)[None]} for d in range(1, D)]
-    A, z = _compressed(told, beside, levels)
+    A, z = _compressed(told, others, levels)
     if not np.abs(A).max(initial=0.0) > 0:
         return None
-    columns = seen.waves.columns(pitches)
-    levers = [_at(column, axis, seen.first, len(pitches)) for column in columns]
-    lever = np.stack(levers, axis=-1)
-    return many_fits.squares_left(A @ (lever[:, 1:] - lever[:, :1]), z)
-
-
-def _at(column: Column, axis: int, places: NDArray[np.intp], count: int) -> FloatArray:
-    """The lever (G, D) at one feature of each place."""
-    lever = column[axis][:, 0, :]
-    found: FloatArray = np.broadcast_to(lever, (count, lever.shape[1]))[:, places]
-    return found
+    return WaveFits.of(
+        waves=seen.waves,
+        axis=axis,
+        first=seen.first,
+        A=A,
+        z=z,
+        ends=_ends(seen, float(np.ptp(seen.along))),
+    )
 
 
 def _compressed(
-    told: Described, beside: Sequence[int], levels: Sequence[Column]
+    told: Described, others: Sequence[int], levels: Sequence[Column]
 ) -> tuple[FloatArray, FloatArray]:
     """A (D - 1, D - 1) and z (D - 1,): |z - A e|^2 is what errors e of all places but the first,
     less its own, leave of the data, beside all other effects, in standard deviations and up to
     what no e takes.
     """
     prepared = told.effects.prepared
-    sight = sight_of(prepared, as_it_is(prepared.table), tuple(beside))
+    sight = sight_of(prepared, as_it_is(prepared.table), tuple(others))
     seen = sight.columns(levels)
     known = {index for column in (*sight.nuisance, *seen) for index in column}
     y = _weighted(sight, prepared.y, known)
     stacked = sight.stacked([*sight.nuisance, *seen, y])
-    R = many_fits.beside(stacked, len(sight.nuisance))[: len(levels)]
+    R = beside(stacked, len(sight.nuisance))[: len(levels)]
     return R[:, :-1], R[:, -1]
 
 
@@ -173,26 +195,59 @@ def _weighted(sight: Sight, y: FloatArray, strata: set[int]) -> Seen:
     return found
 
 
-def _frequencies(seen: Periodic, span: float) -> FloatArray:
-    """From half of the places' span to the shortest pitch, the one found among them."""
+def _ends(seen: Periodic, span: float) -> tuple[float, float]:
+    """From half of the places' span to the shortest pitch, the one found among them, 1/mm."""
     found = 1.0 / seen.found
-    low, high = min(2.0 / span, found), max(1.0 / seen.waves.shortest, found)
+    return min(2.0 / span, found), max(1.0 / seen.waves.shortest, found)
+
+
+def _frequencies(seen: Periodic, span: float) -> FloatArray:
+    low, high = _ends(seen, span)
     count = int(min(np.ceil((high - low) * span * PER_SPAN) + 2, MOST_FREQUENCIES))
     high = min(high, low + (count - 1) / (span * PER_SPAN))
-    frequencies: FloatArray = np.union1d(np.linspace(low, high, count), [found])
+    frequencies: FloatArray = np.union1d(np.linspace(low, high, count), [1.0 / seen.found])
     return frequencies
 
 
-def _as_good(
-    frequencies: FloatArray, left: FloatArray, found: float, apart: float
-) -> tuple[float, ...]:
-    """Pitches that leave no more than the one found, by what bounds a 95 % interval; the best of
-    those nearer to one another than the resolution of the places (`apart`).
+def _as_good(fits: WaveFits, frequencies: FloatArray, found: float, apart: float) -> Others:
+    """Pitches that are the same as the one found at these places, and those that leave no more
+    than it, by what bounds a 95 % interval: the best of those nearer to one another than the
+    resolution of the places (`apart`), and what is the same as that.
     """
+    left = fits.left(frequencies)
     near = np.abs(frequencies - found) <= apart / 8
     good = np.flatnonzero(left <= left[near].min() + SUPPORT)
-    known = [found]
-    for i in good[np.argsort(left[good], kind="stable")]:
-        if all(abs(frequencies[i] - other) >= apart for other in known):
-            known.append(float(frequencies[i]))
-    return tuple(1.0 / f for f in sorted(known[1:]))
+    good = good[np.argsort(left[good], kind="stable")]
+    same = fits.same_as(found, frequencies)
+    known = [found, *same]
+    others: list[float] = []
+    modes = 0
+    if same:
+        others = _with_same(fits, frequencies, _better_near(frequencies[good], known, apart))
+    for f in frequencies[good].tolist():
+        if all(abs(f - other) >= apart for other in (*known, *others)):
+            modes += 1
+            others += _with_same(fits, frequencies, [f]) if same and modes <= FEW else [f]
+    ends = (1.0 / float(frequencies[good].max()), 1.0 / float(frequencies[good].min()))
+    return Others(same=_pitches(same), as_good=_pitches(others), ends=ends)
+
+
+def _pitches(frequencies: Sequence[float]) -> tuple[float, ...]:
+    """To digits that are known: where sine and cosine are one column, a wave is flat in pitch."""
+    return tuple(float(f"{1.0 / f:.{DIGITS}g}") for f in frequencies)
+
+
+def _better_near(frequencies: FloatArray, known: Sequence[float], apart: float) -> list[float]:
+    """The first of the frequencies near a known one, unless it is as good as that one itself: a
+    phase that is off by a 16th of a period at each end at most.
+    """
+    for f in frequencies.tolist():
+        off = min(abs(f - other) for other in known)
+        if off < apart:
+            return [f] if off > apart / 8 else []
+    return []
+
+
+def _with_same(fits: WaveFits, frequencies: FloatArray, chosen: Sequence[float]) -> list[float]:
+    """Frequencies with those that are the same at these places."""
+    return [f for own in chosen for f in (own, *fits.same_as(own, frequencies))]

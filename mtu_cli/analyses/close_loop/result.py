@@ -114,9 +114,9 @@ class FixedPoint:
     and those of `drift` that move the whole axis, all with the same `covariate` (None: constant).
 
     `at`, its standard uncertainty `u` and 95 % `interval` (None: unbounded) in mm. It is `told`
-    where the interval is no longer than the machine's travel, or than the parts where no travel
-    is known. `given` is an effect (its place, and the name it is taken for) which the data
-    cannot tell from others: if it is that, all of these are one cause.
+    where the interval is no longer than the axis' travel, or, where that is not known, than the
+    longest of the other travels and of the parts. `given` is an effect (its place, and the name it
+    is taken for) which the data cannot tell from others: if it is that, all of these are one cause.
     """
 
     axis: str
@@ -136,7 +136,8 @@ class TableResult:
     effects, the effects' contribution `explained` (P, H, A), scores held out and in sample.
     `fixed_points` are the places where its effects cancel.
 
-    `without_name`: a smooth drift or field explained more than any name.
+    `without_name`: a smooth drift or field explained more than any name. `twofold` are names
+    that were found twice, in forms that one cause cannot have at once.
     `held_out_by` says what was left out in turn; None where nothing could be. `floor` is the
     repeatability of one averaged coordinate, None where the data do not tell it.
     `unexplained_rms` is what is left in sample where something stays without a name.
@@ -160,6 +161,7 @@ class TableResult:
     floor: float | None
     unexplained_rms: float | None
     fixed_points: tuple[FixedPoint, ...]
+    twofold: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,6 +9,7 @@ from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.classes import class_of
 from mtu_cli.analyses.close_loop.describe import Described, found_effects, joint_covariance
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
+from mtu_cli.analyses.close_loop.own_constant import axes_with_offset
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.model.effect_library import EffectLibrary
@@ -73,10 +74,13 @@ def _rivals(told: Described, step: Step) -> Iterator[Step]:
 def _instead(
     told: Described, place: int, rival: Step, library: EffectLibrary, seed: int | None
 ) -> Instead:
+    """A rival gets the offset that was taken for the constant of the effect."""
     steps = list(told.found.steps)
-    steps[place] = rival
+    own, steps[place] = steps[place], rival
     found = replace(told.found, steps=tuple(steps))
-    other = replace(told, found=found, effects=added(told.prepared, found, seed))
+    at = sum(step.member >= 0 for step in steps[:place])
+    owners = dict.fromkeys(axes_with_offset(told.prepared, own.member), at)
+    other = replace(told, found=found, effects=added(told.prepared, found, seed, owners=owners))
     return Instead(
         place=place,
         effects=with_other_pitches(other, found_effects(other, [None] * len(steps)), library),

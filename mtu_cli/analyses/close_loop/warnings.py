@@ -23,8 +23,10 @@ PLACE_DIGITS = 3
 SPARE_PLACES = 3
 """Places beyond what an effect takes from which on a searched value is more than a guess."""
 FREES = {
-    "offset": "offsets of whole parts: drift, trend, step, warm-up",
-    "offset,rotation": "offsets of whole parts (drift, trend, step, warm-up), rotation, and the "
+    "offset": "offsets of whole parts: trend, step, and drift and warm-up but for what changes "
+    "within a part",
+    "offset,rotation": "offsets of whole parts (trend, step, and drift and warm-up but for what "
+    "changes within a part), rotation, and the "
     "difference between squareness and rotation",
 }
 

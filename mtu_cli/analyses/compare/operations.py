@@ -13,6 +13,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.datum import Datum, projector
 from mtu_cli.model.design import design, theta
+from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.length_geometry import differences, length_gradient
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -44,20 +45,20 @@ class Foreseen:
 def predict_operations(model: MachineModel, points: Points, given: Mapping[str, float]) -> Foreseen:
     """The prediction of every operation, at its features.
 
-    A covariate is what `given` says, else the points' own. Means are those over the readings of
-    an (operation, feature) of E = J theta + remainder at their own covariates, which the mean of
-    the covariates does not give where an effect is a step; uncertainties are those at the mean.
+    A covariate is what `given` says, else the points' own. Means are over the readings of an
+    (operation, feature) of E = J theta + remainder at their own covariates, which the covariates'
+    mean does not give where an effect is a step; uncertainties are those at the mean.
 
     Raises InputError for a covariate that nobody gives, and for a column with gaps.
     """
     own_columns = point_columns(points)
     columns = {name: c for name, c in own_columns.items() if name not in given}
     values = needed_covariates(model, points, columns, given).values
-    places = np.full((len(points.features), 3), np.nan)
-    places[points.feature] = points.nominal
+    places = _places(points)
     measured, along = points.measured.copy(), np.array([AXES.index(name) for name in model.axes])
     found: dict[str, Prediction] = {}
-    warnings = _overruled([x for x in model.covariates() if x in given and x in own_columns])
+    warnings = effect_warnings_at(model, points.nominal, values)
+    warnings += _overruled([x for x in model.covariates() if x in given and x in own_columns])
     moving: set[str] = set()
     operations, operation = operations_of(points)
     for code, name in enumerate(operations):
@@ -81,6 +82,13 @@ def predict_operations(model: MachineModel, points: Points, given: Mapping[str, 
         warnings.append(_averaged(sorted(moving)))
     moved = replace(points, measured=measured) if moving else points
     return Foreseen(predictions=found, points=moved, warnings=tuple(warnings))
+
+
+def _places(points: Points) -> FloatArray:
+    """Nominal places (features, 3), mm."""
+    found = np.full((len(points.features), 3), np.nan)
+    found[points.feature] = points.nominal
+    return found
 
 
 def _errors_of_rows(

@@ -14,6 +14,7 @@ from mtu_cli.analyses.correct.wanted import tasks_of, wanted_of
 from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
+from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured_checks import sound
@@ -78,8 +79,11 @@ def _rows(
         covariates=found.values,
         independent=independent,
     )
-    of_sensors = temperature_warnings(model, rows.places, found.values)
-    return rows, [*found.warnings, *of_sensors, *_axis_warnings(model, points)]
+    guesses = [
+        *temperature_warnings(model, rows.places, found.values),
+        *effect_warnings_at(model, rows.places, found.values),
+    ]
+    return rows, [*found.warnings, *guesses, *_axis_warnings(model, points)]
 
 
 def _sizes(

@@ -2,44 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from statistics import NormalDist
-
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.model.graph.first_order import FirstOrder
 from mtu_cli.model.graph.measurement_graph import Evaluation
-from mtu_cli.stats.coverage import numerical_tolerance
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.rare_jumps import NEAR, RADII, UNSEEN, RareJump, largest_jump, matters
 
-STEP = 0.25
-RADII = np.arange(3.0, 6.51, STEP)
-"""Standard deviations out, along one direction: a chance of 1 in 700 to 1 in 2e10."""
-CHANCES = np.array([NormalDist().cdf(-float(item)) for item in RADII])
-NEAR = np.array([0.0, 1.0, -1.0])
-UNSEEN = 3.0
-"""Trials expected beyond, below which there may be none: e^-3 is 1 in 20."""
+__all__ = ["NEAR", "RADII", "UNSEEN", "RareJump", "rare_jumps"]
+
 MOST = 200
 """Inputs, and gradients, that are gone along."""
 AT_ONCE = 128
 """Directions of one evaluation: it holds k x directions x radii numbers."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RareJump:
-    """`output` (its number) is `change` off all that its values near the nominal foretell, in its
-    own unit, `radius` standard deviations out `along` a place; a `chance` to be beyond. Its u
-    were `u` if it were so everywhere beyond.
-    """
-
-    output: int
-    along: str
-    radius: float
-    chance: float
-    change: float
-    u: float
 
 
 def rare_jumps(
@@ -63,14 +39,10 @@ def rare_jumps(
         chunk = slice(first, first + AT_ONCE)
         values = _values(whole, along[:, chunk])
         for i in np.flatnonzero(u > 0.0).tolist():
-            jump = _largest(i, values[i], names[chunk], float(u[i]), float(trials[i]))
+            jump = largest_jump(i, values[i], names[chunk], float(u[i]), float(trials[i]))
             if i not in found or jump.u > found[i].u:
                 found[i] = jump
-    return [
-        jump
-        for i, jump in found.items()
-        if jump.u - u[i] > numerical_tolerance(float(u[i]), digits) > 0.0
-    ]
+    return [jump for i, jump in found.items() if matters(jump, float(u[i]), digits)]
 
 
 def _values(whole: Evaluation, along: FloatArray) -> FloatArray:
@@ -80,45 +52,6 @@ def _values(whole: Evaluation, along: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         values = whole.run(whole.inputs.scaled(z))
     return values.reshape(len(whole.outputs), along.shape[1], len(r))
-
-
-def _largest(
-    output: int, values: FloatArray, names: Sequence[str], u: float, trials: float
-) -> RareJump:
-    """What makes u the largest of all that was seen along some directions, be it nothing."""
-    seen = int(np.count_nonzero(CHANCES * trials >= UNSEEN))
-    change = _change(values, max(2, seen))
-    grown = np.sqrt(u**2 + CHANCES * (1.0 - CHANCES) * change**2)
-    d, k = np.unravel_index(int(np.argmax(grown)), grown.shape)
-    return RareJump(
-        output=output,
-        along=names[int(d)],
-        radius=float(RADII[k]),
-        chance=float(CHANCES[k]),
-        change=float(change[d, k]),
-        u=float(grown[d, k]),
-    )
-
-
-def _change(values: FloatArray, seen: int) -> FloatArray:
-    """How far off an output is at `RADII` (directions, radii); 0 where it is not finite.
-
-    `values` (directions, 3 + radii) at `NEAR` and `RADII`, of which trials reach the first `seen`:
-    there it is 0. Beyond it is the least difference to the parabola through `NEAR`, to the line
-    through the last two that were reached, and to the last: a step that the trials have seen
-    leaves one of them right.
-    """
-    nominal, up, down, before, last = values.T[[0, 1, 2, 1 + seen, 2 + seen], :, None]
-    beyond = values[:, len(NEAR) :]
-    foretold = [
-        nominal + 0.5 * (up - down) * RADII + 0.5 * (up + down - 2.0 * nominal) * RADII**2,
-        last + (last - before) / STEP * (RADII - RADII[seen - 1]),
-        last,
-    ]
-    with np.errstate(invalid="ignore", over="ignore"):
-        change = np.min([np.abs(beyond - item) for item in foretold], axis=0)
-    change[:, :seen] = 0.0
-    return np.where(np.isfinite(change), change, 0.0)
 
 
 def _directions(

@@ -15,6 +15,7 @@ from mtu_cli.model.graph.measurement_graph import Evaluation, MeasurementGraph, 
 from mtu_cli.model.graph.outputs import Output
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.rare_jumps import told_jump
 from mtu_cli.stats.validation import Validation
 
 ROUNDING = 16 * float(np.finfo(np.float64).eps)
@@ -112,16 +113,8 @@ def _rare(
     warnings = []
     for jump in rare_jumps(whole, linear, u, trials, digits):
         i = jump.output
-        warnings.append(
-            Warned(
-                code="rare-jump",
-                message=f"{coordinates[i].output}: {jump.radius:g} standard deviations out along "
-                f"{jump.along} it is {jump.change / u[i]:.0f} u off what it is nearer to the "
-                f"nominal. Of {trials[i]:.0f} trials perhaps none went there, 1 in "
-                f"{float(f'{1.0 / jump.chance:.1e}'):.0f} does; u would be "
-                f"{jump.u / u[i]:.3g} times as large",
-            )
-        )
+        text = told_jump(str(coordinates[i].output), jump, float(u[i]), float(trials[i]))
+        warnings.append(Warned(code="rare-jump", message=text))
     return warnings
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -44,6 +44,10 @@ from mtu_cli.units import LENGTH, UNITS
 if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
 
+Check = Callable[[str, tuple[str, ...]], None]
+"""Takes a component and the sensors of its model, before it is held out; raises where they will
+not do.
+"""
 METHODS = ("auto", "stepwise", "ridge", "lagged")
 ROUNDING = 1e-9
 MOST_POINTS = 400
@@ -56,13 +60,14 @@ def thermal_fit(
     *,
     reference: float,
     method: str = "auto",
+    check: Check | None = None,
 ) -> ThermalFit:
     """Thermal models of all components that drift readings were given for.
 
     `components` are (axis, unit) of the machine's, None without a machine: then positions are
     taken as they stand, and readings of lengths are told in um, of angles in arcsec. `reference`
     in degC; `method` one of METHODS. Valdes et al., eqs. (4)-(8), (13), and beyond: whole cycles
-    are held out.
+    are held out. `check` hears of the sensors of each component as soon as they are chosen.
 
     Raises InputError without sensors, where a temperature is not given, or where the readings
     of a component are not of one kind or not more than what is fitted to them.
@@ -70,14 +75,13 @@ def thermal_fit(
     others, every = columns_beside(blocks)
     series, sensors = read_series(every, reference)
     found: dict[str, ComponentDrift] = {}
-    shares = [1.0]
-    warnings: list[Warned] = []
+    shares, warnings = [1.0], list[Warned]()
     for name, own in series.items():
         told = "um" if own.dimension == LENGTH else "arcsec"
         of, unit = (None, told) if components is None else components[name]
         lib = library(own, sensors, reference, lagged=method in ("auto", "lagged"))
         conventions = Conventions(of=of, unit=UNITS[unit], sensors=sensors, reference=reference)
-        drift, rest = _component(own, lib, conventions, method)
+        drift, rest = _component(own, lib, conventions, method, check)
         found[name] = drift
         shares.append(sensor_noise_share(lib, rest, drift.estimate))
         warnings += component_warnings(own, lib, drift, method)
@@ -99,7 +103,7 @@ def _with_noise(drift: ComponentDrift, share: float) -> ComponentDrift:
 
 
 def _component(
-    series: Series, lib: Library, conventions: Conventions, method: str
+    series: Series, lib: Library, conventions: Conventions, method: str, check: Check | None
 ) -> tuple[ComponentDrift, Rest]:
     check_least(series)
     rows = lib.rows(range(len(lib.cycles)))
@@ -108,6 +112,8 @@ def _component(
     check_fitted(series, spec, found)
     rest = residuals(series, lib, spec, found, conventions.reference)
     model = estimate(series, lib, spec, found, rows, rest, conventions)
+    if check is not None:
+        check(series.name, model.sensors)
     evidence, candidates = held_out(lib, method)
     r2, rms_before, rms_after = _explained(series, lib, rows, spec, found)
     condition, vif = _collinearity(lib, rows, spec, found)

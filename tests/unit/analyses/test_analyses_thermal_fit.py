@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from synthetic_drift import DAY, REFERENCE, ROUNDING, UM, Plan, Run, readings, sensor_names
 
+from mtu_cli.analyses import thermal_fit as module
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
 from mtu_cli.errors import InputError
@@ -287,3 +288,24 @@ def test_fewest_readings(method: str, places: tuple[float, ...], fewest: int) ->
         with pytest.raises(InputError) as error:
             fitted(found, method)
         assert f"expected at least {levels + 2}: without one more" in str(error.value)
+
+
+def test_sensors_are_told_before_anything_is_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who lacks one of them need not wait for the rest."""
+    plan = Plan(gradients=LINE, positions=PLACES, noise=0.0, n=30)
+    given = plan.read(np.random.default_rng(1))
+    told: list[tuple[str, tuple[str, ...]]] = []
+
+    def check(name: str, sensors: tuple[str, ...]) -> None:
+        told.append((name, sensors))
+        raise InputError([])
+
+    def too_late(*_: object) -> None:
+        raise AssertionError("held out")
+
+    monkeypatch.setattr(module, "held_out", too_late)
+    with pytest.raises(InputError):
+        thermal_fit(
+            [given], {"p": ("x", "um")}, reference=REFERENCE, method="stepwise", check=check
+        )
+    assert told == [("p", ("T_01_degC", "T_02_degC", "T_04_degC"))]

@@ -211,11 +211,19 @@ def test_what_is_uncertain_beyond_the_machine_is_not_told() -> None:
     weak = grows(parameters=(("growth", "um/m/K", GROWTH, GROWTH), ("level", "um", 5.8, 0.5)))
     (point,) = told(found(weak, drifts(), travel=(-1e9, 1e9)))
     assert (point.interval, point.told) == (None, False)
-    # Without a travel, what the parts reach over.
+    # Without a travel, what the parts reach over, along any axis, or another axis travels.
     near = told(found(grows(), drifts()))[0]
     far = found(grows(), drifts())
     item = replace(far.tables[0], table=replace(far.tables[0].table, travel={}))
     (point,) = told(replace(far, tables=(item,)))
     reach = float(np.ptp(item.table.places[..., 0]))
     assert near.interval is not None
-    assert point.told is (near.interval[1] - near.interval[0] <= reach)
+    long = near.interval[1] - near.interval[0]
+    assert point.told is (long <= reach)
+    places = far.tables[0].table.places.copy()
+    for y_mm, travel, seen in ((0.9, {}, False), (1.1, {}, True), (0.9, {"z": (0, 1.1)}, True)):
+        places[..., 1] = np.linspace(0.0, y_mm * long, places.shape[1])
+        places[..., 0] = 75.0 + 0.1 * (far.tables[0].table.places[..., 0] - 75.0)
+        own = {axis: (low * long, high * long) for axis, (low, high) in travel.items()}
+        item = replace(item, table=replace(item.table, places=places, travel=own))
+        assert told(replace(far, tables=(item,)))[0].told is seen

@@ -22,6 +22,7 @@ from mtu_cli.analyses.close_loop.describe import Described, found_effects
 from mtu_cli.analyses.close_loop.one_table import verdict_of
 from mtu_cli.analyses.close_loop.other_pitches import (
     periodic,
+    pitches_as_good,
     squares_left,
     with_other_pitches,
 )
@@ -110,6 +111,76 @@ def test_pitches_that_are_the_same_on_even_places_are_all_told() -> None:
             # Two nearer than the places resolve, one over their span, count as one.
             known = [1 / value, *(1 / a for a in effect.alike)]
             assert min(abs(f - frequency) for f in known) <= 1 / 130
+
+
+def images(value: float, step: float, low: float, high: float) -> list[float]:
+    """Pitches from `low` to `high` whose frequencies differ from, or add up with that of `value`
+    to, whole multiples of 1/step.
+    """
+    found = {
+        round(abs(n / step + sign / value), 12)
+        for n in range(int(step / low) + 2)
+        for sign in (-1, 1)
+    }
+    return sorted(1 / f for f in found if 1 / high <= f <= 1 / low and abs(f * value - 1) > 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("x", "step"),
+    [
+        (10.0 + 22.5 * np.arange(5), 22.5),
+        (10.0 + 22.5 * np.arange(8), 22.5),
+        (12.5 * np.array([0.0, 1.0, 3.0, 7.0, 12.0]), 12.5),
+        (3.0 + 6.4 * np.array([0.0, 3.0, 4.0, 11.0, 13.0, 20.0, 26.0]), 6.4),
+    ],
+    ids=["five", "eight", "steps", "short-steps"],
+)
+@pytest.mark.parametrize("pitch", [34.809, 10.0, 8.0])
+def test_no_pitch_that_is_the_same_is_missing(x: Floats, step: float, pitch: float) -> None:
+    """On multiples of a step, all in their order or not: exactly those of sampling at it."""
+    table = grid(x, 0.0)
+    wave = 5e-3 * np.sin(2 * np.pi * table.places[:, :, 0] / pitch + 0.4)
+    errors = table.errors + wave[:, :, None] * [1.0, 0.0]
+    effect = described(told(replace(table, errors=errors)))
+    ((value, low, high),) = effect.searched.values()
+    same = images(value, step, 2.0, float(np.ptp(x)) / 2)
+    assert same
+    alike = np.array(effect.alike)
+    for other in same:
+        assert np.abs(alike / other - 1).min() < 1e-6, other
+        assert low * (1 - 1e-6) <= other <= high * (1 + 1e-6)
+
+
+def test_the_interval_holds_the_images_of_all_that_the_data_support() -> None:
+    """Those of its own interval's ends, not of the pitch that is told alone."""
+    own = told(grid(np.linspace(10.0, 115.0, 6), 2e-3, seed=4))
+    effect = described(own)
+    seen = periodic(own, own.found.steps[0], LIBRARY)
+    assert seen is not None
+    ((value, low, high),) = effect.searched.values()
+    pitches = 1 / np.arange(2 / 105, 1 / 2, 1e-4)
+    left = squares_left(own, seen, 0, np.append(pitches, value))
+    assert left is not None
+    supported = pitches[left[:-1] <= left.min() + 3.84]
+    assert len(supported) > len(effect.alike)
+    assert low <= supported.min() * 1.001
+    assert high >= supported.max() / 1.001
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        10.0 + 30.0 * np.array([0.0, 1.0, np.sqrt(2.0), np.e, np.pi, 4.1, 4.7]),
+        10.0 + 22.5 * np.arange(7) + 0.3 * np.array([0, 1, -1, 1, 1, -1, 0]),
+    ],
+    ids=["no-divisor", "nearly-even"],
+)
+def test_places_without_a_step_have_no_images(x: Floats) -> None:
+    """What is nearly the same is left to the data."""
+    own = told(grid(x))
+    seen = periodic(own, own.found.steps[0], LIBRARY)
+    assert seen is not None
+    assert pitches_as_good(own, seen, 0).same == ()
 
 
 def test_of_a_pitch_of_one_column_the_others_are_told_too() -> None:

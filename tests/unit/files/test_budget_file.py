@@ -248,6 +248,36 @@ def test_an_unused_input_is_a_warning() -> None:
     assert notice.message == "b.yaml:6: inputs.b: in no equation"
 
 
+def test_equal_readings_without_a_resolution_are_a_warning() -> None:
+    text = "equation: a + b\ninputs:\n  b: {value: 1, u: 1}\n  a:\n    readings: [0.1, 0.1, 0.1]\n"
+    (notice,) = loaded(text).warnings
+    assert notice.code == "equal-readings"
+    assert notice.message.startswith("b.yaml:7: inputs.a.readings: all 3 are 0.1, so that u is 0:")
+    assert "half_width: r/2" in notice.message
+    stated = text + "    half_width: 0.05\n    distribution: rectangular\n"
+    apart = text + "    contributions: [{u: 0.02}]\n"
+    assert not loaded(stated).warnings + loaded(apart).warnings
+    assert loaded(text + "    contributions: [{u: 0}]\n").warnings
+    (a,) = (item for item in input_quantities(loaded(text)) if item.name == "a")
+    assert (a.value, a.u) == (0.1, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("entry", "expected"),
+    [
+        ("1,5", "inputs.a: wrong value: '1,5'; expected a number with a decimal point"),
+        ("{value: 1,5, u: 1}", "inputs.a.5: unknown key: '5'; expected a decimal point before 5"),
+        ("{value: 1, u: '0,1e-3'}", "inputs.a.u: wrong value: '0,1e-3'; expected a number with a"),
+        ("{readings: [1, '2,5']}", "inputs.a.readings[1]: wrong value: '2,5'; expected a number"),
+        ("about 3", "inputs.a: wrong value: 'about 3'; expected a number, or keys with values"),
+        ("3 mm", "inputs.a: wrong value: '3 mm'; expected a number alone, without its unit"),
+    ],
+)
+def test_numbers_that_are_texts(entry: str, expected: str) -> None:
+    (found,) = faults(SUM + f"  a: {entry}\n")
+    assert expected in found
+
+
 @pytest.mark.parametrize(
     ("entry", "expected"),
     [

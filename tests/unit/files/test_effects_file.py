@@ -158,6 +158,25 @@ def test_faults_of_equations(tmp_path: Path, equations: str, told: str) -> None:
             "e.yaml:5: effects[0].search.p.from: a log grid has positive values alone: '0'",
         ),
         (
+            family("{Ex: k*x*step(z - at_mm)}", more="search: {at_mm: {of: sequence}}"),
+            "e.yaml:5: effects[0].search.at_mm.of: its name says mm, the column has none: "
+            "'sequence'; expected another name than at_mm, or a column in that unit",
+        ),
+        (
+            family("{Ex: k*x*exp(-time_min/t_min)}", more="search: {t_min: {of: '{T}'}}"),
+            "e.yaml:5: effects[0].search.t_min.of: its name says min, the column has none: '{T}'",
+        ),
+        (
+            family("{Ex: k*x*y*exp(-time_min/t)}", more="search: {t: {from: 1, to: 2}}"),
+            "e.yaml:4: effects[0].equations.Ex: this term is mm^2, its equation is a length (mm) "
+            "at column 1: 'k*x*y*exp(-time_min/t)'; expected",
+        ),
+        (
+            family('{Ex: "k*x*({a} - {a0})"}'),
+            "e.yaml:4: effects[0].equations.Ex: this term is mm^2, its equation is a length (mm) "
+            "at column 1: 'k*x*({a} - {a0})'; expected",
+        ),
+        (
             family("{Ex: k*x*sin(p)}", more="search: {p: {of: w, from: 1, to: 2}}"),
             "e.yaml:5: effects[0].search.p.of: unknown name: 'w'",
         ),

@@ -261,6 +261,9 @@ def test_faults_elsewhere(tmp_path: Path, more: str, words: str) -> None:
         ("um/h", "p*time_min"),
         ("um/K", "p*(T_a_degC - 20)"),
         ("um/K", "p*12.5"),
+        # A square of a temperature has no unit to be per; beside a number anything may be meant.
+        ("um", "p*(T_a_degC - 20)**2"),
+        ("um/K", "p*(T_a_degC - 20)**2/10"),
         ("um/m/K", "p*(x - 250)*(T_a_degC - T_b_degC)"),
         # Nobody knows the unit of a column of the user's own, whatever its name.
         ("um", "p*depth_mm*x"),
@@ -299,6 +302,46 @@ def test_effects_that_may_be_right(tmp_path: Path, unit: str, equation: str) -> 
             "by a temperature",
         ),
         ("parameters: {p: {value: 1, unit: um/h}}, equations: {Ex: p*sequence}", "is per min"),
+        (
+            "parameters: {p: {value: 1, unit: um/m/K}}, equations: "
+            "{Ex: p*x*(T_a_degC - 20)*(T_a_degC - 20)}",
+            "this term has a temperature (degC) too many at column 1: "
+            "'p*x*(T_a_degC - 20)*(T_a_degC - 20)'; expected one factor that is a temperature",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um/K}}, equations: {Ex: p*(T_a_degC - 20)**3}",
+            "this term has K^2 too many at column 1",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um/h}}, equations: {Ex: p*time_min**2}",
+            "this term has a time (min) too many",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um}, q: {value: 8, unit: mm}}, "
+            "equations: {Ex: p*step(sequence - q)}",
+            "a component stands inside step(): 'q' at column 19",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*step(sequence - x)}",
+            "an angle or ratio (rad) and a length (mm) are added at column 17",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, seen: {dirx: [0, 1]}",
+            "effects[0].seen.dirx: no column of its equations: 'dirx'; did you mean 'dir_x'?",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, seen: {p: [0, 1]}",
+            "effects[0].seen.p: no column of its equations: 'p'; expected one of: dir_x",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "
+            "seen: {dir_x: [1, 0]}",
+            "effects[0].seen.dir_x: wrong value: '[1.0, 0.0]'; expected the lower end first",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, seen: {dir_x: [1]}",
+            "effects[0].seen.dir_x: wrong value: '[1]'; expected at least 2 of them",
+        ),
         ("parameters: {a: {value: 1, unit: um}}, equations: {Ex: a}", "the name is taken: it is"),
         ("parameters: {p: {value: 1, unit: u}}, equations: {Ex: p}", "unknown unit: 'u'"),
         (
@@ -326,6 +369,58 @@ def test_faulty_effects(tmp_path: Path, effect: str, words: str) -> None:
     assert len(found) == 1
     assert found[0].startswith("m.yaml:5: effects[0].")
     assert words in found[0]
+
+
+@pytest.mark.parametrize(
+    ("effect", "told"),
+    [
+        ("parameters: {p: {value: 1, u: 0, unit: um}}, equations: {Ex: p*dir_x}", None),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, covariance: [[1]]",
+            None,
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}",
+            "effects[0] (e): no u of p is given, it counts as exactly known",
+        ),
+        (
+            "parameters: {p: {value: 1, u: 1, unit: um}, q: {value: 1, u: 1, unit: um}}, "
+            "equations: {Ex: p*dir_x}",
+            "effects[0].parameters.q: in no equation",
+        ),
+        (
+            "parameters: {p: {value: 1, u: 1, unit: um/K}}, equations: {Ex: p*(T_a_degC - 293.15)}",
+            "effects[0].equations.Ex: T_a_degC is in degC, 293.15 taken off it seems to be in "
+            "kelvin: in degC it would be 20",
+        ),
+        (
+            "parameters: {p: {value: 1, u: 1, unit: um/K}}, equations: {Ex: p*(296 - T_a_degC)}",
+            "effects[0].equations.Ex: T_a_degC is in degC, 296 taken off it seems to be in "
+            "kelvin: in degC it would be 22.85",
+        ),
+        (
+            "parameters: {p: {value: 1, u: 1, unit: um/K}}, equations: {Ex: p*(T_a_degC + 273.15)}",
+            None,
+        ),
+        ("parameters: {p: {value: 1, u: 1, unit: um}}, equations: {Ex: p*(temp_1 - 293.15)}", None),
+        (
+            "parameters: {p: {value: 1, u: 1, unit: um}}, equations: {Ex: p*(temp_1 - 293.15)}, "
+            "seen: {temp_1: [292, 299]}",
+            None,
+        ),
+        (
+            "parameters: {p: {value: 1, u: 1, unit: um}}, equations: {Ex: p*(temp_1 - 293.15)}, "
+            "seen: {temp_1: [19, 26]}",
+            "effects[0].equations.Ex: temp_1 is in degC, 293.15 taken off it seems to be in "
+            "kelvin: in degC it would be 20",
+        ),
+    ],
+)
+def test_odd_effects(tmp_path: Path, effect: str, told: str | None) -> None:
+    more = f"covariates: [temp_1]\neffects: [{{name: e, {effect}}}]"
+    found = [item.message for item in load(tmp_path, machine(more=more)).warnings]
+    others = [item.message for item in load(tmp_path, machine()).warnings]
+    assert found == [*others, *([f"m.yaml:6: {told}"] if told else [])]
 
 
 def test_another_kind_of_file_is_told_at_once(tmp_path: Path) -> None:

@@ -51,6 +51,10 @@ def test_text_and_back(text: str) -> None:
         ("+x", "x"),
         ("127*ey_x", "127*ey_x"),
         ("x*0.1", "x*0.1"),
+        ("exp((-x)/30)", "exp(-x/30)"),
+        ("(-x)*y", "-x*y"),
+        ("x - (-y)/2", "x - (-y/2)"),
+        ("x*(-y)", "x*(-y)"),
     ],
 )
 def test_no_more_parentheses_than_needed(text: str, canonical: str) -> None:

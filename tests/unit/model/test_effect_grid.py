@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtu_cli.files.effects_contract import Search
-from mtu_cli.model.effect_grid import grid_of, shortest_of
+from mtu_cli.model.effect_grid import grid_of, periods_apart, shortest_of
 
 VALUES = np.array([4.0, 1.0, 2.0, 4.0, 10.0])
 
@@ -62,6 +62,19 @@ def test_values_that_differ_by_rounding_are_no_steps(less: float) -> None:
     found = grid_of(asked, values, 1)
     assert (found[0], found[-1]) == pytest.approx((60.0, 5.0))
     assert shortest_of(search(**{"from": ["spacing/2"]}), values) == pytest.approx(5.0)
+
+
+def test_frequencies_are_as_many_as_the_places_demand() -> None:
+    """A quarter of a period apart over the span, up to 2000; a number asked for is the most."""
+    values = np.array([0.0, 7.0, 500.0])
+    asked = {"grid": "frequency", "from": ["2"], "to": ["span/2"]}
+    fine = grid_of(search(**asked), values, 1)
+    assert len(fine) == np.ceil((1 / 2 - 1 / 250) * 4 * 500) + 1
+    assert periods_apart(search(**asked), values, fine) == pytest.approx(248 / 992)
+    few = search(**asked, count=500)
+    assert periods_apart(few, values, grid_of(few, values, 1)) == pytest.approx(248 / 499)
+    assert len(grid_of(search(**asked), 10 * values, 1)) == 2000
+    assert periods_apart(search(grid="linear"), values, fine) == 0.0
 
 
 def test_numbers_alone_need_no_data() -> None:

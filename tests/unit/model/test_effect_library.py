@@ -373,6 +373,20 @@ def test_a_pitch_is_searched_in_even_frequencies(library: EffectLibrary) -> None
     assert column(found.members[5], 0, 0, own) == pytest.approx(sine, abs=1e-12)
 
 
+@pytest.mark.parametrize(("longest", "missed"), [(1000.0, False), (20_000.0, True)])
+def test_pitches_that_lie_between_those_searched_are_told(
+    library: EffectLibrary, longest: float, missed: bool
+) -> None:
+    """No more than 2000 are searched, of the 40 000 that places over 20 m ask for."""
+    places = grid_places(12, jitter=3.0)
+    places[:, 0] = np.concatenate([10.0 + 3.3 * np.arange(11), [longest]])
+    found = by_name(candidates(table(places=places), library))["cyclic-x"]
+    told = [note for note in found.notes if "may be missed" in note]
+    assert bool(told) == missed
+    if missed:
+        assert told[0].startswith("2000 values of pitch_mm were searched, 5 periods apart over")
+
+
 def test_pitches_that_a_regular_grid_cannot_tell_apart_are_told_once(
     library: EffectLibrary,
 ) -> None:

@@ -265,6 +265,27 @@ def test_mixed_units_are_named_for_the_rows_that_have_them() -> None:
     assert "inches" in warning.message
 
 
+def test_single_points_are_told_by_row_and_column() -> None:
+    """One mistyped point is no origin that differs; nor are some features of every part."""
+    found = study(6, 2, 3)
+    measured = found.measured.copy()
+    measured[7, 0] *= 10
+    (warning,) = check_measured(with_measured(found, measured))
+    assert warning.message.startswith("1 of 36 points is more than 0.5 mm from its nominal: cmm.cs")
+    told = f"row 9, column 'x_mm': {measured[7, 0]:.9g} where about {found.nominal[7, 0]:g} is exp"
+    assert told in warning.message
+    assert "the other points are within 0.0" in warning.message
+    assert "origin" not in warning.message
+    measured = found.measured.copy()
+    measured[found.feature == 1, 1] += 10.0
+    (warning,) = check_measured(with_measured(found, measured))
+    name = found.features[1]
+    assert f"in column 'y_mm', all by +10 mm, of feature '{name}' in every part" in warning.message
+    measured = found.measured + np.where(found.part[:, None] == 2, [0.0, 10.0, 0.0], 0.0)
+    (warning,) = check_measured(with_measured(found, measured))
+    assert "this looks like an origin that differs by" in warning.message
+
+
 def test_a_part_measured_under_two_names() -> None:
     found = study(5, 2, 3)
     measured = found.measured.copy()

@@ -144,6 +144,9 @@ def test_against_the_slow_sum(seed: int, components: int, points: int, joint: bo
     parts = variance.coefficients + variance.passes + variance.repeatability
     assert parts == pytest.approx(variance.total, rel=1e-12)
     assert (variance.total >= 0).all()
+    own, multiplied = result.variance(), result.variance(np.eye(2 * points))
+    for name in ("total", "dof", "by_block", "coefficients", "passes", "repeatability"):
+        np.testing.assert_array_equal(getattr(own, name), getattr(multiplied, name))
 
 
 @STEADY

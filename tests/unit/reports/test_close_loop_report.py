@@ -100,6 +100,8 @@ def test_what_is_left_has_a_size_only_where_it_is_more_than_scatter() -> None:
 
 
 def test_a_drift_without_a_name_is_unexplained_though_no_check_fired() -> None:
+    twice = document(result(on_table("unexplained", twofold=("wear-approach-x",))))
+    assert twice["unexplained"]["found"] is True
     found = document(result(on_table("unexplained", without_name=True)))
     assert found["unexplained"]["found"] is True
     assert found["unexplained"]["rms_um"] == pytest.approx(6.0)

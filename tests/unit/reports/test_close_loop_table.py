@@ -48,14 +48,15 @@ def test_one_screen_of_a_hundred_columns_with_the_verdict_first(verdict: str) ->
 def test_a_name_comes_with_its_size_and_its_worth() -> None:
     # The reversal value is twice the lost motion of 2.05 +- 0.15 um.
     assert words(named()) == (
-        "X loses 4.10 ± 0.30 um at reversal (backlash-x). Held-out parts: rms 5.9 -> 3.8 um; "
-        "repeatability 3.6 um."
+        "X gains 4.10 ± 0.30 um at reversal, too far from both sides (backlash-x). Held-out parts: "
+        "rms 5.9 -> 3.8 um; repeatability 3.6 um."
     )
 
 
 def test_a_reversal_says_which_way_it_goes() -> None:
     """E = lost_motion dir: at -2.05 um the hole is 4.10 um further to - after a move to +."""
     less = effect(parameters=(("lost_motion", "um", -2.05, 0.15),))
+    assert said(effect()) == "X gains 4.10 ± 0.30 um at reversal, too far from both sides"
     assert said(less) == "X loses 4.10 ± 0.30 um at reversal, short from both sides"
     for own, way in ((effect(), "+ than after one to -: it goes too far"),
                      (less, "- than after one to -: it stops short")):  # fmt: skip
@@ -89,8 +90,14 @@ def test_what_is_unexplained_says_what_fired_and_gives_names_as_hints_only() -> 
     assert "As a hint only: of the named effects backlash-x comes nearest." in text
     assert "What is left has an rms of 6.0 um; repeatability is 3.6 um." in text
     hinted = words(left_over((effect(),)))
-    assert "As a hint only: backlash-x (X loses 4.10 ± 0.30 um at reversal)." in hinted
+    assert "As a hint only: backlash-x (X gains 4.10 ± 0.30 um at reversal, too far" in hinted
     assert "What is left has an rms of 3.7 um" in hinted
+
+
+def test_what_was_found_twice_over_is_no_name() -> None:
+    text = words(result(on_table("unexplained", (effect(),), twofold=("backlash-x",))))
+    assert "backlash-x fits only twice over, in two forms that no one cause has at once" in text
+    assert "As a hint only: backlash-x" in text
 
 
 def test_nothing_found_says_what_would_have_been() -> None:

@@ -242,6 +242,14 @@ def test_a_wave_of_one_column_has_its_size() -> None:
     assert text.startswith(
         "X has a periodic error of 4.00 ± 0.30 um amplitude, pitch 60.0 [58.0, 62.0]"
     )
+    # Where the places show one phase of it, it is known at these places alone.
+    item = on_table("named", (own,))
+    places = item.table.places.copy()
+    places[..., 0] = 10.0 + 30.0 * (np.arange(places.shape[1]) % 4)
+    seen = replace(item, table=replace(item.table, places=places))
+    assert words(result(seen)).startswith(
+        "X has a periodic error of at least 2.00 ± 0.15 um amplitude, pitch 60.0 [58.0, 62.0]"
+    )
 
 
 def left_of_parts(*effects: FoundEffect, datum: Datum = "none", fired: bool = True) -> str:
@@ -264,7 +272,8 @@ TURNED = effect(
     ("effects", "datum", "fired", "advised"),
     [
         ((), "none", True, "an offset of its own: --datum offset takes that out; unseen are then "
-         "offsets of whole parts: drift, trend, step, warm-up. What is left"),
+         "offsets of whole parts: trend, step, and drift and warm-up but for what changes within a "
+         "part. What is left"),
         ((TURNED,), "none", True, "an offset and a turn of its own: --datum offset,rotation takes"),
         ((TURNED,), "offset", False, "an offset and a turn of its own: --datum offset,rotation"),
         ((), "offset", True, None),

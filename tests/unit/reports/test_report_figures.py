@@ -101,6 +101,32 @@ def test_label_goes_opposite_to_a_lone_arrow() -> None:
     np.testing.assert_allclose(placed, [[-2.0, 0.0]], atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("7", "7"),
+        ("bore7", "bore7"),
+        ("the seventh hole at the left edge", "the\N{HORIZONTAL ELLIPSIS}ge"),
+    ],
+)
+def test_one_long_name_is_shortened_and_the_others_stay(
+    paper: Example, name: str, shown: str
+) -> None:
+    result = paper.points()
+    ids = tuple(name if own == "7" else own for own in result.prediction.ids)
+    (panel,) = predict_points.figure(
+        replace(result, prediction=replace(result.prediction, ids=ids))
+    ).axes
+    assert {shown if own == name else own for own in ids} <= {t.get_text() for t in panel.texts}
+
+
+def test_names_that_would_be_alike_are_not_shortened() -> None:
+    places = np.array([[0.0, 0.0], [0.7, 0.0]])
+    assert labels.room(["a", "a long name"], [places], 0.7) == 6
+    assert labels.room(["name 1 of many", "name 2 of many"], [places], 0.7) == 0
+    assert labels.clipped("a long name", 6) == "a l\N{HORIZONTAL ELLIPSIS}me"
+
+
 def test_scale_arrow_is_a_round_number() -> None:
     assert [arrows.nice(x) for x in (0.07, 1.0, 4.9, 23.0, 0.5)] == [0.05, 1.0, 2.0, 20.0, 0.5]
 
@@ -110,7 +136,6 @@ def test_no_error_and_no_uncertainty_can_be_drawn(paper: Example) -> None:
     still = replace(
         result,
         prediction=replace(result.prediction, mean=np.zeros_like(result.prediction.mean)),
-        covariance=np.zeros_like(result.covariance),
         variance=np.zeros_like(result.variance),
     )
     assert figure_bytes(predict_points.figure(still), "png")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from dataclasses import replace
 from typing import Any
 
@@ -11,10 +12,12 @@ import pytest
 from report_examples import Example, example
 
 from mtu_cli.files.json_file import report_bytes
+from mtu_cli.files.part import Feature
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import lengths, orthogonality, predict_points
 from mtu_cli.reports.csv_text import csv_text
 from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.numbers import significant
 from mtu_cli.reports.tables import plain_text
 
 POINT = [
@@ -112,6 +115,34 @@ def test_covariance_of_the_points_only_on_request(spatial: Example) -> None:
     np.testing.assert_allclose(found["covariance_um2"], result.covariance * 1e6, rtol=1e-12)
     point = found["points"][0]
     assert point["u_z_um"] == pytest.approx(np.sqrt(found["covariance_um2"][2][2]), rel=1e-9)
+
+
+def test_many_features_take_no_memory_for_their_covariance(paper: Example) -> None:
+    """1500 features: that of all their errors alone were 72 MB."""
+    features = {
+        str(i): Feature(x_mm=10.0 + 2.6 * (i % 50), y_mm=10.0 + 4.3 * (i // 50))
+        for i in range(1500)
+    }
+    part = paper.part.part.model_copy(update={"features": features})
+    tracemalloc.start()
+    result = replace(paper, part=replace(paper.part, part=part)).points()
+    found = predict_points.document(result)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(found["points"]) == 1500
+    assert peak < 30e6
+
+
+@pytest.mark.parametrize("digits", [1, 2, 4])
+def test_tables_show_u_to_the_digits_asked_for(paper: Example, digits: int) -> None:
+    (points,) = predict_points.table(paper.points(), digits)
+    (long,) = lengths.table(paper.lengths(), digits)
+    (right,) = orthogonality.table(paper.angles(), 2.0, digits)
+    u_x = float(np.sqrt(paper.points().variance[0])) * 1e3
+    assert points.rows[0][4] == significant(u_x, digits)
+    assert long.rows[0][3] == significant(paper.lengths().lengths[0].u * 1e3, digits)
+    u = float(paper.angles().angles[0].run.u[0])
+    assert right.rows[0][2] == significant(u * 180 * 3600 / np.pi, digits)
 
 
 def test_independent_settings_state_no_split_of_variance(paper: Example) -> None:

@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mtu_cli.stats.least_squares import batched_least_squares, least_squares
+from mtu_cli.stats.least_squares import (
+    batched_least_squares,
+    batched_squares_left,
+    beside,
+    least_squares,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -222,3 +227,57 @@ def test_a_batch_tells_what_is_not_determined() -> None:
     b, explained = batched_least_squares(X, y)
     assert np.isfinite(b).tolist() == [[True, False, True]] * 2
     assert np.isfinite(explained).tolist() == [True, False, True]
+
+
+def columns_of(k: int) -> tuple[FloatArray, FloatArray]:
+    rng = np.random.default_rng(10 + k)
+    return rng.normal(size=(k, 9, 7)), rng.normal(size=9)
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_what_a_batch_leaves_is_that_of_one_fit_after_the_other(k: int) -> None:
+    X, y = columns_of(k)
+    given = X.copy(), y.copy()
+    alone = [least_squares(X[:, :, i].T, y).rss for i in range(7)]
+    np.testing.assert_allclose(batched_squares_left(X, y[:, None], 1e-6), alone, rtol=1e-12)
+    np.testing.assert_allclose(
+        batched_squares_left(X, np.tile(y[:, None], 7), 1e-6), alone, rtol=1e-12
+    )
+    _, explained = batched_least_squares(X, np.tile(y[:, None], 7))
+    np.testing.assert_allclose(y @ y - explained, alone, rtol=1e-12)
+    assert np.array_equal(X, given[0])
+    assert np.array_equal(y, given[1])
+
+
+@pytest.mark.parametrize(
+    ("which", "scaled", "like"),
+    [
+        pytest.param(1, 0.0, None, id="nothing"),
+        pytest.param(1, -2.0, 0, id="a copy between the others"),
+        pytest.param(2, 1.0, 1, id="a copy at the end"),
+        pytest.param(1, 1e-14, 1, id="rounding behind another"),
+        pytest.param(0, 0.0, None, id="nothing in front"),
+        pytest.param(0, 1e-14, 1, id="rounding in front, of one behind it"),
+        pytest.param(0, 1e-14, 0, id="rounding in front"),
+    ],
+)
+def test_columns_of_which_nothing_is_left_take_nothing_from_the_others(
+    which: int, scaled: float, like: int | None
+) -> None:
+    X, y = columns_of(3)
+    X[which] = 0.0 if like is None else scaled * X[like]
+    kept = [j for j in range(3) if j != which]
+    alone = [least_squares(X[kept][:, :, i].T, y).rss for i in range(7)]
+    np.testing.assert_allclose(batched_squares_left(X, y[:, None], 1e-6), alone, rtol=1e-12)
+
+
+def test_columns_beside_others_fit_as_all_together() -> None:
+    rows = np.random.default_rng(1).normal(size=(20, 7))
+    left = beside(rows, 3)
+    assert left.shape == (4, 4)
+    whole = least_squares(rows[:, :-1], rows[:, -1])
+    apart = least_squares(left[:, :-1], left[:, -1])
+    assert np.isclose(apart.rss, whole.rss, rtol=1e-12)
+    np.testing.assert_allclose(apart.coefficients, whole.coefficients[3:], rtol=1e-10)
+    # Of fewer rows than columns nothing is left that others could explain.
+    assert beside(rows[:3], 3).shape == (0, 4)

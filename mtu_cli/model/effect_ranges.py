@@ -1,0 +1,127 @@
+"""Where declared effects were found, and whether they are used elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.language import names, parse
+from mtu_cli.model.design import design, places, theta
+from mtu_cli.model.effect_parameters import EFFECT_MARK, DeclaredEffect
+from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.settings import Warned
+from mtu_cli.stats.least_squares import FloatArray
+
+if TYPE_CHECKING:
+    from mtu_cli.model.residual_table import ResidualTable
+
+SLACK = 0.1
+"""Share of the range seen that may be exceeded without a word."""
+SAME = 1e-9
+"""Relative; a column that did not change is told from another value by more."""
+LARGE_MM = 1.0
+"""No effect of a machine that makes parts is larger: a parameter or a constant is in another
+unit than is meant."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Left:
+    """A range that was left: the column, its ends, and the value farthest from them."""
+
+    column: str
+    low: float
+    high: float
+    value: float
+
+
+def seen_ranges(table: ResidualTable, equations: Mapping[str, str]) -> dict[str, list[float]]:
+    """Lowest and highest value over the measured cells of the positions and columns that the
+    `equations` of an effect use, to six digits.
+    """
+    found = {}
+    for name in dict.fromkeys(name for text in equations.values() for name in names(parse(text))):
+        if name in AXES:
+            values = table.places[..., AXES.index(name)]
+        elif name in table.covariates:
+            values = np.broadcast_to(table.covariates[name], table.there.shape)
+        else:
+            continue
+        own = values[table.there]
+        if len(own) and np.isfinite(own).all():
+            found[name] = [float(f"{end:.6g}") for end in (own.min(), own.max())]
+    return found
+
+
+def effect_warnings_at(
+    model: MachineModel, points: FloatArray, covariates: Mapping[str, FloatArray | float]
+) -> list[Warned]:
+    """Of effects used beyond what they were found on, and of those that are too large to be true,
+    at `points` (n, 3) in mm under `covariates`, one value for all or one a point.
+    """
+    if not model.effects:
+        return []
+    values = {**places(model, points), **covariates}
+    known = {name: value for name, value in values.items() if name not in model.constants}
+    return [*outside_seen(model.effects, known), *_too_large(model, points, covariates)]
+
+
+def outside_seen(
+    effects: Sequence[DeclaredEffect], values: Mapping[str, FloatArray | float]
+) -> list[Warned]:
+    """One warning for all effects that left the same range by more than a tenth of it."""
+    found: dict[_Left, list[DeclaredEffect]] = {}
+    for effect in effects:
+        for column, (low, high) in effect.seen.items():
+            given = np.atleast_1d(np.asarray(values.get(column, np.nan), float))
+            given = given[np.isfinite(given)]
+            beyond = np.maximum(low - given, given - high)
+            slack = max(SLACK * (high - low), SAME * max(abs(low), abs(high)))
+            if len(given) and beyond.max() > slack:
+                worst = float(given[int(np.argmax(beyond))])
+                found.setdefault(_Left(column, low, high, worst), []).append(effect)
+    return [Warned(code="outside-effect-range", message=_left(*item)) for item in found.items()]
+
+
+def _left(left: _Left, effects: Sequence[DeclaredEffect]) -> str:
+    were, say = ("was", "it says") if len(effects) == 1 else ("were", "they say")
+    unit = " mm" if left.column in AXES else ""
+    ends = dict.fromkeys(f"{end:.6g}" for end in (left.low, left.high))
+    where = f"from {' to '.join(ends)}" if len(ends) == 2 else f"at {next(iter(ends))}"
+    return (
+        f"{_listed(effects)} {were} found with {left.column} {where}{unit}: what {say} at "
+        f"{left.value:.6g}{unit} is a guess"
+    )
+
+
+def _listed(effects: Sequence[DeclaredEffect]) -> str:
+    return f"{effects[0].file}: " + ", ".join(
+        f"effects[{effect.index}] ({effect.name})" for effect in effects
+    )
+
+
+def _too_large(
+    model: MachineModel, points: FloatArray, covariates: Mapping[str, FloatArray | float]
+) -> list[Warned]:
+    warnings = []
+    for effect in model.effects:
+        terms = tuple(term for term in model.terms if _owner(term.estimate.name) == effect.name)
+        if not terms:
+            continue
+        alone = replace(model, terms=terms, remainders=dict.fromkeys(model.axes, ()))
+        said = design(alone, points, covariates).J @ theta(alone)
+        largest = float(said[int(np.argmax(np.abs(said)))])
+        if abs(largest) > LARGE_MM:
+            text = (
+                f"{_listed([effect])} says {largest:.3g} mm, more than a machine errs by: look at "
+                "the units of its parameters, and at constants in another unit than their column"
+            )
+            warnings.append(Warned(code="effect-too-large", message=text))
+    return warnings
+
+
+def _owner(name: str) -> str:
+    """The effect whose parameter a term is; nothing for a component of the machine."""
+    return name.rpartition(EFFECT_MARK)[0]

@@ -1,0 +1,161 @@
+"""Readings that a fit takes as they are, but that look mistaken: told by row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mtu_cli.files.reading_sizes import LARGEST, Travels
+from mtu_cli.model.residual_cells import IntArray
+from mtu_cli.model.settings import Warned
+from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.units import UNITS
+
+if TYPE_CHECKING:
+    from mtu_cli.files.machine import LoadedMachine
+    from mtu_cli.files.readings import Readings
+
+GROSS = 8.0
+"""Standard deviations of the others from which on a reading is no part of them."""
+MOST = 0.05
+"""Share of a component's readings beyond which they are its own distribution."""
+FEWEST = 8
+SWEEPS = 5
+REPLICATES = 3
+NORMAL_MAD = 1.4826
+LEAST = 0.1
+"""Share of the degrees of freedom that medians leave at least."""
+LARGE = 0.2
+"""Share of the largest error of a machine from which on typical readings are asked about."""
+NARROW = 1e-3
+"""Share of a travel that metres taken for mm would cover at most."""
+SHOWN = 6
+
+
+def reading_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
+    """Single readings far off what the others of their component make one expect, errors and
+    positions that look like another unit, and positions that are not used.
+    """
+    components = machine.machine.components
+    found = [Warned(code=item.code, message=item.message) for item in readings.notes]
+    travels = {str(name): tuple(axis.travel_mm) for name, axis in machine.machine.axes.items()}
+    found += _scales(readings, components, travels)  # type: ignore[arg-type]  # pairs
+    alone = [text for name in readings.components for text in _alone(readings, name, components)]
+    if alone:
+        more = f"; and {len(alone) - SHOWN} more" if len(alone) > SHOWN else ""
+        text = f"{'; '.join(alone[:SHOWN])}{more}: look whether they are mistyped"
+        found.append(Warned(code="reading-stands-out", message=text))
+    return found
+
+
+def _scales(
+    readings: Readings, components: Mapping[str, Any], travels: Travels
+) -> Iterator[Warned]:
+    large, narrow = [], []
+    for code, name in enumerate(readings.components):
+        rows = np.flatnonzero(readings.code == code)
+        unit = UNITS[components[name].unit]
+        typical = float(np.median(np.abs(readings.error[rows])))
+        if typical > LARGE * LARGEST[unit.dimension]:
+            large.append(f"{name} (typically {typical / unit.to_internal:.3g} {unit.name})")
+        axis = components[name].of
+        if axis in travels:
+            low, high = sorted(travels[axis])
+            if 0 < float(np.ptp(readings.position_mm[rows])) < NARROW * (high - low):
+                narrow.append(name)
+    if large:
+        text = f"large errors for a machine: {', '.join(large)}; are they in the unit they state?"
+        yield Warned(code="readings-large", message=text)
+    if narrow:
+        text = (
+            f"the positions of {', '.join(narrow)} lie within a thousandth of the travel that the "
+            "machine states: are they metres in a column of mm?"
+        )
+        yield Warned(code="positions-narrow", message=text)
+
+
+def _alone(readings: Readings, name: str, components: Mapping[str, Any]) -> Iterator[str]:
+    """Readings of one component, one instrument at a time, with what the others have there."""
+    inside = np.flatnonzero(readings.code == readings.components.index(name))
+    component, unit = components[name], UNITS[components[name].unit]
+    roles = np.array(readings.roles, dtype=object)[readings.file_index[inside]]
+    for role in dict.fromkeys(readings.roles):
+        rows = inside[roles == role]
+        if len(rows) < FEWEST:
+            continue
+        expected, taken = _expected(readings, rows, component)
+        left = readings.error[rows] - expected
+        spread = _spread(left, taken)
+        far = np.flatnonzero(np.abs(left) > GROSS * spread) if spread > 0 else np.zeros(0, int)
+        if len(far) > max(1, MOST * len(rows)):
+            continue
+        for i in far.tolist():
+            row, f = rows[i], unit.to_internal
+            place = "" if component.of is None else f" at {readings.position_mm[row]:g} mm"
+            yield (
+                f"{readings.sources[readings.file_index[row]].shown}, row {readings.row[row]}, "
+                f"column 'error': {name}{place} is {readings.error[row] / f:.4g} {unit.name} where "
+                f"the others make one expect {expected[i] / f:.3g} ± {spread / f:.2g} {unit.name}"
+            )
+
+
+def _spread(left: FloatArray, taken: int) -> float:
+    """Standard deviation of what is not gross among deviations `left` (n,), from which `taken`
+    parameters were taken: what medians leave has too many small values.
+    """
+    n = len(left)
+    share = max(1 - taken / n, LEAST)
+    robust = NORMAL_MAD * float(np.median(np.abs(left))) / np.sqrt(share)
+    rest = left[np.abs(left) <= GROSS * robust]
+    dof = max(len(rest) - taken, 1)
+    return max(robust, float(np.sqrt(rest @ rest / dof))) if robust > 0 else 0.0
+
+
+def _expected(readings: Readings, rows: IntArray, component: Any) -> tuple[FloatArray, int]:
+    """What the others make one expect of each reading (n,), and its number of parameters: the
+    medians of pass and place where places are visited again, else the polynomial alone.
+    """
+    error = readings.error[rows]
+    direction = readings.direction[rows].astype(np.int64)
+    if component.of is None:
+        return np.full(len(rows), np.median(error)), 1
+    position = readings.position_mm[rows]
+    visited = np.column_stack([position, direction])
+    place = np.unique(visited, axis=0, return_inverse=True)[1].reshape(-1)
+    keys = [readings.file_index[rows], readings.pass_number[rows], direction]
+    run = np.unique(np.column_stack(keys), axis=0, return_inverse=True)[1].reshape(-1)
+    places, runs = int(place.max()) + 1, int(run.max()) + 1
+    if np.bincount(place).min() < REPLICATES or np.bincount(run).min() < REPLICATES:
+        return _curve(position, error, component.degree), component.degree + 1
+    left = error.copy()
+    for _ in range(SWEEPS):
+        left = left - _medians(run, left)
+        left = left - _medians(place, left)
+    return error - left, places + runs - 1
+
+
+def _curve(position: FloatArray, error: FloatArray, degree: int) -> FloatArray:
+    """The polynomial through the readings that it does not leave far off."""
+    X = np.vander((position - position.mean()) / max(float(np.ptp(position)), 1e-9), degree + 1)
+    kept, found = np.ones(len(error), bool), np.zeros(len(error))
+    for _ in range(SWEEPS):
+        found = X @ least_squares(X[kept], error[kept]).coefficients
+        left = np.abs(error - found)
+        near = left <= GROSS / 2 * NORMAL_MAD * float(np.median(left))
+        if near.sum() <= degree + 1 or (near == kept).all():
+            break
+        kept = near
+    return found
+
+
+def _medians(group: IntArray, values: FloatArray) -> FloatArray:
+    """The median of each value's group, (n,)."""
+    order = np.lexsort([values, group])
+    count = np.bincount(group)
+    start = np.cumsum(count) - count
+    ordered = values[order]
+    middle = (ordered[start + (count - 1) // 2] + ordered[start + count // 2]) / 2
+    found: FloatArray = middle[group]
+    return found

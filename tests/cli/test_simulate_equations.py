@@ -1,0 +1,56 @@
+"""Equations of `simulate`, whose numbers may have units that are not written."""
+
+from __future__ import annotations
+
+import pytest
+
+from mtu_cli.cli.simulate_equations import named_equation
+from mtu_cli.errors import InputError
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Ex: 0.004*dir_x",
+        "Ex: dir_x",
+        "Ex: 1e-8*x*y",
+        "Ex: 1e-5*x*(T_a_degC - 20)",
+        "Ex: 2e-8*(x - 500)**2 + 0.001",
+        "Ex: 0.003*sin(2*pi*x/40)",
+        "Ex: 0.01*(1 - exp(-time_min/30))",
+        "Ex: x*load",
+        "Ex: 1e-3*sqrt(253.7 + 0.1677*x - 0.3933*y)",
+        "Ex: x",
+    ],
+)
+def test_errors_that_may_be_right(text: str) -> None:
+    assert named_equation("--effect", text)[0] == "Ex"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["T_a_degC: 20 + sequence", "T_a_degC: 20 + time_min/60", "T_a_degC: T_b_degC + 2",
+     "load: x*time_min", "load: T_a_degC"],
+)  # fmt: skip
+def test_columns_that_may_be_right(text: str) -> None:
+    named_equation("--covariate", text, column=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "words"),
+    [
+        ("Ex: x*y", False, r"this term is mm\^2, its equation is a length \(mm\) at column 5"),
+        ("Ex: 0.001 + x*(T_a_degC - 20)", False, r"times a temperature \(degC\).* at column 13"),
+        ("Ex: T_a_degC - 20", False, r"this term is a temperature \(degC\), its equation is a l"),
+        ("Ex: time_min", False, r"this term is a time \(min\), its equation is a length"),
+        ("Ex: 0.01*sin(x)", False, r"sin of a length \(mm\) at column 14"),
+        ("Ex: 0.01*(x + time_min)", False, "are added at column 13"),
+        ("Ex: 0.01*step(sequence - x)", False, "are added at column 24"),
+        ("T_a_degC: x", True, r"this term is a length \(mm\), its equation is a temperature"),
+        ("load: exp(time_min)", True, r"exp of a time \(min\)"),
+        ("load: x + T_a_degC", True, "are added"),
+    ],
+)
+def test_what_no_unit_of_a_number_makes_right(text: str, column: bool, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        named_equation("--option", text, column=column)

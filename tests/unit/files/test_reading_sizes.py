@@ -1,0 +1,152 @@
+"""Readings and positions of no machine: one message with what would explain them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.readings import Readings, read_readings
+
+
+@dataclass(frozen=True)
+class Component:
+    of: str | None
+    unit: str
+    degree: int
+
+
+MACHINE = {
+    "dx_x": Component("x", "um", 1),
+    "ez_x": Component("x", "urad", 1),
+    "axy": Component(None, "urad", 0),
+}
+TRAVELS = {"x": (0.0, 1000.0)}
+HEAD = "component,position_mm,pass,error,unit\n"
+
+Cell = tuple[float, float, str]
+"""Position, error and unit of a reading."""
+
+
+def table(change: Callable[[str, int, Cell], Cell] = lambda name, i, cell: cell) -> str:
+    """Five passes of ten positions of two components, changed by name and number."""
+    rows = []
+    for name, unit in (("dx_x", "um"), ("ez_x", "urad")):
+        for i in range(50):
+            place, error = 20.0 * (i % 10), 4.0 + 0.1 * (i % 10) + 0.01 * i
+            position, error, own = change(name, i, (place, error, unit))
+            rows.append(f"{name},{position:.10g},{i // 10},{error:.10g},{own}\n")
+    return HEAD + "".join(rows) + "axy,,1,-30,urad\naxy,,2,-31,urad\n"
+
+
+def read(folder: Path, text: str, travels: dict[str, tuple[float, float]] | None) -> Readings:
+    path = folder / "lbb.csv"
+    path.write_text(text, "utf-8")
+    return read_readings([(path, "lbb")], MACHINE, for_fit=True, travels=travels)
+
+
+@pytest.mark.parametrize("travels", [TRAVELS, None])
+def test_what_machines_have_passes(
+    tmp_path: Path, travels: dict[str, tuple[float, float]] | None
+) -> None:
+    """Also errors just below the limit, and positions in a frame far from the machine's."""
+
+    def edge(name: str, i: int, cell: Cell) -> Cell:
+        return cell[0] - 1900.0, (990.0 if name == "dx_x" else 9900.0) + 0.01 * i, cell[2]
+
+    assert read(tmp_path, table(), travels).notes == ()
+    assert len(read(tmp_path, table(edge), travels)) == 102
+
+
+MISTAKES: dict[str, tuple[Callable[[str, int, Cell], Cell], str]] = {
+    "um as mm": (
+        lambda name, i, c: (c[0], c[1], "mm" if name == "dx_x" else c[2]),
+        "row 2, column 'error': 50 of 50 cells of dx_x are larger than any machine's error: '4 "
+        "mm'; expected errors of at most 1 mm: these look like um in a column of mm",
+    ),
+    "nm as um": (
+        lambda name, i, c: (c[0], 1000 * c[1] if name == "dx_x" else c[1], c[2]),
+        "these look like nm in a column of um",
+    ),
+    "a few are beyond": (
+        lambda name, i, c: (c[0], 0.2 * c[1], "mm" if name == "dx_x" else c[2]),
+        "cells of dx_x are larger than any machine's error: '1.018 mm'; expected errors of at "
+        "most 1 mm: these look like um in a column of mm",
+    ),
+    "urad as rad": (
+        lambda name, i, c: (c[0], c[1], c[2] if name == "dx_x" else "rad"),
+        "expected errors of at most 0.01 rad: these look like arcsec or urad in a column of rad",
+    ),
+    "angles by a thousand": (
+        lambda name, i, c: (c[0], c[1] if name == "dx_x" else 4000 * c[1], c[2]),
+        "these look 1000 times too large",
+    ),
+    "lengths of the bar": (
+        lambda name, i, c: (c[0], 3e5 + c[1] if name == "dx_x" else c[1], c[2]),
+        "these look like lengths of a bar of 300.005 mm, not errors",
+    ),
+    "positions that were reached": (
+        lambda name, i, c: (c[0], 1000 * c[0] + c[1] if name == "dx_x" else c[1], c[2]),
+        "these look like the positions that were reached, not their errors",
+    ),
+    "positions in um": (
+        lambda name, i, c: (1000 * c[0], *c[1:]),
+        "cells of dx_x, ez_x are farther than the machine goes: '20000'; expected positions in mm "
+        "(x travels from 0 to 1000 mm): these look like um in a column of mm",
+    ),
+    "one reading": (
+        lambda name, i, c: (c[0], 4300.0 if (name, i) == ("dx_x", 22) else c[1], c[2]),
+        "row 24, column 'error': does not fit the other readings of 'dx_x': '4300'; expected what "
+        "the others have, 4 to 5.39 um",
+    ),
+    "one position": (
+        lambda name, i, c: (40000.0 if (name, i) == ("ez_x", 2) else c[0], *c[1:]),
+        "row 54, column 'position_mm': does not fit the other positions of 'ez_x': '40000'; "
+        "expected what the others have, 0 to 180 mm",
+    ),
+    "a sign for micro": (
+        lambda name, i, c: (*c[:2], "\u00b5m" if name == "dx_x" else c[2]),
+        "unknown unit: '\u00b5m'; expected 'um', in plain letters (50 such cells)",
+    ),
+    "the other sign for micro": (
+        lambda name, i, c: (*c[:2], "\u03bcm" if name == "dx_x" else c[2]),
+        "unknown unit: '\u03bcm'; expected 'um', in plain letters (50 such cells)",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_message(tmp_path: Path, mistake: str) -> None:
+    change, words = MISTAKES[mistake]
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, table(change), TRAVELS)
+    (problem,) = caught.value.problems
+    assert words in str(problem)
+    assert problem.file is not None
+    assert problem.row is not None
+
+
+def test_positions_without_a_travel_have_a_limit_too(tmp_path: Path) -> None:
+    text = table(lambda name, i, c: (1000 * c[0], *c[1:]))
+    with pytest.raises(InputError, match=r"expected positions in mm: these look like um in a col"):
+        read(tmp_path, text, None)
+
+
+def test_a_position_of_a_constant_is_told_unless_it_is_0(tmp_path: Path) -> None:
+    assert read(tmp_path, table().replace("axy,,", "axy,0,"), TRAVELS).notes == ()
+    (note,) = read(tmp_path, table().replace("axy,,", "axy,75,"), TRAVELS).notes
+    assert note.code == "position-not-used"
+    assert "row 102, column 'position_mm': 75 mm of axy" in note.message
+    assert "(2 rows)" in note.message
+
+
+@pytest.mark.parametrize("names", ["dx_x", "dx_y"])
+def test_drift_readings_are_told_by_what_they_are(tmp_path: Path, names: str) -> None:
+    """Not by each of their unknown components, or of their single positions."""
+    rows = "".join(f"{names},0,{i},1.5,um,{20 + 0.1 * i}\n" for i in range(5))
+    head = "component,position_mm,cycle,error,unit,T_02_degC\n"
+    with pytest.raises(InputError, match=r"looks like drift readings \(columns cycle, T_02_degC"):
+        read(tmp_path, head + rows, TRAVELS)

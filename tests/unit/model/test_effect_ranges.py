@@ -1,0 +1,179 @@
+"""Declared effects beyond what they were found on, and those too large to be true."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_examples import FloatArray, loaded, part_of, stated
+
+from mtu_cli.analyses.lengths import predict_lengths
+from mtu_cli.analyses.orthogonality import predict_orthogonality
+from mtu_cli.analyses.predict_points import predict_points
+from mtu_cli.model.effect_ranges import effect_warnings_at, seen_ranges
+from mtu_cli.model.prediction import predict
+from mtu_cli.model.reading_effects import effects_on_readings
+from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.model.settings import Settings
+
+MACHINE = """
+constants: {z: 127}
+components:
+  a: {of: x, unit: um, coefficients: [1.0, 0.1], covariance: [[0.4, 0], [0, 1.0e-4]], s_repeat: 0.7}
+equations: {Ex: a, Ey: 0.5*a}
+effects:
+"""
+ONE = """
+  - name: one
+    parameters: {p: {value: 2.0, u: 0.3, unit: um}}
+    equations: {Ex: p*exp(-time_min/30)}
+    seen: {time_min: [0, 100]}
+"""
+TWO = ONE.replace("one", "two").replace("Ex", "Ey")
+PLACE = """
+  - name: bend
+    parameters: {p: {value: 2.0, u: 0.3, unit: um/m^2}}
+    equations: {Ex: p*(y - 20)**2*dir_x}
+    seen: {y: [10, 30], dir_x: [1, 1]}
+"""
+POINTS = np.array([[10.0, 20, 0], [70.0, 12, 0], [40.0, 28, 0]])
+FOUND = "effects[0] (one) was found with time_min from 0 to 100: what it says at"
+
+
+def told(
+    folder: Path, effects: str, covariates: Mapping[str, FloatArray | float], points: FloatArray
+) -> list[str]:
+    found = effect_warnings_at(stated(folder, MACHINE + effects), points, covariates)
+    assert all(item.code == "outside-effect-range" for item in found)
+    return [item.message.removeprefix("machine.yaml: ") for item in found]
+
+
+@pytest.mark.parametrize(
+    ("time", "at"),
+    [
+        (0.0, None),
+        (110.0, None),
+        (-10.0, None),
+        (110.1, "110.1"),
+        (-50.0, "-50"),
+        (1e6, "1e+06"),
+        (np.array([50.0, 150.0, -70.0]), "-70"),
+    ],
+)
+def test_a_tenth_of_the_range_is_no_matter(
+    tmp_path: Path, time: FloatArray | float, at: str | None
+) -> None:
+    found = told(tmp_path, ONE, {"time_min": time}, POINTS)
+    assert found == ([] if at is None else [f"{FOUND} {at} is a guess"])
+
+
+def test_effects_that_left_the_same_range_are_told_together(tmp_path: Path) -> None:
+    (found,) = told(tmp_path, ONE + TWO, {"time_min": 300.0}, POINTS)
+    assert found == (
+        "effects[0] (one), effects[1] (two) were found with time_min from 0 to 100: "
+        "what they say at 300 is a guess"
+    )
+
+
+def test_positions_and_columns_that_did_not_change(tmp_path: Path) -> None:
+    assert told(tmp_path, PLACE, {"dir_x": 1.0}, POINTS) == []
+    found = told(tmp_path, PLACE, {"dir_x": np.array([1.0, 1, -1])}, POINTS + np.array([0, 5, 0]))
+    assert found == [
+        "effects[0] (bend) was found with y from 10 to 30 mm: what it says at 33 mm is a guess",
+        "effects[0] (bend) was found with dir_x at 1: what it says at -1 is a guess",
+    ]
+
+
+def test_a_coordinate_that_the_machine_fixes_is_no_matter(tmp_path: Path) -> None:
+    text = PLACE.replace("(y - 20)**2", "z**2").replace("y: [10", "z: [10")
+    assert told(tmp_path, text, {"dir_x": 1.0}, POINTS) == []
+
+
+def test_ranges_change_no_prediction_and_may_be_left_out(tmp_path: Path) -> None:
+    far = {"time_min": 1e3}
+    bare = ONE.replace("    seen: {time_min: [0, 100]}\n", "")
+    assert told(tmp_path, bare, far, POINTS) == []
+    with_range, without = (
+        predict(stated(tmp_path, MACHINE + text), ["1", "2", "3"], POINTS, far)
+        for text in (ONE, bare)
+    )
+    assert (with_range.mean == without.mean).all()
+    assert (with_range.covariance == without.covariance).all()
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "large"), [(900, "um", None), (-3, "mm", "-3"), (1100, "um", "1.1")]
+)
+def test_an_effect_of_more_than_a_millimetre(
+    tmp_path: Path, value: float, unit: str, large: str | None
+) -> None:
+    text = f"  - name: e\n    parameters: {{p: {{value: {value}, u: 1, unit: {unit}}}}}\n"
+    model = stated(tmp_path, f"{MACHINE}{text}    equations: {{Ey: p*dir_x}}\n")
+    found = effect_warnings_at(model, POINTS, {"dir_x": 1.0})
+    assert [item.code for item in found] == ([] if large is None else ["effect-too-large"])
+    if large is not None:
+        assert found[0].message.startswith(f"machine.yaml: effects[0] (e) says {large} mm, more")
+
+
+def test_every_prediction_warns(tmp_path: Path) -> None:
+    model = stated(tmp_path, MACHINE + ONE)
+    part = part_of(
+        tmp_path,
+        """
+        features: {A: {x_mm: 0, y_mm: 0}, B: {x_mm: 90, y_mm: 0}, C: {x_mm: 90, y_mm: 90}}
+        lengths: [{from: A, to: B}]
+        orthogonality: [{id: xy, row: [A, B], column: [B, C]}]
+        """,
+    )
+    settings, far = Settings(trials=1000), {"time_min": 500.0}
+    for predicted in (predict_points, predict_lengths, predict_orthogonality):
+        found = predicted(model, part, settings, far).warnings
+        assert [w.code for w in found].count("outside-effect-range") == 1
+
+
+def test_readings_of_a_component_warn(tmp_path: Path) -> None:
+    text = ONE + "    found: {component: a}\n"
+    machine = loaded(tmp_path, MACHINE + text)
+    places = np.column_stack([POINTS[:, 0], np.full((3, 2), np.nan)])
+    for time, count in ((50.0, 0), (200.0, 1)):
+        _, found = effects_on_readings(machine, "a", places, {"time_min": np.full(3, time)})
+        assert [item.code for item in found] == ["outside-effect-range"] * count
+
+
+def test_ranges_are_those_of_the_measured_cells() -> None:
+    """A column in its smallest shape, positions, and what the equations do not use."""
+    P, H = 3, 2
+    repeats = np.ones((P, H), np.int64)
+    repeats[2, 1] = 0
+    places = np.full((P, H, 3), np.nan)
+    places[..., 0], places[..., 1] = [10.0, 1000 / 3], 5.0
+    table = ResidualTable(
+        axes=("x",),
+        component=None,
+        unit="um",
+        parts=("1", "2", "3"),
+        features=("A", "B"),
+        errors=np.zeros((P, H, 1)),
+        repeats=repeats,
+        repeat_variance=np.ones(1),
+        repeat_dof=1,
+        places=places,
+        operations=("",),
+        operation=np.zeros(H, np.int64),
+        covariates={
+            "sequence": np.array([[1.0], [2.0], [3.0]]),
+            "time_min": np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 99.0]]),
+            "load": np.array([[7.0]]),
+        },
+        common=np.zeros((1, H, 1, 0)),
+        of_part=np.zeros((1, H, 1, 0)),
+    )
+    equations = {"Ex": "a*(x - 3)*time_min + b*load", "Ey": "b*step(sequence - 2.5)*z"}
+    assert seen_ranges(table, equations) == {
+        "x": [10.0, 333.333],
+        "time_min": [0.0, 4.0],
+        "load": [7.0, 7.0],
+        "sequence": [1.0, 3.0],
+    }

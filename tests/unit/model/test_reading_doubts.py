@@ -1,0 +1,108 @@
+"""Readings that look mistaken are told by row; clean ones are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from machine_trials import Drift, machine, read_machine
+from model_examples import loaded
+
+from mtu_cli.files.readings import Readings
+from mtu_cli.model.reading_doubts import reading_doubts
+
+FAR = 12.0
+"""Standard deviations of repeatability beyond all doubt: 8 is the limit, 1 to 2 is its scatter."""
+
+
+def mistyped(given: Readings, rows: np.ndarray, by: float) -> Readings:
+    error = given.error.copy()
+    error[rows] += by
+    return replace(given, error=error)
+
+
+def codes(found: list[object]) -> list[str]:
+    return [item.code for item in found]  # type: ignore[attr-defined]  # warnings
+
+
+def test_clean_machines_are_not_doubted(tmp_path: Path) -> None:
+    """Levels and slopes of passes, reversal and bends are the machine's, not slips."""
+    known = machine(tmp_path)
+    rng = np.random.default_rng(1)
+    for drift in (Drift(0.0), Drift(1.0)) * 10:
+        given = read_machine(rng, drift)
+        assert reading_doubts(known, given) == []
+        size = np.array([1.0 if name[0] == "d" else 0.01 for name in given.components])[given.code]
+        bend = 2e-3 * given.direction + 1e-6 * (given.position_mm - 80) ** 2
+        bent = given.error + size * bend
+        assert (
+            reading_doubts(known, replace(given, error=np.where(np.isnan(bent), given.error, bent)))
+            == []
+        )
+
+
+@pytest.mark.parametrize("passes", [None, 1])
+def test_a_slip_is_told_with_its_row_and_what_was_expected(
+    tmp_path: Path, passes: int | None
+) -> None:
+    """Where places are visited again, and where the polynomial alone tells."""
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(2), Drift(1.0))
+    name = given.components.index("dx_x")
+    own = np.flatnonzero(given.code == name)
+    if passes is not None:
+        first = given.pass_number[own[0]]
+        there = given.direction == given.direction[own[0]]
+        kept = np.flatnonzero(((given.pass_number == first) & there) | (given.code != name))
+        arrays: dict[str, Any] = {
+            key: value[kept]
+            for key, value in arrays_of(given).items()
+            if isinstance(value, np.ndarray) and len(value) == len(given)
+        }
+        given = replace(given, **arrays)
+        own = np.flatnonzero(given.code == name)
+    slip = int(own[3])
+    found = reading_doubts(known, mistyped(given, np.array([slip]), 40 * 0.8e-3))
+    (warning,) = found
+    assert warning.code == "reading-stands-out"
+    assert f", row {given.row[slip]}, column 'error': dx_x at " in warning.message
+    assert f"is {1e3 * given.error[slip] + 32:.4g} um where the others" in warning.message
+
+
+def arrays_of(given: Readings) -> dict[str, Any]:
+    return {name: getattr(given, name) for name in Readings.__slots__}
+
+
+def test_several_slips_and_readings_of_another_kind(tmp_path: Path) -> None:
+    """Few are slips; where many are far off, that is how the component behaves."""
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(3), Drift(0.0))
+    own = np.flatnonzero(given.code == given.components.index("dx_x"))
+    (warning,) = reading_doubts(known, mistyped(given, own[[3, 40]], FAR * 0.8e-3))
+    assert warning.message.count("row ") == 2
+    many = mistyped(given, own[:: len(own) // 8], FAR * 0.8e-3)
+    assert reading_doubts(known, many) == []
+
+
+def test_units_and_positions_that_look_like_others_are_asked_about(tmp_path: Path) -> None:
+    given = read_machine(np.random.default_rng(4), Drift(0.0))
+    large = replace(given, error=100 * given.error)
+    (warning,) = reading_doubts(machine(tmp_path), large)
+    assert warning.code == "readings-large"
+    assert "dx_x (typically " in warning.message
+    names = sorted(name for name in given.components if name != "axy")
+    lines = "".join(
+        f"  {n}: {{of: {n[-1]}, unit: {'um' if n[0] == 'd' else 'urad'}}}\n" for n in names
+    )
+    known = loaded(
+        tmp_path,
+        "axes: {x: {travel_mm: [0, 1000]}, y: {travel_mm: [0, 800]}}\n"
+        f"components:\n{lines}  axy: {{unit: urad}}\nequations: {{Ex: dx_x}}\n",
+    )
+    metres = replace(given, position_mm=given.position_mm / 1000)
+    (warning,) = reading_doubts(known, metres)
+    assert warning.code == "positions-narrow"
+    assert "metres in a column of mm" in warning.message
