@@ -31,7 +31,9 @@ that is not along the column: below it is rounding.
 def shape_weights(members: Sequence[Member]) -> FloatArray:
     """Prior weights (M,) of one candidate's members, 1 on the average.
 
-    Members of one covariate and of one set of parameters share what they would have alike.
+    Members of one grid share what they would have alike: those of one covariate and one set of
+    parameters, as long as their values rise, or fall. A grid with values of 0 or less, where the
+    derivative by the logarithm says nothing, is left even.
     """
     weights = np.ones(len(members))
     groups: dict[object, list[int]] = {}
@@ -39,15 +41,36 @@ def shape_weights(members: Sequence[Member]) -> FloatArray:
         if len(member.columns) == 1 and len(member.tangent) == 1 and len(member.searched) == 1:
             groups.setdefault((member.covariate, member.parameters), []).append(i)
     for own in groups.values():
-        if len(own) > 2:
-            weights[own] = _along([members[i] for i in own])
+        for grid in _grids(own, [_value(members[i]) for i in own]):
+            weights[grid] = _along([members[i] for i in grid])
     return weights
+
+
+def _value(member: Member) -> float:
+    return next(iter(member.searched.values()))
+
+
+def _grids(places: Sequence[int], values: Sequence[float]) -> list[list[int]]:
+    """The places of monotone runs of values: two equations of one effect are two grids."""
+    grids: list[list[int]] = []
+    way = 0.0
+    for k, place in enumerate(places):
+        step = values[k] - values[k - 1] if k else 0.0
+        if grids and step * way >= 0.0 and step != 0.0:
+            grids[-1].append(place)
+            way = step
+        else:
+            grids.append([place])
+            way = 0.0
+    return grids
 
 
 def _along(members: Sequence[Member]) -> FloatArray:
     """Weights (M,) along one grid, 1 on the average."""
-    value = np.log([next(iter(member.searched.values())) for member in members])
-    speed = np.array([_speed(member) for member in members]) * np.abs(np.gradient(value))
+    values = np.array([_value(member) for member in members])
+    if len(members) < 3 or values.min() <= 0.0:
+        return np.ones(len(members))
+    speed = np.array([_speed(member) for member in members]) * np.abs(np.gradient(np.log(values)))
     mean = float(speed.mean())
     if not (np.isfinite(mean) and mean > 0.0):
         return np.ones(len(members))

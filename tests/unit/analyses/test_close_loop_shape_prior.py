@@ -1,5 +1,7 @@
 """Prior of searched values: the speed of the shape, however the value is written."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from crossed_tables import Floats
@@ -87,6 +89,23 @@ def test_each_covariate_has_its_own_grid_and_places_are_all_alike() -> None:
         for at in (2.5, 9.5, 16.5)
     ]
     np.testing.assert_array_equal(shape_weights(steps), 1.0)
+
+
+def test_two_equations_with_the_same_parameter_are_two_grids() -> None:
+    taus = np.geomspace(10, 1000, 12)
+    plain = shape_weights([warm_up(tau) for tau in taus.tolist()])
+    twice = shape_weights([warm_up(tau) for tau in [*taus.tolist(), *taus.tolist()]])
+    np.testing.assert_allclose(twice, np.tile(plain, 2))
+    falling = shape_weights([warm_up(tau) for tau in [*taus[::-1].tolist(), *taus.tolist()]])
+    # The two ends that meet are one value.
+    np.testing.assert_allclose(falling, [*plain[::-1], *plain])
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_grid_that_goes_through_zero_is_even() -> None:
+    taus = [-100.0, -10.0, 0.0, 10.0, 100.0]
+    members = [replace(warm_up(50.0), searched={"at": tau}) for tau in taus]
+    np.testing.assert_array_equal(shape_weights(members), 1.0)
 
 
 def test_shapes_that_do_not_move_are_as_likely_as_each_other() -> None:
