@@ -30,7 +30,7 @@ CLOSE_LOOP: list[Parameter] = [
             typer.Option(
                 "--max-effects",
                 metavar="N",
-                help="At most so many effects are added.",
+                help="At most so many causes: a growth with its drifts and offsets is one.",
                 show_default="4",
             ),
         ],

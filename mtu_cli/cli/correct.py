@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 from mtu_cli.analyses.correct import correct
+from mtu_cli.analyses.correct.warmth import unused_warmth
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
@@ -28,6 +29,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     part = inputs.part if inputs.files("part") else None
     result = correct(found.model, part, inputs.points, settings, inputs.at)
     used = _ring_temperatures(part)
+    reference = inputs.machine.machine.reference_temperature_degC
     return Outcome(
         results=lambda: report.document(result),
         tables=lambda: report.table(result, settings.digits),
@@ -39,6 +41,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
                 for item in found.warnings
                 if item.code != "covariate-not-needed" or item.message.split()[-1] not in used
             ),
+            *unused_warmth(found.model, inputs.points, reference),
             *result.warnings,
             *report.warnings(result),
         ],

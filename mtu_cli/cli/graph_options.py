@@ -52,6 +52,10 @@ def varied(options: Options, known: Sequence[str]) -> dict[str, tuple[float, ...
             problems.append(Problem(what=what, value=text, expected=expected))
         elif values is None:
             problems.append(Problem(what="--vary is not NAME=VALUES", value=text, expected=EXAMPLE))
+        elif ":" in listed and values[0] > values[-1]:
+            low, high, count = listed.split(":")
+            expected = f"the lower end first: {high}:{low}:{count}"
+            problems.append(Problem(what="--vary: wrong value", value=text, expected=expected))
         elif len(set(values)) < len(values):
             what = "--vary gives a value twice"
             problems.append(Problem(what=what, value=text, expected="each value once"))

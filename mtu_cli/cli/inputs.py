@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.covariates import DIRECTIONS
+from mtu_cli.files.csv_cells import number
+from mtu_cli.files.csv_table import cell_text
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
 
 if TYPE_CHECKING:
@@ -152,27 +154,31 @@ class Inputs:
         problems: list[Problem] = []
         for text in self.options.at or ():
             name, equals, value = (part.strip() for part in text.partition("="))
-            try:
-                number = float(value)
-            except ValueError:
-                number = float("nan")
-            if not equals or not name or not name.isprintable() or not isfinite(number):
+            read = number(value)
+            given = float("nan") if read is None else read
+            if not equals or not name or not name.isprintable() or not isfinite(given):
                 expected = "such as --at T_02_degC=23.5"
                 problems.append(
                     Problem(what="--at is not NAME=VALUE", value=text, expected=expected)
                 )
             elif name in found:
                 problems.append(Problem(what=f"--at gives {name!r} twice", value=text))
-            problems += no_direction(name, number)
-            found[name] = number
+            problems += unlike_cells(name, given)
+            found[name] = given
         if problems:
             raise InputError(problems)
         return found
 
 
-def no_direction(name: str, value: float) -> list[Problem]:
-    """The problem, if there is one, of a direction that is neither forth nor back."""
-    if name not in DIRECTIONS or abs(value) == 1.0:
+def unlike_cells(name: str, value: float) -> list[Problem]:
+    """The problem, if there is one, of a value that no cell of its column may have: a direction
+    that is neither forth nor back, or a broken count.
+    """
+    wrong = ""
+    if name in DIRECTIONS and abs(value) != 1.0:
+        wrong, expected = "not a direction", "-1 or +1"
+    elif name == "sequence" and isfinite(value) and value != int(value):
+        wrong, expected = "not a whole number", "a whole number, as in the files"
+    if not wrong:
         return []
-    what = f"--at {name}: not a direction"
-    return [Problem(what=what, value=f"{value:g}", expected="-1 or +1")]
+    return [Problem(what=f"--at {name}: {wrong}", value=cell_text(value), expected=expected)]

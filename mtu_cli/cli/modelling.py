@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mtu_cli.cli.inputs import Inputs, no_direction
+from mtu_cli.cli.inputs import Inputs, unlike_cells
 from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.files.fahrenheit import fahrenheit_words
 from mtu_cli.files.source import hash_of, shown_path
 from mtu_cli.files.study import find_study
 from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
@@ -72,6 +73,9 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
     warnings += [
         Warned(code="covariate-not-needed", message=_not_needed(name, model)) for name in unused
     ]
+    words = fahrenheit_words({name: (value, value) for name, value in inputs.at.items()})
+    if words is not None:
+        warnings.append(Warned(code="looks-like-fahrenheit", message=f"--at: {words}"))
     return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
 
 
@@ -141,7 +145,7 @@ def _expand(at: dict[str, float], needed: Sequence[str]) -> None:
         if matched:
             value = at.pop(pattern)
             at |= {name: value for name in matched if name not in at}
-    problems = [problem for name in at for problem in no_direction(name, at[name])]
+    problems = [problem for name in at for problem in unlike_cells(name, at[name])]
     if problems:
         raise InputError(problems)
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
 from mtu_cli.files.covariates import is_temperature
-from mtu_cli.language.dimensions import Columns
+from mtu_cli.language.term_dimensions import Columns
 from mtu_cli.units import DEGREE, LENGTH, MINUTE, Unit
 
 POSITIONS = ("x", "y", "z")
@@ -42,7 +42,7 @@ def columns_of(known: Mapping[str, Dimensions | None], parameters: Mapping[str, 
     sure = {name: found for name, found in known.items() if found is not None}
     bases = {DEGREE: "degree", MINUTE: "minute"}
     return Columns(
-        stated=frozenset(parameters),
+        stated=parameters,
         lengths={name: found.length for name, found in sure.items()},
         per={
             base: {name: getattr(found, key) for name, found in sure.items()}

@@ -145,9 +145,10 @@ def _expected(item: ErrorDetails) -> str:
 
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
-_NUMBER = r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?"
+_NUMBER = r"[+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
 _WITH_UNIT = re.compile(_NUMBER + r"\s*+[A-Za-zµμ°%\"'/].*", re.DOTALL)
 _PLAIN = re.compile(_NUMBER)
+_OTHER_BASE = re.compile(r"[+-]?0(?:[xX][0-9a-fA-F]++|[bB][01]++|[oO][0-7]++)")
 
 
 def number_expectation(text: str, wanted: str = "a number") -> str:
@@ -155,6 +156,10 @@ def number_expectation(text: str, wanted: str = "a number") -> str:
     text = text.strip()
     if _PLAIN.fullmatch(text):
         return f"{wanted}, without quotes"
+    if _OTHER_BASE.fullmatch(text):
+        return f"{wanted} in decimal digits"
+    if any(sign.isdecimal() and not sign.isascii() for sign in text):
+        return f"{wanted} in the digits 0 to 9"
     if _DECIMAL_COMMA.fullmatch(text):
         return f"{wanted} with a decimal point"
     if _WITH_UNIT.fullmatch(text):

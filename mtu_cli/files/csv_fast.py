@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from mtu_cli.files.csv_cells import NO_TIME, is_text, microseconds
 from mtu_cli.files.csv_frames import MARK, Suspect, frames
-from mtu_cli.files.csv_table import Columns, Kind, TableSpec, TextColumn, TimeColumn
+from mtu_cli.files.csv_table import (
+    LARGEST_INTEGER,
+    WHOLE,
+    Columns,
+    Kind,
+    TableSpec,
+    TextColumn,
+    TimeColumn,
+)
 from mtu_cli.files.csv_text import CsvText, lines_from
 
 if TYPE_CHECKING:
@@ -220,6 +228,10 @@ def _check_cells(columns: Columns, spec: TableSpec) -> None:
     for name, values in columns.numbers.items():
         if not _finite(values, spec.empty_allowed(name)):
             raise Suspect
+        if name in WHOLE and name in spec.numbers:
+            ends = values.min(initial=0.0), values.max(initial=0.0)
+            if max(-ends[0], ends[1]) > LARGEST_INTEGER:
+                raise Suspect
     for name, text in columns.texts.items():
         if not spec.empty_allowed(name) and (text.codes < 0).any():
             raise Suspect

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 
 from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.files.column_words import by_common_word, meant_by
 from mtu_cli.files.csv_mistaken import refuse_other_table
 from mtu_cli.files.csv_table import TableSpec
 from mtu_cli.files.csv_text import CsvText
@@ -76,8 +77,12 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
     shut = {b for a, b in spec.exclusive if a in header} | {
         a for a, b in spec.exclusive if b in header
     }
+    # Where others must be renamed anyway; alone such a column may be anything.
+    foreign = any(name not in header for name in wanted)
     for other in header:
         name = _meant(other, known)
+        if name is None and foreign and meant_by(other) in known.values():
+            name = meant_by(other)
         if other and not spec.named(other) and name is not None and name not in shut:
             yield Problem(
                 what=f"the column {other!r} would not be read as {name!r}",
@@ -115,7 +120,7 @@ def missing_column(
 ) -> Problem:
     """The Problem of a column that is not there, with the one that was probably meant."""
     others = [other for other in header if other and not spec.named(other)]
-    near = closest(name, others) or _by_another_word(name, others)
+    near = closest(name, others) or _by_another_word(name, others) or by_common_word(name, others)
     hint = f"rename {near!r} to {name!r}" if near else f"a column {name!r} in {', '.join(header)}"
     return Problem(what=f"the column {name!r} is missing", file=shown, row=row, expected=hint)
 

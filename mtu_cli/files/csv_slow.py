@@ -19,7 +19,15 @@ from mtu_cli.files.csv_cells import (
     microseconds,
     number,
 )
-from mtu_cli.files.csv_table import Columns, ProblemList, TableSpec, TextColumn, TimeColumn
+from mtu_cli.files.csv_table import (
+    LARGEST_INTEGER,
+    WHOLE,
+    Columns,
+    ProblemList,
+    TableSpec,
+    TextColumn,
+    TimeColumn,
+)
 from mtu_cli.files.csv_text import CELL_LIMIT, CsvText, lines_from
 
 if TYPE_CHECKING:
@@ -138,6 +146,7 @@ class _NumberStore(_Store):
     def __init__(self, name: str, text: CsvText, spec: TableSpec, problems: ProblemList) -> None:
         super().__init__(name, text, spec, problems)
         self.expected = spec.says.get(name)
+        self.largest = LARGEST_INTEGER if name in WHOLE and name in spec.numbers else float("inf")
         self.values = array("d")
 
     def add(self, row: int, cell: str) -> None:
@@ -149,6 +158,10 @@ class _NumberStore(_Store):
                 self.fault(row, what, cell, self.expected or expectation(cell, decimal))
             elif not self.empty_allowed:
                 self.fault(row, "empty cell", None, self.expected or "a number")
+            value = float("nan")
+        elif abs(value) > self.largest:
+            expected = f"a whole number, at most {self.largest:.0f} in size"
+            self.fault(row, "too large", cell, expected)
             value = float("nan")
         self.values.append(value)
 

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
 Kind = Literal["number", "text", "time", "covariate"]
 LISTED_PROBLEMS = 10_000
+WHOLE = ("pass", "repeat", "sequence")
+"""Columns of whole numbers where a contract names them."""
+LARGEST_INTEGER = 2.0**53
+"""Whole numbers beyond are not told apart as they are read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

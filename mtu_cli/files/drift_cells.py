@@ -13,11 +13,10 @@ from mtu_cli.files.covariates import (
     HOTTEST_DEGC,
     HOTTEST_K,
     KELVIN,
-    as_temperature,
     is_temperature,
-    looks_like_temperature,
 )
 from mtu_cli.files.sensor_faults import check_sensors
+from mtu_cli.files.sensor_names import check_sensor_names
 from mtu_cli.units import UNITS, dimension_name
 
 if TYPE_CHECKING:
@@ -39,10 +38,7 @@ def check_drift(
     """Names and cells of the sensors; without a machine also what it would have told of the
     components, that all their readings are of one kind.
     """
-    for name in table.header:
-        column = table.columns.texts.get(name)
-        if looks_like_temperature(name) and (column is None or not column.labels):
-            problems.add(_no_sensor(table, name))
+    check_sensor_names(table, problems)
     for name, values in table.columns.numbers.items():
         if not is_temperature(name):
             continue
@@ -72,6 +68,17 @@ def refuse_drift(table: Table) -> None:
         raise InputError(drift_problem(table.source.shown, sensors))
 
 
+def of_cells(table: Table, components: Mapping[str, object] | None, problems: ProblemList) -> bool:
+    """Whether the `problems` of a table are of single cells, while its header and most of its
+    components are sound: then it is what it was given as.
+    """
+    own = [problem for problem in problems.listed if problem.file == table.source.shown]
+    column = table.columns.texts["component"]
+    known = np.array([components is None or name in components for name in column.labels] + [False])
+    header = any(problem.row in (None, table.header_row) for problem in own)
+    return not header and 2 * int(known[column.codes].sum()) > len(table)
+
+
 def drift_problem(file: str, sensors: Sequence[str]) -> Problem:
     """The Problem of drift readings where others are asked for."""
     more = ", ..." if len(sensors) > 1 else ""
@@ -79,24 +86,6 @@ def drift_problem(file: str, sensors: Sequence[str]) -> Problem:
         what=f"this looks like drift readings (columns cycle, {sensors[0]}{more}, but no pass)",
         file=file,
         expected="readings of the machine's components; those of drifts go to thermal-fit --drift",
-    )
-
-
-def _no_sensor(table: Table, name: str) -> Problem:
-    """A column of numbers that only its name keeps from being a sensor: it would be lost."""
-    better = as_temperature(name)
-    rename = (
-        ""
-        if better is None or better in table.header
-        else f": rename {name!r} to {better!r} (in degC)"
-    )
-    return Problem(
-        what="not the name of a temperature",
-        file=table.source.shown,
-        row=table.header_row,
-        column=name,
-        expected=f"T_<sensor>_degC with letters a to z, digits and _ alone{rename}, or, where it "
-        "is none, to a name that does not look like one",
     )
 
 

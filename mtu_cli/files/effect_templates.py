@@ -21,7 +21,8 @@ from mtu_cli.files.effects_contract import EffectEquations, EffectParameters, Se
 from mtu_cli.files.yaml_file import YamlPath
 from mtu_cli.language import EquationError, LinearForm, Node, check_dimension, linear_form, names
 from mtu_cli.language import parse as parse_equation
-from mtu_cli.language.dimensions import Columns, first_column, shown
+from mtu_cli.language.dimensions import first_column, shown
+from mtu_cli.language.term_dimensions import Columns
 from mtu_cli.language.tree import walk
 from mtu_cli.units import LENGTH, PARAMETER_UNITS
 
@@ -267,16 +268,14 @@ def _dimensions(
 def _add(
     error: EquationError, braced: Mapping[str, str], findings: Findings, path: YamlPath
 ) -> None:
-    what, value = error.what, error.value
+    what, value, expected = error.what, error.value, error.expected
     for name, raw in braced.items():
         what = what.replace(name, raw)
-        value = None if value is None else value.replace(name, raw)
-    told = EquationError(what, error.column, error.expected, value)
-    document = findings.document
-    line = document.line_of(*path)
-    findings.problems.append(
-        told.problem(file=document.source.shown, line=line, path=path_text(path))
-    )
+        value = value and value.replace(name, raw)
+        expected = expected and expected.replace(name, raw)
+    told = EquationError(what, error.column, expected, value)
+    shown_file, line = findings.document.source.shown, findings.document.line_of(*path)
+    findings.problems.append(told.problem(file=shown_file, line=line, path=path_text(path)))
 
 
 def _check_used(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mtu_cli.errors import InputError, Problem
-from mtu_cli.files.column_dimensions import PLACE, TIME, Dimensions
+from mtu_cli.files.column_dimensions import PLACE, Dimensions
 from mtu_cli.files.contracts import (
     Findings,
     check_contract,
@@ -26,8 +26,8 @@ from mtu_cli.language.functions import MACHINE_FUNCTIONS
 SCATTERS = ("rotation-scatter", "scale-scatter", "operation-scatter")
 """Effects on the scatter are no equations: close-loop knows these."""
 
-NAMED_UNITS: dict[str, Dimensions] = {"_mm": PLACE, "_min": TIME}
-"""What the end of a searched value's name says of its unit: reports show it so."""
+NAMED_UNITS: dict[str, Dimensions] = {"_mm": PLACE}
+"""What the end of a searched value's name says of its unit; `_min` may be a minimum as well."""
 
 _SCHEMA = "mtu/effects/1"
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_table import ProblemList, Table, TableSpec, cell_text
+from mtu_cli.files.csv_table import LARGEST_INTEGER, ProblemList, Table, TableSpec, cell_text
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 from mtu_cli.files.source import Source
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     Texts = NDArray[np.object_]
 
 MINUTE = 60_000_000
-LARGEST_INTEGER = 2.0**53
 SMALL_INTEGER = 1e6
 FEW = 30_000
 """Codes and whole numbers up to these have 4 bytes, and products of two of them still fit."""

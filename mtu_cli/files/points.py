@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,10 @@ import numpy as np
 
 from mtu_cli.errors import Problem, did_you_mean
 from mtu_cli.files import doubled, joined
+from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
+from mtu_cli.files.point_temperatures import check_temperatures_of_points, temperature_notes
+from mtu_cli.files.sensor_names import check_sensor_names
 from mtu_cli.files.source import Source
 
 if TYPE_CHECKING:
@@ -57,7 +60,8 @@ class Points:
     where not given; `sequence` the order of manufacture, as given or counted from 1 in the
     order in which parts first appear; `direction` (n, 3) -1, +1, or nan where not given;
     `covariates` floats (nan where not given) or texts ("" where not given); `row` counts as a
-    text editor in the file `sources[file_index[i]]`. Arrays may be read-only.
+    text editor in the file `sources[file_index[i]]`. Arrays may be read-only. `notes` say which
+    sensors look odd.
     """
 
     parts: tuple[str, ...]
@@ -76,6 +80,7 @@ class Points:
     file_index: NDArray[np.int64]
     row: NDArray[np.int64]
     sources: tuple[Source, ...]
+    notes: tuple[Notice, ...] = ()
 
     def __len__(self) -> int:
         return len(self.part)
@@ -102,7 +107,9 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
         problems.raise_if_any()
     points = _assemble(tables, features, problems)
     problems.raise_if_any()
-    return points
+    check_temperatures_of_points(tables, points, problems)
+    problems.raise_if_any()
+    return replace(points, notes=tuple(temperature_notes(points)))
 
 
 def _check_table(table: Table, features: Mapping[str, Place] | None, problems: ProblemList) -> None:
@@ -117,6 +124,7 @@ def _check_table(table: Table, features: Mapping[str, Place] | None, problems: P
             table, "feature", "unknown feature",
             lambda label: None if label in features else did_you_mean(label, features), problems,
         )  # fmt: skip
+    check_sensor_names(table, problems)
     names = {*table.columns.numbers, *table.columns.times}
     if names & {"repeat", "time", "time_min"} and not doubled.told_apart(table, "repeat"):
         doubled.check_doubled_rows(table, problems)

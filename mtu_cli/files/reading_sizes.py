@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mtu_cli.errors import Problem
 from mtu_cli.files.contract_errors import PLAIN, unit_expectation
-from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import ProblemList, Table, cell_text
 from mtu_cli.units import ANGLE, LENGTH, UNITS
 
@@ -20,13 +20,16 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
     Rows = NDArray[np.int64]
+    Bools = NDArray[np.bool_]
 
 Travels = Mapping[str, tuple[float, float]]
 """Lowest and highest coordinate of each axis, mm, as the machine file states them."""
 
-LARGEST = {LENGTH: 1.0, ANGLE: 0.01}
-"""No error of a machine tool or CMM is as large, mm and rad (1 mm in 100 mm)."""
-LARGEST_SHOWN = {LENGTH: "1 mm", ANGLE: "0.01 rad"}
+LARGEST = {LENGTH: 1.0, ANGLE: 0.05}
+"""Errors of machines, routers made of wood among them, are typically smaller, mm and rad ..."""
+STEEPEST = 0.01
+"""... but for what grows along an axis: a scale, or the slope to which a laser was aligned."""
+LARGEST_SHOWN = {LENGTH: "1 mm, or 1 % of the distance moved", ANGLE: "0.05 rad"}
 FARTHEST_MM = 1e5
 """Nor is its position, where no travel is stated: 100 m."""
 BEYOND = 3.0
@@ -36,7 +39,7 @@ FEWEST = 5
 """Cells of a component up to which they are slips of single rows, where most are sound."""
 APART = 3.0
 """Slips are so many times the largest of the others."""
-TYPICAL = 0.1
+TYPICAL = {LENGTH: 0.1, ANGLE: 0.02}
 """Share of the largest error that a component typically has at most, in the unit it is meant in."""
 SHORTEST_BAR_MM = 20.0
 NAMED = 6
@@ -56,8 +59,35 @@ def check_units(table: Table, problems: ProblemList) -> None:
         problems.add_cells(table, rows, "unit", "unknown unit", [label], expected)
 
 
-Groups = dict[tuple[str, str], list[tuple[str, "Rows", int]]]
-"""By column and unit or axis: components with their faulty rows and how many they have."""
+@dataclass(frozen=True, slots=True)
+class _Far:
+    """Rows (n,) of the component `name` that are beyond `most` (n,), in mm or rad, of so many."""
+
+    name: str
+    rows: Rows
+    most: Floats
+    of: int
+
+
+Groups = dict[tuple[str, str], list[_Far]]
+"""By column and unit or axis."""
+
+
+def largest_errors(dimension: int, positions: Floats, travels: Travels) -> Floats:
+    """The largest errors of a machine at `positions` (n,) in mm, mm or rad, (n,).
+
+    Along an axis it is the distance to the farthest place measured that counts, as a scale and a
+    laser may have their zero at any of them; without an axis (nan) the longest travel does.
+    """
+    if dimension != LENGTH:
+        return np.full(len(positions), LARGEST[dimension])
+    known = positions[np.isfinite(positions)]
+    longest = max((abs(high - low) for low, high in travels.values()), default=0.0)
+    moved = np.full(len(positions), longest)
+    if len(known):
+        moved = np.maximum(positions - known.min(), known.max() - positions)
+        moved = np.fmax(moved, np.abs(positions))
+    return np.fmax(LARGEST[dimension], STEEPEST * moved)
 
 
 def check_sizes(
@@ -66,10 +96,12 @@ def check_sizes(
     travels: Travels,
     problems: ProblemList,
 ) -> None:
-    """Problems of readings beyond `LARGEST` and of positions that the machine does not reach.
+    """Problems of readings beyond `largest_errors`, where another unit explains most of a
+    component, and of positions that the machine does not reach.
 
     Where it is a matter of many rows of some components, one problem tells it with what would
-    explain it; where single rows do not fit the others, each of them is told.
+    explain it; where single rows do not fit the others, each of them is told. Large errors that
+    nothing explains are the machine's.
     """
     for table in tables:
         column = table.columns.texts["component"]
@@ -77,33 +109,40 @@ def check_sizes(
         for code, name in enumerate(column.labels):
             inside = np.flatnonzero(column.codes == code)
             axis = components[name].of
-            _check_errors(table, name, inside, groups, problems)
+            _check_errors(table, (name, axis), inside, travels, groups, problems)
             if axis is not None:
                 _check_positions(table, (name, axis), inside, travels, groups, problems)
         for (field, own), found in groups.items():
-            rows = np.concatenate([rows for _, rows, _ in found])
             if field == "error":
-                words = "larger than any machine's error", _errors_expected(table, rows, own)
-            else:
-                words = (
-                    "farther than the machine goes",
-                    _positions_expected(table, rows, travels, own),
-                )
-            problems.add(_of_many(table, field, found, *words))
+                _add_errors(table, found, own, problems)
+                continue
+            rows = np.concatenate([far.rows for far in found])
+            expected = _positions_expected(table, rows, travels, own)
+            what = "farther than the machine goes"
+            problems.add(_of_many(table, field, found, what, expected))
 
 
 def _check_errors(
-    table: Table, name: str, inside: Rows, groups: Groups, problems: ProblemList
+    table: Table,
+    of: tuple[str, str | None],
+    inside: Rows,
+    travels: Travels,
+    groups: Groups,
+    problems: ProblemList,
 ) -> None:
+    name, axis = of
     units = table.columns.texts["unit"]
     code = units.codes[inside]
     factor = np.array([UNITS[unit].to_internal for unit in units.labels])[code]
-    dimension = UNITS[units.labels[code[0]]].dimension
     errors = table.columns.numbers["error"][inside]
-    far = np.abs(errors * factor) > LARGEST[dimension]
+    positions = np.full(len(inside), np.nan)
+    if axis is not None:
+        positions = table.columns.numbers["position_mm"][inside]
+    most = largest_errors(UNITS[units.labels[code[0]]].dimension, positions, travels)
+    far = np.abs(errors * factor) > most
     if not far.any():
         return
-    if _slips(np.abs(errors * factor), LARGEST[dimension]):
+    if _slips(np.abs(errors * factor), far):
         what = f"does not fit the other readings of {name!r}"
         for row in inside[far]:
             unit = units.labels[units.codes[row]]
@@ -111,14 +150,27 @@ def _check_errors(
             _slip(table, int(row), "error", what, (near, unit), problems)
         return
     for unit_code in np.unique(code[far]):
-        rows = inside[far & (code == unit_code)]
-        own = units.labels[unit_code]
-        groups.setdefault(("error", own), []).append((name, rows, len(inside)))
+        own = far & (code == unit_code)
+        count = int((code == unit_code).sum())
+        found = _Far(name, inside[own], most[own], count)
+        groups.setdefault(("error", units.labels[unit_code]), []).append(found)
 
 
-def _slips(sizes: Floats, most: float) -> bool:
-    """Whether few of the `sizes` (n,) are beyond `most`, and are so far beyond the others."""
-    far = sizes > most
+def _add_errors(table: Table, found: list[_Far], unit: str, problems: ProblemList) -> None:
+    """The problem of errors in `unit`, if most of a component's are too large and another unit
+    explains them: what is explained so in one component is in the others too.
+    """
+    for far in found:
+        why = _explained(table, far, unit) if 2 * len(far.rows) > far.of else ""
+        if why:
+            expected = f"errors of at most {LARGEST_SHOWN[UNITS[unit].dimension]}: {why}"
+            what = "larger than any machine's error"
+            problems.add(_of_many(table, "error", found, what, expected))
+            return
+
+
+def _slips(sizes: Floats, far: Bools) -> bool:
+    """Whether few of the `sizes` (n,) are `far`, and are so far beyond the others."""
     few = far.sum() <= FEWEST and 2 * far.sum() < len(far)
     return bool(few and sizes[far].min() > APART * sizes[~far].max(initial=0.0))
 
@@ -138,32 +190,31 @@ def _slip(
     problems.add(table.problem(row, column, what, value, expected))
 
 
-def _errors_expected(table: Table, rows: Rows, unit: str) -> str:
-    """What was expected of errors in `unit`, and what would explain those of `rows` (n,)."""
-    own, raw = UNITS[unit], table.columns.numbers["error"][rows]
-    errors, largest = raw * own.to_internal, LARGEST[own.dimension]
-    expected = f"errors of at most {LARGEST_SHOWN[own.dimension]}"
+def _explained(table: Table, far: _Far, unit: str) -> str:
+    """What would explain the errors of a component in `unit`, in words; "" where nothing does."""
+    own, raw = UNITS[unit], table.columns.numbers["error"][far.rows]
+    errors, most = raw * own.to_internal, float(np.median(far.most))
     middle, typical = float(np.median(errors)), float(np.median(np.abs(raw)))
     places = table.columns.numbers.get("position_mm")
     if own.dimension == LENGTH:
-        if places is not None and float(np.median(np.abs(errors - places[rows]))) < largest:
-            return f"{expected}: these look like the positions that were reached, not their errors"
-        if middle > SHORTEST_BAR_MM and float(np.median(np.abs(errors - middle))) < largest:
-            return f"{expected}: these look like lengths of a bar of {middle:.6g} mm, not errors"
+        if places is not None and float(np.median(np.abs(errors - places[far.rows]))) < most:
+            return "these look like the positions that were reached, not their errors"
+        if middle > SHORTEST_BAR_MM and float(np.median(np.abs(errors - middle))) < most:
+            return f"these look like lengths of a bar of {middle:.6g} mm, not errors"
+    plausible = TYPICAL[own.dimension] * most
     fit = [
         other
         for other in UNITS.values()
         if (other.dimension, other.name == "um/m") == (own.dimension, False)
         and other.to_internal < own.to_internal
-        and typical * other.to_internal <= TYPICAL * largest
+        and typical * other.to_internal <= plausible
     ]
     largest_fit = max((other.to_internal for other in fit), default=0.0)
     names = [other.name for other in fit if other.to_internal > 0.1 * largest_fit]
     if names:
-        return f"{expected}: these look like {' or '.join(names)} in a column of {unit}"
-    if typical * own.to_internal / 1000 <= TYPICAL * largest:
-        return f"{expected}: these look 1000 times too large"
-    return expected
+        return f"these look like {' or '.join(names)} in a column of {unit}"
+    thousand = typical * own.to_internal / 1000 <= plausible
+    return "these look 1000 times too large" if thousand else ""
 
 
 def _check_positions(
@@ -176,11 +227,13 @@ def _check_positions(
 ) -> None:
     name, axis = of
     positions = table.columns.numbers["position_mm"][inside]
-    far = np.abs(positions) > _reach(travels, axis)
+    most = np.full(len(inside), _reach(travels, axis))
+    far = np.abs(positions) > most
     if not far.any():
         return
-    if not _slips(np.abs(positions), _reach(travels, axis)):
-        groups.setdefault(("position_mm", axis), []).append((name, inside[far], len(inside)))
+    if not _slips(np.abs(positions), far):
+        found = _Far(name, inside[far], most[far], len(inside))
+        groups.setdefault(("position_mm", axis), []).append(found)
         return
     what = f"does not fit the other positions of {name!r}"
     for row in inside[far]:
@@ -205,14 +258,12 @@ def _positions_expected(table: Table, rows: Rows, travels: Travels, axis: str) -
     return f"{expected}: these look like um in a column of mm"
 
 
-def _of_many(
-    table: Table, column: str, found: list[tuple[str, Rows, int]], what: str, expected: str
-) -> Problem:
+def _of_many(table: Table, column: str, found: list[_Far], what: str, expected: str) -> Problem:
     """One problem of many rows, at the first of them."""
-    row = min(int(rows[0]) for _, rows, _ in found)
-    names = [name for name, _, _ in found]
+    row = min(int(far.rows[0]) for far in found)
+    names = [far.name for far in found]
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    count, of = sum(len(rows) for _, rows, _ in found), sum(n for _, _, n in found)
+    count, of = sum(len(far.rows) for far in found), sum(far.of for far in found)
     value = cell_text(float(table.columns.numbers[column][row]))
     if column == "error":
         units = table.columns.texts["unit"]
@@ -225,31 +276,3 @@ def _of_many(
         value=value,
         expected=expected,
     )
-
-
-def unused_positions(
-    tables: Sequence[Table], components: Mapping[str, ComponentLike]
-) -> tuple[Notice, ...]:
-    """Positions that are given for components without an axis: they mean nothing, and 0 is what
-    some programs write there.
-    """
-    found = []
-    for table in tables:
-        positions = table.columns.numbers.get("position_mm")
-        column = table.columns.texts["component"]
-        names = [name for name in column.labels if components[name].of is None]
-        if positions is None or not names:
-            continue
-        codes = [column.labels.index(name) for name in names]
-        given = np.nan_to_num(positions) != 0
-        rows = np.flatnonzero(given & np.isin(column.codes, codes))
-        if len(rows):
-            first = column.labels[column.codes[rows[0]]]
-            text = (
-                f"{table.source.shown}, row {table.rows[rows[0]]}, column 'position_mm': "
-                f"{positions[rows[0]]:g} mm of {first}, to which the machine file gives no axis: "
-                f"positions of such components are not used ({len(rows)} rows); where they matter, "
-                "'of' in the machine file names their axis"
-            )
-            found.append(Notice(code="position-not-used", message=text))
-    return tuple(found)

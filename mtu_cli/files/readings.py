@@ -14,10 +14,12 @@ from mtu_cli.files import doubled, joined
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_header import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
-from mtu_cli.files.drift_cells import ROLE, check_drift, refuse_drift
-from mtu_cli.files.reading_sizes import Travels, check_sizes, check_units, unused_positions
+from mtu_cli.files.drift_cells import ROLE, check_drift, of_cells, refuse_drift
+from mtu_cli.files.reading_sizes import Travels, check_sizes, check_units
 from mtu_cli.files.row_marks import row_marks
+from mtu_cli.files.sensor_faults import sensor_notes
 from mtu_cli.files.source import Source
+from mtu_cli.files.unused_positions import unused_positions
 from mtu_cli.units import UNITS, dimension_name
 
 if TYPE_CHECKING:
@@ -70,7 +72,7 @@ class Readings:
     time of all files where those are dates, nan where not given; `covariates` are floats
     (nan where not given) or texts ("" where not given); `row` counts as a text editor in the
     file `sources[file_index[i]]`, whose role is `roles[file_index[i]]`. Arrays may be
-    read-only. `notes` say what a fit does not use.
+    read-only. `notes` say what a fit does not use, and which sensors look odd.
     """
 
     components: tuple[str, ...]
@@ -119,7 +121,8 @@ def read_readings(
             doubled.check_doubled_rows(table, problems)
     if problems.listed:
         for table in tables:
-            refuse_drift(table)
+            if not of_cells(table, components, problems):
+                refuse_drift(table)
         joined.integers(tables, "pass", problems)
         problems.raise_if_any()
     readings = assemble(tables, components, problems)
@@ -131,7 +134,7 @@ def read_readings(
             refuse_drift(table)
         if not problems.listed:
             check_sizes(tables, components, travels or {}, problems)
-        readings = replace(readings, notes=unused_positions(tables, components))
+        readings = replace(readings, notes=readings.notes + unused_positions(tables, components))
     problems.raise_if_any()
     return readings
 
@@ -235,6 +238,7 @@ def assemble(
         row=np.concatenate([table.rows for table in tables]),
         sources=tuple(table.source for table in tables),
         roles=tuple(table.source.role for table in tables),
+        notes=tuple(sensor_notes([table for table in tables if table.source.role == ROLE])),
     )
 
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from mtu_cli.files.contracts import Notice
+from mtu_cli.files.covariates import is_temperature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,43 +23,102 @@ if TYPE_CHECKING:
 
 STEP_K = 30.0
 """No sensor in a machine's structure jumps by this from one reading to the next, and back."""
-NO_ANSWER = -127.0
+NO_ANSWER, NOT_READ = -127.0, 0.0
 CODES = {
     NO_ANSWER: (0.0, "-127 degC is what a DS18B20 gives where it does not answer"),
     85.0: (STEP_K, "85 degC exactly is what a DS18B20 gives before it has measured"),
-    0.0: (10.0, "0 degC exactly is what a sensor gives that is not read"),
+    NOT_READ: (10.0, "0 degC exactly is what a sensor gives that is not read"),
 }
 """What sensors give in place of a temperature (Maxim DS18B20, data sheet, table 1; its usual
-drivers), by how much it then stands apart from the readings before and after it, and its words."""
+drivers), by how much it then stands apart from the readings before and after it, and its words. A
+run may begin with any of them but 0, which is also the rise over a cold machine at its start."""
 LONGEST = 3
 """Readings in a row up to which a jump and the way back are a fault of the sensor ..."""
 SLOWEST_MIN = 10.0
 """... where each step took no longer: a sensor that is read rarely may warm up in between."""
+USUAL = 0.1
+"""Share of a run beyond which that is how the sensor behaves: a spindle that is switched on and
+off, a sensor that tells no more than 85 degC."""
+JUMPS = f"no jump of more than {STEP_K:g} K and back from reading to reading"
+JUMPED = f"jumps of more than {STEP_K:g} K and back from reading to reading"
+
+
+@dataclass(frozen=True, slots=True)
+class _Cells:
+    """The values (n,) of a sensor in the `order` of their times, their runs, what is the matter
+    with those that are no temperatures, and the same of what comes too often for that.
+    """
+
+    values: Floats
+    order: Ints
+    run: Ints
+    told: dict[int, str]
+    usual: tuple[str, ...]
 
 
 def check_sensors(table: Table, name: str, problems: ProblemList) -> None:
     """A problem for every cell of the sensor `name` that is an error code of a sensor, or stands
     on a jump and back of more than `STEP_K`; a sensor that warms up to 85 degC does neither.
     """
+    cells = _cells(table, name)
+    if cells is None:
+        return
+    order, told = cells.order, cells.told
+    for i in sorted(told, key=lambda i: int(order[i])):
+        near = _neighbours(cells.values, cells.run, i, told)
+        expected = f"a temperature in degC{near}: {told[i]}; leave out such rows, or the column"
+        what = "a fault of the sensor, no temperature"
+        problems.add(table.problem(int(order[i]), name, what, float(cells.values[i]), expected))
+
+
+def sensor_notes(tables: Sequence[Table]) -> Iterator[Notice]:
+    """Of sensors that look faulty more often than from a fault, or where no times tell."""
+    for table in tables:
+        for name in filter(is_temperature, table.columns.numbers):
+            cells = _cells(table, name)
+            for words in () if cells is None else cells.usual:
+                text = (
+                    f"{table.source.shown}, column {name!r}: {words}; such cells are too many "
+                    "in a cycle for a fault, or no times are given: they count as temperatures; "
+                    "leave out the rows, or the column, where they are none"
+                )
+                yield Notice(code="sensor-doubtful", message=text)
+
+
+def _cells(table: Table, name: str) -> _Cells | None:
+    """What is the matter with a sensor; None where a glance tells that nothing is."""
     values = table.columns.numbers[name]
     low, high = float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
     apart = {code: limit for code, (limit, _) in CODES.items() if low <= code <= high}
     if NO_ANSWER not in apart and not high - low > min(apart.values(), default=STEP_K):
-        return
+        return None
     order, run = _in_time(table)
-    ordered, minutes = values[order], _minutes(table, order)
+    values, minutes = values[order], _times(table)
+    minutes = None if minutes is None else np.asarray(minutes[order], np.float64)
     told: dict[int, str] = {}
-    for code, limit in apart.items():
-        for i in np.flatnonzero(_coded(ordered, run, code, limit)).tolist():
-            told[i] = CODES[code][1]
-    rest = np.setdiff1d(np.arange(len(order)), list(told))
-    for i in np.flatnonzero(_spikes(ordered[rest], run[rest], minutes[rest])).tolist():
-        told[int(rest[i])] = f"no jump of more than {STEP_K:g} K and back from reading to reading"
-    for i in sorted(told, key=lambda i: int(order[i])):
-        near = _neighbours(ordered, run, i, told)
-        expected = f"a temperature in degC{near}: {told[i]}; leave out such rows, or the column"
-        what = "a fault of the sensor, no temperature"
-        problems.add(table.problem(int(order[i]), name, what, float(ordered[i]), expected))
+    usual: dict[str, None] = {}
+    left = np.ones(len(order), bool)
+    for code in apart:
+        hit = _coded(values, run, minutes, code)
+        often = _often(hit, run) if code != NO_ANSWER else np.zeros(len(hit), bool)
+        told |= dict.fromkeys(np.flatnonzero(hit & ~often).tolist(), CODES[code][1])
+        usual |= dict.fromkeys([CODES[code][1]] if often.any() else [])
+        left &= ~hit
+    rest = np.flatnonzero(left)
+    hit = _spikes(
+        values[rest], run[rest], np.zeros(len(rest)) if minutes is None else minutes[rest]
+    )
+    often = hit if minutes is None else _often(hit, run[rest])
+    told |= dict.fromkeys(rest[hit & ~often].tolist(), JUMPS)
+    usual |= dict.fromkeys([JUMPED] if often.any() else [])
+    return _Cells(values, order, run, told, tuple(usual))
+
+
+def _often(hit: Bools, run: Ints) -> Bools:
+    """Which of the cells `hit` (n,) are too many in their run for a fault."""
+    count, size = np.bincount(run, hit), np.bincount(run)
+    found: Bools = hit & (count > np.maximum(1, USUAL * size))[run]
+    return found
 
 
 def _in_time(table: Table) -> tuple[Ints, Ints]:
@@ -62,7 +126,8 @@ def _in_time(table: Table) -> tuple[Ints, Ints]:
     of that run in this order, (n,) each.
     """
     n, columns = len(table), table.columns
-    keys: list[NDArray[Any]] = [np.arange(n), _times(table)]
+    times = _times(table)
+    keys: list[NDArray[Any]] = [np.arange(n), np.zeros(n) if times is None else times]
     for name in ("cycle", "position_mm", "component"):
         if name in columns.texts:
             keys.append(columns.texts[name].codes)
@@ -75,32 +140,31 @@ def _in_time(table: Table) -> tuple[Ints, Ints]:
     return order, np.cumsum(changed)
 
 
-def _times(table: Table) -> NDArray[np.float64]:
-    """Minutes of each row, 0 where no times are given."""
+def _times(table: Table) -> NDArray[np.float64] | None:
+    """Minutes of each row, None where no times are given."""
     if "time" in table.columns.times:
         return table.columns.times["time"].microseconds / 60e6
-    return table.columns.numbers.get("time_min", np.zeros(len(table)))
+    return table.columns.numbers.get("time_min")
 
 
-def _minutes(table: Table, order: Ints) -> Floats:
-    return np.asarray(_times(table)[order], np.float64)
-
-
-def _coded(values: Floats, run: Ints, code: float, limit: float) -> Bools:
-    """Which of the values (n,) are `code` and stand more than `limit` apart from what is before
-    and after them in their run; with a limit of 0, all.
+def _coded(values: Floats, run: Ints, minutes: Floats | None, code: float) -> Bools:
+    """Which of the values (n,) are `code` and stand apart from what is before and after them in
+    their run, if that was soon enough; with a limit of 0, all.
     """
-    hit = values == code
+    hit, limit = values == code, CODES[code][0]
     if limit == 0.0 or not hit.any():
         return np.asarray(hit)
-    n = len(values)
+    n, fewest = len(values), 2 if code == NOT_READ else 1
     edge = np.flatnonzero(np.diff(hit, prepend=False, append=False) | _starts(run, n + 1))
     found = np.zeros(n, bool)
     for a, b in pairwise(edge.tolist()):
         if not hit[a]:
             continue
-        near = [values[i] for i in (a - 1, b) if 0 <= i < n and run[i] == run[a]]
-        found[a:b] = bool(near) and all(abs(value - code) > limit for value in near)
+        pairs = [(a, a - 1), (b - 1, b)]
+        near = [(i, k) for i, k in pairs if 0 <= k < n and run[k] == run[a]]
+        apart = all(abs(values[k] - code) > limit for _, k in near)
+        soon = minutes is None or all(abs(minutes[k] - minutes[i]) <= SLOWEST_MIN for i, k in near)
+        found[a:b] = len(near) >= fewest and apart and soon
     return found
 
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from mtu_cli.errors import InputError, MtuError, Problem, fault, reason
+from mtu_cli.errors import InputError, MtuError, Problem, fault, printable, reason
 from mtu_cli.files.source import shown_path
 
 
@@ -79,8 +79,15 @@ def _told(item: _Pending) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        shown = shown_path(item.path)
+        shown = _as_given(item)
         raise fault(f"cannot be written: {reason(error)}", file=shown) from None
+
+
+def _as_given(item: _Pending) -> str:
+    """The name of a file in messages; a device goes by its whole path: "full" says nothing."""
+    if _is_replaceable(item.target):
+        return shown_path(item.path)
+    return printable(item.path.as_posix())
 
 
 def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:

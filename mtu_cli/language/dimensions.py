@@ -11,11 +11,11 @@ a unit that is not written: ``exp(-time_min/30)``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 from mtu_cli.language.errors import EquationError
-from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number, names, to_text, walk
+from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number, to_text, walk
 from mtu_cli.units import DEGREE, MINUTE, dimension_name
 
 UNKNOWN = None
@@ -26,20 +26,6 @@ NUMBERS = ("sin", "cos", "tan", "exp", "log", "asin", "acos", "atan")
 """Functions of plain numbers and angles alone."""
 LONGEST = 60
 """Characters of a term that a message shows."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Columns:
-    """What is known of the columns of the data: `lengths` by name are exponents of length.
-
-    `per` has exponents of temperature (K) and time (min) of all names, where they are known.
-    `stated` are the names whose own unit is stated in the file: only beside them a column is
-    known, for without them ``0.004*dir_x`` is 0.004 mm and right.
-    """
-
-    stated: Collection[str] = ()
-    lengths: Mapping[str, int] = field(default_factory=dict)
-    per: Mapping[str, Mapping[str, int | None]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,36 +47,6 @@ class Scale:
             return UNKNOWN
         found = own * power
         return UNKNOWN if self.whole and found != int(found) else found
-
-
-def check_dimension(
-    node: Node,
-    wanted: int,
-    dimensions: Mapping[str, int | None],
-    columns: Columns | None = None,
-) -> None:
-    """Raises EquationError at the first term whose dimension is not `wanted`, or the first
-    function of plain numbers with an argument that is none.
-
-    `dimensions` gives the exponent of length of each name; None, or no entry, is unknown.
-    """
-    columns = Columns() if columns is None else columns
-    beside = {**dimensions, **columns.lengths}
-    for term in terms(node):
-        stated = any(name in columns.stated for name in names(term))
-        if stated:
-            _check_per(term, columns.per)
-        found = exponent(term, length_scale(beside if stated else dimensions))
-        if found is not UNKNOWN and found != wanted:
-            hint = "multiply it by its lever arm (a position or a named constant)"
-            raise EquationError(
-                f"this term is {dimension_name(found)}, its equation is {dimension_name(wanted)}",
-                first_column(term),
-                hint if found < wanted else f"a term that is {dimension_name(wanted)}",
-                shown(term),
-            )
-    for scale in (length_scale(beside), *base_scales(columns.per).values()):
-        check_arguments(node, scale)
 
 
 def check_arguments(node: Node, scale: Scale) -> None:
@@ -142,27 +98,6 @@ def base_scales(per: Mapping[str, Mapping[str, int | None]]) -> dict[str, Scale]
         base: Scale(known=known, words=words(base), unit=units[base], literal=lambda _: UNKNOWN)
         for base, known in per.items()
     }
-
-
-FACTOR = {DEGREE: "a temperature, such as (T_spindle_degC - 20)", MINUTE: "a time in min"}
-
-
-def _check_per(term: Node, per: Mapping[str, Mapping[str, int | None]]) -> None:
-    """What is per kelvin or minute has its temperature or time, and once. The other way round a
-    unit may be short of its "per": um for each degC.
-    """
-    for base, scale in base_scales(per).items():
-        found = exponent(term, scale)
-        if found is UNKNOWN or abs(found) < SAME:
-            continue
-        if found < 0:
-            what = f"this term is per {base}, its equation is not"
-            hint = f"multiply it by {FACTOR[base]}"
-            raise EquationError(what, first_column(term), hint, shown(term))
-        if any((scale.known.get(name) or 0) < 0 for name in names(term)):
-            what = f"this term has {scale.words(found)} too many"
-            hint = f"one factor that is {scale.words(1)} beside a unit per {base}"
-            raise EquationError(what, first_column(term), hint, shown(term))
 
 
 def shown(node: Node) -> str:

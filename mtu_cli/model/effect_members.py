@@ -8,16 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.files.effect_templates import CHOSEN, Template
-from mtu_cli.files.effect_text import equation_text, with_number
+from mtu_cli.files.effect_templates import CHOSEN, Template, number_of
+from mtu_cli.files.effect_text import equation_text, filled_tree, with_number
 from mtu_cli.files.effects_contract import Family
 from mtu_cli.language import Node, evaluate, names
+from mtu_cli.language.dimensions import base_scales, exponent
+from mtu_cli.language.term_dimensions import units_per
 from mtu_cli.language.tree import Binary, Name
 from mtu_cli.model.design import LARGEST
 from mtu_cli.model.effect_binding import Binding, filled, resolved
 from mtu_cli.model.effect_candidate import Column, FloatArray, Member
 from mtu_cli.model.effect_data import POSITIONS, TableData, indicators, labels
 from mtu_cli.model.effect_grid import grid_of, is_continuous, periods_apart
+from mtu_cli.units import MINUTE, PARAMETER_UNITS
 
 COARSE = 0.5
 """Periods from one frequency to the next above which waves between them are not sure to be seen."""
@@ -163,9 +166,32 @@ class BoundTemplate:
         for name, unit in self.template.units.items():
             raw = self.template.braced.get(name, name)
             shown = re.sub("^um", "arcsec", unit) if angular else unit
+            if self.binding.get("c") == "time_min":
+                shown = self._beside_time(name, shown)
             axes = self.data.table.axes if "{each}" in raw else ("",)
             found |= {filled(raw, {**self.binding, "each": axis}): shown for axis in axes}
         return tuple(found.items())
+
+    def _beside_time(self, parameter: str, unit: str) -> str:
+        """The unit of a parameter where the time stands for {c}, a plain count: um/min for um.
+
+        Raises NoMember where there is no such unit.
+        """
+        levers = [
+            form.coefficients[parameter]
+            for form in self.template.forms.values()
+            if parameter in form.coefficients
+        ]
+        raw = {own: self.template.braced.get(own, own) for item in levers for own in names(item)}
+        counts = {own: int(text == "{c}") for own, text in raw.items()}
+        literal = {own: 1.0 for own, text in raw.items() if number_of(text) is not None}
+        scale = base_scales({MINUTE: counts})[MINUTE]
+        if any(exponent(filled_tree(item, literal), scale) != 1 for item in levers):
+            return unit
+        per = units_per(MINUTE, PARAMETER_UNITS[unit])
+        if not per or PARAMETER_UNITS[unit].per is not None:
+            raise NoMember(f"{unit} of {parameter} has no unit per minute")
+        return per[0]
 
     def columns(self, searched: FloatArray | None) -> tuple[Column, ...]:
         """Levers of the parameters by axis, each (G or 1, P or 1, H or 1)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -24,7 +25,11 @@ SAME = 1e-9
 """Relative; a column that did not change is told from another value by more."""
 LARGE_MM = 1.0
 """No effect of a machine that makes parts is larger: a parameter or a constant is in another
-unit than is meant."""
+unit than is meant ..."""
+STEEP = 1e-3
+"""... but on a long axis: no machine grows by more in proportion, as steel would by 90 K."""
+FINE = 1e-6
+"""Share of a range by which its ends are rounded outward."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +44,7 @@ class _Left:
 
 def seen_ranges(table: ResidualTable, equations: Mapping[str, str]) -> dict[str, list[float]]:
     """Lowest and highest value over the measured cells of the positions and columns that the
-    `equations` of an effect use, to six digits.
+    `equations` of an effect use, rounded outward to a millionth of the range.
     """
     found = {}
     for name in dict.fromkeys(name for text in equations.values() for name in names(parse(text))):
@@ -51,8 +56,22 @@ def seen_ranges(table: ResidualTable, equations: Mapping[str, str]) -> dict[str,
             continue
         own = values[table.there]
         if len(own) and np.isfinite(own).all():
-            found[name] = [float(f"{end:.6g}") for end in (own.min(), own.max())]
+            found[name] = _outward(float(own.min()), float(own.max()))
     return found
+
+
+def _outward(low: float, high: float) -> list[float]:
+    """The ends of a range with few digits, and everything of it between them."""
+    if high <= low:
+        return [low, high]
+    decimals = -math.floor(math.log10(FINE * (high - low)))
+    step = 10.0**-decimals
+    ends = [round(end, decimals) for end in (low, high)]
+    if ends[0] > low:
+        ends[0] = min(low, round(low - step, decimals))
+    if ends[1] < high:
+        ends[1] = max(high, round(high + step, decimals))
+    return ends
 
 
 def effect_warnings_at(
@@ -88,12 +107,23 @@ def outside_seen(
 def _left(left: _Left, effects: Sequence[DeclaredEffect]) -> str:
     were, say = ("was", "it says") if len(effects) == 1 else ("were", "they say")
     unit = " mm" if left.column in AXES else ""
-    ends = dict.fromkeys(f"{end:.6g}" for end in (left.low, left.high))
+    beyond = max(left.low - left.value, left.value - left.high)
+    size = left.high - left.low or beyond
+    ends = dict.fromkeys(_shown(end, size) for end in (left.low, left.high))
     where = f"from {' to '.join(ends)}" if len(ends) == 2 else f"at {next(iter(ends))}"
     return (
         f"{_listed(effects)} {were} found with {left.column} {where}{unit}: what {say} at "
-        f"{left.value:.6g}{unit} is a guess"
+        f"{_shown(left.value, beyond)}{unit} is a guess"
     )
+
+
+def _shown(value: float, size: float) -> str:
+    """A value with six digits, or more where a thousandth of `size` could not be told by them."""
+    digits = math.ceil(math.log10(max(abs(value) / size, 1.0))) + 3
+    if digits <= 6:
+        return f"{value:.6g}"
+    # All digits before the point: with an exponent they could not be told apart at a glance.
+    return f"{value:.{max(digits, len(str(int(abs(value)))))}g}"
 
 
 def _listed(effects: Sequence[DeclaredEffect]) -> str:
@@ -106,6 +136,8 @@ def _too_large(
     model: MachineModel, points: FloatArray, covariates: Mapping[str, FloatArray | float]
 ) -> list[Warned]:
     warnings = []
+    known = np.nan_to_num(points)
+    moved = float(max(np.abs(known).max(), np.ptp(known, axis=0).max()))
     for effect in model.effects:
         terms = tuple(term for term in model.terms if _owner(term.estimate.name) == effect.name)
         if not terms:
@@ -113,7 +145,7 @@ def _too_large(
         alone = replace(model, terms=terms, remainders=dict.fromkeys(model.axes, ()))
         said = design(alone, points, covariates).J @ theta(alone)
         largest = float(said[int(np.argmax(np.abs(said)))])
-        if abs(largest) > LARGE_MM:
+        if abs(largest) > max(LARGE_MM, STEEP * moved):
             text = (
                 f"{_listed([effect])} says {largest:.3g} mm, more than a machine errs by: look at "
                 "the units of its parameters, and at constants in another unit than their column"

@@ -35,7 +35,7 @@ _BLOCK = 1 << 15
 
 def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
     """Warnings on errors of millimetres less the freedoms of `datum`, with the mistake that would
-    explain them, and on rows that stand twice.
+    explain them, on rows that stand twice, and of what was noted when the points were read.
 
     Raises InputError for rows that contradict each other (`check_rows`) and for a part whose
     values are those of another part, to the last digit, where that cannot be chance.
@@ -43,6 +43,7 @@ def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
     rows = check_rows(points)
     axes = axes_of(points)
     return [
+        *(Warned(code=note.code, message=note.message) for note in points.notes),
         *rows,
         *_copies(points, axes),
         *_left_out(points, axes),

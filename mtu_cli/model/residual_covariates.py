@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem, closest
-from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature, is_temperature
+from mtu_cli.files.covariates import (
+    HOTTEST_DEGC,
+    as_temperature,
+    expected_temperature,
+    is_temperature,
+)
 from mtu_cli.files.points import Points
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.design import without_coordinate
@@ -186,7 +191,7 @@ def missing_sensor(
 
 
 def _lacks(points: Points, name: str, known: Sequence[str], what: str) -> Problem:
-    near = closest(name, known)
+    near = next((n for n in known if as_temperature(n) == name), None) or closest(name, known)
     return Problem(
         what=f"{what} {name!r}",
         file=", ".join(source.shown for source in points.sources),

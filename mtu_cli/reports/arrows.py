@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 SHOWN_IDS = 80
 """More features than this are drawn without their names."""
+HIGH, BETWEEN = 0.15, 3.0
+"""Height of a name with what is between two lines, inches; characters between two names in one,
+the sign for what is left out among them, which is wide.
+"""
 GAP = 0.07
 """Between a feature and its name, inches."""
 FARTHEST = 0.3
@@ -217,6 +221,10 @@ def write_names(panel: Axes, planes: Sequence[Plane], view: View) -> None:
     placed = labels.around(
         first.places, _tips(first, view.scale), _radii(first, view.scale), reach,
         also=[(plane.places, _tips(plane, view.scale)) for plane in others],
+        boxes=(
+            view.inch * labels.CHARACTER * np.array([len(name) + BETWEEN for name in names]),
+            view.inch * HIGH,
+        ),
     )  # fmt: skip
     for name, (x, y) in zip(names, placed, strict=True):
         panel.text(x, y, name, ha="center", va="center", fontsize=7.5, zorder=6)

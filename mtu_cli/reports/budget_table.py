@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from mtu_cli.analyses.budget import BudgetResult, OutputBudget
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.reports.budget import ends
@@ -20,6 +22,15 @@ from mtu_cli.reports.tables import Column, Sheet
 VERDICT = {True: "yes", False: "no", None: "not told"}
 SHORT = {"curvilinear-trapezoidal": "curv. trap.", "rectangular": "rect.", "triangular": "triang.",
          "trapezoidal": "trapez."}  # fmt: skip
+
+OF_COVARIANCE = (
+    "share, of correlated inputs: (c_i u_i)^2 + sum over the others of c_i c_j u(x_i, x_j), over "
+    "u^2: each of two has half of what their covariance adds to u^2; 100 % in all, below 0 where "
+    "an input makes u smaller"
+)
+"""c is the sensitivity: GUM eq. (13), by rows."""
+LEAST_SHARE = 5e-4
+"""Of a share, that is seen in the table."""
 
 
 def table(result: BudgetResult, digits: int) -> list[Sheet]:
@@ -49,8 +60,21 @@ def _contributions(result: BudgetResult, output: OutputBudget, digits: int) -> S
     ]
     rows = [_row(output, which, item, digits) for which, item in enumerate(result.inputs)]
     return Sheet(
-        title=f"{result.name}: contributions to {output.first.name}{of}", columns=columns, rows=rows
+        title=f"{result.name}: contributions to {output.first.name}{of}",
+        columns=columns,
+        rows=rows,
+        notes=[OF_COVARIANCE] if _correlated(output) else [],
     )
+
+
+def _correlated(output: OutputBudget) -> bool:
+    """Whether the shares are not the squares of the contributions over that of u."""
+    first = output.first
+    if not first.u > 0.0:
+        return False
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        apart = np.abs(first.share - (first.contribution / first.u) ** 2)
+    return bool(np.any(apart > LEAST_SHARE))
 
 
 def _row(output: OutputBudget, which: int, item: InputQuantity, digits: int) -> list[str]:

@@ -14,6 +14,8 @@ whole cancel; one is `told` where its 95 % interval is no longer than the machin
 `given` the effect it depends on where the data cannot tell that from others. `rivals` are the
 others of a class of three at most, each estimated in the place of the effect. An effect that is
 one of several `alike` pitches makes the verdict `class`, though its `class` has one name.
+`apart` are those of the `class` of a scatter that it cannot be mistaken for: not much less likely.
+`unexplained.twofold` names effects that fit only in two forms which no one cause has at once.
 An experiment is foretold to set rivals `predicted_d` standard deviations apart, of which this data
 holds `now_d` and the experiment adds `further_d`: predicted_d^2 = now_d^2 + further_d^2.
 """
@@ -69,6 +71,7 @@ def document(result: CloseLoopResult) -> dict[str, Any]:
         "unexplained": {
             "found": any(something_left(item) for item in result.tables),
             "checks": [check for item in result.tables for check in _checks(item)],
+            "twofold": [name for item in result.tables for name in item.twofold],
             f"rms_{first.table.unit}": size_of(first, first.unexplained_rms),
         },
         "outliers": [_outlier(g, t) for t in result.tables for g in t.gross],
@@ -133,6 +136,7 @@ def _effect(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
         "explained_share": finite(effect.explained_share),
         f"rms_{item.table.unit}": size_of(item, effect_rms(effect, item)),
         "class": list(effect.class_names),
+        "apart": list(effect.apart),
         "aliases": list(effect.aliases),
         "rivals": [_rival(rival) for rival in effect.rivals],
         "folds": {"chose_it": effect.folds, "of": effect.of_folds},
@@ -241,6 +245,7 @@ def _table(item: TableResult) -> dict[str, Any]:
         "unexplained": {
             "found": something_left(item),
             "checks": _checks(item),
+            "twofold": list(item.twofold),
             f"rms_{item.table.unit}": size_of(item, item.unexplained_rms),
         },
     }

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.shown import pitch_is_open
 from mtu_cli.language import evaluate, names, parse
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.reports.close_loop_shown import things, unit_of
+from mtu_cli.reports.close_loop_shown import things, titled, unit_of
 from mtu_cli.stats.least_squares import FloatArray
 
 MOST = 3
@@ -41,7 +42,7 @@ class Series:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curve:
     """A panel; `names` are those of categories 0, 1, ... on its horizontal axis, `ticks` the
-    only values there.
+    only values there; an `example` is one of many curves that fit as well.
     """
 
     title: str
@@ -50,6 +51,7 @@ class Curve:
     series: tuple[Series, ...]
     names: tuple[str, ...] = ()
     ticks: tuple[float, ...] = ()
+    example: bool = False
 
 
 def curves(item: TableResult) -> list[Curve]:
@@ -74,7 +76,8 @@ def by_column(item: TableResult) -> Curve:
 def _of_equation(effect: FoundEffect, item: TableResult) -> Curve:
     """Residuals less the other effects, over the variable of the effect's first equation.
 
-    Both are drawn beside their overall means, as they are judged beside a free offset.
+    Both are drawn beside their overall means, as they are judged beside a free offset. Of a
+    pitch that is one of many the wave is an example.
     """
     key, text = next(iter(effect.equations.items()))
     axis = key.removeprefix("E")
@@ -93,7 +96,7 @@ def _of_equation(effect: FoundEffect, item: TableResult) -> Curve:
         values = np.broadcast_to(evaluate(parse(text), {**env, over: grid}), grid.shape)
         fine = (grid, values / scale - means[0])
     return Curve(
-        title=effect.name,
+        title=titled(effect),
         xlabel=f"the effect as fitted, {item.table.unit}" if over is None else _label(over),
         ylabel=_ylabel(axis, item),
         series=tuple(
@@ -106,6 +109,7 @@ def _of_equation(effect: FoundEffect, item: TableResult) -> Curve:
             )
             for name, mask in _split(apart, env, there)
         ),
+        example=pitch_is_open(effect),
         ticks=(-1.0, 1.0) if over is not None and over.startswith(DIRECTION) else (),
     )
 

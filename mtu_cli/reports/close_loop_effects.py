@@ -282,6 +282,8 @@ def searched_text(found: tuple[float, float, float], several: bool = False) -> t
 
 
 def _each(covariate: str, row: str) -> str:
+    if covariate == "time_min":
+        return "of time_min"  # Its parameters are per minute.
     return f"from {row} to {row}" if covariate == "sequence" else f"per count of {covariate}"
 
 

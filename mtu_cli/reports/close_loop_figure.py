@@ -16,9 +16,17 @@ from mtu_cli.model.residual_cells import IntArray
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Plane
 from mtu_cli.reports.close_loop_arrows import SIDES, counted, draw_arrows, view_of
-from mtu_cli.reports.close_loop_curves import Curve, Series, by_column, curves
+from mtu_cli.reports.close_loop_curves import Curve, by_column, curves
 from mtu_cli.reports.close_loop_levels import in_plane, maps_of, mean_errors, short_names
-from mtu_cli.reports.close_loop_shown import class_of, either, first_table, ranked, things
+from mtu_cli.reports.close_loop_panels import NAME, draw_curve
+from mtu_cli.reports.close_loop_shown import (
+    class_of,
+    either,
+    first_table,
+    ranked,
+    things,
+    titled,
+)
 from mtu_cli.reports.labels import cut
 from mtu_cli.reports.level_maps import Maps, draw, legend, sheet, write_title
 from mtu_cli.reports.numbers import p_value
@@ -33,17 +41,8 @@ CANDIDATES = 12
 """Candidates in the ranking."""
 LEAST = -6.0
 """The ranking starts here: what is less likely is all the same."""
-BINS = 24
-"""Means that residuals are drawn as where they lie at more places."""
-SERIES = (figures.BLUE, figures.RED, figures.GREEN)
 TITLE = 115
 """Characters of the title."""
-FEW = 4
-"""Of so few distinct places cells are spread out beside one another."""
-NAME, NAMED = 26, 44
-"""Characters of a name beside a panel, and above one."""
-CHARACTERS = 40
-"""Of names that fit beside one another below a panel."""
 LEGEND = 3
 """Rows of the ranking that its legend is as high as."""
 TICKS = 30
@@ -99,7 +98,10 @@ def _with_levels(result: CloseLoopResult, item: TableResult, levels: Maps) -> Fi
 
 
 def _title(result: CloseLoopResult, item: TableResult) -> str:
-    names = "; ".join(either(class_of(effect)) for effect in item.effects)
+    names = "; ".join(
+        titled(effect) if len(class_of(effect)) == 1 else either(class_of(effect))
+        for effect in item.effects
+    )
     component = item.table.component
     of = "" if component is None else f" of {component}"
     if len(result.tables) > 1:
@@ -176,76 +178,6 @@ def _lower(page: SubFigure, item: TableResult, shown: list[Curve], alpha: float)
     for panel, curve in zip(panels, shown, strict=False):
         draw_curve(panel, curve)
     _ranking(panels[-1], item, alpha)
-
-
-def draw_curve(panel: Axes, curve: Curve) -> None:
-    """Cells as pale dots, their means as dots, the effect as a line."""
-    from matplotlib.ticker import MaxNLocator
-
-    panel.axhline(0.0, color=figures.GREY, linewidth=0.9)
-    several = len(curve.series) > 1
-    for series, colour in zip(curve.series, SERIES, strict=False):
-        _draw_series(panel, series, colour, labelled=several)
-    if curve.ticks:
-        panel.set_xticks(curve.ticks)
-    if curve.names:
-        panel.set_xticks(
-            range(len(curve.names)),
-            [cut(name, NAME) for name in curve.names],
-            rotation=90 * _crowded(curve.names),
-            fontsize=7.5,
-        )
-    if curve.xlabel.endswith("in order"):
-        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
-    panel.set_title(cut(curve.title, NAMED))
-    panel.set_xlabel(curve.xlabel)
-    panel.set_ylabel(curve.ylabel)
-    if several:
-        # Its width must not push the panels apart.
-        panel.legend(loc="upper left").set_in_layout(False)
-
-
-def _crowded(names: tuple[str, ...]) -> bool:
-    return sum(map(len, names)) + len(names) > CHARACTERS
-
-
-def _draw_series(panel: Axes, series: Series, colour: str, labelled: bool) -> None:
-    panel.plot(
-        _spread(series.x), series.y, ".", color=colour, alpha=0.18, markersize=4, markeredgewidth=0
-    )
-    x, y, fitted = _binned(series)
-    panel.plot(x, y, "o", color=colour, markersize=4.5, label=series.name if labelled else None)
-    if series.fine is not None:
-        panel.plot(*series.fine, color=figures.ORANGE, linewidth=1.8, zorder=4)
-    elif fitted is not None:
-        panel.plot(x, fitted, color=colour if labelled else figures.ORANGE, linewidth=1.8, zorder=4)
-
-
-def _spread(x: FloatArray) -> FloatArray:
-    """Cells of a few places side by side in their order, which says nothing else."""
-    places = np.unique(x)
-    if not 1 < len(places) <= FEW:
-        return x
-    beside = np.linspace(-0.5, 0.5, len(x)) * 0.25 * float(np.diff(places).min())
-    found: FloatArray = x + beside
-    return found
-
-
-def _binned(series: Series) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Means of x, of residuals and of the effect at each x, or in bins of many."""
-    places, group = np.unique(np.round(series.x, 9), return_inverse=True)
-    if len(places) > BINS:
-        edges = np.quantile(series.x, np.linspace(0, 1, BINS + 1)[1:-1])
-        group = np.searchsorted(edges, series.x, side="right")
-    count = np.bincount(group)
-    there = count > 0
-
-    def mean(values: FloatArray) -> FloatArray:
-        found: FloatArray = np.bincount(group, values)[there] / count[there]
-        return found
-
-    fitted = None if series.fitted is None else mean(series.fitted)
-    return mean(series.x), mean(series.y), fitted
 
 
 def _room(best: Sequence[Judged]) -> float:

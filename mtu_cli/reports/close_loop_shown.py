@@ -12,6 +12,7 @@ from mtu_cli.analyses.close_loop.result import (
     Judged,
     TableResult,
 )
+from mtu_cli.analyses.close_loop.shown import pitch_is_open
 from mtu_cli.reports.document import finite
 from mtu_cli.units import PARAMETER_UNITS, UNITS, Unit
 
@@ -70,7 +71,14 @@ def parameters_of(effect: FoundEffect) -> tuple[Shown, ...]:
 
 def class_of(effect: FoundEffect) -> tuple[str, ...]:
     """What the data cannot tell apart: the effect, its rivals, what is the same on these points."""
-    return effect.candidates
+    return tuple(name for name in effect.candidates if name not in effect.apart)
+
+
+def titled(effect: FoundEffect) -> str:
+    """Its name, and that its pitch is one of many where it is."""
+    if not pitch_is_open(effect):
+        return effect.name
+    return f"{effect.name}, one of {len(effect.alike) + 1} pitches that fit"
 
 
 def something_left(item: TableResult) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.text import Text
 
 from mtu_cli.analyses.close_loop.result import (
@@ -38,6 +40,8 @@ BEST = 5
 """Candidates listed."""
 COMPONENTS = 20
 """Components listed."""
+NAMES = 6
+"""Names of a long class."""
 OUTLIERS = 6
 """Entries set aside that are listed."""
 
@@ -91,9 +95,15 @@ def _effects(result: CloseLoopResult) -> Sheet:
 def _effect_notes(result: CloseLoopResult) -> list[str]:
     """What a level is, which way a reversal goes, and classes too long for the sentence."""
     notes = [
-        f"{effect.name} may be: {', '.join(in_words(name) for name in class_of(effect))}"
+        f"{effect.name} may be: {_some([in_words(name) for name in class_of(effect)])}"
         for effect in result.effects
         if len(class_of(effect)) > RIVALS
+    ]
+    notes += [
+        f"{effect.name}: not much less likely, but no readings of it (they look different): "
+        f"{_some(effect.apart)}"
+        for effect in result.effects
+        if effect.apart
     ]
     notes += [
         f"{effect.name}: {len(effect.alike) + 1} values of {name} fit alike at these places; the "
@@ -107,6 +117,12 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
     if any(is_level(name) for effect in result.effects for name, _, _, _ in effect.parameters):
         notes.insert(0, "level: a constant of the equation, the error where the effect itself is 0")
     return notes
+
+
+def _some(names: Sequence[str]) -> str:
+    """The likeliest few of many names."""
+    more = len(names) - NAMES
+    return listed(names, NAMES) + (" (-o FILE.json)" if more > 0 else "")
 
 
 def _effect(effect: FoundEffect, item: TableResult) -> list[list[str]]:
@@ -248,7 +264,7 @@ def _rest(result: CloseLoopResult) -> Text | None:
     lines = [text for text in (_outliers(item) for item in result.tables) if text]
     item = first_table(result)
     lines += copied(item)
-    lines += [f"not tested: {text}" for text in untested(item)]
+    lines += untested(item)
     return Text("\n".join(lines), style="dim") if lines else None
 
 

@@ -71,6 +71,10 @@ def _class(item: TableResult) -> str:
         names = () if effect is None else class_of(effect)
         if effect is None or len(names) < 2:
             words.append(_capital(f"{said.named}.", item))
+            if effect is not None and effect.apart:
+                words.append(
+                    f"Not much less likely, but no readings of it: {either(effect.apart)}."
+                )
         else:
             more = " (see the table)" if len(names) > RIVALS else ""
             words.append(f"{either(names)}{more}: this data cannot tell.")
@@ -232,14 +236,20 @@ def left_text(item: TableResult) -> str | None:
 
 
 def untested(item: TableResult, most: int = 4) -> list[str]:
-    """Candidates that could not be tested, by the reason."""
+    """Candidates that could not be tested, a line a reason; the last one of many reasons."""
     reasons: dict[str, list[str]] = {}
     for judged in item.candidates:
         if judged.unavailable is not None:
             reasons.setdefault(judged.unavailable, []).append(judged.name)
-    texts = [f"{listed(names, 5)}: {reason}" for reason, names in reasons.items()]
-    more = len(texts) - most
-    return texts[:most] + ([f"and {more} more reasons: -o FILE.json"] if more > 0 else [])
+    texts = [f"not tested: {listed(own, 5)}: {reason}" for reason, own in reasons.items()]
+    if len(texts) <= most + 1:
+        return texts
+    rest = [name for own in list(reasons.values())[most:] for name in own]
+    count = len(reasons) - most
+    return [
+        *texts[:most],
+        f"not tested for {count} further reasons (-o FILE.json): {listed(rest, 5)}",
+    ]
 
 
 def copied(item: TableResult) -> list[str]:

@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -72,7 +73,9 @@ def folded(name: str, width: int = WIDTH) -> str:
     if len(name) <= width:
         return name
     lines = textwrap.wrap(name, width)
-    return "\n".join(lines if len(lines) <= 2 else (name[:width], cut(name[width:], width)))
+    if len(lines) > 2:
+        lines = [lines[0], cut(name[len(lines[0]) :].lstrip(), width)]
+    return "\n".join(lines)
 
 
 def around(
@@ -81,11 +84,13 @@ def around(
     radii: FloatArray,
     reach: float,
     also: Sequence[tuple[FloatArray, FloatArray]] = (),
+    boxes: tuple[FloatArray, float] | None = None,
 ) -> FloatArray:
     """Where to write each name, (n, 2): `reach` from its place, clear of arrows and ellipses.
 
     `tips` (n, 2) end the arrows that start at `places`, `radii` (n,) are those of the
-    ellipses about the tips, `also` starts and tips (m, 2) of further arrows. Each name takes
+    ellipses about the tips, `also` starts and tips (m, 2) of further arrows, `boxes` widths (n,)
+    and the height of the names, which must not run into one another. Each name takes
     the direction of least cover, in order; all in the unit of the figure.
     """
     starts = np.vstack([places, *(start for start, _ in also)])
@@ -93,13 +98,15 @@ def around(
     angles = np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
     offsets = reach * np.column_stack([np.cos(angles), np.sin(angles)])
     placed = np.zeros((0, 2))
-    for place, tip in zip(places, tips, strict=True):
+    for i, (place, tip) in enumerate(zip(places, tips, strict=True)):
         spots = place + offsets
         cost = 3.0 * _near(_to_segments(spots, starts, ends), 0.8 * reach).sum(axis=1)
         cost += 4.0 * _near(_apart(spots, places), 0.9 * reach).sum(axis=1)
         cost += _near(_apart(spots, tips) - radii, 0.5 * reach).sum(axis=1)
         if len(placed):
             cost += 6.0 * _near(_apart(spots, placed), 1.6 * reach).sum(axis=1)
+            if boxes is not None:
+                cost += 12.0 * _meet(spots, placed, boxes, i).sum(axis=1)
         # Opposite to the arrow where nothing else decides.
         direction = tip - place
         norm = float(np.linalg.norm(direction))
@@ -107,6 +114,16 @@ def around(
             cost += 0.2 * (offsets @ direction) / (reach * norm)
         placed = np.vstack([placed, spots[int(np.argmin(cost))]])
     return placed
+
+
+def _meet(
+    spots: FloatArray, placed: FloatArray, boxes: tuple[FloatArray, float], own: int
+) -> NDArray[np.bool_]:
+    """Whether the name `own` at `spots` runs into those that are `placed` (the first ones)."""
+    widths, height = boxes
+    dx, dy = np.abs(spots[:, None] - placed[None]).transpose(2, 0, 1)
+    result: NDArray[np.bool_] = (dx < 0.5 * (widths[own] + widths[: len(placed)])) & (dy < height)
+    return result
 
 
 def _near(distance: FloatArray, limit: float) -> FloatArray:

@@ -209,14 +209,14 @@ def _draw(panel: Axes, row: int, item: Length) -> None:
             markersize=4.5,
             label=label if row == 0 else None,
         )
-        text = f"  {plus_minus(item.error / UM, item.k * u / UM)}"
-        panel.annotate(
-            text,
-            ((item.error + item.k * u) / UM, row + offset),
+        panel.text(
+            1.01,
+            row + offset,
+            plus_minus(item.error / UM, item.k * u / UM),
+            transform=panel.get_yaxis_transform(),
             va="center",
             fontsize=7.5,
             color=colour,
-            annotation_clip=True,
         )
     if item.conformance is not None:
         limit = item.conformance.tolerance / UM

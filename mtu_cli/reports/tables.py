@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import IO
 
 from rich import box
+from rich.cells import cell_len, chop_cells
 from rich.console import Console, ConsoleOptions, RenderResult
+from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 WIDTH = 100
 """Columns that a table may take."""
+JOINTS = re.compile(r"[^\s_/-]*[\s_/-]+|[^\s_/-]+")
+"""Pieces of a name, each with the sign that a line may end with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +67,12 @@ class Sheet:
                 overflow="fold",
             )
         for row in self.rows:
-            table.add_row(*[_cell(value) for value in row])
+            table.add_row(
+                *[
+                    Name(value) if column.folds else _cell(value)
+                    for value, column in zip(row, self.columns, strict=True)
+                ]
+            )
         yield Text(self.title, style="bold")
         yield Padding(table, 0)
         for note in self.notes:
@@ -74,6 +84,33 @@ class Sheet:
             for i, column in enumerate(self.columns)
         ]
         return sum(widths) + 2 * len(widths) > width
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A cell that breaks where a name has its joints: after a blank, `_`, `-` or `/`."""
+
+    text: str
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield _cell("\n".join(broken(self.text, options.max_width)))
+
+    def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
+        pieces = [cell_len(piece.rstrip()) for piece in JOINTS.findall(self.text)]
+        return Measurement(max(pieces, default=0), cell_len(self.text))
+
+
+def broken(name: str, width: int) -> list[str]:
+    """A name in lines of at most `width` columns; only what has no joint is cut anywhere."""
+    lines = [""]
+    for piece in JOINTS.findall(name):
+        if cell_len((lines[-1] + piece).rstrip()) <= width:
+            lines[-1] += piece
+        elif cell_len(piece.rstrip()) <= width:
+            lines.append(piece)
+        else:
+            lines += chop_cells(piece, max(width, 1))
+    return [line.rstrip() for line in lines if line] or [""]
 
 
 def _cell(value: str) -> Text:

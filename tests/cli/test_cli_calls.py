@@ -79,6 +79,7 @@ def test_values_of_the_wrong_kind(call: list[str], work: Path) -> None:
 
 def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
     bad = ["T", "=1", "T_a_degC=", "T_a_degC=warm", "T_a_degC=nan", "T_a_degC=-inf", "a\x07=1"]
+    bad += ["T_b_degC=1_0", "T_b_degC=\uff12"]
     call = [word for text in [*bad, "dir_x=1", "dir_x=-1"] for word in ("--at", text)]
     found = refused(work, "lengths", *call, *OUTPUTS).removeprefix("mtu: ").splitlines()
     assert len(found) == len(bad) + 1

@@ -168,12 +168,21 @@ def test_simulated_files_do_not_go_to_standard_output(work: Path) -> None:
     assert listing(work) == before
 
 
+def test_a_count_is_a_whole_number() -> None:
+    """As in a column of points."""
+    for text, value in (("sequence=7", 7.0), ("T_a_degC=-4.5", -4.5)):
+        assert list(Inputs(Options("lengths", {"at": [text]})).at.values()) == [value]
+    words = "^--at sequence: not a whole number: '-4.5'; expected a whole number, as in the files$"
+    with pytest.raises(InputError, match=words):
+        _ = Inputs(Options("lengths", {"at": ["sequence=-4.5"]})).at
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 def test_rows_are_told_once_they_are_written(
     work: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = listing(work)
-    with pytest.raises(InputError, match="full: cannot be written: no space left on device"):
+    with pytest.raises(InputError, match=r"^/dev/full: cannot be written: no space"):
         _simulated(write_lbb=work / "l.csv", write_cmm=Path("/dev/full"))
     assert capsys.readouterr().out == ""
     assert listing(work) == before

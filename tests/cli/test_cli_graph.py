@@ -94,6 +94,7 @@ def test_how_many_probings() -> None:
     [
         ("axis_um=1,1", "a value twice"),
         ("axis_um=2:2:3", "a value twice"),
+        ("axis_um=1:0:3", "wrong value: 'axis_um=1:0:3'; expected the lower end first: 0:1:3"),
         ("axis_um=1_0", "not NAME=VALUES"),
         ("axis_um=0:1_0:2", "not NAME=VALUES"),
     ],

@@ -68,7 +68,7 @@ def added(
 ) -> Added:
     """Estimates the effects of a search; with a `seed`, their covariance as exactly as it can
     be had; `rough`: by the weights alone, where only the coefficients count. By axis, `owners`
-    are the places of effects that get a mean error which is not explained, where none has a mean.
+    are the places of effects that get the mean error, whether it agrees with their own or not.
     """
     scan = prepared.scan
     columns = [prepared.flat()[m] for m in found.members]
@@ -149,10 +149,11 @@ def _with_levels(
     left = prepared.grand - fit.beta @ means
     spread = np.einsum("ai,ij,aj->a", contrasts, joint, contrasts)
     disagrees = left**2 > AGREES**2 * spread
-    others = [a for a in prepared.scan.offsets if a not in offsets and disagrees[a]]
-    owned = [(a, _owner(prepared, members, means[:, a], fit.beta, owners.get(a))) for a in others]
     opened: list[tuple[int, int | None]] = [(axis, None) for axis in offsets]
-    opened += [(axis, owner) for axis, owner in owned if owner is not None]
+    for a in (a for a in prepared.scan.offsets if a not in offsets):
+        owner = _owner(prepared, members, means[:, a], fit.beta) if disagrees[a] else None
+        if owners.get(a, owner) is not None:
+            opened.append((a, owners.get(a, owner)))
     axes = [axis for axis, _ in opened]
     turn = np.concatenate([np.eye(k, len(joint)), contrasts[axes]])
     dof = [_level_dof(prepared, fit, means[:, axis], axis) for axis in axes]
@@ -171,13 +172,10 @@ def _owner(
     members: tuple[int, ...],
     means: FloatArray,
     beta: FloatArray,
-    otherwise: int | None,
 ) -> int | None:
-    """The place of the effect whose mean over the data is the largest; if none has one, that
-    which gets it `otherwise`.
-    """
+    """The place of the effect whose mean over the data is the largest, None if none has one."""
     if not (np.abs(means) > CENTRED * _sizes(prepared, members)).any():
-        return otherwise
+        return None
     sizes = [len(prepared.members[m].columns) for m in members]
     owners = np.repeat(np.arange(len(members)), sizes)
     return int(owners[int(np.argmax(np.abs(means * beta)))])

@@ -12,6 +12,7 @@ from mtu_cli.analyses.close_loop.added import Added
 from mtu_cli.analyses.close_loop.classes import aliases_of
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.result import DRIFT, FIELD, Experiment, FoundEffect
+from mtu_cli.analyses.close_loop.scatter_rivals import apart_from
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.stats.least_squares import FloatArray
@@ -85,6 +86,7 @@ def _effect(told: Described, step: Step, place: int, experiment: Experiment | No
         experiment=experiment,
         folds=sum(not own.isdisjoint(names) for own in told.chosen),
         of_folds=len(told.chosen),
+        apart=tuple(candidate_name(prepared, i) for i in apart_from(prepared, step)),
     )
 
 

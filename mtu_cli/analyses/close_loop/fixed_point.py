@@ -13,15 +13,16 @@ import numpy as np
 from scipy.special import stdtrit
 
 from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect
-from mtu_cli.language import Node, evaluate, linear_form, names, parse
+from mtu_cli.analyses.close_loop.straight_lines import (
+    extent,
+    in_covariate,
+    in_place,
+    middle_and_rise,
+)
+from mtu_cli.language import linear_form, names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
-
-STRAIGHT = 1e-9
-"""Share of its size by which a lever may bend and still be a straight line."""
-
-PROBES = (-1.0, 0.0, 1.0)
 
 Over = frozenset[str]
 """The one covariate that errors are proportional to; empty where they are constant."""
@@ -91,36 +92,16 @@ def _levers(
 ) -> Iterator[_Lever]:
     """Of the parameters of effect `e`; nan where it is no straight line along the axis."""
     own = [name for name, _, _, _ in effect.parameters]
-    middle, half = _extent(table, axis)
-    x = middle + half * np.array([-1.0, 0.0, 1.0])
+    middle, half = extent(table, axis)
     form = linear_form(parse(effect.equations[f"E{axis}"]), own)
     for name, node in form.coefficients.items():
-        line = _line(node, axis, x, over)
-        low, shift, high = (float(value) for value in line)
-        size = STRAIGHT * max(abs(low), abs(shift), abs(high))
-        growth, bend = 0.5 * (high - low), high + low - 2 * shift
-        if not (np.isfinite(size) and abs(bend) <= size):
-            shift = np.nan
-        yield _Lever(e, own.index(name), shift, 0.0 if abs(growth) <= size else growth)
-
-
-def _line(node: Node, axis: str, x: FloatArray, over: Over) -> FloatArray:
-    """The lever at the places `x` (3,), or its slope in a covariate; nan where that is none."""
-    at = [np.asarray(evaluate(node, {axis: x, **dict.fromkeys(over, value)})) for value in PROBES]
-    low, zero, high = (np.broadcast_to(value, x.shape).astype(float) for value in at)
-    if not over:
-        return zero
-    with np.errstate(invalid="ignore"):
-        straight = np.abs(high + low - 2 * zero) <= STRAIGHT * np.abs([low, zero, high]).max()
-        found: FloatArray = np.where(straight, (high - low) / (PROBES[2] - PROBES[0]), np.nan)
-    return found
-
-
-def _extent(table: ResidualTable, axis: str) -> tuple[float, float]:
-    """The middle of the places along an axis and half of their extent, mm."""
-    at = table.places[..., AXES.index(axis)]
-    low, high = float(np.nanmin(at)), float(np.nanmax(at))
-    return 0.5 * (low + high), max(0.5 * (high - low), 1.0)
+        if over:
+            (covariate,) = over
+            _, values = in_covariate(node, covariate, axis, middle, half)
+        else:
+            values = in_place(node, axis, middle, half)
+        shift, growth = middle_and_rise(values)
+        yield _Lever(e, own.index(name), shift, growth)
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +147,7 @@ def _point(
     ratio: _Ratio,
 ) -> FixedPoint:
     """In mm: the ratio is in halves of the places' extent from their middle."""
-    middle, half = _extent(table, axis)
+    middle, half = extent(table, axis)
     ends = None
     if ratio.interval is not None:
         low, high = ratio.interval
@@ -192,4 +173,4 @@ def _reach(table: ResidualTable, axis: str) -> float:
         return high - low
     known = [high - low for low, high in table.travel.values()]
     placed = [a for i, a in enumerate(AXES) if np.isfinite(table.places[..., i]).any()]
-    return max(*known, *(2 * _extent(table, other)[1] for other in placed))
+    return max([*known, *(2 * extent(table, other)[1] for other in placed)])

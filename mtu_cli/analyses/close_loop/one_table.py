@@ -20,7 +20,7 @@ from mtu_cli.analyses.close_loop.held_out import (
     scores,
 )
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
-from mtu_cli.analyses.close_loop.own_constant import with_own_constants
+from mtu_cli.analyses.close_loop.own_constant import owners_of, with_own_constants
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.result import (
     FixedPoint,
@@ -68,12 +68,11 @@ def loop_on(
     """Closes the loop on one table at the family-wise rate `alpha`."""
     first = _searched(given, candidates, alpha, most, seed)
     out = _held_out(given, candidates, alpha, most, seed)
-    told = _told(first, out, seed)
+    told, table = _told(first, out, seed), first.prepared.table
     scored, found, fired = _scored(told, out), first.found, first.found.fired(alpha)
     found_alone, twice = _described(told, library), twofold(told)
     others, left_over = all_instead(told, found_alone, library, seed), (*fired, *twice)
-    described = with_rivals(found_alone, others)
-    covariance, table = joint_covariance(told), first.prepared.table
+    described, covariance = with_rivals(found_alone, others), joint_covariance(told)
     result = TableResult(
         table=table,
         verdict=verdict_of(found, described, left_over),
@@ -83,6 +82,7 @@ def loop_on(
         fired=fired,
         without_name=found.without_name,
         twofold=twice,
+        stopped=found.stopped,
         gross=first.gross,
         explained=scored.explained,
         before=scored.before,
@@ -118,10 +118,11 @@ def _fixed_points(
 
 
 def _told(first: Searched, out: HeldOut | None, seed: int) -> Described:
+    owners = owners_of(first.prepared, first.found)
     return Described(
         prepared=first.prepared,
         found=first.found,
-        effects=added(first.prepared, first.found, seed),
+        effects=added(first.prepared, first.found, seed, owners=owners),
         chosen=() if out is None else out.chosen,
     )
 
@@ -143,7 +144,7 @@ def _searched(
         return prepared, calibrated(prepared.scan, samples, seed)
 
     first = searched(given, start, alpha=alpha, most=most)
-    return with_own_constants(first, alpha=alpha, most=most)
+    return with_own_constants(first)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,9 @@
 
 An axis that grows from a fixed point c as g (x - c) (T - T_r) shows, about the middle of places
 and covariate, a growth, a drift g (x_0 - c) (T - T_0), and an offset g (x_0 - c) (T_0 - T_r). The
-offset is no cause of its own.
+offset is no cause of its own. What it is off the drift's constant is within its uncertainty, and
+stays as the drift's level: as an observation of the drift it would draw it towards an offset that
+is too small to be told apart.
 """
 
 from __future__ import annotations
@@ -14,24 +16,24 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.added import Added, added
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.search import Search, search
+from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.searched import Searched
-from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.language import evaluate, linear_form, names, parse
+from mtu_cli.analyses.close_loop.state import CENTRED, Step
+from mtu_cli.analyses.close_loop.straight_lines import (
+    extent,
+    in_covariate,
+    middle_and_rise,
+)
+from mtu_cli.language import linear_form, names, parse
 from mtu_cli.model.effect_library import Member
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
 
 AGREES = 3.0
 """Standard uncertainties within which an offset is the constant of a drift: one in 400 such is
 told apart by chance.
 """
-STRAIGHT = 1e-9
-"""Share of its size by which a lever may bend and still be a straight line."""
 DIGITS = 12
 """Of the value at which an equation is 0: rounding is less."""
-PROBES = np.array([-50.0, 0.0, 50.0])
-"""Values of a covariate that a straight line is known by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,51 +46,58 @@ class _Drift:
     start: float
 
 
-def with_own_constants(first: Searched, *, alpha: float, most: int) -> Searched:
-    """A search for `most` effects without each offset that agrees (`AGREES`) with what a drift
-    found beside it has where the growth of its axis with the same covariate may be 0; that drift
-    then starts there. A search that stopped goes on for as many effects as were none.
+def with_own_constants(first: Searched) -> Searched:
+    """A search without each offset that agrees (`AGREES`) with what a drift found beside it has
+    where the growth of its axis with the same covariate may be 0; that drift then starts there,
+    and gets a level (`owners_of`). So does a drift along an axis without an offset: one too small
+    to be found is no 0.
 
     The coordinates of a member are free of its mean: data and gate stay as they are.
     """
     prepared, found = _joined(first.prepared, first.found)
-    full = len(first.found.steps) >= most
-    for more in range(_offsets(first.prepared, first.found) if full else 0, 0, -1):
-        longer = search(first.prepared, first.gate, alpha=alpha, most=most + more)
-        own = _joined(first.prepared, longer)
-        if len(own[1].steps) <= most:
-            prepared, found = own
-            break
     return replace(first, prepared=prepared, found=found)
-
-
-def _offsets(prepared: Prepared, found: Search) -> int:
-    first = len(prepared.scan.columns)
-    return sum(first <= step.index < prepared.scan.tested for step in found.steps)
 
 
 def _joined(prepared: Prepared, found: Search) -> tuple[Prepared, Search]:
     """The drifts with the constants that are theirs, which the search is then without."""
-    first = len(prepared.scan.columns)
-    for own in found.steps:
-        if not first <= own.index < prepared.scan.tested:
+    for index, axis in enumerate(prepared.scan.offsets, len(prepared.scan.columns)):
+        pairs = tuple(_pairs(prepared, found, axis))
+        beside = _with_offset(prepared, found, index, axis) if pairs else None
+        if beside is None:
             continue
-        axis = prepared.scan.offsets[own.index - first]
-        whole = added(prepared, found)
-        for drift, zero in _pairs(prepared, found, axis):
-            if _agrees(whole, found, drift, zero):
+        whole = added(prepared, beside)
+        for drift, zero in pairs:
+            if _agrees(whole, beside, drift, zero):
                 prepared = _starting(prepared, drift, zero)
-                found = replace(found, steps=tuple(s for s in found.steps if s is not own))
+                found = replace(found, steps=tuple(s for s in found.steps if s.index != index))
                 break
     return prepared, found
 
 
-def axes_with_offset(prepared: Prepared, index: int) -> frozenset[int]:
-    """The axes along which a member was given an offset that was found."""
-    member = prepared.members[index]
-    if any(member is own for candidate in prepared.source for own in candidate.members):
-        return frozenset()
-    return frozenset(axis for column in member.columns for axis in column)
+def _with_offset(prepared: Prepared, found: Search, index: int, axis: int) -> Search | None:
+    """The search with the offset `index` along an axis, found or not; None where it is the level
+    of an effect that has a mean along that axis.
+    """
+    if any(step.index == index for step in found.steps):
+        return found
+    for m in found.members:
+        sizes = [np.sqrt(np.mean(c[axis] ** 2)) for c in prepared.members[m].columns if axis in c]
+        if np.abs(prepared.means[m][:, axis]).max() > CENTRED * max(sizes, default=np.inf):
+            return None
+    step = Step(index=index, member=-1, p=1.0, log_bayes=0.0, posterior=0.0, credible=(index,))
+    return replace(found, steps=(*found.steps, step))
+
+
+def owners_of(prepared: Prepared, found: Search) -> dict[int, int]:
+    """By axis, the place of the effect that was given an offset that was found: its level."""
+    own = {id(member) for candidate in prepared.source for member in candidate.members}
+    return {
+        axis: place
+        for place, index in enumerate(found.members)
+        if id(prepared.members[index]) not in own
+        for column in prepared.members[index].columns
+        for axis in column
+    }
 
 
 def _pairs(prepared: Prepared, found: Search, axis: int) -> Iterator[tuple[_Drift, float]]:
@@ -117,10 +126,10 @@ def _drift(table: ResidualTable, axis: int, step: Step, member: Member) -> _Drif
         return None
     if _depends_on(member, letter) != {known}:
         return None
-    line = _line(member, letter, {known: PROBES})
-    if line is None or line[1] == 0:
+    constant, slope = _about_places(table, letter, member, known)
+    if not slope[0] or slope[1]:
         return None
-    return _Drift(step, axis, line[1], -line[0] / line[1])
+    return _Drift(step, axis, slope[0], -constant[0] / slope[0])
 
 
 def _zero(table: ResidualTable, axis: int, member: Member) -> float | None:
@@ -131,11 +140,10 @@ def _zero(table: ResidualTable, axis: int, member: Member) -> float | None:
         return None
     if _depends_on(member, letter) != {letter, known}:
         return None
-    lines = [_line(member, letter, {known: PROBES, letter: at}) for at in (0.0, 1000.0)]
-    if lines[0] is None or lines[1] is None:
+    (_, constant), (_, slope) = _about_places(table, letter, member, known)
+    if not slope or np.isnan(slope) or np.isnan(constant):
         return None
-    constant, slope = (b - a for a, b in zip(*lines, strict=True))
-    return None if slope == 0 else float(f"{-constant / slope:.{DIGITS}g}")
+    return float(f"{-constant / slope:.{DIGITS}g}") + 0.0
 
 
 def _depends_on(member: Member, letter: str) -> set[str]:
@@ -144,15 +152,16 @@ def _depends_on(member: Member, letter: str) -> set[str]:
     return set(names(parse(text))) - {name for name, _ in member.parameters}
 
 
-def _line(member: Member, letter: str, at: dict[str, FloatArray | float]) -> list[float] | None:
-    """Constant and slope of the one lever along an axis; None where it is no straight line."""
+def _about_places(
+    table: ResidualTable, letter: str, member: Member, known: str
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Of constant and slope of the one lever in a covariate, each at the middle of the places
+    along an axis and what it rises over half of them; nan where it is no straight line.
+    """
     (name, _), *_ = member.parameters
     node = linear_form(parse(member.equations[f"E{letter}"]), [name]).coefficients[name]
-    values = np.broadcast_to(np.asarray(evaluate(node, at), float), PROBES.shape)
-    low, middle, high = values.tolist()
-    if not abs(high + low - 2 * middle) <= STRAIGHT * float(np.abs(values).max()):
-        return None
-    return [middle, (high - low) / float(np.ptp(PROBES))]
+    constant, slope = in_covariate(node, known, letter, *extent(table, letter))
+    return middle_and_rise(constant), middle_and_rise(slope)
 
 
 def _agrees(whole: Added, found: Search, drift: _Drift, zero: float) -> bool:

@@ -41,7 +41,8 @@ class FoundEffect:
     are the same on these points, or fit them as well. `class_names` are the
     candidates that this data cannot tell apart (95 % credible set), itself first; `aliases`
     those that are the same on these points whatever the data. `rivals` are the others of a
-    small class, each estimated in its place. `folds` counts the held-out folds
+    small class, each estimated in its place. `apart` are those of `class_names` that a scatter
+    cannot be mistaken for: as likely as it, but other findings. `folds` counts the held-out folds
     that chose it, or another of its class, of `of_folds`.
     """
 
@@ -70,6 +71,7 @@ class FoundEffect:
     of_folds: int
     alike: tuple[float, ...] = ()
     rivals: tuple[FoundEffect, ...] = ()
+    apart: tuple[str, ...] = ()
 
     @property
     def candidates(self) -> tuple[str, ...]:
@@ -137,7 +139,8 @@ class TableResult:
     `fixed_points` are the places where its effects cancel.
 
     `without_name`: a smooth drift or field explained more than any name. `twofold` are names
-    that were found twice, in forms that one cause cannot have at once.
+    that were found twice, in forms that one cause cannot have at once. `stopped`: the search
+    ended at as many causes as were asked for, and more passed.
     `held_out_by` says what was left out in turn; None where nothing could be. `floor` is the
     repeatability of one averaged coordinate, None where the data do not tell it.
     `unexplained_rms` is what is left in sample where something stays without a name.
@@ -162,6 +165,7 @@ class TableResult:
     unexplained_rms: float | None
     fixed_points: tuple[FixedPoint, ...]
     twofold: tuple[str, ...] = ()
+    stopped: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.classes import class_of
 from mtu_cli.analyses.close_loop.describe import Described, found_effects, joint_covariance
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
-from mtu_cli.analyses.close_loop.own_constant import axes_with_offset
+from mtu_cli.analyses.close_loop.own_constant import owners_of
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.model.effect_library import EffectLibrary
@@ -76,10 +76,9 @@ def _instead(
 ) -> Instead:
     """A rival gets the offset that was taken for the constant of the effect."""
     steps = list(told.found.steps)
-    own, steps[place] = steps[place], rival
+    steps[place] = rival
     found = replace(told.found, steps=tuple(steps))
-    at = sum(step.member >= 0 for step in steps[:place])
-    owners = dict.fromkeys(axes_with_offset(told.prepared, own.member), at)
+    owners = owners_of(told.prepared, told.found)
     other = replace(told, found=found, effects=added(told.prepared, found, seed, owners=owners))
     return Instead(
         place=place,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.analyses.close_loop.causes import causes, levels_of
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.scan import CHECKS, Evidence, Scan
 from mtu_cli.analyses.close_loop.state import State, Step
@@ -24,7 +25,8 @@ class Search:
     """The steps in the order found; of the first look, family-wise `p`, `log_bayes` and
     `posterior` (F,) by candidate; `checks` (name, family-wise p) of what is left in the end.
 
-    `without_name`: smooth drifts and fields explain more than all names together.
+    `without_name`: smooth drifts and fields explain more than all names together. `stopped`:
+    more passes, but so many causes were not asked for.
     """
 
     steps: tuple[Step, ...]
@@ -33,6 +35,7 @@ class Search:
     posterior: FloatArray
     checks: tuple[tuple[str, float], ...]
     without_name: bool
+    stopped: bool = False
 
     def fired(self, alpha: float) -> tuple[str, ...]:
         """The checks that say that something is left."""
@@ -52,19 +55,24 @@ def posterior_of(log_bayes: FloatArray) -> FloatArray:
 
 
 def search(prepared: Prepared, gate: Gate, *, alpha: float, most: int) -> Search:
-    """Searches a table for at most `most` effects at the family-wise rate `alpha`.
+    """Searches a table for at most `most` causes (see `causes`) at the family-wise rate `alpha`.
 
     What was found is projected out of data and candidates, with the derivative by what was
-    searched: a grid value beside the true one must not look like a second effect.
+    searched: a grid value beside the true one must not look like a second effect. Where the next
+    one would be a cause too many, the levels of those found are still looked at.
     """
     state = State(prepared, gate)
     start = state.look()
     looked = start
     steps: list[Step] = []
-    while len(steps) < most:
-        step = _step(prepared.scan, looked, state.p, alpha, state.done)
-        if step is None:
-            break
+    stopped = False
+    while (step := _step(prepared.scan, looked, state.p, alpha, state.done)) is not None:
+        if causes(prepared, [*steps, step]) > most:
+            levels = levels_of(prepared, steps)
+            step = _step(prepared.scan, looked, state.p, alpha, state.done, levels)
+            if step is None:
+                stopped = True
+                break
         steps.append(step)
         state.take_out(step)
         # An offset found before is the level of what explains it better.
@@ -78,6 +86,7 @@ def search(prepared: Prepared, gate: Gate, *, alpha: float, most: int) -> Search
         posterior=posterior_of(start.log_bayes),
         checks=tuple(zip(CHECKS, state.checks.tolist(), strict=True)),
         without_name=bool(steps) and _nameless(start, looked, steps),
+        stopped=stopped,
     )
 
 
@@ -178,11 +187,22 @@ def _scores(looked: Evidence, done: set[int]) -> FloatArray:
     return scores
 
 
-def _step(scan: Scan, looked: Evidence, p: FloatArray, alpha: float, done: set[int]) -> Step | None:
+def _step(
+    scan: Scan,
+    looked: Evidence,
+    p: FloatArray,
+    alpha: float,
+    done: set[int],
+    only: frozenset[int] | None = None,
+) -> Step | None:
+    """The best of what passes, of `only` these where that is given; None if nothing does."""
     passing = [i for i in range(len(p)) if p[i] < alpha and i not in done]
+    scores = _scores(looked, done)
+    if only is not None:
+        passing = [i for i in passing if i in only]
+        scores[[i for i in range(len(scores)) if i not in only]] = -np.inf
     if not passing:
         return None
-    scores = _scores(looked, done)
     # A covariate that explains why parts grow or turn says more than that they do.
     if any(i < scan.tested for i in passing):
         scores[scan.tested :] = -np.inf

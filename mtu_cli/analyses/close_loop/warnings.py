@@ -60,15 +60,15 @@ def _size(table: ResidualTable) -> tuple[str, str]:
 
 
 def loop_warnings(tables: Sequence[TableResult], most: int) -> tuple[Warned, ...]:
-    """Warnings on all tables, that were searched for `most` effects each."""
+    """Warnings on all tables, that were searched for `most` causes each."""
     found: list[Warned] = []
     for table in tables:
         found += _of_table(table)
-        if len(table.effects) >= most:
+        if table.stopped:
             name = table.table.component
             text = (
-                f"the search{'' if name is None else f' of {name}'} stopped at {most} effects; "
-                "there may be more (--max-effects)"
+                f"the search{'' if name is None else f' of {name}'} stopped at {most} "
+                f"cause{'' if most == 1 else 's'}, and more would pass (--max-effects)"
             )
             found.append(Warned(code="max-effects", message=text))
     datum = tables[0].table.datum

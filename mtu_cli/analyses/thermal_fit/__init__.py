@@ -18,7 +18,7 @@ from mtu_cli.analyses.thermal_fit.evidence import (
     position_test,
 )
 from mtu_cli.analyses.thermal_fit.models import Fitted, Spec, fit, sum_of_squares
-from mtu_cli.analyses.thermal_fit.reading import columns_beside, read_series
+from mtu_cli.analyses.thermal_fit.reading import columns_beside, noting, read_series
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,
     Curve,
@@ -72,10 +72,10 @@ def thermal_fit(
     Raises InputError without sensors, where a temperature is not given, or where the readings
     of a component are not of one kind or not more than what is fitted to them.
     """
-    others, every = columns_beside(blocks)
+    shares, warnings = [1.0], list[Warned]()
+    others, every = columns_beside(noting(blocks, warnings))
     series, sensors = read_series(every, reference)
     found: dict[str, ComponentDrift] = {}
-    shares, warnings = [1.0], list[Warned]()
     for name, own in series.items():
         told = "um" if own.dimension == LENGTH else "arcsec"
         of, unit = (None, told) if components is None else components[name]

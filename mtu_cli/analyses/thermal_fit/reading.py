@@ -12,6 +12,7 @@ from mtu_cli.analyses.thermal_fit.series import Kept, Series
 from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.covariates import HOTTEST_DEGC, is_temperature
 from mtu_cli.files.drift_cells import TEMPERATURE_EXPECTED
+from mtu_cli.model.settings import Warned
 from mtu_cli.stats.compressed import compress, together
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -56,6 +57,13 @@ def read_series(
     if sensors is None:
         raise fault("no drift readings are given", expected="--drift FILE")
     return series, sensors
+
+
+def noting(blocks: Iterable[Readings], warnings: list[Warned]) -> Iterator[Readings]:
+    """The blocks as they are; their notes are put among the `warnings`."""
+    for block in blocks:
+        warnings += [Warned(code=note.code, message=note.message) for note in block.notes]
+        yield block
 
 
 def columns_beside(blocks: Iterable[Readings]) -> tuple[tuple[str, ...], Iterator[Readings]]:

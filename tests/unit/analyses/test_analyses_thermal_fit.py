@@ -12,6 +12,7 @@ from mtu_cli.analyses import thermal_fit as module
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
 from mtu_cli.errors import InputError
+from mtu_cli.files.contracts import Notice
 from mtu_cli.files.readings import Readings
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -309,3 +310,13 @@ def test_sensors_are_told_before_anything_is_held_out(monkeypatch: pytest.Monkey
             [given], {"p": ("x", "um")}, reference=REFERENCE, method="stepwise", check=check
         )
     assert told == [("p", ("T_01_degC", "T_02_degC", "T_04_degC"))]
+
+
+def test_notes_of_the_readings_are_warnings_once() -> None:
+    """Also where several blocks say the same."""
+    given = Plan(gradients=LINE, positions=PLACES, noise=0.1, n=30).read(np.random.default_rng(1))
+    noted = replace(given, notes=(Notice(code="sensor-doubtful", message="odd"),))
+    found = thermal_fit(
+        [noted, noted], {"p": ("x", "um")}, reference=REFERENCE, method="stepwise"
+    ).warnings
+    assert [item.message for item in found if item.code == "sensor-doubtful"] == ["odd"]

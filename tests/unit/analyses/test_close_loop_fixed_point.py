@@ -171,13 +171,16 @@ HEATED: dict[str, Any] = {
         (SCALE, OFFSET, CURVATURE),
         (SCALE, OFFSET, effect("own-x", equations={"Ex": "lost_motion*log(x - 200)"})),
         (grows(), drifts(), effect("own-x", equations={"Ex": f"lost_motion*x*log({T})"})),
+        (OFFSET, effect("cyclic-x", equations={"Ex": "lost_motion*cos(pi*(x - 10)/130)"})),
+        (grows(), drifts(equations={"Ex": f"drift*({T} + sin(2*pi*{T}))"})),
         (drifts(), effect("odd-x", equations={}, chosen="H7")),
         (effect("squareness-xy", equations={"Ex": "lost_motion*(y - 60)"}), WARPED),
     ],
     ids=[
         *("none", "growth", "drift", "other-sensor", "other-axis"),
         *("two-classes", "bent", "squared", "level", "curved"),
-        *("no-value", "no-value-of-covariate", "no-equation", "along-another-axis"),
+        *("no-value", "no-value-of-covariate", "wave", "wave-of-covariate"),
+        *("no-equation", "along-another-axis"),
     ],
 )
 def test_what_is_no_growth_from_a_fixed_point(effects: tuple[FoundEffect, ...]) -> None:
@@ -227,3 +230,7 @@ def test_what_is_uncertain_beyond_the_machine_is_not_told() -> None:
         own = {axis: (low * long, high * long) for axis, (low, high) in travel.items()}
         item = replace(item, table=replace(item.table, places=places, travel=own))
         assert told(replace(far, tables=(item,)))[0].told is seen
+    # Nor is any other axis known: it is what the parts reach over along this one.
+    places[..., 1:] = np.nan
+    item = replace(item, table=replace(item.table, places=places, travel={}))
+    assert told(replace(far, tables=(item,)))[0].told is False

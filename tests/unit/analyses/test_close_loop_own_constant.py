@@ -1,57 +1,29 @@
-"""An offset that is only the constant of a drift, and effects that were found twice over."""
+"""An offset that is only the constant of a drift."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 from typing import Any, cast
 
 import numpy as np
 import pytest
 from crossed_tables import Floats
-from effect_tables import shop_covariates
-from effect_tables import table as points_table
-from separation_examples import LIBRARY, index, members_of
+from separation_examples import LIBRARY
+from warm_day import T, described, empty, found, of_covariate, step, with_x
 
-from mtu_cli.analyses.close_loop import own_constant
-from mtu_cli.analyses.close_loop.added import Added, added, contribution
-from mtu_cli.analyses.close_loop.describe import Described, found_effects
+from mtu_cli.analyses.close_loop import one_table
+from mtu_cli.analyses.close_loop.added import Added, contribution
+from mtu_cli.analyses.close_loop.describe import found_effects
 from mtu_cli.analyses.close_loop.own_constant import with_own_constants
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.rivals import all_instead
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.searched import Searched
 from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.analyses.close_loop.twofold import twofold
-from mtu_cli.model.effect_library import candidates
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.stratified import StratifiedFit
 
-T = "T_spindle_degC"
-PARTS, FEATURES = 12, 16
 GROWTH, FIXED = 20e-6, 400.0
-KNOWN = (
-    *("thermal-growth-x", "thermal-drift-x", "trend-x", "offset-x"),
-    *("wear-approach-x", "step-x", "squareness-xy"),
-)
-
-
-@cache
-def empty() -> tuple[ResidualTable, Prepared]:
-    """A day that warms up from 20 to 26 degC, from part to part."""
-    warm = 20.0 + 6.0 * np.arange(PARTS)[:, None] / (PARTS - 1)
-    table = points_table(PARTS, FEATURES, covariates=shop_covariates(PARTS, FEATURES) | {T: warm})
-    table = replace(table, errors=1e-3 * np.random.default_rng(2).normal(size=table.errors.shape))
-    known = [c for c in candidates(table, LIBRARY) if c.name in KNOWN]
-    return table, prepare(table, known)
-
-
-def with_x(errors: Floats) -> Prepared:
-    """The day with errors along x beside its scatter, mm."""
-    table, prepared = empty()
-    whole = table.errors.copy()
-    whole[:, :, 0] += errors
-    return prepared.with_table(replace(table, errors=whole))
 
 
 def growing(offset: float = 0.0) -> Prepared:
@@ -61,37 +33,11 @@ def growing(offset: float = 0.0) -> Prepared:
     return with_x(GROWTH * (table.places[..., 0] - FIXED) * warmer + offset)
 
 
-def step(prepared: Prepared, name: str, of: int = 0, rivals: Sequence[str] = ()) -> Step:
-    """A step of member `of` of a candidate, which these rivals may be as well."""
-    own = index(prepared, name)
-    return Step(
-        index=own,
-        member=members_of(prepared, name)[of] if own < len(prepared.scan.columns) else -1,
-        p=0.01,
-        log_bayes=0.0,
-        posterior=1.0,
-        credible=(own, *(index(prepared, rival) for rival in rivals)),
-    )
-
-
-def of_covariate(prepared: Prepared, name: str, covariate: str | None) -> list[int]:
-    """Which members of a candidate are of a covariate."""
-    own = [prepared.members[m] for m in members_of(prepared, name)]
-    return [i for i, member in enumerate(own) if member.covariate == covariate]
-
-
-def found(prepared: Prepared, *steps: Step) -> Search:
-    none = np.zeros(len(prepared.candidates))
-    return Search(
-        steps=steps, p=none, log_bayes=none, posterior=none, checks=(), without_name=False
-    )
-
-
-def joined(prepared: Prepared, *steps: Step, most: int = 9) -> tuple[Prepared, Search]:
+def joined(prepared: Prepared, *steps: Step) -> tuple[Prepared, Search]:
     first = Searched(
         gross=(), prepared=prepared, gate=cast(Any, None), found=found(prepared, *steps)
     )
-    own = with_own_constants(first, alpha=0.05, most=most)
+    own = with_own_constants(first)
     return own.prepared, own.found
 
 
@@ -104,34 +50,39 @@ def three(prepared: Prepared, growth: int = 0, rivals: Sequence[str] = ()) -> tu
 
 
 def says(prepared: Prepared, own: Search) -> tuple[Added, Floats]:
-    effects = added(prepared, own)
+    effects = described(prepared, own).effects
     members = tuple(prepared.members[m] for m in effects.members)
     return effects, contribution(effects, prepared.table, members)
 
 
-@pytest.mark.parametrize("growth", [0, 1], ids=["from-20", "from-the-mean"])
-def test_an_offset_that_the_growth_explains_belongs_to_its_drift(growth: int) -> None:
+@pytest.mark.parametrize(
+    ("growth", "offset"),
+    [(0, 0.0), (1, 0.0), (0, 0.2e-3)],
+    ids=["from-20", "from-the-mean", "beside-a-small-offset"],
+)
+def test_an_offset_that_the_growth_explains_is_a_level_of_its_drift(
+    growth: int, offset: float
+) -> None:
     """g (x_0 - c) (T - 20) has the mean g (x_0 - c) (T_0 - 20): -19.5 um, here."""
-    prepared = growing()
+    prepared = growing(offset)
     steps = three(prepared, of_covariate(prepared, "thermal-growth-x", T)[growth])
     other, own = joined(prepared, *steps)
     assert own.steps == steps[1:]
     (drift,) = [e for e in found_effects(described(other, own), [None] * 2) if "drift" in e.name]
-    assert drift.equations == {"Ex": f"drift*({T} - 20)"}
+    assert drift.equations == {"Ex": f"drift*({T} - 20) + level"}
     effects, after = says(other, own)
-    assert effects.levels == ()
-    _, before = says(prepared, found(prepared, *steps))
-    # Both readings, to the uncertainty of an offset of 12 parts and 16 features.
-    assert abs(before - after).max() < 4e-3 / np.sqrt(PARTS)
-    warmer = prepared.table.covariates[T] - 20.0
-    true = GROWTH * (prepared.table.places[..., 0] - FIXED) * warmer
+    before, beside = says(prepared, found(prepared, *steps))
+    assert abs(beside - after).max() < 1e-12
+    # About 23 degC, the mean, nothing is told anew: the level alone begins elsewhere.
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 3.0, 1.0]])
+    was, now = cast(StratifiedFit, before.fit), cast(StratifiedFit, effects.fit)
+    np.testing.assert_allclose(turn @ now.beta, was.beta, rtol=1e-9)
+    np.testing.assert_allclose(turn @ now.covariance @ turn.T, was.covariance, atol=1e-18)
+    assert abs(now.beta[2] - offset) < 3 * np.sqrt(now.covariance[2, 2])
+    true = GROWTH * (prepared.table.places[..., 0] - FIXED) * (prepared.table.covariates[T] - 20.0)
     # Where the growth is written from the mean, its scale there is no effect of it.
     scale = GROWTH * 65.0 * 3.0 if growth else 0.0
-    assert abs(after[:, :, 0] - true).max() < 1.5e-3 + scale
-
-
-def described(prepared: Prepared, own: Search) -> Described:
-    return Described(prepared=prepared, found=own, effects=added(prepared, own), chosen=())
+    assert abs(after[:, :, 0] - true - offset).max() < 1.5e-3 + scale
 
 
 def test_an_offset_of_its_own_stays_and_so_does_one_without_a_growth() -> None:
@@ -148,21 +99,15 @@ def test_an_offset_of_its_own_stays_and_so_does_one_without_a_growth() -> None:
     assert joined(prepared, *steps)[1].steps == steps
 
 
-def test_a_search_that_stopped_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_offset_too_small_to_be_found_is_a_level_all_the_same() -> None:
+    """The drift is the same beside it as without it, and starts where the growth does."""
     prepared = growing()
-    steps = three(prepared)
-    asked = []
-
-    def again(*_: object, most: int, **__: object) -> Search:
-        asked.append(most)
-        return found(prepared, *steps, step(prepared, "step-x", 4))
-
-    monkeypatch.setattr(own_constant, "search", again)
-    _, own = joined(prepared, *steps, most=3)
-    assert asked == [4]
-    assert [s.index for s in own.steps] == [s.index for s in (*steps[1:], step(prepared, "step-x"))]
-    assert joined(prepared, *steps, most=4)[1].steps == steps[1:]
-    assert asked == [4]
+    offset, growth, drift = three(prepared)
+    other, own = joined(prepared, growth, drift)
+    assert own.steps == (growth, drift)
+    assert says(other, own)[0].levels == says(*joined(prepared, offset, growth, drift))[0].levels
+    # One that does not agree is no level of a drift: it was not found, and is told nowhere.
+    assert joined(growing(offset=6e-3), growth, drift)[0].members == prepared.members
 
 
 def test_a_rival_of_the_drift_keeps_the_offset() -> None:
@@ -175,46 +120,43 @@ def test_a_rival_of_the_drift_keeps_the_offset() -> None:
     assert level[2] == pytest.approx(float(prepared.table.errors[:, :, 0].mean()), abs=1e-6)
 
 
-def lost(prepared: Prepared) -> Floats:
-    table, _ = empty()
-    return 4e-3 * np.broadcast_to(table.covariates["dir_x"], prepared.table.there.shape)
+def test_beside_a_rival_of_the_growth_the_drift_keeps_its_level() -> None:
+    prepared = growing()
+    offset, growth, drift = three(prepared)
+    unsure = step(prepared, "thermal-growth-x", rivals=("squareness-xy",))
+    assert unsure.member == growth.member
+    told = described(*joined(prepared, offset, unsure, drift))
+    others = all_instead(told, found_effects(told, [None] * 2), LIBRARY)
+    (beside,) = [i.effects[1] for i in others if i.rival.name == "squareness-xy"]
+    assert beside.equations == {"Ex": f"drift*({T} - 20) + level"}
 
 
-def after(first: int, last: int) -> Floats:
-    """5 um from one part to another."""
-    own = np.zeros((PARTS, 1))
-    own[first:last] = 5e-3
-    return np.broadcast_to(own, (PARTS, FEATURES)).copy()
-
-
-def two_steps(first: int, last: int) -> tuple[Prepared, tuple[Step, ...]]:
-    """A jump and the way back, by the steps that are nearest to them."""
-    prepared = with_x(after(first, last))
-    at = [prepared.members[m].searched["at"] for m in members_of(prepared, "step-x")]
-    near = [int(np.argmin(np.abs(np.array(at) - (part + 0.5)))) for part in (first, last)]
-    return prepared, tuple(step(prepared, "step-x", of) for of in near)
-
-
-def twice(prepared: Prepared, steps: Sequence[Step]) -> tuple[str, ...]:
-    return twofold(described(prepared, found(prepared, *steps)))
-
-
-def test_two_ways_to_write_one_cause_are_a_shape_without_a_name() -> None:
-    """Lost motion by wear from the middle of the day and, less, from its beginning."""
-    prepared = with_x(lost(empty()[1]))
-    of_sequence = of_covariate(prepared, "wear-approach-x", "sequence")
-    ways = [step(prepared, "wear-approach-x", of) for of in of_sequence]
-    assert twice(prepared, ways) == ("wear-approach-x",)
-    assert twice(prepared, ways[:1]) == ()
-    # Of other tools they are causes of their own; and one of a class says so itself.
-    of_tool = of_covariate(prepared, "wear-approach-x", "tool_parts")[0]
-    assert twice(prepared, [ways[0], step(prepared, "wear-approach-x", of_tool)]) == ()
-    unsure = step(prepared, "wear-approach-x", of_sequence[1], ("trend-x",))
-    assert twice(prepared, [ways[0], unsure]) == ()
-
-
-@pytest.mark.parametrize(("first", "last", "names"), [(4, 8, ()), (6, 7, ("step-x",))])
-def test_two_steps_are_two_causes_but_where_they_all_but_cancel(
-    first: int, last: int, names: tuple[str, ...]
+def test_the_loop_takes_out_what_it_would_beside_the_offset(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    assert twice(*two_steps(first, last)) == names
+    """Nothing held out, and a gate of few tables: neither is what this is about."""
+    monkeypatch.setattr(one_table, "held_out", lambda *_, **__: None)
+    monkeypatch.setattr(one_table, "SAMPLES", 99)
+    prepared = growing()
+    known = [c for c in prepared.source if c.name in ("thermal-growth-x", "thermal-drift-x")]
+    known += [c for c in prepared.source if c.name == "offset-x"]
+    found = one_table.loop_on(prepared.table, known, LIBRARY, alpha=0.05, most=4, seed=1).result
+    assert found.verdict == "named"
+    assert {e.name for e in found.effects} == {"thermal-growth-x", "thermal-drift-x"}
+    (drift,) = [e for e in found.effects if e.name == "thermal-drift-x"]
+    assert drift.equations == {"Ex": f"drift*({T} - 20) + level"}
+    # The scatter was made with 1 um: its rms of 384 values is known to 1/sqrt(2*384), of which 4.
+    assert found.in_sample_after.rms == pytest.approx(1e-3, rel=4 / np.sqrt(2 * 384))
+    (point,) = found.fixed_points
+    assert point.at == pytest.approx(FIXED, abs=4 * point.u)
+
+
+def test_a_growth_that_waves_along_its_axis_has_no_zero() -> None:
+    """Its equation is a straight line through x = 0, 500 and 1000 mm all the same."""
+    prepared = growing()
+    steps = three(prepared)
+    at = steps[1].member
+    waves = {"Ex": f"growth*(x - 75 + 40*sin(pi*x/500))*({T} - 20)"}
+    members = list(prepared.members)
+    members[at] = replace(members[at], equations=waves)
+    assert joined(replace(prepared, members=tuple(members)), *steps)[1].steps == steps

@@ -85,6 +85,25 @@ def test_several_effects_are_found_each_once_and_no_more_than_asked() -> None:
     assert searched(errors, most=0).steps == ()
 
 
+def test_at_the_cap_the_levels_of_what_was_found_are_still_looked_at() -> None:
+    errors = with_effects(7, trend=3.0)
+    errors[..., 0] += 3.0
+    found = searched(errors, most=1)
+    assert set(names(found)) == {"trend", "offset-x"}
+    assert not found.stopped
+    other = errors + with_effects(8, cells=3.0)
+    other[..., 1] += 3.0
+    found = searched(other, most=1)
+    assert len(set(names(found)) & {"trend", "cells"}) == 1
+    assert found.stopped
+    # Levels of what was not found are causes of their own.
+    axis = "x" if "trend" in names(found) else "y"
+    assert {name for name in names(found) if name.startswith("offset")} <= {f"offset-{axis}"}
+    whole = searched(other)
+    assert set(names(whole)) == {"trend", "cells", "offset-x", "offset-y"}
+    assert not whole.stopped
+
+
 def test_the_first_look_is_the_same_however_many_are_asked_for() -> None:
     errors = with_effects(31, trend=3.0, cells=2.0)
     one, more = searched(errors, most=1), searched(errors, most=4)

@@ -45,3 +45,17 @@ def test_few_places_tell_a_pitch_hardly(places: int, warned: bool) -> None:
 
 def test_what_is_not_searched_needs_no_places() -> None:
     assert told(effect("scale-x", equations={"Ex": "lost_motion*x"}), 2) == []
+
+
+def test_a_search_that_stopped_is_told_where_more_would_pass() -> None:
+    full = on_table("named", tuple(effect(name) for name in ("scale-x", "scale-y")))
+
+    def messages(most: int, stopped: bool) -> list[str]:
+        own = replace(full, stopped=stopped)
+        return [w.message for w in loop_warnings([own], most) if w.code == "max-effects"]
+
+    assert messages(2, stopped=False) == []
+    assert messages(2, stopped=True) == [
+        "the search stopped at 2 causes, and more would pass (--max-effects)"
+    ]
+    assert " 1 cause," in messages(1, stopped=True)[0]

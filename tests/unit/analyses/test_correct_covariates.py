@@ -21,6 +21,7 @@ from model_examples import part_of, stated
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import correct
+from mtu_cli.analyses.correct.warmth import unused_warmth
 from mtu_cli.errors import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.settings import Settings
@@ -161,3 +162,25 @@ def test_points_of_which_nothing_can_be_corrected(tmp_path: Path) -> None:
     )
     (message,) = refused(model, None, ring_points(measured, ["a"]))
     assert "cmm.csv, column 'z_mm': no point was measured along an axis" in message
+
+
+@pytest.mark.parametrize(
+    ("columns", "told"),
+    [
+        ({"T_a_degC": 20.9, "T_b_degC": 19.1, "load": 90.0}, None),
+        ({"T_a_degC": 20.9, "T_b_degC": 26.0}, "(T_b_degC reads 26 degC)"),
+        ({"T_a_degC": 17.5, "T_b_degC": 22.0, "T_c_degC": np.nan}, "reads 17.5 degC; 1 more se"),
+    ],
+)
+def test_temperatures_that_nothing_in_the_model_goes_by_are_told(
+    tmp_path: Path, columns: dict[str, float], told: str | None
+) -> None:
+    cold = stated(tmp_path, "components: {px: {unit: um, coefficients: [2], u_future: 1}}\n"
+                            "equations: {Ex: px}\n")  # fmt: skip
+    measured = rings(1)[1]
+    own = {name: np.append(np.full(10, 20.0), value) for name, value in columns.items()}
+    points = ring_points(measured, ["a"], None, dict(own))
+    found = unused_warmth(cold, points, 20.0)
+    assert [item.code for item in found] == ([] if told is None else ["no-thermal-component"])
+    assert told is None or told in found[0].message
+    assert unused_warmth(machine(tmp_path), points, 20.0) == []

@@ -8,6 +8,7 @@ import pytest
 
 from mtu_cli.errors import InputError
 from mtu_cli.files import csv_file
+from mtu_cli.files.column_words import meant_by
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.points import read_points
 from mtu_cli.files.readings import SPEC as READINGS
@@ -31,6 +32,36 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
     assert len(lines) == len(pairs)
     for line, (other, name) in zip(lines, pairs, strict=True):
         assert f"rename {other!r} to {name!r}" in line
+
+
+@pytest.mark.parametrize(
+    "pairs",
+    [
+        {"Werkstück": "part", "Merkmal": "feature", "Ist X": "x_mm", "Ist Y": "y_mm",
+         "Nennmaß x": "nominal_x_mm", "Nennmaß y": "nominal_y_mm", "Ist Z": "z_mm"},
+        {"Part no.": "part", "hole": "feature", "Actual X [mm]": "x_mm", "y_actual": "y_mm",
+         "X nominal (mm)": "nominal_x_mm"},
+        {"Teil-Nr": "part", "Bohrung": "feature", "IstX": "x_mm", "IstY": "y_mm",
+         "SollX": "nominal_x_mm"},
+        {"N° pièce": "part", "Caractéristique": "feature", "X mesuré": "x_mm", "Y mesuré": "y_mm",
+         "X théorique": "nominal_x_mm"},
+        {"Pieza": "part", "Agujero": "feature", "x medido": "x_mm", "y medido": "y_mm"},
+    ],
+    ids=["German", "English", "joined", "French", "Spanish"],
+)  # fmt: skip
+def test_common_words_for_columns_are_known(pairs: dict[str, str], tmp_path: Path) -> None:
+    lines = refused(tmp_path, ",".join(pairs), ",".join("1" * len(pairs)) + "\n")
+    assert len(lines) == len(pairs)
+    for other, name in pairs.items():
+        assert sum(f"rename {other!r} to {name!r}" in line for line in lines) == 1
+
+
+@pytest.mark.parametrize("other", ["Soll X", "Befund", "Werkzeug", "x y ist", "Ist", "mm", "°"])
+def test_other_words_are_columns_of_their_own(other: str, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(f"part,feature,x_mm,y_mm,{other}\n{POINTS}", "utf-8")
+    read_points([(path, "cmm")], {"A": (10.0, 10.0, None)})
+    assert other == "Soll X" or meant_by(other) is None
 
 
 @pytest.mark.parametrize(

@@ -163,13 +163,19 @@ def test_faults_of_equations(tmp_path: Path, equations: str, told: str) -> None:
             "'sequence'; expected another name than at_mm, or a column in that unit",
         ),
         (
-            family("{Ex: k*x*exp(-time_min/t_min)}", more="search: {t_min: {of: '{T}'}}"),
-            "e.yaml:5: effects[0].search.t_min.of: its name says min, the column has none: '{T}'",
-        ),
-        (
             family("{Ex: k*x*y*exp(-time_min/t)}", more="search: {t: {from: 1, to: 2}}"),
             "e.yaml:4: effects[0].equations.Ex: this term is mm^2, its equation is a length (mm) "
             "at column 1: 'k*x*y*exp(-time_min/t)'; expected",
+        ),
+        (
+            family("{'E{each}': 'k_{each}*({T} - {T0})'}", "{'k_{each}': um}"),
+            "e.yaml:4: effects[0].equations.E{each}: this term has a temperature (degC) too many "
+            "at column 1: 'k_{each}*({T} - {T0})'; expected k_{each} in um/K, or the temperature",
+        ),
+        (
+            family("{Ex: k*dir_x*time_min}", "{k: um}"),
+            "e.yaml:4: effects[0].equations.Ex: this term has a time (min) too many at column 1: "
+            "'k*dir_x*time_min'; expected k in um/min or um/h, or the time divided by a number",
         ),
         (
             family('{Ex: "k*x*({a} - {a0})"}'),
@@ -208,6 +214,22 @@ def test_faults_of_equations(tmp_path: Path, equations: str, told: str) -> None:
 def test_other_faults(tmp_path: Path, text: str, told: str) -> None:
     found = faults(tmp_path, text)
     assert any(fault.startswith(told) for fault in found), found
+
+
+@pytest.mark.parametrize(
+    ("name", "of", "equation"),
+    [
+        ("T_min", "'{T}'", "k*({T} - T_min)*step({T} - T_min)"),
+        ("seq_min", "sequence", "k*x*step(sequence - seq_min)"),
+        ("t_min", "time_min", "k*x*exp(-time_min/t_min)"),
+    ],
+)
+def test_a_name_that_ends_in_min_may_be_a_minimum(
+    tmp_path: Path, name: str, of: str, equation: str
+) -> None:
+    parameters = "{k: um/K}" if "T" in name else "{k: um/m}"
+    text = family(f"{{Ex: '{equation}'}}", parameters, f"search: {{{name}: {{of: {of}}}}}")
+    assert len(load(tmp_path, text).families) == 1
 
 
 def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:

@@ -257,8 +257,16 @@ def test_faults_elsewhere(tmp_path: Path, more: str, words: str) -> None:
         ("um", "p*(1 - exp(-time_min/30))"),
         ("um", "p*sin(2*pi*x/25)*step(x - 100)"),
         ("um", "p*(sequence - 3)*dir_x"),
-        ("um", "p*(time_min - 10)"),
+        # A number or a constant beside a time may have its unit.
+        ("um", "p*(time_min - 10)/30"),
+        ("um", "p*dir_x*time_min/tau"),
+        ("um", "p*(T_a_degC - 20)/10*time_min/60"),
+        ("um", "p*0.1*(T_a_degC - 20)"),
+        ("um", "p*(1 + 0.02*(T_a_degC - 20))"),
+        ("um", "p*step(T_a_degC - 30)*sqrt(time_min)"),
+        ("um", "p*(T_a_degC - 20)/(T_b_degC - 20)"),
         ("um/h", "p*time_min"),
+        ("um/K", "p*(T_a_degC - 20)*exp(-time_min/30)"),
         ("um/K", "p*(T_a_degC - 20)"),
         ("um/K", "p*12.5"),
         # A square of a temperature has no unit to be per; beside a number anything may be meant.
@@ -272,9 +280,47 @@ def test_faults_elsewhere(tmp_path: Path, more: str, words: str) -> None:
 )
 def test_effects_that_may_be_right(tmp_path: Path, unit: str, equation: str) -> None:
     effect = f"parameters: {{p: {{value: 1, unit: {unit}}}}}, equations: {{Ex: {equation}}}"
-    more = f"covariates: [depth_mm]\neffects: [{{name: e, {effect}}}]"
+    more = f"constants: {{tau: 30}}\ncovariates: [depth_mm]\neffects: [{{name: e, {effect}}}]"
     # A literal beside a column alone has the unit that makes it right.
     assert load(tmp_path, machine(equations="{Ex: a + 0.004*dir_x*exp(-x/50)}", more=more))
+
+
+DEGREE = "a temperature (degC) too many"
+TIME = "a time (min) too many"
+TENTH = "the temperature divided by a number of K, such as (T_spindle_degC - 20)/10"
+HOUR = "the time divided by a number of min, such as time_min/60"
+
+
+@pytest.mark.parametrize(
+    ("unit", "equation", "words", "expected"),
+    [
+        ("um", "p*(T_a_degC - 20)*dir_x", DEGREE, f"p in um/K, or {TENTH}"),
+        ("um", "p*T_a_degC", DEGREE, f"p in um/K, or {TENTH}"),
+        ("um", "p*abs(T_a_degC - T_b_degC)", DEGREE, f"p in um/K, or {TENTH}"),
+        ("mm", "-p*T_a_degC", DEGREE, f"p in um/K, or {TENTH}"),
+        ("arcsec", "p*x*T_a_degC", DEGREE, f"p in arcsec/K, or {TENTH}"),
+        ("um/m", "p*x*T_a_degC", DEGREE, f"p in um/m/K, or {TENTH}"),
+        ("um", "p*(time_min - 10)", TIME, f"p in um/min or um/h, or {HOUR}"),
+        ("nm", "p*dir_x*time_min", TIME, f"p in um/min or um/h, or {HOUR}"),
+        ("um/m^2", "p*x**2*time_min", TIME, HOUR),
+        ("um/K", "p*(T_a_degC - 20)*time_min", TIME, HOUR),
+        (
+            "um",
+            "p*(T_a_degC - 20)*time_min",
+            "a temperature (degC) and a time (min) too many",
+            f"p in um/K, and {HOUR}",
+        ),
+        ("um", "p*T_a_degC**2*time_min", "K^2 and a time (min) too many", f"p in um/K, and {HOUR}"),
+    ],
+)
+def test_a_temperature_or_time_too_many(
+    tmp_path: Path, unit: str, equation: str, words: str, expected: str
+) -> None:
+    effect = f"parameters: {{p: {{value: 1, unit: {unit}}}}}, equations: {{Ex: {equation}}}"
+    found = faults(tmp_path, machine(more=f"effects: [{{name: e, {effect}}}]"))
+    assert len(found) == 1
+    assert f"equations.Ex: this term has {words} at column " in found[0]
+    assert found[0].endswith(f"; expected {expected}")
 
 
 @pytest.mark.parametrize(
@@ -343,6 +389,13 @@ def test_effects_that_may_be_right(tmp_path: Path, unit: str, equation: str) -> 
             "effects[0].seen.dir_x: wrong value: '[1]'; expected at least 2 of them",
         ),
         ("parameters: {a: {value: 1, unit: um}}, equations: {Ex: a}", "the name is taken: it is"),
+        *(
+            (
+                f"axis: {axis}, parameters: {{p: {{value: 1, unit: um}}}}, equations: {{Ex: p}}",
+                f"effects[0].axis: not an axis: '{axis}'; expected x, y or z, or several of them",
+            )
+            for axis in ("q", "xx", "X", "Ex")
+        ),
         ("parameters: {p: {value: 1, unit: u}}, equations: {Ex: p}", "unknown unit: 'u'"),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p}, covariance: [[1, 0]]",
@@ -375,6 +428,12 @@ def test_faulty_effects(tmp_path: Path, effect: str, words: str) -> None:
     ("effect", "told"),
     [
         ("parameters: {p: {value: 1, u: 0, unit: um}}, equations: {Ex: p*dir_x}", None),
+        # Families may be a user's own.
+        (
+            "family: bananas, axis: zx, parameters: {p: {value: 1, u: 0, unit: um}}, "
+            "equations: {Ex: p*dir_x}",
+            None,
+        ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, covariance: [[1]]",
             None,

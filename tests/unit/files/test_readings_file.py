@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mtu_cli.errors import InputError
+from mtu_cli.files import csv_file
 from mtu_cli.files.readings import Readings, read_readings
 
 
@@ -135,6 +136,18 @@ def test_all_faults_of_all_files(tmp_path: Path) -> None:
     # Cells that cannot be read are told for all files, too.
     found = faults(tmp_path, f"{HEAD}\ndx_x,0,a,um\n", f"{HEAD}\ndx_x,0,b,um\n")
     assert [line.split(", column")[0] for line in found] == ["r0.csv, row 2", "r1.csv, row 2"]
+
+
+@pytest.mark.parametrize("small", [csv_file.SMALL, 0])
+def test_a_count_that_is_too_large_is_shown_as_it_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: int
+) -> None:
+    monkeypatch.setattr(csv_file, "SMALL", small)
+    found = faults(tmp_path, f"{HEAD},pass\ndx_x,0,1,um,99999999999999999999\n")
+    assert found == [
+        "r0.csv, row 2, column 'pass': too large: '99999999999999999999'; expected a whole "
+        "number, at most 9007199254740992 in size"
+    ]
 
 
 def test_position_is_required_where_a_component_has_an_axis(tmp_path: Path) -> None:

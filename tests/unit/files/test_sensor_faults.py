@@ -11,6 +11,7 @@ import pytest
 from mtu_cli.errors import InputError
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.readings_stream import stream_readings
+from mtu_cli.files.sensor_faults import CODES
 
 N = 40
 
@@ -29,6 +30,19 @@ def refused(folder: Path, values: np.ndarray, minutes: float | None = 1.0) -> li
     told.append(_told(lambda: list(stream_readings(files, None))))
     assert told[0] == told[1]
     return told[0]
+
+
+def doubted(folder: Path) -> bool:
+    """Whether a note tells of the sensor, of the file as a whole and of its blocks."""
+    files = [(folder / "drift.csv", "drift")]
+    try:
+        whole = read_readings(files, None, for_fit=False).notes
+    except InputError:
+        return False
+    (block,) = stream_readings(files, None)
+    assert block.notes == whole
+    assert {note.code for note in whole} <= {"sensor-doubtful"}
+    return any("column 'T_02_degC': " in note.message for note in whole)
 
 
 def _told(read: Callable[[], object]) -> list[tuple[int, str]]:
@@ -64,7 +78,9 @@ def test_codes_and_jumps_of_a_sensor_are_told(
     values = slow()
     values[list(cells)] = list(cells.values())
     assert refused(tmp_path, values) == [(row, "T_02_degC") for row in rows]
-    assert refused(tmp_path, values, None) == [(row, "T_02_degC") for row in rows]
+    untimed = [row for row in rows if cells[row - 2] in CODES]
+    assert refused(tmp_path, values, None) == [(row, "T_02_degC") for row in untimed]
+    assert doubted(tmp_path) == (len(untimed) < len(rows))
 
 
 @pytest.mark.parametrize(
@@ -83,10 +99,35 @@ def test_what_warms_up_or_stays_is_left_alone(tmp_path: Path, values: np.ndarray
     assert refused(tmp_path, values) == []
 
 
-def test_a_sensor_that_is_read_rarely_may_jump(tmp_path: Path) -> None:
+@pytest.mark.parametrize("value", [66.2, 85.0, 0.0])
+def test_a_sensor_that_is_read_rarely_may_jump(tmp_path: Path, value: float) -> None:
     values = slow()
-    values[7] = 66.2
+    values[7] = value
     assert refused(tmp_path, values, 60.0) == []
+    assert not doubted(tmp_path)
+
+
+def test_the_rise_over_a_cold_machine_begins_with_0(tmp_path: Path) -> None:
+    """In every cycle; within a cycle 0 is the code of a sensor that is not read."""
+    rise = np.concatenate([[0.0], np.linspace(13.6, 28.0, N - 1)])
+    values = np.concatenate([rise, rise, rise])
+    for minutes in (1.0, 20.0, None):
+        assert refused(tmp_path, values, minutes) == []
+    values[N + 9] = 0.0
+    assert refused(tmp_path, values) == [(N + 11, "T_02_degC")]
+
+
+@pytest.mark.parametrize("high", [62.0, 85.0])
+@pytest.mark.parametrize(("minutes", "told"), [(1.0, True), (None, True), (60.0, False)])
+def test_what_comes_again_and_again_is_warned_of(
+    tmp_path: Path, high: float, minutes: float | None, told: bool
+) -> None:
+    """A spindle that is switched on and off: a fault is rare."""
+    values = np.where(np.arange(N) % 2 == 0, 22.0, high)
+    assert refused(tmp_path, values, minutes) == []
+    assert doubted(tmp_path) == told
+    values[6] = -127.0
+    assert refused(tmp_path, values, minutes) == [(8, "T_02_degC")]
 
 
 def test_the_message_says_what_was_expected(tmp_path: Path) -> None:

@@ -14,8 +14,9 @@ import yaml
 from effect_tables import FloatArray, grid_places, readings_table, shop_covariates, table
 
 from mtu_cli.errors import InputError
+from mtu_cli.files.column_dimensions import columns_of, own_columns
 from mtu_cli.files.machine import load_machine
-from mtu_cli.language import evaluate, linear_form, parse
+from mtu_cli.language import check_dimension, evaluate, linear_form, names, parse
 from mtu_cli.model.design import design
 from mtu_cli.model.effect_library import (
     BUILT_IN,
@@ -28,7 +29,7 @@ from mtu_cli.model.effect_library import (
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.units import PARAMETER_UNITS
+from mtu_cli.units import LENGTH, PARAMETER_UNITS
 
 FAMILIES = {
     "offset",
@@ -646,14 +647,54 @@ def test_readings_have_the_families_of_one_axis(library: EffectLibrary) -> None:
         "part-outlier",
     }
     assert {m.covariate for m in found["trend-x"].members} == {"sequence", "time_min"}
+    units = {m.covariate: m.parameters for m in found["trend-x"].members}
+    assert units == {"sequence": (("slope", "um"),), "time_min": (("slope", "um/min"),)}
     assert not any(name.startswith(("squareness", "rotation", "radial")) for name in found)
 
 
 def test_readings_of_an_angle_are_in_arcsec(library: EffectLibrary) -> None:
     found = by_name(candidates(readings_table(unit="arcsec"), library))
     units = {unit for c in found.values() for m in c.members for _, unit in m.parameters}
-    assert units == {"arcsec", "arcsec/m", "arcsec/m^2", "arcsec/m^3"}
+    assert units == {"arcsec", "arcsec/m", "arcsec/m^2", "arcsec/m^3", "arcsec/min"}
     assert units <= set(PARAMETER_UNITS)
+
+
+def test_members_of_readings_have_units_that_a_machine_file_takes(library: EffectLibrary) -> None:
+    for member in (m for c in candidates(readings_table(), library) for m in c.members[:2]):
+        units = {name: PARAMETER_UNITS[unit] for name, unit in member.parameters}
+        lengths = {name: unit.dimension for name, unit in units.items()}
+        for text in member.equations.values():
+            tree = parse(text)
+            columns = columns_of(own_columns(names(tree), units), units)
+            check_dimension(tree, LENGTH, lengths, columns)
+
+
+TIMED = """
+- family: creep
+  says: s
+  parameters: {k: UNIT}
+  equations:
+    E{a}: "EQUATION"
+"""
+
+
+@pytest.mark.parametrize(
+    ("unit", "equation", "told"),
+    [
+        ("um/m", "k*{a}*({c} - {c0})", "urad/min"),
+        ("um", "k*({c} - {c0})/10", "um"),
+        ("um", "k*({c} - {c0})**2", "um"),
+        ("um/m^2", "k*{a}**2*({c} - {c0})", None),
+    ],
+)
+def test_a_unit_beside_the_time(tmp_path: Path, unit: str, equation: str, told: str | None) -> None:
+    text = TIMED.replace("UNIT", unit).replace("EQUATION", equation)
+    (tmp_path / "own.yaml").write_text(text, encoding="utf-8")
+    found = by_name(candidates(readings_table(), effect_library([tmp_path / "own.yaml"])))
+    units = {m.covariate: m.parameters[0][1] for m in found["creep-x"].members}
+    assert units == {"sequence": unit} | ({} if told is None else {"time_min": told})
+    notes = " ".join(found["creep-x"].notes)
+    assert ("um/m^2 of k has no unit per minute" in notes) == (told is None)
 
 
 def test_readings_of_a_component_without_an_axis(library: EffectLibrary) -> None:
@@ -661,6 +702,8 @@ def test_readings_of_a_component_without_an_axis(library: EffectLibrary) -> None
     found = by_name(candidates(own, library))
     assert found["offset-axy"].members[0].equations == {"Eaxy": "shift"}
     assert found["trend-axy"].members
+    units = {m.covariate: m.parameters for m in found["trend-axy"].members}
+    assert units["time_min"] == (("slope", "arcsec/min"),)
     assert "scale-axy" not in found
     assert "cyclic-axy" not in found
 
@@ -719,7 +762,7 @@ OWN = """
     E{a}: gain*load*sin(2*pi*x/30)
 - family: coolant
   says: bends with the coolant
-  parameters: {bow: um}
+  parameters: {bow: um/K}
   search: {decay_mm: {of: x, from: 10, to: [2*span, 400], log: true, count: 5}}
   equations: {Ey: "bow*exp(-abs(x - {x_low})/decay_mm)*(T_coolant_degC - {T_coolant_degC0})"}
 """

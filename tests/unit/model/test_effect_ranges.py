@@ -142,8 +142,10 @@ def test_readings_of_a_component_warn(tmp_path: Path) -> None:
         assert [item.code for item in found] == ["outside-effect-range"] * count
 
 
-def test_ranges_are_those_of_the_measured_cells() -> None:
-    """A column in its smallest shape, positions, and what the equations do not use."""
+def ranges_of(
+    covariates: dict[str, FloatArray], equations: dict[str, str]
+) -> dict[str, list[float]]:
+    """The ranges of three parts with two features, one of which was not measured."""
     P, H = 3, 2
     repeats = np.ones((P, H), np.int64)
     repeats[2, 1] = 0
@@ -162,18 +164,74 @@ def test_ranges_are_those_of_the_measured_cells() -> None:
         places=places,
         operations=("",),
         operation=np.zeros(H, np.int64),
-        covariates={
-            "sequence": np.array([[1.0], [2.0], [3.0]]),
-            "time_min": np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 99.0]]),
-            "load": np.array([[7.0]]),
-        },
+        covariates=covariates,
         common=np.zeros((1, H, 1, 0)),
         of_part=np.zeros((1, H, 1, 0)),
     )
+    return seen_ranges(table, equations)
+
+
+def test_ranges_are_those_of_the_measured_cells() -> None:
+    """A column in its smallest shape, positions, and what the equations do not use."""
+    covariates = {
+        "sequence": np.array([[1.0], [2.0], [3.0]]),
+        "time_min": np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 99.0]]),
+        "load": np.array([[7.0]]),
+    }
     equations = {"Ex": "a*(x - 3)*time_min + b*load", "Ey": "b*step(sequence - 2.5)*z"}
-    assert seen_ranges(table, equations) == {
-        "x": [10.0, 333.333],
+    assert ranges_of(covariates, equations) == {
+        "x": [10.0, 333.3334],
         "time_min": [0.0, 4.0],
         "load": [7.0, 7.0],
         "sequence": [1.0, 3.0],
     }
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        [1234567.0, 1234571.0, 1234587.0],
+        [1763770000.0, 1763771234.567, 1763773600.0],
+        [19.8, 22.0, 26.1],
+        [-1 / 3, 0.0, 2 / 3],
+        [1e15, 1e15 + 1, 1e15 + 2],
+        [1e-9 / 3, 0.0, 2e-9],
+        [7.0, 7.0, 7.0],
+    ],
+)
+def test_what_was_seen_lies_within_its_range(values: list[float]) -> None:
+    """Rounded outward, and by the range: counters and seconds since 1970 have few digits of it."""
+    column = np.array(values)[:, None]
+    low, high = ranges_of({"load": column}, {"Ex": "a*load"})["load"]
+    slack = 2e-6 * (max(values) - min(values))
+    assert min(values) - slack <= low <= min(values)
+    assert max(values) <= high <= max(values) + slack
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "value", "words"),
+    [
+        (1234567, 1234587, 1234567.0, None),
+        (1234567, 1234587, 1234597.0, "from 1234567 to 1234587: what it says at 1234597 is"),
+        (1763770000, 1763770000, 1763773600.0, "at 1763770000: what it says at 1763773600 is"),
+    ],
+)
+def test_large_numbers_are_told_apart(
+    tmp_path: Path, low: int, high: int, value: float, words: str | None
+) -> None:
+    text = ONE.replace("time_min: [0, 100]", f"time_min: [{low}, {high}]")
+    found = told(tmp_path, text, {"time_min": value}, POINTS)
+    assert [words in item for item in found if words is not None] == ([True] if words else [])
+    assert len(found) == (words is not None)
+
+
+@pytest.mark.parametrize(("length", "large"), [(23640.0, False), (1000.0, True)])
+def test_growth_of_a_long_axis_is_true(tmp_path: Path, length: float, large: bool) -> None:
+    """11 um/m/K by 10 K over 24 m; with a temperature in kelvin 3.2 mm over one metre."""
+    temperature = 293.15 if large else 30.0
+    text = "  - name: e\n    parameters: {p: {value: 11, u: 1, unit: um/m/K}}\n"
+    text += "    equations: {Ex: p*x*(T_a_degC - 20)}\n"
+    model = stated(tmp_path, MACHINE.replace("[1.0, 0.1]", "[1.0, 0.0]") + text)
+    points = np.array([[0.0, 20, 0], [length, 12, 0]])
+    found = effect_warnings_at(model, points, {"T_a_degC": temperature})
+    assert [item.code for item in found] == (["effect-too-large"] if large else [])

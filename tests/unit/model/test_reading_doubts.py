@@ -12,7 +12,7 @@ from machine_trials import Drift, machine, read_machine
 from model_examples import loaded
 
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.reading_doubts import reading_doubts
+from mtu_cli.model.reading_doubts import _groups, _medians, reading_doubts
 
 FAR = 12.0
 """Standard deviations of repeatability beyond all doubt: 8 is the limit, 1 to 2 is its scatter."""
@@ -85,6 +85,33 @@ def test_several_slips_and_readings_of_another_kind(tmp_path: Path) -> None:
     assert warning.message.count("row ") == 2
     many = mistyped(given, own[:: len(own) // 8], FAR * 0.8e-3)
     assert reading_doubts(known, many) == []
+
+
+def test_a_long_axis_has_larger_errors_and_a_poor_one_is_asked_about(tmp_path: Path) -> None:
+    """55 um/m over 24 m are its scale; what is beyond all limits is told if it is not refused."""
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(5), Drift(0.0))
+    length = np.array([name[0] == "d" for name in given.components])[given.code]
+    far = 160 * given.position_mm
+    scale = np.where(length, 1e-6 * far, 0.0)
+    for slope, count in ((55, 0), (300, 1), (12000, 1)):
+        large = replace(given, error=given.error + slope * scale, position_mm=far)
+        found = reading_doubts(known, large)
+        assert [item.code for item in found] == ["readings-large"] * count
+
+
+@pytest.mark.parametrize("count", [7, 40_000])
+def test_groups_and_their_medians(count: int) -> None:
+    """Against numpy's rows that are alike and the median of each; also of very many groups."""
+    rng = np.random.default_rng(6)
+    keys = rng.integers(0, count, 4 * count) / 3, rng.integers(-1, 2, 4 * count)
+    found, values = _groups(*keys), rng.normal(size=4 * count).round(2)
+    expected = np.unique(np.column_stack(keys), axis=0, return_inverse=True)[1].reshape(-1)
+    assert (found == expected).all()
+    medians = _medians(found, values)
+    for group in rng.choice(found, 20):
+        own = found == group
+        np.testing.assert_allclose(medians[own], np.median(values[own]), rtol=1e-14, atol=1e-16)
 
 
 def test_units_and_positions_that_look_like_others_are_asked_about(tmp_path: Path) -> None:

@@ -98,6 +98,9 @@ def test_covariates_that_are_missing_or_not_numbers(tmp_path: Path) -> None:
     near = replace(points, covariates={"T_bad_degC": np.zeros(len(points))})
     with pytest.raises(InputError, match=r"there is 'T_bad_degC'.*--at T_bed_degC=VALUE"):
         residual_table(model, near, {})
+    both = near.covariates | {"T_bed": np.full(len(points), "20", object)}
+    with pytest.raises(InputError, match="there is 'T_bed'"):
+        residual_table(model, replace(points, covariates=both), {})
     texts = np.array(["20"] * len(points), object)
     texts[4], texts[5] = "warm", ""
     with pytest.raises(InputError) as found:

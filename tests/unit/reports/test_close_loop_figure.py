@@ -250,3 +250,33 @@ def test_the_legend_of_the_ranking_hides_no_bar() -> None:
     bars = [patch for patch in panel.patches if isinstance(patch, Rectangle)]
     assert len(bars) == len(worse)
     assert not any(legend.get_window_extent().overlaps(bar.get_window_extent()) for bar in bars)
+
+
+def test_a_pitch_that_is_one_of_many_is_drawn_as_an_example() -> None:
+    own = effect(
+        "cyclic-x",
+        parameters=(("sine", "um", 3.0, 0.3),),
+        equations={"Ex": "sine*sin(2*pi*x/43.3)"},
+        searched={"pitch_mm": (43.3, 2.0, 65.0)},
+        alike=(65.0, 26.04, 2.0),
+    )
+    page = figure(result(on_table("class", (own,))))
+    assert page.get_suptitle() == "Undeclared effects: cyclic-x, one of 4 pitches that fit"
+    panel = page.axes[2]
+    assert panel.get_title(loc="left") == "cyclic-x, one of 4 pitches that fit"
+    assert [line.get_linestyle() for line in panel.lines if np.size(line.get_xdata()) == 400] == [
+        "--"
+    ]
+    known = figure(result(on_table("named", (replace(own, alike=()),))))
+    assert known.axes[2].get_title(loc="left") == "cyclic-x"
+
+
+def test_the_legend_of_the_axes_stands_above_the_data() -> None:
+    page = figure(nothing())
+    figure_bytes(page, ".png")
+    panel = page.axes[1]
+    legend = panel.get_legend()
+    assert legend is not None
+    low = panel.transData.inverted().transform(legend.get_window_extent())[0, 1]
+    highest = max(float(np.max(line.get_ydata())) for line in panel.lines)
+    assert highest < low

@@ -83,6 +83,7 @@ def test_parameters_are_in_the_unit_that_stands_beside_them() -> None:
 def test_a_class_comes_with_its_names_and_the_experiment() -> None:
     (found,) = document(ambiguous())["effects"]
     assert found["class"] == ["backlash-x", "abbe-x"]
+    assert found["apart"] == []
     assert found["aliases"] == ["trend-x"]
     assert found["experiment"] == {
         "do": "shift the fixture by 17 mm",
@@ -102,9 +103,11 @@ def test_what_is_left_has_a_size_only_where_it_is_more_than_scatter() -> None:
 def test_a_drift_without_a_name_is_unexplained_though_no_check_fired() -> None:
     twice = document(result(on_table("unexplained", twofold=("wear-approach-x",))))
     assert twice["unexplained"]["found"] is True
+    assert twice["unexplained"]["twofold"] == ["wear-approach-x"]
     found = document(result(on_table("unexplained", without_name=True)))
     assert found["unexplained"]["found"] is True
     assert found["unexplained"]["rms_um"] == pytest.approx(6.0)
+    assert found["unexplained"]["twofold"] == []
 
 
 def test_entries_set_aside_are_told() -> None:

@@ -259,6 +259,7 @@ def test_a_loss_along_z_is_seen_in_the_picture_of_the_loop() -> None:
     [
         ("H1", "H1"),
         ("bore 3 of the upper flange", "bore 3 of the\nupper flange"),
+        ("bore of the upper flange, left of the rib", "bore of the\nupper ...e rib"),
         ("a" * 60, "a" * 14 + "\n" + "aaaaaa...aaaaa"),
     ],
 )  # fmt: skip

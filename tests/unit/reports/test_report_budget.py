@@ -231,3 +231,18 @@ def test_no_u_by_monte_carlo_is_said_in_words() -> None:
     title = figure(result).axes[1].get_title(loc="left")
     assert title.endswith(", none by Monte Carlo")
     assert "-" not in title
+
+
+def test_shares_that_hold_a_covariance_say_so(one: BudgetResult) -> None:
+    """Two inputs of the same size and r = 1/2: each has 1 + 1/2 of the three parts of u^2."""
+    text = ONE.replace("d: 7", "d: 7\n    correlations: [[a, b, 0.5]]")
+    found = evaluated(text)
+    first = found.outputs[0].first
+    covariance = first.sensitivity[0] * first.sensitivity[1] * 0.5 * found.inputs[0].u
+    shared = covariance * found.inputs[1].u
+    whole = (first.contribution**2).sum() + 2 * shared
+    expected = (first.contribution**2 + np.array([shared, shared, 0, 0])) / whole
+    np.testing.assert_allclose(first.share, expected, rtol=1e-12)
+    (note,) = table(found, 2)[0].notes
+    assert note.startswith("share, of correlated inputs: (c_i u_i)^2 + sum over the others of")
+    assert table(one, 2)[0].notes == []

@@ -127,6 +127,28 @@ def test_names_that_would_be_alike_are_not_shortened() -> None:
     assert labels.clipped("a long name", 6) == "a l\N{HORIZONTAL ELLIPSIS}me"
 
 
+def test_names_do_not_run_into_one_another() -> None:
+    """Two neighbours with arrows upwards: below both there is room for one wide name only."""
+    places = np.array([[0.0, 0.0], [1.0, 0.0]])
+    placed = labels.around(
+        places, places + np.array([0.0, 1.0]), np.zeros(2), reach=0.5,
+        boxes=(np.array([1.4, 1.4]), 0.3),
+    )  # fmt: skip
+    dx, dy = np.abs(placed[1] - placed[0])
+    assert dx >= 1.4 or dy >= 0.3
+
+
+def test_no_tolerance_runs_through_a_number(paper: Example) -> None:
+    result = paper.lengths()
+    page = lengths.figure(result)
+    figure_bytes(page, "png")
+    (panel,) = page.axes
+    edge = panel.get_window_extent().x1
+    texts: list[Any] = list(panel.texts)
+    assert len(texts) == 2 * len(result.lengths)
+    assert all(text.get_window_extent().x0 > edge for text in texts)
+
+
 def test_scale_arrow_is_a_round_number() -> None:
     assert [arrows.nice(x) for x in (0.07, 1.0, 4.9, 23.0, 0.5)] == [0.05, 1.0, 2.0, 20.0, 0.5]
 

@@ -1,0 +1,151 @@
+"""What faulty sensors show, temperatures of another name and in Fahrenheit, in measured points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.points import Points, read_points
+
+ROWS, PARTS = 4, 10
+N = ROWS * PARTS
+HEAD = "part,feature,nominal_x_mm,nominal_y_mm,x_mm,y_mm"
+Cells = dict[int, float]
+
+
+def points_of(
+    folder: Path,
+    values: Sequence[object] | np.ndarray,
+    minutes: Sequence[float] | np.ndarray | None = None,
+    files: int = 1,
+    sensor: str = "T_02_degC",
+) -> Points:
+    """Points of parts of `ROWS` features each, with a sensor's values, in so many files."""
+    lines = []
+    for i, value in enumerate(values):
+        time = "" if minutes is None else f",{minutes[i]:g}"
+        lines.append(f"{i // ROWS},h{i % ROWS},0,0,{i / 1000},0,{value}{time}")
+    head = f"{HEAD},{sensor}{'' if minutes is None else ',time_min'}\n"
+    paths = []
+    for k in range(files):
+        own = lines[k * len(lines) // files : (k + 1) * len(lines) // files]
+        paths.append(folder / f"p{k}.csv")
+        paths[-1].write_text(head + "\n".join(own) + "\n")
+    return read_points([(path, "cmm") for path in paths], None)
+
+
+def told(
+    folder: Path, values: Sequence[object] | np.ndarray, minutes: np.ndarray | None
+) -> tuple[list[int], list[str]]:
+    """Rows that are refused, and codes of what is noted otherwise."""
+    try:
+        found = points_of(folder, values, minutes)
+    except InputError as error:
+        return [problem.row or 0 for problem in error.problems], []
+    return [], [note.code for note in found.notes]
+
+
+def each(cells: Cells) -> np.ndarray:
+    """A sensor that warms up, read at every point, with these cells instead."""
+    values = np.round(np.linspace(20.0, 24.0, N), 3)
+    values[list(cells)] = list(cells.values())
+    return values
+
+
+def by_part(cells: Cells) -> np.ndarray:
+    """A sensor that is read once a part, with these parts instead."""
+    values = np.round(np.linspace(20.0, 24.0, PARTS), 3)
+    values[list(cells)] = list(cells.values())
+    return np.repeat(values, ROWS)
+
+
+def rows_of(*parts: int) -> list[int]:
+    return [2 + ROWS * part + k for part in parts for k in range(ROWS)]
+
+
+@pytest.mark.parametrize("minutes", [None, np.arange(N), np.arange(N) % ROWS, 7.0 * np.arange(N)])
+@pytest.mark.parametrize(
+    ("values", "rows"),
+    [
+        (each({7: 85.0}), [9]),
+        (each({7: 85.0, 8: 85.0, 30: -127.0}), [9, 10, 32]),
+        (each({0: 85.0, N - 1: 85.0}), [2, N + 1]),
+        (each(dict.fromkeys(range(N), -127.0)), list(range(2, N + 2))),
+        (by_part({3: 85.0}), rows_of(3)),
+        (by_part({3: -127.0, 5: -127.0}), rows_of(3, 5)),
+    ],
+)
+def test_codes_of_faulty_sensors_are_told_by_row(
+    tmp_path: Path, values: np.ndarray, rows: list[int], minutes: np.ndarray | None
+) -> None:
+    assert told(tmp_path, values, minutes) == (rows, [])
+
+
+@pytest.mark.parametrize("minutes", [None, np.arange(N), 7.0 * np.arange(N)])
+def test_a_lone_zero_between_temperatures_is_told(
+    tmp_path: Path, minutes: np.ndarray | None
+) -> None:
+    assert told(tmp_path, each({7: 0.0, 20: 0.0}), minutes) == ([9, 22], [])
+
+
+def test_a_code_is_told_with_its_place_and_what_the_sensor_shows_else(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as found:
+        points_of(tmp_path, by_part({5: 85.0}), files=PARTS)
+    first, *rest = found.value.problems
+    assert str(first).endswith(
+        "p5.csv, row 2, column 'T_02_degC': a fault of the sensor, no temperature: '85'; expected "
+        "a temperature in degC, 20 to 24 as in other rows: 85 degC exactly is what a DS18B20 gives "
+        "before it has measured; leave out such rows, or the column"
+    )
+    assert [problem.row for problem in rest] == [3, 4, 5]
+
+
+DAYS = np.repeat([0.0, 30, 60, 90, 120, 1440, 1470, 1500, 1530, 1560], ROWS)
+
+
+@pytest.mark.parametrize(
+    ("values", "minutes", "notes"),
+    [
+        (by_part({}), None, []),
+        (["", *each({})[1:]], None, []),
+        (by_part({k: 70.0 + 5 * k for k in range(10)}), None, []),
+        (by_part({k: 20.0 + 65.0 * (k % 2) for k in range(10)}), None, ["sensor-doubtful"]),
+        (np.repeat([0.0, 20.0, 40.0], ROWS), None, ["sensor-doubtful"]),
+        # The rise over the cold machine: 0 at the start, and again on the next morning.
+        (by_part({k: 18.0 + k for k in range(1, 10)} | {0: 0.0}), None, ["sensor-doubtful"]),
+        (by_part({k: 18.0 + k for k in range(10)} | {5: 0.0}), DAYS, ["sensor-doubtful"]),
+        (by_part({k: k - 4.0 for k in range(10)}), None, []),
+        (by_part({k: 68.0 + 0.16 * k for k in range(10)}), None, ["looks-like-fahrenheit"]),
+        (by_part({k: 40.0 + 4.0 * k for k in range(10)}), None, []),
+    ],
+)
+def test_what_may_be_a_temperature_is_not_refused(
+    tmp_path: Path, values: np.ndarray, minutes: np.ndarray | None, notes: list[str]
+) -> None:
+    assert told(tmp_path, values, minutes) == ([], notes)
+
+
+def test_the_note_of_a_sensor_in_fahrenheit_says_what_it_would_be(tmp_path: Path) -> None:
+    (note,) = points_of(tmp_path, np.linspace(68.0, 69.6, 8)).notes
+    assert note.message == (
+        "T_02_degC is 68 to 69.6 degC; in Fahrenheit it would be 20 to 20.89 degC: check its unit"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("T_table", "rename 'T_table' to 'T_table_degC' (in degC), or"), ("Temperatur", "alone, or")],
+)
+def test_a_column_of_numbers_that_seems_to_be_a_sensor_is_refused(
+    tmp_path: Path, name: str, words: str
+) -> None:
+    with pytest.raises(InputError) as found:
+        points_of(tmp_path, np.linspace(20.0, 21.0, 8), sensor=name)
+    (problem,) = found.value.problems
+    assert (problem.row, problem.column) == (1, name)
+    assert words in str(problem)
+    assert points_of(tmp_path, ["new", "old"] * 4, sensor="T_slot").notes == ()
