@@ -61,7 +61,7 @@ class Settings(Contract):
     datum: Literal["none", "offset", "offset,rotation"] | None = Field(
         default=None, description="Freedoms of the part coordinate system"
     )
-    max_effects: Count | None = Field(default=None, description="Causes that close-loop may add; a growth with its drifts is one")
+    max_effects: Count | None = Field(default=None, description="Causes that close-loop may add")
     threads: Annotated[int, Field(ge=1, le=MAX_THREADS)] | None = Field(
         default=None, description="Threads of Monte Carlo"
     )
