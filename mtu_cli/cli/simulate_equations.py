@@ -6,6 +6,7 @@ import re
 
 from mtu_cli.errors import fault
 from mtu_cli.files.column_dimensions import PLACE, Dimensions, column_dimensions, columns_of
+from mtu_cli.files.covariates import as_temperature, looks_like_temperature
 from mtu_cli.language import EquationError, Node, names, parse
 from mtu_cli.language.dimensions import base_scales, length_scale
 from mtu_cli.language.free_literals import Wanted, check_with_free_literals
@@ -20,12 +21,17 @@ def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str
     The numbers of an equation may have units: ``0.004*dir_x`` are mm. Without a number in it a
     term must be what the equation is, as in a machine file.
 
-    Raises InputError for what is no such text, and for terms of another dimension.
+    Raises InputError for what is no such text, for a column that looks like a sensor's and is
+    none, and for terms of another dimension.
     """
     match = _NAMED.fullmatch(text)
     if match is None:
         raise fault(f"{option} is not NAME: EQUATION", value=text, expected="'Ex: 0.004*dir_x'")
     name = match[1]
+    if column and looks_like_temperature(name):
+        # What reads the points would refuse the column.
+        meant = as_temperature(name) or "T_<sensor>_degC"
+        raise fault(f"{option}: not the name of a temperature", value=name, expected=meant)
     try:
         # Blanks for the name: columns count from the start of the option's text.
         tree = parse(" " * match.start(2) + match[2])
