@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.added import added, contribution
 from mtu_cli.analyses.close_loop.folds import Identity, identity
@@ -48,11 +49,11 @@ def foretold(
     machine would not get them. `whole` holds the members on all cells.
     """
     steps = tuple(step for step in found.steps if step.index < prepared.scan.tested)
+    all_cells = _before(prepared, whole, weights)
 
     def said(*own: Step) -> FloatArray:
         effects = added(prepared, replace(found, steps=own), rough=True)
-        members = tuple(whole[_identity(prepared, m)] for m in effects.members)
-        return contribution(effects, table, members)
+        return contribution(effects, table, tuple(all_cells.whole[m] for m in effects.members))
 
     chosen = said(*steps)
     total = chosen.copy()
@@ -61,7 +62,7 @@ def foretold(
         before, after = steps[:place], steps[place + 1 :]
         without = said(*before, *after)
         total += without - chosen
-        explanations = _explanations(prepared, (*before, *after), bool(places), whole, weights)
+        explanations = _explanations(prepared, (*before, *after), bool(places), all_cells)
         for explained in explanations:
             total += explained.weight * (said(*before, explained.step, *after) - without)
     return total
@@ -75,21 +76,45 @@ class _Explained:
     weight: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Before:
+    """What is thought of M members before: each on all cells (`whole`), its `family`, the number
+    of its `columns`, the scale `tau` of its coefficients, and its `weight` in its family.
+    """
+
+    whole: tuple[Member, ...]
+    family: NDArray[np.int64]
+    columns: FloatArray
+    tau: FloatArray
+    weight: FloatArray
+
+
+def _before(prepared: Prepared, whole: Whole, weights: Weights) -> _Before:
+    counts = [len(own) for own in prepared.scan.columns]
+    family = np.repeat(np.arange(len(counts)), counts)
+    owners = [prepared.candidates[f].name for f in family.tolist()]
+    names = [identity(name, m) for name, m in zip(owners, prepared.members, strict=True)]
+    members = tuple(whole[name] for name in names)
+    return _Before(
+        whole=members,
+        family=family,
+        columns=np.array([len(member.columns) for member in prepared.members], float),
+        tau=_scales(members, prepared.scan),
+        weight=np.array([weights[name] for name in names]),
+    )
+
+
 def _explanations(
-    prepared: Prepared, others: Sequence[Step], passed: bool, whole: Whole, weights: Weights
+    prepared: Prepared, others: Sequence[Step], passed: bool, before: _Before
 ) -> Iterator[_Explained]:
     """Those beside other effects, in a place that an effect passed the gate for, or in none."""
     scan, state = prepared.scan, State(prepared, None)
     for step in others:
         state.take_out(step)
     looked = state.look()
-    M, F = len(prepared.members), len(scan.columns)
-    columns = np.array([len(member.columns) for member in prepared.members], float)
-    tau = np.array([_scale(whole[_identity(prepared, m)], scan) for m in range(M)])
-    members = sized(looked.members, columns, tau)
-    family = np.repeat(np.arange(F), [len(own) for own in scan.columns])
-    weight = np.array([weights[_identity(prepared, m)] for m in range(M)])
-    weight[~np.isfinite(members.log_bayes)] = 0.0
+    M, F, family = len(prepared.members), len(scan.columns), before.family
+    members = sized(looked.members, before.columns, before.tau)
+    weight = np.where(np.isfinite(members.log_bayes), before.weight, 0.0)
     share = np.bincount(family, weights=weight, minlength=F)[family]
     prior = np.full(M, -np.inf)
     np.log(np.divide(weight, share, where=weight > 0.0, out=weight), where=weight > 0.0, out=prior)
@@ -113,16 +138,24 @@ def _offsets(looked: Evidence, scan: Scan, state: State) -> FloatArray:
     return found
 
 
-def _scale(member: Member, scan: Scan) -> float:
-    """The coefficient at which a member is as large on all cells as the scatter of one entry."""
+def _scales(members: Sequence[Member], scan: Scan) -> FloatArray:
+    """The coefficients (M,) at which members are as large on all cells as the scatter of one
+    entry.
+    """
     variance = entry_variance(scan.null, scan.frame.strata)
     own = np.where(scan.null.interaction > 0, scan.null.interaction, variance)
-    squares = [
-        float(np.var(values)) / max(float(own[axis]), 1e-300)
-        for column in member.columns
-        for axis, values in column.items()
+    found = [
+        np.mean(
+            [
+                float(np.var(values)) / max(float(own[axis]), 1e-300)
+                for column in member.columns
+                for axis, values in column.items()
+            ]
+        )
+        for member in members
     ]
-    return float(1 / np.sqrt(max(float(np.mean(squares)), 1e-300)))
+    scales: FloatArray = 1 / np.sqrt(np.maximum(found, 1e-300))
+    return scales
 
 
 def _step(index: int, member: int, posterior: float) -> Step:
@@ -134,9 +167,3 @@ def _step(index: int, member: int, posterior: float) -> Step:
         posterior=float(posterior),
         credible=(index,),
     )
-
-
-def _identity(prepared: Prepared, member: int) -> Identity:
-    ends = np.cumsum([len(members) for members in prepared.scan.columns])
-    family = int(np.searchsorted(ends, member, side="right"))
-    return identity(prepared.candidates[family].name, prepared.members[member])
