@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isfinite
 from random import Random
 
 from fuzz.extremes import NO_NUMBERS, NUMBERS, TEXTS, UNITS
@@ -193,7 +194,7 @@ def shift_numbers(sheet: Sheet, rng: Random) -> None:
             value = float(row[column])
         except ValueError:
             continue
-        if way == 3 and i != only:
+        if not isfinite(value) or (way == 3 and i != only):
             continue
         new = (round(value), 1, value + rng.gauss(0, 0.01), value + 10.0 ** rng.randint(-3, 5))
         row[column] = repr(new[way])
