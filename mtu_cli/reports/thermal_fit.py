@@ -124,6 +124,7 @@ def _parts(item: ComponentDrift, unit: str, size: float) -> dict[str, Any]:
 def _held_out(found: HeldOut, unit: str, size: float) -> dict[str, Any]:
     return {
         "by": "cycle",
+        "blocks": found.blocks,
         f"rms_before_{unit}": finite(found.before / size),
         f"rms_after_{unit}": finite(found.after / size),
         f"ordinary_{unit}": finite(found.ordinary / size),

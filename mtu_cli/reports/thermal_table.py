@@ -74,6 +74,7 @@ def _summary(fit: ThermalFit, items: Sequence[ComponentDrift]) -> Sheet:
         if item.held_out is None:
             grouped.setdefault(nothing_held_out(item), []).append(item.name)
     notes += [f"{listed(names, 12)}: no held-out figure: {why}" for why, names in grouped.items()]
+    notes += _in_blocks(items)
     without = [item.name for item in items if not item.estimate.sensors]
     if without:
         notes.append(f"{listed(without, 12)}: no sensor explains the drift")
@@ -82,6 +83,20 @@ def _summary(fit: ThermalFit, items: Sequence[ComponentDrift]) -> Sheet:
         notes.append(f"columns that are no sensors (T_<sensor>_degC), not used: {own}")
     rows = [_summary_row(item) for item in items]
     return Sheet(title="Thermal models", columns=columns, rows=rows, notes=notes)
+
+
+def _in_blocks(items: Sequence[ComponentDrift]) -> list[str]:
+    """Which components have so many cycles that several are held out at a time."""
+    grouped: dict[tuple[int, int], list[str]] = {}
+    for item in items:
+        found = item.held_out
+        if found is not None and found.blocks < len(found.cycles):
+            grouped.setdefault((len(found.cycles), found.blocks), []).append(item.name)
+    return [
+        f"{listed(names, 12)}: {cycles} cycles, held out in {blocks} blocks of those that follow "
+        "each other"
+        for (cycles, blocks), names in grouped.items()
+    ]
 
 
 def _summary_row(item: ComponentDrift) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from cli_runner import done, mtu, report, started
+from cli_runner import done, mtu, report
 from shop_day import (
     ShopDay,
     Truth,
@@ -30,7 +29,6 @@ RINGS = ("ring1", "ring4", "ring6")
 GROWTH, FIXED_AT_MM = 22e-6, -400.0
 """Of the scale of Y, 1/K, and where it is fixed."""
 DRIFT_X_UM = 6.0
-SECONDS = 5.0
 
 
 def shop(
@@ -216,33 +214,10 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
         row, column = ([str(i) for i in range(k, k + 7)] for k in (1, 7))
         file.write(f"orthogonality: [{{id: xy, row: {row}, column: {column}}}]\n")
     before = (folder / "machine.yaml").read_bytes()
-    call = ["close-loop", *args, *EXTEND, "-o", "-"]
-    (folder / "call.json").write_text(json.dumps(call))
-    seconds = _cpu_seconds()
-    found = json.loads(done(started(*call, cwd=folder)).stdout)["results"]
-    (folder / "seconds.txt").write_text(repr(_cpu_seconds() - seconds))
+    found = closed(folder, *args, *EXTEND)
     (folder / "found.json").write_text(json.dumps(found))
     assert (folder / "machine.yaml").read_bytes() == before
     return folder
-
-
-def _cpu_seconds() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
-def test_a_shop_day_takes_seconds(extended: Path) -> None:
-    """21 parts, 24 holes, three repeats: calibration, folds and files included.
-
-    What else runs on the cores takes caches and clock from it: the least of three counts.
-    """
-    call = json.loads((extended / "call.json").read_text())
-    seconds = [float((extended / "seconds.txt").read_text())]
-    while min(seconds) >= SECONDS and len(seconds) < 3:
-        before = _cpu_seconds()
-        done(started(*call, cwd=extended))
-        seconds.append(_cpu_seconds() - before)
-    assert min(seconds) < SECONDS
 
 
 def test_every_command_takes_the_extended_machine(extended: Path) -> None:

@@ -145,7 +145,7 @@ def _component(
 
 def _spec(lib: Library, rows: Rows, method: str) -> tuple[Spec, PositionTest | None]:
     """The model that all cycles choose; with one cycle, the test decides on its powers."""
-    best, _ = choose(lib, range(len(lib.cycles)), method)
+    best, _ = choose(lib, lib.blocks, method)
     spec = best.spec
     test = position_test(lib, spec, rows)
     if len(lib.cycles) < 2 and test is not None and test.p < 0.05:

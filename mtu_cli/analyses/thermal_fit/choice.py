@@ -37,22 +37,36 @@ MOST_SWEEPS = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scored:
-    """A spec and its held-out sum of squares over the cycles that chose it (nan: one cycle)."""
+    """A spec and its held-out sum of squares over the cycles that chose it (nan: one block)."""
 
     kind: str
     spec: Spec
     score: float
 
 
-class Folds:
-    """Every one of some cycles held out in turn from the others."""
+Blocks = Sequence[tuple[int, ...]]
+"""Cycles by index, those together that are held out together."""
 
-    def __init__(self, lib: Library, cycles: Sequence[int]) -> None:
+
+def other_blocks(blocks: Blocks, held: tuple[int, ...]) -> Blocks:
+    """All blocks but the one that is held out."""
+    return [block for block in blocks if block != held]
+
+
+def flat(blocks: Blocks) -> list[int]:
+    """The cycles of some blocks."""
+    return [cycle for block in blocks for cycle in block]
+
+
+class Folds:
+    """Every one of some blocks of cycles held out in turn from the others."""
+
+    def __init__(self, lib: Library, blocks: Blocks) -> None:
         self.lib = lib
-        self.cycles = tuple(cycles)
+        self.blocks = tuple(blocks)
         self._rows = [
-            (lib.rows([other for other in cycles if other != cycle]), lib.rows([cycle]))
-            for cycle in (cycles if len(cycles) > 1 else ())
+            (lib.rows(flat(other_blocks(blocks, block))), lib.rows(block))
+            for block in (blocks if len(blocks) > 1 else ())
         ]
 
     @cached_property
@@ -66,7 +80,7 @@ class Folds:
         return ROUNDING * sum(squares)
 
     def scores(self, spec: Spec, penalties: FloatArray) -> FloatArray:
-        """Held-out sums of squares, one a penalty; nan with a single cycle."""
+        """Held-out sums of squares, one a penalty; nan with a single block."""
         if not self._rows:
             return np.full(len(penalties), np.nan)
         total = np.zeros(len(penalties))
@@ -84,13 +98,13 @@ class Folds:
             yield held, fit(self.lib, fitted_to, spec)
 
 
-def choose(lib: Library, cycles: Sequence[int], method: str) -> tuple[Scored, tuple[Scored, ...]]:
+def choose(lib: Library, blocks: Blocks, method: str) -> tuple[Scored, tuple[Scored, ...]]:
     """The best spec of a method ("auto": of all kinds), and all that were compared.
 
-    Without a second cycle nothing can be held out: the paper's stepwise selection is taken (or
+    Without a second block nothing can be held out: the paper's stepwise selection is taken (or
     the kind asked for, as ordinary least squares), of the degree that the caller settles.
     """
-    folds = Folds(lib, cycles)
+    folds = Folds(lib, blocks)
     kinds = KINDS if method == "auto" else (method,)
     tried: list[Scored] = []
     for kind in kinds:
@@ -99,7 +113,7 @@ def choose(lib: Library, cycles: Sequence[int], method: str) -> tuple[Scored, tu
         tried += _lagged(lib, folds) if kind == "lagged" else _by_degree(lib, folds, kind)
     if not tried:
         tried = _by_degree(lib, folds, "ridge")
-    if len(cycles) < 2:
+    if len(blocks) < 2:
         return tried[0], tuple(tried)
     best = min(tried, key=lambda item: item.score)
     return _simplest([item for item in tried if item.kind == best.kind], folds), tuple(tried)
@@ -135,7 +149,7 @@ def _lagged(lib: Library, folds: Folds) -> list[Scored]:
     Without its lags a model may prefer another degree in position: the search begins with that
     of ridge and, where the lags that it finds prefer another, does so once more with that.
     """
-    if len(folds.cycles) < 2:
+    if len(folds.blocks) < 2:
         return []
     degree = _simplest(_by_degree(lib, folds, "ridge"), folds).spec.degree
     found: dict[int, Scored] = {}
@@ -212,7 +226,7 @@ def _changed(
 
 def _by_share(lib: Library, folds: Folds, spec: Spec) -> list[int]:
     """Groups by their share of the modelled drift, largest first."""
-    rows = lib.rows(folds.cycles)
+    rows = lib.rows(flat(folds.blocks))
     found = fit(lib, rows, spec)
     shares = group_shares(lib, rows, spec, found)
     order = np.argsort(-shares, kind="stable")

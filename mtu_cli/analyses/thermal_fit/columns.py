@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from mtu_cli.stats.mixed import polynomial
 ALIKE = 0.999
 """Correlation from which on two sensors are one to any fit (Valdes et al.)."""
 MOST_LAGS = 7
+MOST_BLOCKS = 12
+"""Cycles up to which each is held out alone; more are held out in this many blocks, because each
+block's model is chosen by holding out the others in turn: the square of their number of fits.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,6 +89,16 @@ class Library:
     def powers(self, degree: int) -> FloatArray:
         """Powers (positions, degree + 1) of the position scaled to -1 ... 1."""
         return self._powers[:, : degree + 1]
+
+    @cached_property
+    def blocks(self) -> tuple[tuple[int, ...], ...]:
+        """Cycles that are held out together: each alone, or blocks of those that follow each
+        other, as near to one size as can be.
+        """
+        count = len(self.cycles)
+        many = min(count, MOST_BLOCKS)
+        ends = [block * count // many for block in range(many + 1)] if many else [0]
+        return tuple(tuple(range(low, high)) for low, high in pairwise(ends))
 
     def rows(self, cycles: Iterable[int]) -> Rows:
         """All rows of some cycles by position index."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import fdtrc
 
-from mtu_cli.analyses.thermal_fit.choice import Folds, choose, ordinary
+from mtu_cli.analyses.thermal_fit.choice import Folds, choose, flat, ordinary, other_blocks
 from mtu_cli.analyses.thermal_fit.columns import Library, Rows
 from mtu_cli.analyses.thermal_fit.models import (
     Fitted,
@@ -44,41 +44,42 @@ def constant(lib: Library, rows: Rows, spec: Spec) -> Fitted:
 def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate, ...]]:
     """Every cycle predicted by a model chosen and fitted on the others alone.
 
-    None with fewer than three cycles, or without a sensor. The candidates' figures are of the
-    best of their kind and degree on each fold's other cycles, so that they are held out as well;
-    None for what was not tried in every fold, because other cycles are another measure.
+    Where there are many, blocks of them (see `Library.blocks`). None with fewer than three
+    cycles, or without a sensor. The candidates' figures are of the best of their kind and degree
+    on each fold's other cycles, so that they are held out as well; None for what was not tried in
+    every fold, because other cycles are another measure.
     """
-    cycles = range(len(lib.cycles))
-    if len(lib.cycles) < FEWEST_NESTED or not lib.groups:
+    if len(lib.blocks) < FEWEST_NESTED or not lib.groups:
         return None, ()
     before, after, least = 0.0, 0.0, 0.0
     by_cycle: list[tuple[str, float, float]] = []
     tried: dict[tuple[str, int], list[float]] = {}
     n = 0
-    for cycle in cycles:
-        others = [other for other in cycles if other != cycle]
-        held, rows = lib.rows([cycle]), lib.rows(others)
-        count = sum(item.n for item in held.values())
+    for block in lib.blocks:
+        others = other_blocks(lib.blocks, block)
+        held, rows = lib.rows(block), lib.rows(flat(others))
         best, candidates = choose(lib, others, method)
-        own = 0.0
         for item in candidates:
             loss = sum_of_squares(lib, held, item.spec, fit(lib, rows, item.spec))
-            key = (item.kind, item.spec.degree)
-            tried.setdefault(key, []).append(loss)
-            own = loss if item is best else own
-        without = sum_of_squares(lib, held, best.spec, constant(lib, rows, best.spec))
+            tried.setdefault((item.kind, item.spec.degree), []).append(loss)
         full = ordinary(lib)
         least += sum_of_squares(lib, held, full, fit(lib, rows, full))
-        by_cycle.append((lib.cycles[cycle], float(np.sqrt(without / count)), _root(own, count)))
-        before, after, n = before + without, after + own, n + count
+        without, own = constant(lib, rows, best.spec), fit(lib, rows, best.spec)
+        for cycle in block:
+            piece = lib.rows([cycle])
+            count = sum(item.n for item in piece.values())
+            losses = [sum_of_squares(lib, piece, best.spec, found) for found in (without, own)]
+            by_cycle.append((lib.cycles[cycle], _root(losses[0], count), _root(losses[1], count)))
+            before, after, n = before + losses[0], after + losses[1], n + count
     found = HeldOut(
         before=_root(before, n),
         after=_root(after, n),
         ordinary=_root(least, n),
         r2=1 - after / before if before > 0 else float("nan"),
         cycles=tuple(by_cycle),
+        blocks=len(lib.blocks),
     )
-    return found, _candidates(tried, n, len(lib.cycles))
+    return found, _candidates(tried, n, len(lib.blocks))
 
 
 def _candidates(
@@ -150,7 +151,7 @@ def unseen_products(lib: Library, spec: Spec) -> tuple[float, float, float] | No
     square = product = leverage = 0.0
     count = 0
     for (held, found), fitted_to in zip(
-        Folds(lib, range(len(lib.cycles))).fits(spec), _others(lib), strict=False
+        Folds(lib, lib.blocks).fits(spec), _others(lib), strict=False
     ):
         own, following = mean_products(lib, held, spec, found)
         n = sum(item.n for item in held.values())
@@ -160,8 +161,7 @@ def unseen_products(lib: Library, spec: Spec) -> tuple[float, float, float] | No
 
 
 def _others(lib: Library) -> list[Rows]:
-    cycles = range(len(lib.cycles))
-    return [lib.rows([other for other in cycles if other != cycle]) for cycle in cycles]
+    return [lib.rows(flat(other_blocks(lib.blocks, block))) for block in lib.blocks]
 
 
 def _leverage(lib: Library, held: Rows, fitted_to: Rows, spec: Spec, found: Fitted) -> float:

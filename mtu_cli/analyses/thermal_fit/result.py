@@ -15,7 +15,8 @@ class HeldOut:
     """Root mean squares over readings of cycles that took no part in fit or choice.
 
     `before` without temperature, `after` with the model, `ordinary` with ordinary least
-    squares on all sensors; `r2` = 1 - after^2/before^2. `cycles` holds (cycle, before, after).
+    squares on all sensors; `r2` = 1 - after^2/before^2. `cycles` holds (cycle, before, after);
+    they were held out in so many `blocks`.
     """
 
     before: float
@@ -23,6 +24,7 @@ class HeldOut:
     ordinary: float
     r2: float
     cycles: tuple[tuple[str, float, float], ...]
+    blocks: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ import pytest
 from plain_thermal import Table, held_out_errors
 from synthetic_drift import DAY, REFERENCE, ROUNDING, UM, Plan, Run, readings, rises
 
-from mtu_cli.analyses.thermal_fit import thermal_fit
+from mtu_cli.analyses.thermal_fit import columns, thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.files.readings import Readings
 from mtu_cli.stats.lag import first_order_lag
@@ -64,6 +64,34 @@ def test_held_out_errors_are_those_of_plain_nested_fits(name: str, kind: str) ->
     for degree, value in tried.items():
         assert value is not None
         assert value / UM == pytest.approx(by_degree[degree], rel=ROUNDING)
+
+
+def test_many_cycles_are_held_out_in_blocks_of_those_that_follow(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(columns, "MOST_BLOCKS", 4)
+    found = replace(PLANS["clear"], cycles=10, n=4).read(np.random.default_rng(34))
+    sizes = [2, 3, 2, 3]
+    blocks = replace(table(found), cycle=np.repeat(np.arange(4), sizes)[found.cycle])
+    total, by_block, by_degree = held_out_errors(blocks, "ridge")
+    drift = one(found, "ridge")
+    assert drift.held_out is not None
+    assert drift.held_out.blocks == 4
+    assert drift.held_out.after / UM == pytest.approx(total, rel=ROUNDING)
+    squares = np.array([after / UM for _, _, after in drift.held_out.cycles]) ** 2
+    means = [part.mean() for part in np.split(squares, np.cumsum(sizes)[:-1])]
+    assert np.sqrt(means) == pytest.approx(np.array(by_block), rel=ROUNDING)
+    for item in drift.candidates:
+        assert item.held_out is not None
+        assert item.held_out / UM == pytest.approx(by_degree[item.degree], rel=ROUNDING)
+
+
+@pytest.mark.parametrize(("cycles", "blocks"), [(12, 12), (13, 12), (40, 12)])
+def test_up_to_twelve_cycles_are_held_out_alone(cycles: int, blocks: int) -> None:
+    plan = replace(PLANS["weak"], cycles=cycles, n=3, positions=(0.0,), gradients=np.ones((1, 2)))
+    held_out = one(plan.read(np.random.default_rng(35)), "ridge").held_out
+    assert held_out is not None
+    assert (held_out.blocks, len(held_out.cycles)) == (blocks, cycles)
 
 
 def test_errors_without_temperature_and_of_ordinary_least_squares() -> None:

@@ -81,6 +81,7 @@ def test_names_and_units() -> None:
     assert (held["by"], held["rms_before_um"]) == ("cycle", pytest.approx(30.9))
     assert (held["rms_after_um"], held["ordinary_um"]) == pytest.approx((0.31, 0.54))
     assert [item["cycle"] for item in held["cycles"]] == list(CYCLES)
+    assert held["blocks"] == len(CYCLES)
     assert held["cycles"][2]["rms_after_um"] == pytest.approx(0.32)
     assert entry["candidates"][11] == {
         "model": "lagged", "degree": 3, "rms_held_out_um": pytest.approx(0.305)
@@ -199,6 +200,16 @@ def test_columns_that_are_no_sensors_are_listed() -> None:
     assert "columns that are no sensors (T_<sensor>_degC), not used: load, operator" in flat
     assert document(found)["columns_not_used"] == ["load", "operator"]
     assert "no sensors (" not in plain_text(tables(example()))
+
+
+def test_cycles_that_were_held_out_together_are_told() -> None:
+    found = cubic()
+    assert found.held_out is not None
+    cycles = tuple((f"c{i}", 30.0, 0.3) for i in range(40))
+    many = replace(found, held_out=replace(found.held_out, cycles=cycles, blocks=12))
+    flat = " ".join(plain_text(tables(example(many))).split())
+    assert "pos_y: 40 cycles, held out in 12 blocks of those that follow each other" in flat
+    assert "held out in" not in plain_text(tables(example(found)))
 
 
 def test_a_model_that_makes_it_worse_falls_by_less_than_nothing() -> None:

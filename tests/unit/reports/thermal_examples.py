@@ -110,6 +110,7 @@ def cubic() -> ComponentDrift:
         held_out=HeldOut(
             before=30.9 * f, after=0.31 * f, ordinary=0.54 * f, r2=1 - (0.31 / 30.9) ** 2,
             cycles=tuple((c, (30.0 + i) * f, (0.3 + 0.01 * i) * f) for i, c in enumerate(CYCLES)),
+            blocks=len(CYCLES),
         ),
         candidates=tuple(
             Candidate(model=model, degree=d, held_out=None if value is None else value * f)
@@ -143,7 +144,8 @@ def constant(name: str = "yaw_y", *, held_out: bool = True) -> ComponentDrift:
     return ComponentDrift(
         name=name, unit=unit, model="stepwise", estimate=estimate, positions=(), n=60 * len(cycles),
         cycles=cycles, groups=(), r2_fit=0.97, rms_before=8.1 * f, rms_after=0.22 * f,
-        held_out=HeldOut(before=8.0 * f, after=0.24 * f, ordinary=0.23 * f, r2=0.9991, cycles=())
+        held_out=HeldOut(before=8.0 * f, after=0.24 * f, ordinary=0.23 * f, r2=0.9991, cycles=(),
+            blocks=4)
         if held_out
         else None,
         candidates=(Candidate(model="stepwise", degree=0, held_out=0.24 * f),) if held_out else (),
