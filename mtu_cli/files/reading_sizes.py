@@ -59,6 +59,25 @@ def check_units(table: Table, problems: ProblemList) -> None:
         problems.add_cells(table, rows, "unit", "unknown unit", [label], expected)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Cells:
+    """A component's cells of a `column` in `rows` (n,): `values` and `most` (n,) in mm or rad.
+
+    `units` are those the cells are written in and `groups` have what would explain them in
+    common, both by `code` (n,). `what` is said of a slip.
+    """
+
+    name: str
+    column: str
+    what: str
+    rows: Rows
+    values: Floats
+    most: Floats
+    code: NDArray[np.integer]
+    units: Sequence[str]
+    groups: Sequence[str]
+
+
 @dataclass(frozen=True, slots=True)
 class _Far:
     """Rows (n,) of the component `name` that are beyond `most` (n,), in mm or rad, of so many."""
@@ -109,51 +128,72 @@ def check_sizes(
         for code, name in enumerate(column.labels):
             inside = np.flatnonzero(column.codes == code)
             axis = components[name].of
-            _check_errors(table, (name, axis), inside, travels, groups, problems)
+            found = [_errors(table, (name, axis), inside, travels)]
             if axis is not None:
-                _check_positions(table, (name, axis), inside, travels, groups, problems)
-        for (field, own), found in groups.items():
+                found.append(_positions(table, (name, axis), inside, travels))
+            for cells in found:
+                _check_cells(table, cells, groups, problems)
+        for (field, own), many in groups.items():
             if field == "error":
-                _add_errors(table, found, own, problems)
+                _add_errors(table, many, own, problems)
                 continue
-            rows = np.concatenate([far.rows for far in found])
+            rows = np.concatenate([far.rows for far in many])
             expected = _positions_expected(table, rows, travels, own)
             what = "farther than the machine goes"
-            problems.add(_of_many(table, field, found, what, expected))
+            problems.add(_of_many(table, field, many, what, expected))
 
 
-def _check_errors(
-    table: Table,
-    of: tuple[str, str | None],
-    inside: Rows,
-    travels: Travels,
-    groups: Groups,
-    problems: ProblemList,
-) -> None:
+def _errors(table: Table, of: tuple[str, str | None], inside: Rows, travels: Travels) -> _Cells:
+    """The errors of a component, grouped by their unit."""
     name, axis = of
     units = table.columns.texts["unit"]
     code = units.codes[inside]
     factor = np.array([UNITS[unit].to_internal for unit in units.labels])[code]
-    errors = table.columns.numbers["error"][inside]
     positions = np.full(len(inside), np.nan)
     if axis is not None:
         positions = table.columns.numbers["position_mm"][inside]
-    most = largest_errors(UNITS[units.labels[code[0]]].dimension, positions, travels)
-    far = np.abs(errors * factor) > most
+    return _Cells(
+        name=name,
+        column="error",
+        what=f"does not fit the other readings of {name!r}",
+        rows=inside,
+        values=table.columns.numbers["error"][inside] * factor,
+        most=largest_errors(UNITS[units.labels[code[0]]].dimension, positions, travels),
+        code=code,
+        units=units.labels,
+        groups=units.labels,
+    )
+
+
+def _positions(table: Table, of: tuple[str, str], inside: Rows, travels: Travels) -> _Cells:
+    """The positions of a component, of one group."""
+    name, axis = of
+    return _Cells(
+        name=name,
+        column="position_mm",
+        what=f"does not fit the other positions of {name!r}",
+        rows=inside,
+        values=table.columns.numbers["position_mm"][inside],
+        most=np.full(len(inside), _reach(travels, axis)),
+        code=np.zeros(len(inside), int),
+        units=["mm"],
+        groups=[axis],
+    )
+
+
+def _check_cells(table: Table, cells: _Cells, groups: Groups, problems: ProblemList) -> None:
+    """Cells beyond what is likely: problems of slips, the others into their group."""
+    far = np.abs(cells.values) > cells.most
     if not far.any():
         return
-    if _slips(np.abs(errors * factor), far):
-        what = f"does not fit the other readings of {name!r}"
-        for row in inside[far]:
-            unit = units.labels[units.codes[row]]
-            near = errors[~far] * factor[~far] / UNITS[unit].to_internal
-            _slip(table, int(row), "error", what, (near, unit), problems)
+    if _slips(np.abs(cells.values), far):
+        for i in np.flatnonzero(far):
+            _slip(table, cells, int(i), cells.values[~far], problems)
         return
-    for unit_code in np.unique(code[far]):
-        own = far & (code == unit_code)
-        count = int((code == unit_code).sum())
-        found = _Far(name, inside[own], most[own], count)
-        groups.setdefault(("error", units.labels[unit_code]), []).append(found)
+    for code in np.unique(cells.code[far]):
+        of = cells.code == code
+        found = _Far(cells.name, cells.rows[far & of], cells.most[far & of], int(of.sum()))
+        groups.setdefault((cells.column, cells.groups[code]), []).append(found)
 
 
 def _add_errors(table: Table, found: list[_Far], unit: str, problems: ProblemList) -> None:
@@ -175,19 +215,13 @@ def _slips(sizes: Floats, far: Bools) -> bool:
     return bool(few and sizes[far].min() > APART * sizes[~far].max(initial=0.0))
 
 
-def _slip(
-    table: Table,
-    row: int,
-    column: str,
-    what: str,
-    near: tuple[Floats, str],
-    problems: ProblemList,
-) -> None:
-    """The problem of one cell; `near` are the others' values, in a unit."""
-    others, unit = near
-    expected = f"what the others have, {others.min():.6g} to {others.max():.6g} {unit}"
-    value = float(table.columns.numbers[column][row])
-    problems.add(table.problem(row, column, what, value, expected))
+def _slip(table: Table, cells: _Cells, i: int, others: Floats, problems: ProblemList) -> None:
+    """The problem of cell `i`, which the values of the `others` show to be a slip."""
+    unit, row = cells.units[cells.code[i]], int(cells.rows[i])
+    near = others / UNITS[unit].to_internal
+    expected = f"what the others have, {near.min():.6g} to {near.max():.6g} {unit}"
+    value = float(table.columns.numbers[cells.column][row])
+    problems.add(table.problem(row, cells.column, cells.what, value, expected))
 
 
 def _explained(table: Table, far: _Far, unit: str) -> str:
@@ -215,29 +249,6 @@ def _explained(table: Table, far: _Far, unit: str) -> str:
         return f"these look like {' or '.join(names)} in a column of {unit}"
     thousand = typical * own.to_internal / 1000 <= plausible
     return "these look 1000 times too large" if thousand else ""
-
-
-def _check_positions(
-    table: Table,
-    of: tuple[str, str],
-    inside: Rows,
-    travels: Travels,
-    groups: Groups,
-    problems: ProblemList,
-) -> None:
-    name, axis = of
-    positions = table.columns.numbers["position_mm"][inside]
-    most = np.full(len(inside), _reach(travels, axis))
-    far = np.abs(positions) > most
-    if not far.any():
-        return
-    if not _slips(np.abs(positions), far):
-        found = _Far(name, inside[far], most[far], len(inside))
-        groups.setdefault(("position_mm", axis), []).append(found)
-        return
-    what = f"does not fit the other positions of {name!r}"
-    for row in inside[far]:
-        _slip(table, int(row), "position_mm", what, (positions[~far], "mm"), problems)
 
 
 def _reach(travels: Travels, axis: str) -> float:
