@@ -52,10 +52,6 @@ def varied(options: Options, known: Sequence[str]) -> dict[str, tuple[float, ...
             problems.append(Problem(what=what, value=text, expected=expected))
         elif values is None:
             problems.append(Problem(what="--vary is not NAME=VALUES", value=text, expected=EXAMPLE))
-        elif ":" in listed and values[0] > values[-1]:
-            low, high, count = listed.split(":")
-            expected = f"the lower end first: {high}:{low}:{count}"
-            problems.append(Problem(what="--vary: wrong value", value=text, expected=expected))
         elif len(set(values)) < len(values):
             what = "--vary gives a value twice"
             problems.append(Problem(what=what, value=text, expected="each value once"))
@@ -77,7 +73,7 @@ def _bad_count(text: str) -> bool:
 
 
 def _values(text: str) -> tuple[float, ...] | None:
-    """Numbers from ``low:high:count`` or ``a,b,c``; None where it is neither."""
+    """Numbers from ``low:high:count``, downwards too, or ``a,b,c``; None where it is neither."""
     if "_" in text:
         # Python reads 1_0 as 10.
         return None

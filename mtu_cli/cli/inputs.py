@@ -154,14 +154,14 @@ class Inputs:
         problems: list[Problem] = []
         for text in self.options.at or ():
             name, equals, value = (part.strip() for part in text.partition("="))
-            read = number(value)
-            given = float("nan") if read is None else read
-            if not equals or not name or not name.isprintable() or not isfinite(given):
+            given = number(value)
+            if not (equals and name and name.isprintable()) or given is None or not isfinite(given):
                 expected = "such as --at T_02_degC=23.5"
                 problems.append(
                     Problem(what="--at is not NAME=VALUE", value=text, expected=expected)
                 )
-            elif name in found:
+                continue
+            if name in found:
                 problems.append(Problem(what=f"--at gives {name!r} twice", value=text))
             problems += unlike_cells(name, given)
             found[name] = given

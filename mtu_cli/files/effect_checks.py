@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from mtu_cli.errors import did_you_mean
+from mtu_cli.files.column_dimensions import columns_of, own_columns
 from mtu_cli.files.contracts import Findings, Notice
 from mtu_cli.files.covariates import (
     COLDEST_K,
@@ -15,8 +17,46 @@ from mtu_cli.files.covariates import (
 )
 from mtu_cli.files.machine_contract import Effect, Machine
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
-from mtu_cli.language import Node, names, parse
+from mtu_cli.language import EquationError, Node, linear_form, names, parse
+from mtu_cli.language.dimensions import base_scales, exponent
+from mtu_cli.language.term_dimensions import units_per
 from mtu_cli.language.tree import Binary, Name, Number, walk
+from mtu_cli.units import MINUTE, PARAMETER_UNITS, Unit
+
+FOUND_BY = "mtu close-loop"
+TIME = "time_min"
+
+
+def parameter_units(effect: Effect) -> dict[str, Unit]:
+    """Units of its parameters; those that close-loop once wrote as um, where the time makes them
+    um/min, are per minute.
+    """
+    units = {name: PARAMETER_UNITS[item.unit] for name, item in effect.parameters.items()}
+    by = effect.found.get("by")
+    if effect.covariate != TIME or not (isinstance(by, str) and by.startswith(FOUND_BY)):
+        return units
+    try:
+        timed = _beside_the_time(effect)
+    except EquationError:
+        # The equations' own check tells it.
+        return units
+    per = {name: replace(units[name], per=MINUTE) for name in timed if units[name].per is None}
+    return units | per
+
+
+def _beside_the_time(effect: Effect) -> set[str]:
+    """Parameters whose every lever is a time.
+
+    Raises EquationError for equations that mean nothing.
+    """
+    found: dict[str, list[bool]] = {}
+    for text in effect.equations.values():
+        tree = parse(text)
+        known = columns_of(own_columns(names(tree), effect.parameters), {})
+        scale = base_scales(known.per)[MINUTE]
+        for name, lever in linear_form(tree, effect.parameters).coefficients.items():
+            found.setdefault(name, []).append(exponent(lever, scale) == 1)
+    return {name for name, timed in found.items() if all(timed)}
 
 
 def check_effect_used(effect: Effect, index: int, findings: Findings) -> None:
@@ -38,8 +78,8 @@ def _used(effect: Effect) -> set[str]:
 
 
 def effect_notices(machine: Machine, document: YamlDocument) -> Iterator[Notice]:
-    """Of parameters that nothing holds or that count as exactly known, and of kelvin set against
-    degC.
+    """Of parameters that nothing holds, that count as exactly known or whose unit is not as it was
+    written, and of kelvin set against degC.
     """
     for index, effect in enumerate(machine.effects):
         shown = f"{document.source.shown}:{document.line_of('effects', index)}: effects[{index}]"
@@ -53,6 +93,11 @@ def effect_notices(machine: Machine, document: YamlDocument) -> Iterator[Notice]
             count = "it counts" if len(without) == 1 else "they count"
             message = f"{text}, {count} as exactly known"
             yield Notice(code="no-uncertainty", message=message)
+        for name, unit in parameter_units(effect).items():
+            if unit != PARAMETER_UNITS[unit.name]:
+                right = next(iter(units_per(MINUTE, PARAMETER_UNITS[unit.name])), "per minute")
+                message = f"{shown}.parameters.{name}: {unit.name} beside a time is read as {right}"
+                yield Notice(code="unit-per-minute", message=message)
         for key, equation in effect.equations.items():
             for column, value in _kelvin(parse(equation), effect):
                 message = (

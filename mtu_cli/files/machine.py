@@ -9,6 +9,7 @@ from mtu_cli.files.contracts import Findings, Notice, check_contract, present
 from mtu_cli.files.effect_checks import check_effect_used, effect_notices
 from mtu_cli.files.machine_checks import (
     check_components,
+    check_effect_axis,
     check_effect_covariance,
     check_names,
     check_reference,
@@ -83,6 +84,7 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
         vocabulary = Vocabulary.of(machine, findings)
         forms.update(check_equations(machine.equations, vocabulary, findings, ("equations",)))
         for index, effect in present(machine.effects):
+            check_effect_axis(effect, index, findings)
             check_effect_covariance(effect, index, findings)
             path = ("effects", index, "equations")
             own = vocabulary.with_parameters(effect)

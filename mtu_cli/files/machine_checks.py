@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from decimal import Decimal
 
+from mtu_cli.errors import closest
 from mtu_cli.files.contracts import Findings, duplicates, is_identifier, present
 from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature, is_covariate
 from mtu_cli.files.machine_contract import Component, Effect, Machine
@@ -115,6 +116,22 @@ def _check_sizes(component: Component, path: YamlPath, findings: Findings) -> No
     if component.pass_covariance is not None:
         passes = min(2, size)
         _check_matrix(component.pass_covariance, passes, (*path, "pass_covariance"), findings)
+
+
+def check_effect_axis(effect: Effect, index: int, findings: Findings) -> None:
+    """What an effect is of: axes of the machine, none twice, or a component."""
+    axis, components = effect.axis, findings.keys("components")
+    if axis is None or axis in components:
+        return
+    if not axis or len(set(axis)) < len(axis) or not set(axis) <= set(POSITIONS):
+        near = closest(axis, components)
+        findings.add(
+            ("effects", index, "axis"),
+            "not an axis",
+            value=axis,
+            expected="x, y or z, or several of them, such as xy for an angle, or the name of a "
+            f"component{f': {near!r}?' if near else ''}",
+        )
 
 
 def check_effect_covariance(effect: Effect, index: int, findings: Findings) -> None:

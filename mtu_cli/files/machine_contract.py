@@ -29,12 +29,6 @@ def _known_parameter_unit(text: str) -> str:
     return text
 
 
-def _known_axes(text: str) -> str:
-    if not text or len(set(text)) < len(text) or not set(text) <= {"x", "y", "z"}:
-        raise told("not an axis", "x, y or z, or several of them, such as xy for an angle")
-    return text
-
-
 def _number_or_keys(value: object) -> object:
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return {"value": value}
@@ -56,8 +50,12 @@ ParameterUnitName = Annotated[
     AfterValidator(_known_parameter_unit),
     Field(json_schema_extra={"enum": list(PARAMETER_UNITS)}),
 ]
+# No axis twice; which names are components is known to the machine alone.
 EffectAxis = Annotated[
-    str, AfterValidator(_known_axes), Field(json_schema_extra={"pattern": "^[xyz]{1,3}$"})
+    str,
+    Field(
+        json_schema_extra={"pattern": r"^(?![xyz]*([xyz])[xyz]*\1[xyz]*$)[A-Za-z_][A-Za-z0-9_]*$"}
+    ),
 ]
 EquationText = Annotated[str, BeforeValidator(_as_text, json_schema_input_type=str | float)]
 Equations = Annotated[dict[EquationName, EquationText], Field(min_length=1)]
@@ -144,7 +142,9 @@ class Effect(Contract):
     name: Annotated[str, Field(min_length=1)]
     family: str | None = None
     axis: EffectAxis | None = Field(
-        default=None, description="The axis, or those of an angle (`xy`), that it is of"
+        default=None,
+        description="The axis, or those of an angle (`xy`), or the component without `of`, that "
+        "it is of",
     )
     covariate: str | None = None
     says: str | None = Field(default=None, description="What it is, in words")

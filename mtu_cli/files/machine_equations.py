@@ -11,11 +11,12 @@ from mtu_cli.files.column_dimensions import POSITIONS, columns_of, own_columns
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings
 from mtu_cli.files.covariates import COVARIATES, is_covariate
+from mtu_cli.files.effect_checks import parameter_units
 from mtu_cli.files.machine_contract import Effect, Machine
 from mtu_cli.files.yaml_file import YamlPath
 from mtu_cli.language import EquationError, LinearForm, Node, check_dimension, linear_form, names
 from mtu_cli.language import parse as parse_equation
-from mtu_cli.units import LENGTH, PARAMETER_UNITS, UNITS, Unit
+from mtu_cli.units import LENGTH, UNITS, Unit
 
 __all__ = ["POSITIONS", "Vocabulary", "check_equations"]
 
@@ -48,7 +49,7 @@ class Vocabulary:
 
     def with_parameters(self, effect: Effect) -> Vocabulary:
         """These names and the parameters of one effect."""
-        units = {name: PARAMETER_UNITS[item.unit] for name, item in effect.parameters.items()}
+        units = parameter_units(effect)
         own = {name: unit.dimension for name, unit in units.items()}
         known = {**own, **self.dimensions, **own}
         return Vocabulary(self.linear | set(own), known, self.constants, units)

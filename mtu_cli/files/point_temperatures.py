@@ -12,7 +12,15 @@ from mtu_cli.errors import Problem
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.covariates import HOTTEST_DEGC, is_temperature
 from mtu_cli.files.fahrenheit import fahrenheit_words
-from mtu_cli.files.sensor_faults import CODES, NO_ANSWER, NOT_READ, USUAL, check_sensors
+from mtu_cli.files.sensor_faults import (
+    CODES,
+    NO_ANSWER,
+    NOT_READ,
+    SOON_MIN,
+    USUAL,
+    check_sensors,
+    code_notes,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,10 +31,9 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
     Bools = NDArray[np.bool_]
 
+NAMED_FILES = 3
 FEWEST = 5
 """Other readings of the sensor without which a code may be what it read: 0 degC of three rooms."""
-SOON_MIN = 60.0
-"""A machine's structure does not fall to 0 and come back within as many minutes each way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,33 +57,59 @@ def check_temperatures_of_points(
     a part, by what it shows in all other rows.
     """
     for name, values in _sensors(points).items():
-        for table in tables:
-            own = table.columns.numbers.get(name)
-            if (
-                own is not None
-                and np.abs(own).max(initial=0.0) <= HOTTEST_DEGC
-                and _in_order(table, points)
-            ):
-                check_sensors(table, name, problems)
+        for table in _judged(tables, points, name):
+            check_sensors(table, name, problems)
         for coded in _codes(points, values):
             for i in np.flatnonzero(coded.rows & coded.sure).tolist():
                 problems.add(_faulty(points, name, coded, i))
 
 
-def temperature_notes(points: Points) -> Iterator[Notice]:
-    """Of sensors that show codes of faults too often to be refused, or seem to be in Fahrenheit."""
+def temperature_notes(tables: Sequence[Table], points: Points) -> Iterator[Notice]:
+    """Of sensors that show codes of faults too often, or at the wrong times, to be refused, or
+    that seem to be in Fahrenheit.
+    """
+    extents, given = {}, np.zeros(len(points), bool)
     for name, values in _sensors(points).items():
-        for coded in _codes(points, values):
+        codes = list(_codes(points, values))
+        for coded in codes:
             text = (
                 f"column {name!r}: {int(coded.rows.sum())} of {len(values)} rows are "
                 f"{coded.code:g}, the others {coded.low:.4g} to {coded.high:.4g}: "
                 f"{CODES[coded.code][1]}; they count as temperatures: leave them out where they "
                 "are none"
             )
-            yield Notice(code="sensor-doubtful", message=text)
-    words = fahrenheit_words({name: _extent(values) for name, values in _sensors(points).items()})
+            where = _files(points, coded.rows)
+            yield Notice(code="sensor-doubtful", message=f"{where}{', ' if where else ''}{text}")
+        for table in () if codes else _judged(tables, points, name):
+            yield from code_notes(table, name)
+        extents[name] = _extent(values)
+        if fahrenheit_words({name: extents[name]}) is not None:
+            given |= np.isfinite(values)
+    words = fahrenheit_words(extents)
     if words is not None:
-        yield Notice(code="looks-like-fahrenheit", message=words)
+        where = _files(points, given)
+        yield Notice(code="looks-like-fahrenheit", message=f"{where}{': ' if where else ''}{words}")
+
+
+def _files(points: Points, rows: Bools) -> str:
+    """The files of rows (n,), where there are several files."""
+    if len(points.sources) == 1:
+        return ""
+    shown = [points.sources[i].shown for i in np.unique(points.file_index[rows]).tolist()]
+    rest = len(shown) - NAMED_FILES
+    return ", ".join(shown[:NAMED_FILES]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _judged(tables: Sequence[Table], points: Points, name: str) -> Iterator[Table]:
+    """Tables of a sensor whose rows are in the order of their times."""
+    for table in tables:
+        own = table.columns.numbers.get(name)
+        if (
+            own is not None
+            and np.abs(own).max(initial=0.0) <= HOTTEST_DEGC
+            and _in_order(table, points)
+        ):
+            yield table
 
 
 def _faulty(points: Points, name: str, coded: _Coded, i: int) -> Problem:

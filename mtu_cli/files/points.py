@@ -14,7 +14,7 @@ from mtu_cli.files import doubled, joined
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.point_temperatures import check_temperatures_of_points, temperature_notes
-from mtu_cli.files.sensor_names import check_sensor_names
+from mtu_cli.files.sensor_names import check_temperature_names, sensor_name_notes
 from mtu_cli.files.source import Source
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Points:
     order in which parts first appear; `direction` (n, 3) -1, +1, or nan where not given;
     `covariates` floats (nan where not given) or texts ("" where not given); `row` counts as a
     text editor in the file `sources[file_index[i]]`. Arrays may be read-only. `notes` say which
-    sensors look odd.
+    sensors look odd, and which columns are none.
     """
 
     parts: tuple[str, ...]
@@ -109,7 +109,8 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
     problems.raise_if_any()
     check_temperatures_of_points(tables, points, problems)
     problems.raise_if_any()
-    return replace(points, notes=tuple(temperature_notes(points)))
+    notes = (*temperature_notes(tables, points), *sensor_name_notes(tables))
+    return replace(points, notes=notes)
 
 
 def _check_table(table: Table, features: Mapping[str, Place] | None, problems: ProblemList) -> None:
@@ -124,7 +125,7 @@ def _check_table(table: Table, features: Mapping[str, Place] | None, problems: P
             table, "feature", "unknown feature",
             lambda label: None if label in features else did_you_mean(label, features), problems,
         )  # fmt: skip
-    check_sensor_names(table, problems)
+    check_temperature_names(table, problems)
     names = {*table.columns.numbers, *table.columns.times}
     if names & {"repeat", "time", "time_min"} and not doubled.told_apart(table, "repeat"):
         doubled.check_doubled_rows(table, problems)

@@ -11,6 +11,8 @@ import numpy as np
 from mtu_cli.errors import Problem
 from mtu_cli.files.contract_errors import PLAIN, unit_expectation
 from mtu_cli.files.csv_table import ProblemList, Table, cell_text
+from mtu_cli.files.reading_lines import off_lines
+from mtu_cli.files.reading_mistakes import explained
 from mtu_cli.units import ANGLE, LENGTH, UNITS
 
 if TYPE_CHECKING:
@@ -28,8 +30,11 @@ Travels = Mapping[str, tuple[float, float]]
 LARGEST = {LENGTH: 1.0, ANGLE: 0.05}
 """Errors of machines, routers made of wood among them, are typically smaller, mm and rad ..."""
 STEEPEST = 0.01
-"""... but for what grows along an axis: a scale, or the slope to which a laser was aligned."""
+"""... but for what grows along an axis: a scale, or the slope to which a laser was aligned ..."""
+OFF_LINE = 1e-3
+"""... off which they are no larger, again in proportion."""
 LARGEST_SHOWN = {LENGTH: "1 mm, or 1 % of the distance moved", ANGLE: "0.05 rad"}
+OFF_SHOWN = "1 mm, or 0.1 % of the distance moved, off a straight line that is 0 on the axis"
 FARTHEST_MM = 1e5
 """Nor is its position, where no travel is stated: 100 m."""
 BEYOND = 3.0
@@ -39,9 +44,6 @@ FEWEST = 5
 """Cells of a component up to which they are slips of single rows, where most are sound."""
 APART = 3.0
 """Slips are so many times the largest of the others."""
-TYPICAL = {LENGTH: 0.1, ANGLE: 0.02}
-"""Share of the largest error that a component typically has at most, in the unit it is meant in."""
-SHORTEST_BAR_MM = 20.0
 NAMED = 6
 
 
@@ -64,7 +66,8 @@ class _Cells:
     """A component's cells of a `column` in `rows` (n,): `values` and `most` (n,) in mm or rad.
 
     `units` are those the cells are written in and `groups` have what would explain them in
-    common, both by `code` (n,). `what` is said of a slip.
+    common, both by `code` (n,). `what` is said of a slip. Of lengths along an axis, `near` (n,) is
+    how far off a line they are at most, by `positions` and `passes` (n,) where they have them.
     """
 
     name: str
@@ -76,23 +79,31 @@ class _Cells:
     code: NDArray[np.integer]
     units: Sequence[str]
     groups: Sequence[str]
+    near: Floats | None = None
+    positions: Floats | None = None
+    passes: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class _Far:
-    """Rows (n,) of the component `name` that are beyond `most` (n,), in mm or rad, of so many."""
+    """Rows (n,) of the component `name` that are beyond `most` (n,), in mm or rad, of so many, or
+    `off` all lines.
+    """
 
     name: str
     rows: Rows
     most: Floats
     of: int
+    off: bool
 
 
 Groups = dict[tuple[str, str], list[_Far]]
 """By column and unit or axis."""
 
 
-def largest_errors(dimension: int, positions: Floats, travels: Travels) -> Floats:
+def largest_errors(
+    dimension: int, positions: Floats, travels: Travels, share: float = STEEPEST
+) -> Floats:
     """The largest errors of a machine at `positions` (n,) in mm, mm or rad, (n,).
 
     Along an axis it is the distance to the farthest place measured that counts, as a scale and a
@@ -106,7 +117,7 @@ def largest_errors(dimension: int, positions: Floats, travels: Travels) -> Float
     if len(known):
         moved = np.maximum(positions - known.min(), known.max() - positions)
         moved = np.fmax(moved, np.abs(positions))
-    return np.fmax(LARGEST[dimension], STEEPEST * moved)
+    return np.fmax(LARGEST[dimension], share * moved)
 
 
 def check_sizes(
@@ -115,8 +126,8 @@ def check_sizes(
     travels: Travels,
     problems: ProblemList,
 ) -> None:
-    """Problems of readings beyond `largest_errors`, where another unit explains most of a
-    component, and of positions that the machine does not reach.
+    """Problems of readings beyond `largest_errors`, or off all lines, where another unit explains
+    most of a component, and of positions that the machine does not reach.
 
     Where it is a matter of many rows of some components, one problem tells it with what would
     explain it; where single rows do not fit the others, each of them is told. Large errors that
@@ -149,19 +160,26 @@ def _errors(table: Table, of: tuple[str, str | None], inside: Rows, travels: Tra
     units = table.columns.texts["unit"]
     code = units.codes[inside]
     factor = np.array([UNITS[unit].to_internal for unit in units.labels])[code]
-    positions = np.full(len(inside), np.nan)
+    dimension = UNITS[units.labels[code[0]]].dimension
+    positions, near = np.full(len(inside), np.nan), None
     if axis is not None:
         positions = table.columns.numbers["position_mm"][inside]
+        if dimension == LENGTH:
+            near = largest_errors(dimension, positions, travels, OFF_LINE)
+    passes = table.columns.numbers.get("pass")
     return _Cells(
         name=name,
         column="error",
         what=f"does not fit the other readings of {name!r}",
         rows=inside,
         values=table.columns.numbers["error"][inside] * factor,
-        most=largest_errors(UNITS[units.labels[code[0]]].dimension, positions, travels),
+        most=largest_errors(dimension, positions, travels),
         code=code,
         units=units.labels,
         groups=units.labels,
+        near=near,
+        positions=positions,
+        passes=None if passes is None else passes[inside],
     )
 
 
@@ -184,16 +202,28 @@ def _positions(table: Table, of: tuple[str, str], inside: Rows, travels: Travels
 def _check_cells(table: Table, cells: _Cells, groups: Groups, problems: ProblemList) -> None:
     """Cells beyond what is likely: problems of slips, the others into their group."""
     far = np.abs(cells.values) > cells.most
-    if not far.any():
-        return
-    if _slips(np.abs(cells.values), far):
+    if far.any() and _slips(np.abs(cells.values), far):
         for i in np.flatnonzero(far):
             _slip(table, cells, int(i), cells.values[~far], problems)
         return
-    for code in np.unique(cells.code[far]):
-        of = cells.code == code
-        found = _Far(cells.name, cells.rows[far & of], cells.most[far & of], int(of.sum()))
-        groups.setdefault((cells.column, cells.groups[code]), []).append(found)
+    for code in np.flatnonzero(np.bincount(cells.code)).tolist():
+        inside = np.flatnonzero(cells.code == code)
+        beyond = far[inside]
+        off = np.zeros_like(beyond) if 2 * beyond.sum() > len(inside) else _off(cells, inside)
+        rows = inside[beyond | off]
+        if len(rows):
+            own, most = cells.rows[rows], cells.most[rows]
+            found = _Far(cells.name, own, most, len(inside), bool(off.any()))
+            groups.setdefault((cells.column, cells.groups[code]), []).append(found)
+
+
+def _off(cells: _Cells, inside: Rows) -> Bools:
+    """Which of the cells `inside` (n,) are off all lines, where most are and are large."""
+    values, positions, near = cells.values[inside], cells.positions, cells.near
+    if near is None or positions is None or np.median(np.abs(values)) <= LARGEST[LENGTH]:
+        return np.zeros(len(inside), bool)
+    passes = None if cells.passes is None else cells.passes[inside]
+    return off_lines(positions[inside], values, passes, near[inside], STEEPEST)
 
 
 def _add_errors(table: Table, found: list[_Far], unit: str, problems: ProblemList) -> None:
@@ -201,9 +231,14 @@ def _add_errors(table: Table, found: list[_Far], unit: str, problems: ProblemLis
     explains them: what is explained so in one component is in the others too.
     """
     for far in found:
-        why = _explained(table, far, unit) if 2 * len(far.rows) > far.of else ""
+        if 2 * len(far.rows) <= far.of:
+            continue
+        numbers = table.columns.numbers
+        places = numbers["position_mm"][far.rows] if "position_mm" in numbers else None
+        why = explained(numbers["error"][far.rows], places, far.most, unit)
         if why:
-            expected = f"errors of at most {LARGEST_SHOWN[UNITS[unit].dimension]}: {why}"
+            most = OFF_SHOWN if far.off else LARGEST_SHOWN[UNITS[unit].dimension]
+            expected = f"errors of at most {most}: {why}"
             what = "larger than any machine's error"
             problems.add(_of_many(table, "error", found, what, expected))
             return
@@ -222,33 +257,6 @@ def _slip(table: Table, cells: _Cells, i: int, others: Floats, problems: Problem
     expected = f"what the others have, {near.min():.6g} to {near.max():.6g} {unit}"
     value = float(table.columns.numbers[cells.column][row])
     problems.add(table.problem(row, cells.column, cells.what, value, expected))
-
-
-def _explained(table: Table, far: _Far, unit: str) -> str:
-    """What would explain the errors of a component in `unit`, in words; "" where nothing does."""
-    own, raw = UNITS[unit], table.columns.numbers["error"][far.rows]
-    errors, most = raw * own.to_internal, float(np.median(far.most))
-    middle, typical = float(np.median(errors)), float(np.median(np.abs(raw)))
-    places = table.columns.numbers.get("position_mm")
-    if own.dimension == LENGTH:
-        if places is not None and float(np.median(np.abs(errors - places[far.rows]))) < most:
-            return "these look like the positions that were reached, not their errors"
-        if middle > SHORTEST_BAR_MM and float(np.median(np.abs(errors - middle))) < most:
-            return f"these look like lengths of a bar of {middle:.6g} mm, not errors"
-    plausible = TYPICAL[own.dimension] * most
-    fit = [
-        other
-        for other in UNITS.values()
-        if (other.dimension, other.name == "um/m") == (own.dimension, False)
-        and other.to_internal < own.to_internal
-        and typical * other.to_internal <= plausible
-    ]
-    largest_fit = max((other.to_internal for other in fit), default=0.0)
-    names = [other.name for other in fit if other.to_internal > 0.1 * largest_fit]
-    if names:
-        return f"these look like {' or '.join(names)} in a column of {unit}"
-    thousand = typical * own.to_internal / 1000 <= plausible
-    return "these look 1000 times too large" if thousand else ""
 
 
 def _reach(travels: Travels, axis: str) -> float:

@@ -32,6 +32,8 @@ CODES = {
 """What sensors give in place of a temperature (Maxim DS18B20, data sheet, table 1; its usual
 drivers), by how much it then stands apart from the readings before and after it, and its words. A
 run may begin with any of them but 0, which is also the rise over a cold machine at its start."""
+SOON_MIN = 60.0
+"""A machine's structure does not go to a code and come back within as many minutes each way."""
 LONGEST = 3
 """Readings in a row up to which a jump and the way back are a fault of the sensor ..."""
 SLOWEST_MIN = 10.0
@@ -72,17 +74,29 @@ def check_sensors(table: Table, name: str, problems: ProblemList) -> None:
 
 
 def sensor_notes(tables: Sequence[Table]) -> Iterator[Notice]:
-    """Of sensors that look faulty more often than from a fault, or where no times tell."""
+    """Of sensors that look faulty more often, or slower, than from a fault, or without times."""
     for table in tables:
         for name in filter(is_temperature, table.columns.numbers):
             cells = _cells(table, name)
             for words in () if cells is None else cells.usual:
-                text = (
-                    f"{table.source.shown}, column {name!r}: {words}; such cells are too many "
-                    "in a cycle for a fault, or no times are given: they count as temperatures; "
-                    "leave out the rows, or the column, where they are none"
-                )
-                yield Notice(code="sensor-doubtful", message=text)
+                yield _doubtful(table, name, words)
+
+
+def code_notes(table: Table, name: str) -> Iterator[Notice]:
+    """The same of one sensor, of error codes alone."""
+    cells = _cells(table, name)
+    for words in () if cells is None else cells.usual:
+        if words != JUMPED:
+            yield _doubtful(table, name, words)
+
+
+def _doubtful(table: Table, name: str, words: str) -> Notice:
+    text = (
+        f"{table.source.shown}, column {name!r}: {words}; such cells are too many in a cycle for "
+        f"a fault, or more than {SOON_MIN:g} min from the readings beside them, or no times are "
+        "given: they count as temperatures; leave out the rows, or the column, where they are none"
+    )
+    return Notice(code="sensor-doubtful", message=text)
 
 
 def _cells(table: Table, name: str) -> _Cells | None:
@@ -99,11 +113,11 @@ def _cells(table: Table, name: str) -> _Cells | None:
     usual: dict[str, None] = {}
     left = np.ones(len(order), bool)
     for code in apart:
-        hit = _coded(values, run, minutes, code)
+        hit, late = _coded(values, run, minutes, code)
         often = _often(hit, run) if code != NO_ANSWER else np.zeros(len(hit), bool)
         told |= dict.fromkeys(np.flatnonzero(hit & ~often).tolist(), CODES[code][1])
-        usual |= dict.fromkeys([CODES[code][1]] if often.any() else [])
-        left &= ~hit
+        usual |= dict.fromkeys([CODES[code][1]] if (often | late).any() else [])
+        left &= ~(hit | late)
     rest = np.flatnonzero(left)
     hit = _spikes(
         values[rest], run[rest], np.zeros(len(rest)) if minutes is None else minutes[rest]
@@ -147,25 +161,34 @@ def _times(table: Table) -> NDArray[np.float64] | None:
     return table.columns.numbers.get("time_min")
 
 
-def _coded(values: Floats, run: Ints, minutes: Floats | None, code: float) -> Bools:
+def _coded(values: Floats, run: Ints, minutes: Floats | None, code: float) -> tuple[Bools, Bools]:
     """Which of the values (n,) are `code` and stand apart from what is before and after them in
-    their run, if that was soon enough; with a limit of 0, all.
+    their run: soon enough for a fault (with a limit of 0, all), and not so.
     """
     hit, limit = values == code, CODES[code][0]
+    found, late = np.zeros(len(values), bool), np.zeros(len(values), bool)
     if limit == 0.0 or not hit.any():
-        return np.asarray(hit)
+        return np.asarray(hit), late
     n, fewest = len(values), 2 if code == NOT_READ else 1
+    alone = bool(np.abs(values[~hit] - code).min(initial=np.inf) > limit)
     edge = np.flatnonzero(np.diff(hit, prepend=False, append=False) | _starts(run, n + 1))
-    found = np.zeros(n, bool)
     for a, b in pairwise(edge.tolist()):
         if not hit[a]:
             continue
         pairs = [(a, a - 1), (b - 1, b)]
         near = [(i, k) for i, k in pairs if 0 <= k < n and run[k] == run[a]]
         apart = all(abs(values[k] - code) > limit for _, k in near)
-        soon = minutes is None or all(abs(minutes[k] - minutes[i]) <= SLOWEST_MIN for i, k in near)
-        found[a:b] = len(near) >= fewest and apart and soon
-    return found
+        # Read often, it cannot have jumped there. Else what stays at a code may be so hot, and
+        # what begins or ends there may cool or warm up within the hour, if not by so much.
+        far = len(near) > 1 or all(abs(values[k] - code) > 2 * limit for _, k in near)
+        limit_min = SOON_MIN if b - a <= LONGEST and far else SLOWEST_MIN
+        soon = minutes is None or all(abs(minutes[k] - minutes[i]) <= limit_min for i, k in near)
+        if len(near) >= fewest:
+            found[a:b], late[a:b] = apart and soon, apart and not soon
+        elif not near and b - a == 1:
+            # Its run tells nothing of the one reading in it, all others do.
+            late[a:b] = alone
+    return found, late
 
 
 def _starts(run: Ints, size: int) -> Bools:

@@ -4,8 +4,9 @@ has its temperature or time, and nothing else has.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 from mtu_cli.language.dimensions import (
     SAME,
@@ -53,9 +54,10 @@ def check_dimension(
     beside = {**dimensions, **columns.lengths}
     for term in terms(node):
         stated = next((name for name in names(term) if name in columns.stated), None)
+        scale = length_scale(dimensions if stated is None else beside)
         if stated is not None:
-            _check_per(term, stated, columns)
-        found = exponent(term, length_scale(dimensions if stated is None else beside))
+            _check_per(term, stated, columns, partial(_lacking, term, wanted, scale))
+        found = exponent(term, scale)
         if found is not UNKNOWN and found != wanted:
             hint = "multiply it by its lever arm (a position or a named constant)"
             raise EquationError(
@@ -75,10 +77,21 @@ DIVIDED = {
 }
 
 
-def _check_per(term: Node, stated: str, columns: Columns) -> None:
+def _lacking(term: Node, wanted: int, scale: Scale) -> int:
+    """Lengths that a term lacks, which may be none; 0 where that is not known."""
+    try:
+        found = exponent(term, scale)
+    except EquationError:
+        # That is told where its temperatures and times are right.
+        return 0
+    return 0 if found is UNKNOWN else wanted - int(found)
+
+
+def _check_per(term: Node, stated: str, columns: Columns, lacking: Callable[[], int]) -> None:
     """What is per kelvin or minute has its temperature or time, and once; what is not has none.
 
-    A literal or a constant beside them may have any unit, so that anything may be meant.
+    A literal or a constant beside them may have any unit, so that anything may be meant. `lacking`
+    gives the lengths that the term lacks beside them.
     """
     scales = base_scales(columns.per)
     found = {base: exponent(term, scale) for base, scale in scales.items()}
@@ -92,7 +105,7 @@ def _check_per(term: Node, stated: str, columns: Columns) -> None:
     if not beyond or _is_power(beyond, unit):
         return
     words = " and ".join(scales[base].words(own) for base, own in beyond.items())
-    hint = _right(unit, stated, beyond, scales)
+    hint = _right(unit, stated, beyond, scales, lacking())
     raise EquationError(f"this term has {words} too many", first_column(term), hint, shown(term))
 
 
@@ -102,28 +115,30 @@ def _is_power(beyond: Mapping[str, float], unit: Unit) -> bool:
 
 
 def _right(
-    unit: Unit, stated: str, beyond: Mapping[str, float], scales: Mapping[str, Scale]
+    unit: Unit, stated: str, beyond: Mapping[str, float], scales: Mapping[str, Scale], lacking: int
 ) -> str:
     """What would make a term right that has a temperature or a time too many."""
     base = next(iter(beyond))
     if unit.per == base:
         return f"one factor that is {scales[base].words(1)} beside a unit per {base}"
     ways = [DIVIDED[other] for other in beyond]
-    units = units_per(base, unit) if unit.per is None else []
+    units = units_per(base, unit, lacking) if unit.per is None else []
     if not units:
         return " and ".join(ways)
     own = f"{stated} in {' or '.join(units)}"
-    return f"{own}, or {ways[0]}" if len(ways) == 1 else f"{own}, and {ways[1]}"
+    if len(ways) == 2:
+        return f"{own}, and {ways[1]}"
+    return own if lacking else f"{own}, or {ways[0]}"
 
 
-def units_per(base: str, unit: Unit) -> list[str]:
-    """Units per kelvin or time that a parameter in `unit` is meant to have; none if there is
-    none: um/K of um and of mm.
+def units_per(base: str, unit: Unit, lacking: int = 0) -> list[str]:
+    """Units per kelvin or time that a parameter in `unit` is meant to have, where its term has so
+    many lengths too few; none if there is none: um/K of um and of mm, um/m/K with one too many.
     """
     found = [
         name
         for name, own in PARAMETER_UNITS.items()
-        if own.per == base and own.dimension == unit.dimension
+        if own.per == base and own.dimension == unit.dimension + lacking
     ]
     alike = [name for name in found if name.startswith(f"{unit.name}/")]
     alike = alike or [name for name in found if not name.startswith("arcsec")]

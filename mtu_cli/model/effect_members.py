@@ -11,7 +11,7 @@ import numpy as np
 from mtu_cli.files.effect_templates import CHOSEN, Template, number_of
 from mtu_cli.files.effect_text import equation_text, filled_tree, with_number
 from mtu_cli.files.effects_contract import Family
-from mtu_cli.language import Node, evaluate, names
+from mtu_cli.language import EquationError, Node, evaluate, names
 from mtu_cli.language.dimensions import base_scales, exponent
 from mtu_cli.language.term_dimensions import units_per
 from mtu_cli.language.tree import Binary, Name
@@ -175,19 +175,20 @@ class BoundTemplate:
     def _beside_time(self, parameter: str, unit: str) -> str:
         """The unit of a parameter where the time stands for {c}, a plain count: um/min for um.
 
-        Raises NoMember where there is no such unit.
+        Raises NoMember where there is no such unit, or a count is added to {c}.
         """
-        levers = [
-            form.coefficients[parameter]
-            for form in self.template.forms.values()
-            if parameter in form.coefficients
-        ]
+        forms = self.template.forms.values()
+        levers = [form.coefficients[parameter] for form in forms if parameter in form.coefficients]
         raw = {own: self.template.braced.get(own, own) for item in levers for own in names(item)}
         counts = {own: int(text == "{c}") for own, text in raw.items()}
-        literal = {own: 1.0 for own, text in raw.items() if number_of(text) is not None}
+        written = {own for own, text in raw.items() if number_of(text) is not None}
+        literal = dict.fromkeys(written | {*raw} & {self.template.searched}, 1.0)
         scale = base_scales({MINUTE: counts})[MINUTE]
-        if any(exponent(filled_tree(item, literal), scale) != 1 for item in levers):
-            return unit
+        try:
+            if any(exponent(filled_tree(item, literal), scale) != 1 for item in levers):
+                return unit
+        except EquationError as error:
+            raise NoMember(f"time_min in place of {{c}}: {error.what}") from None
         per = units_per(MINUTE, PARAMETER_UNITS[unit])
         if not per or PARAMETER_UNITS[unit].per is not None:
             raise NoMember(f"{unit} of {parameter} has no unit per minute")

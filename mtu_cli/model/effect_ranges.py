@@ -61,10 +61,13 @@ def seen_ranges(table: ResidualTable, equations: Mapping[str, str]) -> dict[str,
 
 
 def _outward(low: float, high: float) -> list[float]:
-    """The ends of a range with few digits, and everything of it between them."""
-    if high <= low:
+    """The ends of a range with few digits, and everything of it between them; as they are where
+    the range, or a millionth of it, is no number.
+    """
+    fine = FINE * (high - low)
+    if not 0.0 < fine < math.inf:
         return [low, high]
-    decimals = -math.floor(math.log10(FINE * (high - low)))
+    decimals = -math.floor(math.log10(fine))
     step = 10.0**-decimals
     ends = [round(end, decimals) for end in (low, high)]
     if ends[0] > low:

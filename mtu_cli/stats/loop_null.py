@@ -26,6 +26,11 @@ DRAWS = 160
 FEW_PARTS = 10
 """Up to so many parts the machine's own prediction of their scatter counts beside it."""
 
+WHITENED = 1e-13
+"""Share of the smooth part of a covariance below which the rest is rounding of it."""
+ROUNDING = 1e-20
+"""Share of the largest variance that is rounding of it (of the errors, 1e-10)."""
+
 
 @dataclass(frozen=True, slots=True)
 class KnownScatter:
@@ -167,7 +172,9 @@ def _column_variance(
 
 def _psd(excess: FloatArray, noise: FloatArray) -> FloatArray:
     """The positive part, relative to the noise of each coordinate."""
-    scale = np.sqrt(np.maximum(noise, 1e-300))
+    # An axis without errors has rounding of the others: beside nothing it would be everything.
+    least = ROUNDING * float(np.abs(np.diag(excess)).max(initial=0.0))
+    scale = np.sqrt(np.maximum(noise, max(least, 1e-300)))
     values, vectors = np.linalg.eigh(excess / np.outer(scale, scale))
     found: FloatArray = (vectors * np.maximum(values, 0.0)) @ vectors.T
     scaled: FloatArray = found * np.outer(scale, scale)
@@ -189,7 +196,9 @@ def whitening_of(strata: Strata, model: NullModel) -> FloatArray:
             continue
         level = level + P * model.of_columns(stratum.kind, a)
         own = np.ix_(a * (1 + k) + lead, a * (1 + k) + lead)
-        total = level * np.eye(len(lead)) + model.part[own] + C[own]
+        smooth = model.part[own] + C[own]
+        level = max(level, WHITENED * float(np.trace(smooth)))
+        total = level * np.eye(len(lead)) + smooth
         found[a][np.ix_(lead - 1, lead - 1)] = np.linalg.inv(np.linalg.cholesky(total / level))
     return found
 

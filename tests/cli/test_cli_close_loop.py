@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from cli_runner import Listing, Result, done, listing, mtu, report
 from support import CONFIGS, DATA
 
@@ -210,3 +211,17 @@ def test_readings_alone_are_judged_by_component(tmp_path: Path) -> None:
                           "ez_y", "axy"]  # fmt: skip
     assert results["verdict"] == "none"
     assert "floor_arcsec" in next(i for i in results["tables"] if i["component"] == "ez_x")
+
+
+def test_the_drift_of_a_component_without_an_axis_is_written_and_read_again(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(
+        "schema: mtu/machine/1\nname: m\naxes: {y: {travel_mm: [0, 500]}}\n"
+        "components: {axy: {unit: arcsec}}\nequations: {Ex: -y*axy}\n"
+    )
+    rows = [f"axy,{k},{0.8 * k + 0.1 * (k * k % 3 + j)},arcsec" for k in range(12) for j in (0, 1)]
+    (tmp_path / "l.csv").write_text("\n".join(["component,pass,error,unit", *rows]) + "\n")
+    lbb = ("--lbb", "l.csv")
+    done(mtu("close-loop", "-m", "m.yaml", *lbb, "--write-machine", "new.yaml", cwd=tmp_path))
+    (written,) = yaml.safe_load((tmp_path / "new.yaml").read_text("utf-8"))["effects"]
+    assert (written["name"], written["axis"]) == ("trend-axy", "axy")
+    done(mtu("fit-components", "-m", "new.yaml", *lbb, cwd=tmp_path))

@@ -83,10 +83,11 @@ def test_sweep() -> None:
 
 
 def test_how_many_probings() -> None:
-    call = ("graph", "sweep", BALL, "--vary", "repeats=1:5:5", "--of", "P1.x")
-    grid = report(*call)["results"]["grid"]
-    assert [item["repeats"] for item in grid] == [1, 2, 3, 4, 5]
-    assert 1e6 * grid[4]["u"] ** 2 == pytest.approx(0.6)
+    for values in ([1, 2, 3, 4, 5], [5, 4, 3, 2, 1]):
+        vary = f"repeats={values[0]}:{values[-1]}:5"
+        grid = report("graph", "sweep", BALL, "--vary", vary, "--of", "P1.x")["results"]["grid"]
+        assert [item["repeats"] for item in grid] == values
+        assert 1e6 * grid[values.index(5)]["u"] ** 2 == pytest.approx(0.6)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +95,6 @@ def test_how_many_probings() -> None:
     [
         ("axis_um=1,1", "a value twice"),
         ("axis_um=2:2:3", "a value twice"),
-        ("axis_um=1:0:3", "wrong value: 'axis_um=1:0:3'; expected the lower end first: 0:1:3"),
         ("axis_um=1_0", "not NAME=VALUES"),
         ("axis_um=0:1_0:2", "not NAME=VALUES"),
     ],

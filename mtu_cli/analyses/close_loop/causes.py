@@ -27,7 +27,7 @@ def causes(prepared: Prepared, steps: Sequence[Step]) -> int:
     its axis: it is a level of that.
     """
     members = [prepared.members[step.member] for step in steps if step.member >= 0]
-    along = {axis for member in members for column in member.columns for axis in column}
+    along = _axes(members)
     grown = {line for member in members for line in _grown(prepared, member)}
     drifted: set[tuple[str, int]] = set()
     count = 0
@@ -44,10 +44,15 @@ def causes(prepared: Prepared, steps: Sequence[Step]) -> int:
 def levels_of(prepared: Prepared, steps: Sequence[Step]) -> frozenset[int]:
     """The offsets, as candidates, along the axes of the effects found."""
     members = [prepared.members[step.member] for step in steps if step.member >= 0]
-    along = {axis for member in members for column in member.columns for axis in column}
+    along = _axes(members)
     scan = prepared.scan
     first = len(scan.columns)
     return frozenset(first + i for i, axis in enumerate(scan.offsets) if axis in along)
+
+
+def _axes(members: Sequence[Member]) -> set[int]:
+    """The axes along which members act."""
+    return {axis for member in members for column in member.columns for axis in column}
 
 
 def _offset(prepared: Prepared, step: Step) -> int | None:
@@ -59,13 +64,19 @@ def _offset(prepared: Prepared, step: Step) -> int | None:
 
 def _drifts(prepared: Prepared, step: Step) -> Iterator[Lines]:
     """What a step drifts along if it is a drift of a covariate alone: as found, or as another
-    name that it may be as well.
+    name along its axes that it may be as well; a growth is not its own drift.
     """
-    yield _drifted(prepared, prepared.members[step.member])
+    own = prepared.members[step.member]
+    yield _drifted(prepared, own)
+    if _grown(prepared, own):
+        return
+    along = _axes([own])
     for index in step.credible:
         if step.index != index < len(prepared.candidates):
             for member in prepared.candidates[index].members:
-                yield _drifted(prepared, member)
+                found = _drifted(prepared, member)
+                if along <= {axis for _, axis in found}:
+                    yield found
 
 
 def _drifted(prepared: Prepared, member: Member) -> Lines:

@@ -50,7 +50,7 @@ def with_own_constants(first: Searched) -> Searched:
     """A search without each offset that agrees (`AGREES`) with what a drift found beside it has
     where the growth of its axis with the same covariate may be 0; that drift then starts there,
     and gets a level (`owners_of`). So does a drift along an axis without an offset: one too small
-    to be found is no 0.
+    to be found is no 0. No fold has that one, so that the held-out errors are without it.
 
     The coordinates of a member are free of its mean: data and gate stay as they are.
     """

@@ -131,8 +131,14 @@ def _coordinates(frame: Frame, table: ResidualTable) -> tuple[FloatArray, FloatA
     """Coordinates and grand means of a table's errors; what is rounding of them is 0."""
     errors = np.where(np.isfinite(table.errors), table.errors, 0.0)
     y, grand = frame.coordinates(errors)
-    least = ROUNDING * float(np.abs(errors).max(initial=0.0)) * np.sqrt(errors[..., 0].size)
-    return np.where(np.abs(y) > least, y, 0.0), grand
+    return without_rounding(table, y), grand
+
+
+def without_rounding(table: ResidualTable, y: FloatArray) -> FloatArray:
+    """Coordinates (N,) of what is in a table, 0 where they are rounding of its errors."""
+    largest = float(np.abs(table.errors[table.there]).max(initial=0.0))
+    least = ROUNDING * largest * np.sqrt(table.errors[..., 0].size)
+    return np.where(np.abs(y) > least, y, 0.0)
 
 
 def _scan(

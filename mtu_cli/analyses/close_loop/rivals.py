@@ -78,7 +78,12 @@ def _instead(
     steps = list(told.found.steps)
     steps[place] = rival
     found = replace(told.found, steps=tuple(steps))
-    owners = owners_of(told.prepared, told.found)
+    members = [told.prepared.members[m] for m in found.members]
+    owners = {
+        axis: at
+        for axis, at in owners_of(told.prepared, told.found).items()
+        if any(axis in column for column in members[at].columns)
+    }
     other = replace(told, found=found, effects=added(told.prepared, found, seed, owners=owners))
     return Instead(
         place=place,

@@ -199,8 +199,9 @@ def _step(
     passing = [i for i in range(len(p)) if p[i] < alpha and i not in done]
     scores = _scores(looked, done)
     if only is not None:
+        # What passes beside them is another cause; what does not is a rival as ever.
+        scores[[i for i in passing if i not in only]] = -np.inf
         passing = [i for i in passing if i in only]
-        scores[[i for i in range(len(scores)) if i not in only]] = -np.inf
     if not passing:
         return None
     # A covariate that explains why parts grow or turn says more than that they do.

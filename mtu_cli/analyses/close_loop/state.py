@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
-from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.prepare import Prepared, without_rounding
 from mtu_cli.analyses.close_loop.scan import Evidence, Scan, evidence
 from mtu_cli.stats.column_groups import Column, MemberColumns, whiten
 from mtu_cli.stats.family_gate import Gate
@@ -66,7 +66,7 @@ class State:
         if self.members:
             columns = [self.flat[m] for m in self.members]
             fit = estimate(prepared.scan, y, columns)
-            y = y - raw_design(prepared.scan, columns) @ fit.beta
+            y = without_rounding(prepared.table, y - raw_design(prepared.scan, columns) @ fit.beta)
             grand -= fit.beta @ np.concatenate([prepared.means[m] for m in self.members])
             # What was taken out scatters no more: what it hid may show now.
             prepared = prepared.with_null_of(y)

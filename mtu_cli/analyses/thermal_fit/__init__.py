@@ -34,7 +34,11 @@ from mtu_cli.analyses.thermal_fit.uncertainty import (
     residuals,
     sensor_noise_share,
 )
-from mtu_cli.analyses.thermal_fit.warnings import component_warnings, sensor_warnings
+from mtu_cli.analyses.thermal_fit.warnings import (
+    component_warnings,
+    sensor_warnings,
+    unit_warnings,
+)
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.autocorrelation import effective_number
@@ -92,7 +96,7 @@ def thermal_fit(
         not_used=others,
         reference=reference,
         method=method,
-        warnings=tuple(dict.fromkeys(warnings)),
+        warnings=tuple(dict.fromkeys([*warnings, *unit_warnings(series.values(), sensors)])),
     )
 
 

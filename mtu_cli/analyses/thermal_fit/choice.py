@@ -53,7 +53,7 @@ def other_blocks(blocks: Blocks, held: tuple[int, ...]) -> Blocks:
     return [block for block in blocks if block != held]
 
 
-def flat(blocks: Blocks) -> list[int]:
+def cycles_of(blocks: Blocks) -> list[int]:
     """The cycles of some blocks."""
     return [cycle for block in blocks for cycle in block]
 
@@ -65,7 +65,7 @@ class Folds:
         self.lib = lib
         self.blocks = tuple(blocks)
         self._rows = [
-            (lib.rows(flat(other_blocks(blocks, block))), lib.rows(block))
+            (lib.rows(cycles_of(other_blocks(blocks, block))), lib.rows(block))
             for block in (blocks if len(blocks) > 1 else ())
         ]
 
@@ -226,7 +226,7 @@ def _changed(
 
 def _by_share(lib: Library, folds: Folds, spec: Spec) -> list[int]:
     """Groups by their share of the modelled drift, largest first."""
-    rows = lib.rows(flat(folds.blocks))
+    rows = lib.rows(cycles_of(folds.blocks))
     found = fit(lib, rows, spec)
     shares = group_shares(lib, rows, spec, found)
     order = np.argsort(-shares, kind="stable")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import fdtrc
 
-from mtu_cli.analyses.thermal_fit.choice import Folds, choose, flat, ordinary, other_blocks
+from mtu_cli.analyses.thermal_fit.choice import Folds, choose, cycles_of, ordinary, other_blocks
 from mtu_cli.analyses.thermal_fit.columns import Library, Rows
 from mtu_cli.analyses.thermal_fit.models import (
     Fitted,
@@ -57,7 +57,7 @@ def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate
     n = 0
     for block in lib.blocks:
         others = other_blocks(lib.blocks, block)
-        held, rows = lib.rows(block), lib.rows(flat(others))
+        held, rows = lib.rows(block), lib.rows(cycles_of(others))
         best, candidates = choose(lib, others, method)
         for item in candidates:
             loss = sum_of_squares(lib, held, item.spec, fit(lib, rows, item.spec))
@@ -161,7 +161,7 @@ def unseen_products(lib: Library, spec: Spec) -> tuple[float, float, float] | No
 
 
 def _others(lib: Library) -> list[Rows]:
-    return [lib.rows(flat(other_blocks(lib.blocks, block))) for block in lib.blocks]
+    return [lib.rows(cycles_of(other_blocks(lib.blocks, block))) for block in lib.blocks]
 
 
 def _leverage(lib: Library, held: Rows, fitted_to: Rows, spec: Spec, found: Fitted) -> float:

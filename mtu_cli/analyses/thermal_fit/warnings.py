@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from mtu_cli.analyses.thermal_fit.evidence import FEWEST_NESTED
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.analyses.thermal_fit.series import Series
 from mtu_cli.analyses.thermal_fit.uncertainty import NORMAL_QUARTILE, Rest
+from mtu_cli.files.fahrenheit import fahrenheit_words
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_warnings import OTHERS_MOVE_DEGC
 from mtu_cli.stats.least_squares import FloatArray
@@ -27,8 +28,6 @@ FAR = 1.0
 """degC beyond the reference from which on it counts as not read."""
 GROSS = 8.0
 """Robust standard deviations from which on a reading is no part of the others."""
-FAHRENHEIT = (50.0, 130.0)
-"""Values that are degC of no shop."""
 
 
 def component_warnings(
@@ -135,6 +134,15 @@ def _of_held_out(lib: Library, drift: ComponentDrift) -> Iterator[tuple[str, str
         )
 
 
+def unit_warnings(every: Iterable[Series], sensors: tuple[str, ...]) -> list[Warned]:
+    """One warning of sensors whose readings of all components seem to be in Fahrenheit."""
+    spans = np.array([series.range() for series in every])
+    low, high = spans[:, :, 0].min(axis=0), spans[:, :, 1].max(axis=0)
+    extents = zip(low.tolist(), high.tolist(), strict=True)
+    words = fahrenheit_words(dict(zip(sensors, extents, strict=True)))
+    return [] if words is None else [Warned(code="looks-like-fahrenheit", message=words)]
+
+
 def sensor_warnings(
     series: Series, sensors: tuple[str, ...], rest: Rest, drift: ComponentDrift
 ) -> list[Warned]:
@@ -148,7 +156,6 @@ def sensor_warnings(
         )
         for name in still
     ]
-    found += _scale(sensors, span)
     found += _gross(rest, drift)
     for c, cycle in enumerate(series.cycles):
         rows = rest.kept.at(series.positions[0], c)
@@ -163,14 +170,6 @@ def sensor_warnings(
                 )
             )
     return found
-
-
-def _scale(sensors: tuple[str, ...], span: FloatArray) -> list[Warned]:
-    middle = float(np.median(span))
-    if not FAHRENHEIT[0] < middle < FAHRENHEIT[1]:
-        return []
-    message = f"the temperatures are about {middle:.0f}: are they degF? degC is expected"
-    return [Warned(code="temperature-scale", message=f"{', '.join(sensors[:3])}: {message}")]
 
 
 def _gross(rest: Rest, drift: ComponentDrift) -> list[Warned]:

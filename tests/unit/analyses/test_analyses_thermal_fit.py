@@ -133,6 +133,21 @@ def test_a_still_sensor_is_left_out() -> None:
     assert "T_02_degC reads 21.3 degC throughout" in warned.message
 
 
+def test_sensors_in_fahrenheit_are_told_once_and_one_odd_cell_is_none() -> None:
+    runs = Plan(gradients=np.array([[2.0, 1.0]])).runs(np.random.default_rng(6))
+    hot = [
+        replace(run, name=name, temperature=32.0 + 1.8 * (run.temperature + add))
+        for run in runs
+        for name, add in (("p", 0.0), ("q", 0.5))
+    ]
+    parts = dict.fromkeys("pq", ("x", "um"))
+    found = thermal_fit([readings(hot)], parts, reference=REFERENCE, method="ridge")
+    (warned,) = [item for item in found.warnings if "Fahrenheit" in item.message]
+    assert warned.code == "looks-like-fahrenheit"
+    runs[0].temperature[5] = 85.0
+    assert "looks-like-fahrenheit" not in codes(fitted(readings(runs)))
+
+
 def test_no_sensor_moves() -> None:
     plan = Plan(gradients=np.array([[2.0, 1.0]]))
     runs = plan.runs(np.random.default_rng(7))

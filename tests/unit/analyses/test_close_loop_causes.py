@@ -31,6 +31,9 @@ def steps_of(*names: str) -> list[Step]:
         (("thermal-drift-x", "offset-x", "thermal-growth-x"), 1),
         (("thermal-growth-x", "trend-x|thermal-drift-x"), 1),
         (("thermal-growth-x", "trend-x"), 2),
+        # A growth is not its own drift, nor is what acts along another axis.
+        (("thermal-growth-x|thermal-drift-x",), 1),
+        (("thermal-growth-x", "step-y|thermal-drift-x"), 2),
         (("thermal-growth-x", "thermal-drift-x", "trend-x|thermal-drift-x"), 2),
         (("thermal-growth-x", "thermal-drift-x!"), 2),
         (("thermal-drift-x", "step-x"), 2),

@@ -120,6 +120,14 @@ def test_a_rival_of_the_drift_keeps_the_offset() -> None:
     assert level[2] == pytest.approx(float(prepared.table.errors[:, :, 0].mean()), abs=1e-6)
 
 
+def test_a_rival_along_another_axis_has_no_level_of_the_drift() -> None:
+    prepared = growing()
+    told = described(*joined(prepared, *three(prepared, rivals=("step-y",))))
+    ((rival,),) = [[i.rival] for i in all_instead(told, found_effects(told, [None] * 2), LIBRARY)]
+    assert set(rival.equations) == {"Ey"}
+    assert [name for name, *_ in rival.parameters] == ["jump"]
+
+
 def test_beside_a_rival_of_the_growth_the_drift_keeps_its_level() -> None:
     prepared = growing()
     offset, growth, drift = three(prepared)

@@ -104,6 +104,20 @@ def test_at_the_cap_the_levels_of_what_was_found_are_still_looked_at() -> None:
     assert not whole.stopped
 
 
+def test_a_level_at_the_cap_has_the_rivals_that_it_has_below_it() -> None:
+    """What passes beside it is another cause; what does not is what it may be instead."""
+    errors = with_effects(9, trend=6.0)
+    errors[..., 0] += 0.9
+    whole = searched(errors)
+    assert names(whole) == ["trend", "offset-x"]
+    assert len(whole.steps[1].credible) > 1
+    # Another cause, along y, changes nothing of x but that it passes too.
+    beside = errors + with_effects(9, cells=0.6) - with_effects(9)
+    capped = searched(beside, most=1)
+    assert (names(capped), capped.stopped) == (["trend", "offset-x"], True)
+    assert capped.steps[1].credible == whole.steps[1].credible
+
+
 def test_the_first_look_is_the_same_however_many_are_asked_for() -> None:
     errors = with_effects(31, trend=3.0, cells=2.0)
     one, more = searched(errors, most=1), searched(errors, most=4)

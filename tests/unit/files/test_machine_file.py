@@ -303,6 +303,10 @@ HOUR = "the time divided by a number of min, such as time_min/60"
         ("um", "p*(time_min - 10)", TIME, f"p in um/min or um/h, or {HOUR}"),
         ("nm", "p*dir_x*time_min", TIME, f"p in um/min or um/h, or {HOUR}"),
         ("um/m^2", "p*x**2*time_min", TIME, HOUR),
+        # What is of another dimension as well needs the unit that makes both right.
+        ("um", "p*x*(T_a_degC - 20)", DEGREE, "p in um/m/K"),
+        ("arcsec", "p*(T_a_degC - 20)", DEGREE, "p in um/K"),
+        ("um", "p*x*time_min", TIME, "p in urad/min or urad/h"),
         ("um/K", "p*(T_a_degC - 20)*time_min", TIME, HOUR),
         (
             "um",
@@ -434,6 +438,11 @@ def test_faulty_effects(tmp_path: Path, effect: str, words: str) -> None:
             "equations: {Ex: p*dir_x}",
             None,
         ),
+        # Readings of a component without an axis are of the component.
+        (
+            "axis: a, parameters: {p: {value: 1, u: 0, unit: um}}, equations: {Ex: p*dir_x}",
+            None,
+        ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, covariance: [[1]]",
             None,
@@ -480,6 +489,36 @@ def test_odd_effects(tmp_path: Path, effect: str, told: str | None) -> None:
     found = [item.message for item in load(tmp_path, machine(more=more)).warnings]
     others = [item.message for item in load(tmp_path, machine()).warnings]
     assert found == [*others, *([f"m.yaml:6: {told}"] if told else [])]
+
+
+OURS = "covariate: time_min, found: {by: mtu close-loop 0.1.0}, "
+
+
+@pytest.mark.parametrize(
+    ("unit", "equation", "told"),
+    [
+        ("um", "p*(time_min - 536.25) - p*(-2.9e-10)", "um beside a time is read as um/min"),
+        ("arcsec", "-x*p*(time_min - 9)*dir_x", "arcsec beside a time is read as arcsec/min"),
+        ("um/m", "p*x*(time_min - 9)", "um/m beside a time is read as urad/min"),
+        ("um/m^2", "p*x**2*time_min", "um/m^2 beside a time is read as per minute"),
+        ("um", "p*exp(-time_min/30)", None),
+        ("um/min", "p*time_min", None),
+    ],
+)
+def test_a_unit_that_close_loop_once_wrote_without_its_minute(
+    tmp_path: Path, unit: str, equation: str, told: str | None
+) -> None:
+    """It is read as it was meant, and written by others it is a fault as before."""
+    own = f"name: e, parameters: {{p: {{value: 3, u: 1, unit: {unit}}}}}, "
+    text = machine(more=f"effects: [{{{OURS}{own}equations: {{Ex: {equation}}}}}]")
+    found = load(tmp_path, text)
+    said = [item.message for item in found.warnings if item.code == "unit-per-minute"]
+    assert said == ([] if told is None else [f"m.yaml:5: effects[0].parameters.p: {told}"])
+    parameter = found.machine.effects[0].parameters["p"]
+    assert (parameter.value, parameter.u, parameter.unit) == (3.0, 1.0, unit)
+    for other in (text.replace("mtu close-loop 0.1.0", "hand"), text.replace(OURS, "")):
+        if told is not None:
+            assert "a time (min) too many" in faults(tmp_path, other)[0]
 
 
 def test_another_kind_of_file_is_told_at_once(tmp_path: Path) -> None:

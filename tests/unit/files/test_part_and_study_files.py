@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -168,6 +169,14 @@ def test_schemas_accept_short_forms() -> None:
     assert {"type": "number"} in constant["anyOf"]
     length = json_schema("part")["$defs"]["Length"]
     assert set(length["required"]) == {"from", "to"}
+
+
+def test_the_schema_knows_what_an_effect_is_of() -> None:
+    texts, _ = json_schema("machine")["$defs"]["Effect"]["properties"]["axis"]["anyOf"]
+    for axis in ("x", "xy", "zx", "zyx", "axy", "q", "xxa"):
+        assert re.search(texts["pattern"], axis), axis
+    for axis in ("", "xx", "xyx", "zyzx", "a b", "1"):
+        assert not re.search(texts["pattern"], axis), axis
 
 
 def test_an_unknown_schema() -> None:

@@ -136,9 +136,28 @@ def test_the_note_of_a_sensor_in_fahrenheit_says_what_it_would_be(tmp_path: Path
     )
 
 
+def test_notes_name_the_files_where_there_are_several(tmp_path: Path) -> None:
+    (odd,) = points_of(tmp_path, by_part({1: 0.0, 5: 0.0, 8: 0.0}), files=PARTS).notes
+    assert odd.message.startswith("p1.csv, p5.csv, p8.csv, column 'T_02_degC': 12 of 40 rows")
+    (hot,) = points_of(tmp_path, np.linspace(68.0, 69.6, 8), files=5).notes
+    assert hot.message.startswith("p0.csv, p1.csv, p2.csv and 2 more: T_02_degC is 68 to 69.6")
+
+
+def test_a_code_long_after_the_readings_beside_it_is_noted(tmp_path: Path) -> None:
+    """It stands apart from them, and not from all that the sensor reads."""
+    values = np.r_[np.linspace(20.0, 24.0, 20), 85.0, np.linspace(24.0, 70.0, 19)].round(3)
+    assert told(tmp_path, values, 1.0 * np.arange(N)) == ([22], [])
+    assert told(tmp_path, values, 61.0 * np.arange(N)) == ([], ["sensor-doubtful"])
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("T_table", "rename 'T_table' to 'T_table_degC' (in degC), or"), ("Temperatur", "alone, or")],
+    [
+        ("T_table_C", "rename 'T_table_C' to 'T_table_degC' (in degC), or"),
+        ("table [\u00b0C]", "rename 'table [\u00b0C]' to 'T_table_degC' (in degC), or"),
+        ("Temp 2", "rename 'Temp 2' to 'T_2_degC' (in degC), or"),
+        ("Temperatur", "alone, or"),
+    ],
 )
 def test_a_column_of_numbers_that_seems_to_be_a_sensor_is_refused(
     tmp_path: Path, name: str, words: str
@@ -149,3 +168,16 @@ def test_a_column_of_numbers_that_seems_to_be_a_sensor_is_refused(
     assert (problem.row, problem.column) == (1, name)
     assert words in str(problem)
     assert points_of(tmp_path, ["new", "old"] * 4, sensor="T_slot").notes == ()
+
+
+@pytest.mark.parametrize(
+    "name", ["T_number", "T1", "T-slot", "temp_class", "TEMP_ID", "temperature_rank", "T_02", "T_c"]
+)
+def test_a_number_of_a_tool_is_a_covariate_of_points(tmp_path: Path, name: str) -> None:
+    """T is the tool's letter: what states no unit is told, and kept."""
+    found = points_of(tmp_path, np.arange(8.0), files=2, sensor=name)
+    np.testing.assert_array_equal(found.covariates[name], np.arange(8.0))
+    assert [note.message for note in found.notes] == [
+        f"p{k}.csv: column {name!r} is not used as temperature: a temperature is T_<sensor>_degC"
+        for k in range(2)
+    ]

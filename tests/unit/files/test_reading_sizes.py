@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,6 +73,16 @@ def grown(slope: float, length: float, zero: float = 0.0) -> Callable[[str, int,
     return change
 
 
+def along(error: Callable[[int, float], float]) -> Callable[[str, int, Cell], Cell]:
+    """Lengths in mm by pass and position, over 600 mm."""
+
+    def change(name: str, i: int, cell: Cell) -> Cell:
+        place = 600.0 * (i % 10) / 9
+        return (place, error(i // 10, place), "mm") if name == "dx_x" else (place, *cell[1:])
+
+    return change
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -82,13 +93,33 @@ def grown(slope: float, length: float, zero: float = 0.0) -> Callable[[str, int,
         grown(1000.0, 5000.0),
         lambda name, i, c: (c[0], 0.2 * c[1], "mm" if name == "dx_x" else c[2]),
         lambda name, i, c: (c[0], 3e5 * (1 + i % 10) if name == "dx_x" else c[1], c[2]),
+        along(lambda run, x: 0.01 * x + 0.3 * math.sin(run + x)),
+        along(lambda run, x: 1.0 * (run % 2) + 0.9 * math.sin(x / 150)),
+        along(lambda run, x: (run - 2.4) * 0.004 * (x - 600 * (run % 2))),
+        along(lambda run, x: round(4 * (x / 200 - 0.3 * run)) / 4),
+        along(lambda run, x: 3.4 + 0.02 * math.sin(run + x / 60)),
+        along(lambda run, x: 1.5 * math.sin(x / 191) + 0.1 * run),
     ],
-    ids=["gantry", "its zero at the end", "belt", "its end", "alignment", "few", "unexplained"],
+    ids=[
+        "gantry",
+        "its zero at the end",
+        "belt",
+        "its end",
+        "alignment",
+        "few",
+        "unexplained",
+        "a poor belt",
+        "backlash of 1 mm",
+        "aligned anew",
+        "coarse",
+        "indicator not set to 0",
+        "bow",
+    ],
 )
 def test_large_machines_and_poor_ones_pass(
     tmp_path: Path, change: Callable[[str, int, Cell], Cell]
 ) -> None:
-    """Errors beyond a millimetre that grow with position, and those that no unit explains."""
+    """Errors beyond a millimetre that lines explain, and those that no unit does."""
     text = table(change)
     for travels in ({"x": (0.0, 24000.0)}, None):
         assert len(read(tmp_path, text, travels)) == 102
@@ -109,6 +140,16 @@ MISTAKES: dict[str, tuple[Callable[[str, int, Cell], Cell], str]] = {
         lambda name, i, c: (c[0], 0.4 * c[1], "mm" if name == "dx_x" else c[2]),
         "cells of dx_x are larger than any machine's error: '1.644 mm'; expected errors of at "
         "most 1 mm, or 1 % of the distance moved: these look like um in a column of mm",
+    ),
+    "um as mm on a longer axis": (
+        along(lambda run, x: 1.5 + 0.005 * x + 3.0 * math.sin(x / 90) + 0.1 * run),
+        "44 of 50 cells of dx_x are larger than any machine's error: '3.857837554 mm'; expected "
+        "errors of at most 1 mm, or 0.1 % of the distance moved, off a straight line that is 0 on "
+        "the axis: these look like um in a column of mm",
+    ),
+    "waves and a constant of um as mm": (
+        along(lambda run, x: 3.0 + 0.6 * math.sin(x / 90 + run)),
+        "off a straight line that is 0 on the axis: these look like um in a column of mm",
     ),
     "urad as rad": (
         lambda name, i, c: (c[0], c[1], c[2] if name == "dx_x" else "rad"),

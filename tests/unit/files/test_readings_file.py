@@ -138,16 +138,23 @@ def test_all_faults_of_all_files(tmp_path: Path) -> None:
     assert [line.split(", column")[0] for line in found] == ["r0.csv, row 2", "r1.csv, row 2"]
 
 
+@pytest.mark.parametrize(
+    "count", ["99999999999999999999", "9007199254740993", "9007199254740992", "-9007199254740992"]
+)
 @pytest.mark.parametrize("small", [csv_file.SMALL, 0])
 def test_a_count_that_is_too_large_is_shown_as_it_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: int
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: int, count: str
 ) -> None:
+    """2^53 + 1 is read as 2^53: neither is told from the other."""
     monkeypatch.setattr(csv_file, "SMALL", small)
-    found = faults(tmp_path, f"{HEAD},pass\ndx_x,0,1,um,99999999999999999999\n")
+    found = faults(tmp_path, f"{HEAD},pass\ndx_x,0,1,um,{count}\n")
     assert found == [
-        "r0.csv, row 2, column 'pass': too large: '99999999999999999999'; expected a whole "
-        "number, at most 9007199254740992 in size"
+        f"r0.csv, row 2, column 'pass': too large: '{count}'; expected a whole "
+        "number, at most 9007199254740991 in size"
     ]
+    assert (
+        read(tmp_path, f"{HEAD},pass\ndx_x,0,1,um,9007199254740991\n").pass_number[0] == 2**53 - 1
+    )
 
 
 def test_position_is_required_where_a_component_has_an_axis(tmp_path: Path) -> None:

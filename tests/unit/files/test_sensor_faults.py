@@ -99,12 +99,36 @@ def test_what_warms_up_or_stays_is_left_alone(tmp_path: Path, values: np.ndarray
     assert refused(tmp_path, values) == []
 
 
-@pytest.mark.parametrize("value", [66.2, 85.0, 0.0])
-def test_a_sensor_that_is_read_rarely_may_jump(tmp_path: Path, value: float) -> None:
+@pytest.mark.parametrize("minutes", [12.0, 60.0, 61.0])
+@pytest.mark.parametrize(
+    ("value", "count"), [(66.2, 1), (85.0, 1), (85.0, 3), (85.0, 4), (0.0, 1), (0.0, 4)]
+)
+def test_a_sensor_that_is_read_rarely_may_jump(
+    tmp_path: Path, value: float, count: int, minutes: float
+) -> None:
+    """But to no code, within an hour for a moment; what may be so hot, or so cold, is told."""
     values = slow()
-    values[7] = value
-    assert refused(tmp_path, values, 60.0) == []
-    assert not doubted(tmp_path)
+    values[7 : 7 + count] = value
+    rows = range(9, 9 + count) if value in CODES and minutes <= 60.0 and count < 4 else ()
+    assert refused(tmp_path, values, minutes) == [(row, "T_02_degC") for row in rows]
+    assert doubted(tmp_path) == (value in CODES and not rows)
+
+
+@pytest.mark.parametrize(("minutes", "low", "told"), [(10.0, 50.0, True), (30.0, 50.0, False),
+                                                      (30.0, 24.0, True)])  # fmt: skip
+def test_a_spindle_may_cool_from_85_within_the_hour(
+    tmp_path: Path, minutes: float, low: float, told: bool
+) -> None:
+    values = np.r_[85.0, np.linspace(low, low - 4.0, N - 1).round(3)]
+    assert refused(tmp_path, values, minutes) == ([(2, "T_02_degC")] if told else [])
+    assert doubted(tmp_path) != told
+
+
+def test_a_code_that_is_alone_in_its_cycle_is_told(tmp_path: Path) -> None:
+    values = slow(30.0, N + 1)
+    values[N] = 85.0
+    assert refused(tmp_path, values) == []
+    assert doubted(tmp_path)
 
 
 def test_the_rise_over_a_cold_machine_begins_with_0(tmp_path: Path) -> None:
@@ -117,8 +141,15 @@ def test_the_rise_over_a_cold_machine_begins_with_0(tmp_path: Path) -> None:
     assert refused(tmp_path, values) == [(N + 11, "T_02_degC")]
 
 
-@pytest.mark.parametrize("high", [62.0, 85.0])
-@pytest.mark.parametrize(("minutes", "told"), [(1.0, True), (None, True), (60.0, False)])
+@pytest.mark.parametrize(
+    ("high", "minutes", "told"),
+    [
+        *((high, minutes, True) for high in (62.0, 85.0) for minutes in (1.0, None)),
+        (62.0, 60.0, False),
+        (85.0, 60.0, True),
+        (85.0, 61.0, True),
+    ],
+)
 def test_what_comes_again_and_again_is_warned_of(
     tmp_path: Path, high: float, minutes: float | None, told: bool
 ) -> None:

@@ -678,6 +678,9 @@ TIMED = """
 """
 
 
+SEARCHED = "  search: {tau: {from: 5, to: 50, count: 3}}\n"
+
+
 @pytest.mark.parametrize(
     ("unit", "equation", "told"),
     [
@@ -685,16 +688,22 @@ TIMED = """
         ("um", "k*({c} - {c0})/10", "um"),
         ("um", "k*({c} - {c0})**2", "um"),
         ("um/m^2", "k*{a}**2*({c} - {c0})", None),
+        ("um", "k*{c}/tau", "um"),
+        ("um", "k*{c}*exp(-{c}/tau)", "um/min"),
+        ("um", "k*({c} + sequence)", None),
+        ("um", "k*({c} + dir_{a})", None),
     ],
 )
 def test_a_unit_beside_the_time(tmp_path: Path, unit: str, equation: str, told: str | None) -> None:
     text = TIMED.replace("UNIT", unit).replace("EQUATION", equation)
+    text += SEARCHED if "tau" in equation else ""
     (tmp_path / "own.yaml").write_text(text, encoding="utf-8")
     found = by_name(candidates(readings_table(), effect_library([tmp_path / "own.yaml"])))
     units = {m.covariate: m.parameters[0][1] for m in found["creep-x"].members}
     assert units == {"sequence": unit} | ({} if told is None else {"time_min": told})
-    notes = " ".join(found["creep-x"].notes)
-    assert ("um/m^2 of k has no unit per minute" in notes) == (told is None)
+    why = "time_min in place of {c}: a time (min) and what is not in min are added"
+    why = why if "+" in equation else "um/m^2 of k has no unit per minute"
+    assert (why in " ".join(found["creep-x"].notes)) == (told is None)
 
 
 def test_readings_of_a_component_without_an_axis(library: EffectLibrary) -> None:

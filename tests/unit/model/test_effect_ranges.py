@@ -197,6 +197,9 @@ def test_ranges_are_those_of_the_measured_cells() -> None:
         [1e15, 1e15 + 1, 1e15 + 2],
         [1e-9 / 3, 0.0, 2e-9],
         [7.0, 7.0, 7.0],
+        # A range, or a millionth of it, that is no number: its ends are as they are.
+        [0.0, 5e-321, 1e-320],
+        [-1e308, 0.0, 1e308],
     ],
 )
 def test_what_was_seen_lies_within_its_range(values: list[float]) -> None:
