@@ -13,7 +13,9 @@ from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.strata import Strata
 
 MINOR = 2e-3
-"""Share of a column below which it leaves a stratum alone, where filling or freeing smears it."""
+"""Share of a column below which it is not tested in a stratum, where filling or freeing smears
+it.
+"""
 
 Freeing = Callable[[FloatArray], FloatArray]
 """Takes the freedoms of the part's coordinate system out of tables (..., P, H, A)."""
@@ -33,10 +35,22 @@ class Frame:
         return self.strata.coordinates(self.completion.fill(freed))
 
     def column(self, parts: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
-        """A column's coordinates by stratum, from its tables by axis.
+        """A column's coordinates by stratum, from its tables by axis, where it can be tested.
 
         Each is as large as it needs to be: (P, 1), (1, H), (P, H), or (1, 1), which is in no
         stratum.
+        """
+        found = self.whole_column(parts)
+        if self.freeing is None and self.completion.complete:
+            return found
+        least = MINOR * sum(float(values @ values) for values in found.values())
+        return {i: values for i, values in found.items() if float(values @ values) > least}
+
+    def whole_column(self, parts: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
+        """As `column`, in all strata: what an effect is taken off by and estimated with.
+
+        Left in a stratum, what is minor beside the rest of the column may be no small part of
+        the errors there.
         """
         P, H, _ = self.strata.shape
         if self.freeing is not None or self._needs_filling(parts):
@@ -77,6 +91,4 @@ class Frame:
         total = sum(float(np.mean(values**2)) for values in parts.values()) * P * H
         squares = {index: float(values @ values) for index, values in found.items()}
         least = max(NOTHING * total, 1e-300)
-        if self.freeing is not None or not self.completion.complete:
-            least = max(least, MINOR * sum(squares.values()))
         return {index: found[index] for index, size in squares.items() if size > least}

@@ -71,7 +71,7 @@ def added(
     are the places of effects that get the mean error, whether it agrees with their own or not.
     """
     scan = prepared.scan
-    columns = [prepared.flat()[m] for m in found.members]
+    columns = prepared.whole(found.members)
     left, fit = prepared, _no_fit(prepared)
     if columns:
         fit = estimate(scan, prepared.y, columns)
@@ -84,7 +84,7 @@ def added(
         for step in found.steps
         if first <= step.index < scan.tested
     ]
-    joint = _joint_covariance(left, [prepared.flat()[m] for m in found.members], fit, seed, rough)
+    joint = _joint_covariance(left, columns, fit, seed, rough)
     fit, levels = _with_levels(left, found.members, fit, offsets, joint, owners)
     return Added(
         members=found.members,

@@ -64,8 +64,7 @@ def _weights(prepared: Prepared, found: Search) -> np.ndarray:
     """Inverse variances of the coordinates, by stratum, less the effects that were found."""
     scan, left = prepared.scan, prepared.y
     if found.members:
-        flat = prepared.flat()
-        columns = [flat[m] for m in found.members]
+        columns = prepared.whole(found.members)
         left = left - raw_design(scan, columns) @ estimate(scan, left, columns).beta
     y = whitened(scan.frame.strata, scan.whitening, left)
     weights = np.zeros(len(y))

@@ -76,6 +76,15 @@ class Prepared:
         """The coordinates of all members, end to end."""
         return [member for members in self.scan.columns for member in members]
 
+    def whole(self, members: Sequence[int]) -> list[MemberColumns]:
+        """The coordinates of these members in all strata, also where they are not tested."""
+        frame = self.scan.frame
+        if frame.freeing is None and frame.completion.complete:
+            flat = self.flat()
+            return [flat[m] for m in members]
+        columns = (self.members[m].columns for m in members)
+        return [tuple(frame.whole_column(column) for column in own) for own in columns]
+
     def with_tangents(self, members: Sequence[int]) -> list[MemberColumns]:
         """The coordinates of these members, and of their derivatives by what was searched."""
         flat = self.flat()

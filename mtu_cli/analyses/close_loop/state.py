@@ -51,7 +51,6 @@ class State:
 
     def __init__(self, prepared: Prepared, gate: Gate | None) -> None:
         self.prepared, self.gate = prepared, gate
-        self.flat = prepared.flat()
         self.found: list[MemberColumns] = []
         self.members: list[int] = []
         self.done: set[int] = set()
@@ -64,7 +63,7 @@ class State:
         prepared, y = self.prepared, self.prepared.y
         grand = prepared.grand.copy()
         if self.members:
-            columns = [self.flat[m] for m in self.members]
+            columns = prepared.whole(self.members)
             fit = estimate(prepared.scan, y, columns)
             y = without_rounding(prepared.table, y - raw_design(prepared.scan, columns) @ fit.beta)
             grand -= fit.beta @ np.concatenate([prepared.means[m] for m in self.members])

@@ -13,6 +13,7 @@ from scipy.special import logsumexp
 from scipy.stats import binom
 
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
+from mtu_cli.analyses.close_loop.estimate import raw_design
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search, posterior_of, search
@@ -116,6 +117,29 @@ def test_a_level_at_the_cap_has_the_rivals_that_it_has_below_it() -> None:
     capped = searched(beside, most=1)
     assert (names(capped), capped.stopped) == (["trend", "offset-x"], True)
     assert capped.steps[1].credible == whole.steps[1].credible
+
+
+def test_what_is_minor_of_an_effect_is_taken_off_with_it_where_cells_are_missing() -> None:
+    """A growth is seldom read at one temperature within a part: a thousandth of it is in cells.
+
+    In a complete table it is one effect; that a cell is missing must not make it two.
+    """
+    rng = np.random.default_rng(3)
+    small = centred(rng.normal(size=(12, 10)))
+    large = COLUMNS["shape"][0] + 0.2 * centred(np.arange(12.0)[:, None]) + 0.04 * small
+    own = (candidate("growth", ({0: large},)), candidate("cells", ({0: small},)))
+    errors = quiet(rng)
+    errors[..., 0] += 20.0 * large
+    for missing in (0, 1):
+        there = np.ones((12, 10), bool)
+        there[4, 7] = not missing
+        prepared = prepared_with(residuals(errors, there=there), *own)
+        found = search(prepared, calibrated(prepared.scan, 499, 3), alpha=0.05, most=4)
+        assert [prepared.candidates[step.index].name for step in found.steps] == ["growth"]
+        (whole,) = prepared.whole(found.members)
+        taken = raw_design(prepared.scan, [whole])[:, 0]
+        table = whole_column({0: large}, SHAPE) * there[..., None]
+        np.testing.assert_allclose(taken, prepared.scan.frame.coordinates(table)[0], atol=1e-9)
 
 
 def test_the_first_look_is_the_same_however_many_are_asked_for() -> None:
