@@ -10,13 +10,15 @@ UN := configs/undeclared
 
 .PHONY: demo test lint type fuzz bench peers-bench loop-bench data pictures clean
 
-# Packages are compiled on all cores after pip, which compiles on one; a few hold files that are
-# no Python of this version.
+# Packages are compiled on all cores after pip, which compiles on one; not what no command of ours
+# imports: their own tests, and tools that are compiled already or have done. A few hold files that
+# are no Python of this version.
+NOT_COMPILED := packages/((pip|setuptools|mypyc?)/|.*/tests/)
 define installed
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed" if sys.version_info < (3, 11) else 0)'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -e $(1)
-	$(BIN)/python -m compileall -qq -j 0 $(VENV)/lib || true
+	$(BIN)/python -m compileall -qq -j 0 -x '$(NOT_COMPILED)' $(VENV)/lib || true
 endef
 
 # Stamps are made again when the project's requirements change.
@@ -55,9 +57,9 @@ demo: $(VENV)/.base
 	@echo "== the same parts by the machine with the effect added; pictures are in $(OUT)/"
 	$(MTU) compare $(UN) -m $(OUT)/machine-extended.yaml --plot $(OUT)/compare.png
 
-# Many tests start the command: its modules are compiled once before.
+# Many tests start the command: its modules are compiled once before. Those of tests are by pytest.
 test: lint type
-	$(BIN)/python -m compileall -q -j 0 mtu_cli tests
+	$(BIN)/python -m compileall -q -j 0 -x '/test_[^/]*$$' mtu_cli tests
 	$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=
 
 lint: $(VENV)/.dev

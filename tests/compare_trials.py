@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +82,7 @@ def made(
     return replace(points, measured=points.measured + shift)
 
 
+@lru_cache(128)
 def fitted(passes: int, seed: int) -> MachineModel:
     """The machine as `passes` each way of simulated readings know it."""
     machine, truth, _ = study()

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
+from coverage import Coverage
 
 TESTS = Path(__file__).parent
 sys.path.insert(0, str(TESTS))
@@ -26,13 +29,28 @@ REPEATED = ("cover", "alarms", "uniform", "unbiased", "seeds", "nineteen", "rare
 """In the names of tests that run the same lines for thousands of drawn tables."""
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """With ``--cov``, counts where it tells something."""
-    if config.getoption("cov_source", default=None):
-        for item in items:
-            inside = any(item.path.is_relative_to(TESTS / folder) for folder in COUNTED)
-            if not inside or any(word in item.name for word in REPEATED):
-                item.add_marker("no_cover")
+def counted(item: pytest.Item) -> bool:
+    inside = any(item.path.is_relative_to(TESTS / folder) for folder in COUNTED)
+    return inside and not any(word in item.name for word in REPEATED)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """With ``--cov``, counts where it tells something: not what is made for other tests either."""
+    running = None if counted(item) else Coverage.current()
+    if running is None:
+        return (yield)
+    running.stop()
+    try:
+        return (yield)
+    finally:
+        running.start()
+
+
+def pytest_collection_finish() -> None:
+    """What was imported stays: it is not looked through for garbage again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_terminal_summary(

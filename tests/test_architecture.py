@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -48,6 +49,7 @@ def room(module: str) -> str:
     return module.split(".")[1] if "." in module else "mtu_cli"
 
 
+@cache
 def imports(path: Path) -> list[tuple[str, int]]:
     """Imported modules with their lines, those for type checkers only left out."""
     tree = ast.parse(path.read_text("utf-8"))

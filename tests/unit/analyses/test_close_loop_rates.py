@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from loop_bench import cells
 from loop_bench.cells import CELLS, Cell, Measure, Record, record
 from loop_bench.days import FOLDS, THIRDS, BenchDay
 from loop_bench.figures import binomial, class_holds, exact_pair, flagged, right_first
@@ -52,7 +53,11 @@ TOLD = ("backlash", "scale", "squareness", "abbe", "radial", "thermal-growth", "
         "cyclic", "operation-scatter", "rotation-scatter")  # fmt: skip
 
 
-def test_a_planned_day_names_what_is_as_large_as_the_scatter() -> None:
+def test_a_planned_day_names_what_is_as_large_as_the_scatter(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Scores of held-out parts take four fifths of a record's time, and are not looked at here.
+    monkeypatch.setattr(cells, "held_out_after", lambda *_: np.nan)
     found = records("B", cell("library", *TOLD), 2 * len(TOLD))
     wrong = [(item["truths"], item["names"]) for item in found if not right_first(item)]
     assert not wrong
