@@ -51,7 +51,7 @@ def half_measured(P: int, H: int) -> Mask:
 
 
 def frame_of(strata: Strata, observed: Mask) -> Frame:
-    return Frame(strata=strata, completion=completion(observed), freeing=None)
+    return Frame(strata=strata, completion=completion(observed, strata.smooth), freeing=None)
 
 
 def whole_frame(strata: Strata) -> Frame:

@@ -1,4 +1,4 @@
-"""Incomplete two-way tables completed by their additive least-squares fit."""
+"""Incomplete two-way tables completed by their least-squares fit of rows and columns."""
 
 from __future__ import annotations
 
@@ -10,64 +10,108 @@ from numpy.typing import NDArray
 from mtu_cli.stats.least_squares import FloatArray
 
 ALMOST_ZERO = 1e-10
+FARTHEST = 1.0
+"""Variance, over that of an entry, up to which a row's own lines tell its missing entries: they
+are no worse known then than if they had been read.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Completion:
     """Fills the missing entries of tables (..., P, H, A) of rows and columns.
 
-    `observed` (P, H) tells which entries there are; `inverse` (P + H, P + H) is the
-    pseudo-inverse of the normal equations of row plus column effects. An entry that is missing
-    is given the least-squares row effect plus column effect of those that are there: linear in
-    them, and exact for every table that is a function of the row plus one of the column.
+    `observed` (P, H) tells which entries there are. An entry that is missing is given the
+    least-squares row effect, with the row's lines along the `smooth` directions where those are
+    told, plus column effect of those that are there: linear in them, and exact for every table
+    that is such a function of the row plus one of the column. Effects that the entries do not
+    tell are those of minimum norm.
+
+    Rows are eliminated: with N_p (m, m) the normal matrix of a row's effects, B_p (m, H) its
+    cross products with the columns and S (H, H) the Schur complement of the columns, c = S^+ r
+    and a_p = N_p^+ (s_p - B_p c) for sums s_p and r. `solved` (P, m, H) is N_p^+ B_p, `rows`
+    (P, m, m) N_p^+, `columns` (H, H) S^+; `free` (H, q) spans the null space of S and `lean`
+    (q, P, m) gives the part along it for which the effects have minimum norm.
     """
 
     observed: NDArray[np.bool_]
-    inverse: FloatArray | None
+    smooth: FloatArray
+    rows: FloatArray
+    solved: FloatArray
+    columns: FloatArray
+    free: FloatArray
+    lean: FloatArray
 
     @property
     def complete(self) -> bool:
         """Whether no entry is missing."""
-        return self.inverse is None
+        return bool(self.observed.all())
 
     def fill(self, tables: FloatArray) -> FloatArray:
         """The completed tables (..., P, H, A); what stood in missing entries is ignored."""
-        if self.inverse is None:
+        if self.complete:
             return tables
         there = self.observed[:, :, None]
         known = np.where(there, tables, 0.0)
-        return np.where(there, known, self._additive(known))
+        return np.where(there, known, self._fitted(known))
 
-    def adjoint(self, tables: FloatArray) -> FloatArray:
-        """The transpose of `fill`, so that sum(fill(Y) * W) = sum(Y * adjoint(W))."""
-        if self.inverse is None:
-            return tables
-        there = self.observed[:, :, None]
-        missing = np.where(there, 0.0, tables)
-        return np.where(there, tables + self._additive(missing), 0.0)
-
-    def _additive(self, known: FloatArray) -> FloatArray:
+    def _fitted(self, known: FloatArray) -> FloatArray:
         """Row plus column effects of the sums over rows and columns of `known`."""
-        assert self.inverse is not None
-        P = self.observed.shape[0]
-        sums = np.concatenate([known.sum(axis=-2), known.sum(axis=-3)], axis=-2)
-        effects = self.inverse @ sums
-        found: FloatArray = effects[..., :P, None, :] + effects[..., None, P:, :]
-        return found
+        # Axes first, so that all products are of stacked matrices: (..., A, P, H).
+        turned = np.moveaxis(known, -1, -3)
+        sums = turned @ self.smooth
+        own = np.einsum("pij,...pj->...pi", self.rows, sums)
+        rest = turned.sum(axis=-2) - np.einsum("pih,...pi->...h", self.solved, sums)
+        column = rest @ self.columns
+        own -= np.einsum("pih,...h->...pi", self.solved, column)
+        along = np.einsum("qpi,...pi->...q", self.lean, own)
+        column += along @ self.free.T
+        own -= np.einsum("pih,...h->...pi", self.solved, along @ self.free.T)
+        found: FloatArray = own @ self.smooth.T + column[..., None, :]
+        return np.moveaxis(found, -3, -1)
 
 
-def completion(observed: NDArray[np.bool_]) -> Completion:
+def completion(observed: NDArray[np.bool_], smooth: FloatArray | None = None) -> Completion:
     """The completion of tables of which the entries `observed` (P, H) are there.
 
+    `smooth` (H, k) are directions along the columns in which whole rows may differ: a row's own
+    entries tell its lines there, unless a missing entry lies too far from them (`FARTHEST`).
     Every row and every column must have an entry. Where rows and columns fall apart into
     groups without a common entry, the differences between the groups are taken as 0
     (minimum norm).
     """
-    if observed.all():
-        return Completion(observed=observed, inverse=None)
-    there = observed.astype(float)
-    normal = np.block([[np.diag(there.sum(axis=1)), there], [there.T, np.diag(there.sum(axis=0))]])
-    values, vectors = np.linalg.eigh(normal)
+    ones = np.ones((observed.shape[1], 1))
+    X = ones if smooth is None else np.concatenate([ones, smooth], axis=1)
+    rows = np.stack([_of_row(X, observed[p]) for p in range(len(observed))])
+    cross = X.T * observed[:, None, :]
+    solved = rows @ cross
+    schur = np.diag(observed.sum(axis=0).astype(float)) - np.einsum("pih,pig->hg", cross, solved)
+    values, vectors = np.linalg.eigh(schur)
     kept = values > ALMOST_ZERO * values[-1]
-    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
-    return Completion(observed=observed, inverse=inverse)
+    free = vectors[:, ~kept]
+    along = np.einsum("pih,hq->qpi", solved, free)
+    square = np.eye(free.shape[1]) + np.einsum("qpi,rpi->qr", along, along)
+    return Completion(
+        observed=observed,
+        smooth=X,
+        rows=rows,
+        solved=solved,
+        columns=(vectors[:, kept] / values[kept]) @ vectors[:, kept].T,
+        free=free,
+        lean=np.einsum("qr,rpi->qpi", np.linalg.inv(square), along),
+    )
+
+
+def _of_row(X: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
+    """The inverse (m, m) of a row's normal matrix, 0 but for its mean where its lines are not
+    told.
+    """
+    found = np.zeros((X.shape[1], X.shape[1]))
+    found[0, 0] = 1.0 / there.sum()
+    if X.shape[1] == 1 or there.sum() <= X.shape[1]:
+        return found
+    values, vectors = np.linalg.eigh(X[there].T @ X[there])
+    if values[0] <= ALMOST_ZERO * values[-1]:
+        return found
+    inverse: FloatArray = (vectors / values) @ vectors.T
+    far = np.einsum("hi,ij,hj->h", X[~there], inverse, X[~there])
+    return inverse if far.max(initial=0.0) <= FARTHEST else found

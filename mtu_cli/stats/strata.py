@@ -97,6 +97,11 @@ class Strata:
             if stratum.axis == axis and stratum.kind in ("column", "reversal")
         }
 
+    @property
+    def smooth(self) -> FloatArray:
+        """The directions (H, k), orthonormal, in which whole parts differ beside their mean."""
+        return self.columns[:, 1 : 1 + self.lines]
+
     def find(self, kind: Kind, axis: int, line: int = 0) -> Stratum | None:
         """The stratum of a kind, axis and line; None where it is empty."""
         for stratum in self.all:

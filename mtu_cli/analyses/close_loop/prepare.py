@@ -116,7 +116,8 @@ def prepare(
     """
     P, _, A = table.errors.shape
     strata = strata_of(P, smooth_directions(table), A, reversal_pairs(table))
-    frame = Frame(strata=strata, completion=completion(table.there), freeing=freeing(table))
+    filling = completion(table.there, strata.smooth)
+    frame = Frame(strata=strata, completion=filling, freeing=freeing(table))
     known = KnownScatter(*_factors(table, strata), pass_dof)
     chosen = _testable(table, candidates, strata)
     seen = _columns(table, frame, chosen)

@@ -139,7 +139,7 @@ def sight_of(prepared: Prepared, plan: FollowUp, beside: Sequence[int] = ()) -> 
     ]
     frame = Frame(
         strata=strata,
-        completion=completion(whole.there),
+        completion=completion(whole.there, strata.smooth),
         freeing=freeing(whole),
     )
     plain = Sight(

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from crossed_tables import Floats
+from effect_tables import grid_places
 from loop_tables import candidate, crossed, offset, prepared_with, residuals, whole_column
 from scipy.special import logsumexp
 from scipy.stats import binom
@@ -140,6 +141,19 @@ def test_what_is_minor_of_an_effect_is_taken_off_with_it_where_cells_are_missing
         taken = raw_design(prepared.scan, [whole])[:, 0]
         table = whole_column({0: large}, SHAPE) * there[..., None]
         np.testing.assert_allclose(taken, prepared.scan.frame.coordinates(table)[0], atol=1e-9)
+
+
+def test_parts_that_scatter_in_scale_are_no_growth_where_cells_are_missing() -> None:
+    """What a part's own line foretells of a missing cell is no scatter of single cells."""
+    rng = np.random.default_rng(0)
+    errors, x = quiet(rng), centred(grid_places(10, jitter=3.0)[:, 0])[None]
+    trend = COLUMNS["trend"][0]
+    errors[..., 0] += 20.0 * rng.normal(size=(12, 1)) * x / x.std()
+    there = np.ones((12, 10), bool)
+    there.flat[[4, 37, 62, 95]] = False
+    own = candidate("growth", ({0: trend * x},))
+    prepared = prepared_with(residuals(errors, there=there), own)
+    assert search(prepared, calibrated(prepared.scan, 499, 3), alpha=0.05, most=4).steps == ()
 
 
 def test_the_first_look_is_the_same_however_many_are_asked_for() -> None:

@@ -1,10 +1,10 @@
-"""Incomplete tables completed by rows plus columns: lstsq, adjoint, and what must not matter."""
+"""Incomplete tables completed by rows plus columns: lstsq, lines, and what must not matter."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from crossed_tables import Floats, Mask, half_measured, holes
+from crossed_tables import Floats, Mask, grid, half_measured, holes
 
 from mtu_cli.stats.crossed import completion
 
@@ -40,14 +40,58 @@ def test_what_is_missing_is_the_least_squares_row_plus_column(name: str) -> None
     assert np.array_equal(filled[there], table[there])
 
 
-@pytest.mark.parametrize("name", MASKS)
-def test_the_adjoint_is_the_transpose(name: str) -> None:
+def lines(H: int) -> Floats:
+    """Two directions along the columns, of no special length or angle."""
+    return np.random.default_rng(H).normal(size=(H, 2))
+
+
+def told(there: Mask, directions: Floats) -> list[bool]:
+    """By row, whether each missing entry is known no worse from the row's own lines than read."""
+    found = []
+    for row in there:
+        X = np.column_stack([np.ones(len(row)), directions])
+        enough = row.sum() > X.shape[1] and np.linalg.matrix_rank(X[row]) == X.shape[1]
+        lever = np.diag(X @ np.linalg.pinv(X[row].T @ X[row]) @ X.T)
+        found.append(bool(enough and (lever[~row] <= 1.0).all()))
+    return found
+
+
+@pytest.mark.parametrize("name", ["holes", "half", "sparse", "apart"])
+def test_lines_of_rows_are_fitted_with_them(name: str) -> None:
+    """One dense equation an entry, of minimum norm; lines of rows that are told have columns."""
     there = MASKS[name]
-    n = there.size * 2
-    units = np.eye(n).reshape(n, *there.shape, 2)
-    own = completion(there)
-    fill, adjoint = own.fill(units).reshape(n, n), own.adjoint(units).reshape(n, n)
-    np.testing.assert_allclose(adjoint, fill.T, rtol=0, atol=1e-13)
+    P, H = there.shape
+    directions = lines(H)
+    rows = [np.kron(np.eye(P), np.ones((H, 1))), np.kron(np.ones((P, 1)), np.eye(H))]
+    known = np.flatnonzero(told(there, directions))
+    rows.append(np.kron(np.eye(P)[:, known], directions))
+    X, own = np.concatenate(rows, axis=1), there.ravel()
+    table = np.random.default_rng(3).normal(size=(5, P, H, 2))
+    filled = completion(there, directions).fill(table)
+    for one, found in zip(table, filled, strict=True):
+        expected = one.reshape(P * H, 2).copy()
+        expected[~own] = X[~own] @ np.linalg.lstsq(X[own], expected[own], rcond=None)[0]
+        np.testing.assert_allclose(found.reshape(P * H, 2), expected, rtol=0, atol=1e-9)
+
+
+def test_rows_that_are_told_are_some_and_not_all() -> None:
+    """Of the masks with lines: what the test above is about does occur."""
+    every = [
+        t
+        for name in ("holes", "sparse", "half")
+        for t in told(MASKS[name], lines(MASKS[name].shape[1]))
+    ]
+    assert 0 < sum(every) < len(every)
+
+
+def test_parts_that_turn_are_completed_exactly() -> None:
+    there = holes(8, 24, 0.05, 3)
+    directions, rng = grid(24), np.random.default_rng(4)
+    assert all(told(there, directions))
+    table = rng.normal(size=(1, 24, 1)) + rng.normal(size=(8, 1, 1))
+    table = table + (directions @ rng.normal(size=(2, 8))).T[:, :, None]
+    given = np.where(there[:, :, None], table, 1e6)
+    np.testing.assert_allclose(completion(there, directions).fill(given), table, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["holes", "half", "sparse"])
@@ -84,4 +128,3 @@ def test_complete_tables_are_left_alone() -> None:
     assert own.complete
     assert not completion(MASKS["holes"]).complete
     assert own.fill(table) is table
-    assert own.adjoint(table) is table
