@@ -59,7 +59,9 @@ def document(result: AnovaResult) -> dict[str, Any]:
         "axis_scatter": [
             {
                 "operation": item.operation or None,
+                "parts": item.test.rows,
                 "variance_ratio_y_to_x": finite(item.test.ratio),
+                "variance_ratio_interval95": [finite(end) for end in item.interval],
                 "of": "parts" if item.apart else "part means, CMM included",
                 "p": finite(item.test.p),
                 "p_familywise": finite(item.test.p_familywise),

@@ -9,6 +9,7 @@ from mtu_cli.analyses.anova.axis_scatter import AxisScatter
 from mtu_cli.analyses.anova.features import UnusualFeature
 from mtu_cli.analyses.anova.parts import FAMILY_RATE, UnusualPart
 from mtu_cli.reports.numbers import p_value, significant, with_u
+from mtu_cli.stats.scatter_ratio import FEWEST_ROWS
 from mtu_cli.units import ARCSEC, UM
 
 SIGNIFICANT = 0.05
@@ -28,7 +29,7 @@ def sentences(result: AnovaResult) -> list[str]:
     found += [_unusual(item) for item in result.unusual or ()]
     found += _features(result)
     found += [_axes(item) for item in result.axis_scatter]
-    if len(result.axis_scatter) > 1:
+    if sum(bool(np.isfinite(item.test.p)) for item in result.axis_scatter) > 1:
         found[-1] += " These p hold for all operations together (Holm)."
     return found
 
@@ -99,19 +100,44 @@ def _p(value: float) -> str:
 
 
 def _axes(item: AxisScatter) -> str:
-    prefix = f"{item.operation}: " if item.operation else ""
+    text = _compared(item)
+    if item.operation:
+        return f"{item.operation}: {text}"
+    # A sentence begins with a capital, the letter of an axis stays as it is.
+    return text if text[1] == " " else text[0].upper() + text[1:]
+
+
+def _compared(item: AxisScatter) -> str:
     test = item.test
-    p = _p(test.p_familywise)
-    of = "from part to part" if item.apart else "in their part means, the CMM's scatter included"
+    if test.rows < FEWEST_ROWS:
+        return f"{test.rows} parts are too few to compare the scatter in x and y."
     if not np.isfinite(test.p):
-        return f"{prefix}nothing scatters from part to part in x or y."
-    if not np.isfinite(test.ratio) or test.ratio == 0:
-        axis, other = ("y", "x") if test.ratio != 0 else ("x", "y")
-        sure = "" if test.p_familywise <= SIGNIFICANT else ", which may be chance"
-        return f"{prefix}parts scatter in {axis}, and not to be seen in {other} ({p}{sure})."
-    s = float(np.sqrt(test.ratio))
-    if test.p_familywise > SIGNIFICANT:
-        return f"{prefix}no sign that y scatters more than x or less {of} (s ratio {s:.2g}, {p})."
-    times = f"{s:.2g} times" if s >= 1 else f"{1 / s:.2g} times"
-    more, less = ("y", "x") if s >= 1 else ("x", "y")
-    return f"{prefix}{more} scatters {times} as much as {less} {of} ({p})."
+        return "nothing scatters from part to part in x or y."
+    p, sure = _p(test.p_familywise), test.p_familywise <= SIGNIFICANT
+    of = "from part to part" if item.apart else "in their part means, the CMM's scatter included"
+    s, low, high = (float(np.sqrt(value)) for value in (test.ratio, *item.interval))
+    if np.isnan(low):
+        axis, other = ("x", "y") if s == 0 else ("y", "x")
+        chance = "" if sure else ", which may be chance"
+        return f"parts scatter in {axis}, and not to be seen in {other} ({p}{chance})."
+    if not sure:
+        known = f"s ratio y/x {significant(s)}, " if np.isfinite(s) else "s ratio y/x "
+        return (
+            f"no sign that y scatters more than x or less {of} ({known}{_within(low, high)}, {p})."
+        )
+    more, less = ("y", "x") if not s < 1 else ("x", "y")
+    if more == "x":
+        s, low, high = (1 / value if value > 0 else float("inf") for value in (s, high, low))
+    if low <= 1:
+        return f"{more} scatters more than {less} {of} ({p})."
+    if not np.isfinite(high) or not np.isfinite(s):
+        return f"{more} scatters at least {significant(low)} times as much as {less} {of} ({p})."
+    times = f"{significant(s)} times as much as"
+    return f"{more} scatters {times} {less} {of} ({_within(low, high)}, {p})."
+
+
+def _within(low: float, high: float) -> str:
+    """A 95 % interval in words; it may begin at 0 and be open above."""
+    if not np.isfinite(high):
+        return f"95 %: {significant(low)} or more" if low > 0 else "95 %: no bounds"
+    return f"95 %: {significant(low)} to {significant(high)}"

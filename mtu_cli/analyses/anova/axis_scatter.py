@@ -13,24 +13,31 @@ from mtu_cli.stats.scatter_ratio import (
     ScatterRatio,
     Side,
     familywise,
+    ratio_interval,
     scatter_ratio,
+    untested,
 )
+
+FEWEST_PARTS = 2
+"""One part has no scatter to compare."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisScatter:
     """y over x in one operation: of the parts alone where `apart`, else the CMM's scatter of
-    their means included, because nothing was measured twice.
+    their means included, because nothing was measured twice. `interval` of the ratio of
+    variances, 95 %, for this operation alone; nan where none can be had.
     """
 
     operation: str
     test: ScatterRatio
+    interval: tuple[float, float]
     apart: bool
 
 
 def axis_scatter(tables: MeasuredTables, table: OneWay) -> tuple[AxisScatter, ...]:
     """The part component of y against that of x, over all features; p adjusted for all
-    operations (Holm).
+    operations (Holm). Operations of too few parts are there, without a p.
     """
     rows: dict[tuple[str, str], list[int]] = {}
     for i, (operation, _, axis) in enumerate(tables.labels):
@@ -39,11 +46,14 @@ def axis_scatter(tables: MeasuredTables, table: OneWay) -> tuple[AxisScatter, ..
     for operation in dict.fromkeys(label[0] for label in tables.labels):
         x, y = (rows.get((operation, axis), []) for axis in ("x", "y"))
         kept = np.asarray(tables.cells.present[x].any(axis=0), np.bool_)
-        if not x or len(x) != len(y) or int(kept.sum()) < FEWEST_ROWS:
+        if not x or len(x) != len(y) or int(kept.sum()) < FEWEST_PARTS:
             continue
         apart = all((table.df_within[side] > 0).any() for side in (x, y))
-        sides = [_side(tables, table, side, kept, apart=apart) for side in (x, y)]
-        found.append(AxisScatter(operation=operation, test=scatter_ratio(*sides), apart=apart))
+        test, interval = untested(int(kept.sum())), (float("nan"), float("nan"))
+        if test.rows >= FEWEST_ROWS:
+            sides = [_side(tables, table, side, kept, apart=apart) for side in (x, y)]
+            test, interval = scatter_ratio(*sides), ratio_interval(*sides)
+        found.append(AxisScatter(operation=operation, test=test, interval=interval, apart=apart))
     tests = familywise([item.test for item in found])
     return tuple(replace(item, test=test) for item, test in zip(found, tests, strict=True))
 

@@ -131,7 +131,7 @@ def test_tables_fit_and_speak_plainly(planted: AnovaResult) -> None:
     assert text.index("by operation and axis") < text.index("Lengths") < text.index("Features")
     clean = analyse_variance(study(21, 2, 4), None, "reml", Settings())
     assert sentences(clean)[0].startswith("No part stands out")
-    assert "no sign that y scatters more than x" in sentences(clean)[1]
+    assert "No sign that y scatters more than x" in sentences(clean)[1]
 
 
 def spoken(found: Points) -> tuple[list[str], str]:
@@ -173,7 +173,7 @@ def test_an_axis_without_any_scatter(parts: int, axis: str, other: str) -> None:
     still = "xy".index(other)
     measured[:, still] = found.nominal[:, still]
     words, _ = spoken(with_measured(found, measured))
-    assert words[-1].startswith(f"parts scatter in {axis}, and not to be seen in {other}")
+    assert words[-1].startswith(f"Parts scatter in {axis}, and not to be seen in {other}")
     assert ("may be chance" in words[-1]) == (parts == 4)
     assert figure_bytes(figure(analyse_variance(with_measured(found, measured), None, "reml",
                                                 Settings())), "png")  # fmt: skip
