@@ -23,14 +23,16 @@ class Completion:
     `observed` (P, H) tells which entries there are. An entry that is missing is given the
     least-squares row effect, with the row's lines along the `smooth` directions where those are
     told, plus column effect of those that are there: linear in them, and exact for every table
-    that is such a function of the row plus one of the column. Effects that the entries do not
-    tell are those of minimum norm.
+    that is such a function of the row plus one of the column. The lines of rows have the mean 0,
+    so that rows of which they are not told do not settle the columns' own. Effects that the
+    entries do not tell are those of minimum norm.
 
-    Rows are eliminated: with N_p (m, m) the normal matrix of a row's effects, B_p (m, H) its
-    cross products with the columns and S (H, H) the Schur complement of the columns, c = S^+ r
-    and a_p = N_p^+ (s_p - B_p c) for sums s_p and r. `solved` (P, m, H) is N_p^+ B_p, `rows`
-    (P, m, m) N_p^+, `columns` (H, H) S^+; `free` (H, q) spans the null space of S and `lean`
-    (q, P, m) gives the part along it for which the effects have minimum norm.
+    Rows are eliminated: with N_p (m, m) the normal matrix of a row's effects, B_p (m, H + k) its
+    cross products with the columns and the k multipliers of that condition, and S the Schur
+    complement of these, c = S^+ r and a_p = N_p^+ (s_p - B_p c) for sums s_p and r. `solved`
+    (P, m, H + k) is N_p^+ B_p, `rows` (P, m, m) N_p^+, `columns` (H + k, H + k) S^+; `free`
+    (H + k, q) spans the null space of S and `lean` (q, P, m) gives the part along it for which
+    the effects have minimum norm.
     """
 
     observed: NDArray[np.bool_]
@@ -60,13 +62,15 @@ class Completion:
         turned = np.moveaxis(known, -1, -3)
         sums = turned @ self.smooth
         own = np.einsum("pij,...pj->...pi", self.rows, sums)
-        rest = turned.sum(axis=-2) - np.einsum("pih,...pi->...h", self.solved, sums)
-        column = rest @ self.columns
+        H = turned.shape[-1]
+        column = -np.einsum("pih,...pi->...h", self.solved, sums)
+        column[..., :H] += turned.sum(axis=-2)
+        column = column @ self.columns
         own -= np.einsum("pih,...h->...pi", self.solved, column)
         along = np.einsum("qpi,...pi->...q", self.lean, own)
         column += along @ self.free.T
         own -= np.einsum("pih,...h->...pi", self.solved, along @ self.free.T)
-        found: FloatArray = own @ self.smooth.T + column[..., None, :]
+        found: FloatArray = own @ self.smooth.T + column[..., None, :H]
         return np.moveaxis(found, -3, -1)
 
 
@@ -82,14 +86,18 @@ def completion(observed: NDArray[np.bool_], smooth: FloatArray | None = None) ->
     ones = np.ones((observed.shape[1], 1))
     X = ones if smooth is None else np.concatenate([ones, smooth], axis=1)
     rows = np.stack([_of_row(X, observed[p]) for p in range(len(observed))])
-    cross = X.T * observed[:, None, :]
+    lines = X.shape[1] - 1
+    cross = np.zeros((*rows.shape[:2], len(X) + lines))
+    cross[:, :, : len(X)] = X.T * observed[:, None, :]
+    cross[:, 1:, len(X) :] = np.eye(lines)
     solved = rows @ cross
-    schur = np.diag(observed.sum(axis=0).astype(float)) - np.einsum("pih,pig->hg", cross, solved)
+    schur = -np.einsum("pih,pig->hg", cross, solved)
+    schur[: len(X), : len(X)] += np.diag(observed.sum(axis=0))
     values, vectors = np.linalg.eigh(schur)
-    kept = values > ALMOST_ZERO * values[-1]
+    kept = np.abs(values) > ALMOST_ZERO * np.abs(values).max()
     free = vectors[:, ~kept]
     along = np.einsum("pih,hq->qpi", solved, free)
-    square = np.eye(free.shape[1]) + np.einsum("qpi,rpi->qr", along, along)
+    square = free[: len(X)].T @ free[: len(X)] + np.einsum("qpi,rpi->qr", along, along)
     return Completion(
         observed=observed,
         smooth=X,
@@ -97,7 +105,7 @@ def completion(observed: NDArray[np.bool_], smooth: FloatArray | None = None) ->
         solved=solved,
         columns=(vectors[:, kept] / values[kept]) @ vectors[:, kept].T,
         free=free,
-        lean=np.einsum("qr,rpi->qpi", np.linalg.inv(square), along),
+        lean=np.einsum("qr,rpi->qpi", np.linalg.pinv(square), along),
     )
 
 

@@ -58,13 +58,15 @@ def told(there: Mask, directions: Floats) -> list[bool]:
 
 @pytest.mark.parametrize("name", ["holes", "half", "sparse", "apart"])
 def test_lines_of_rows_are_fitted_with_them(name: str) -> None:
-    """One dense equation an entry, of minimum norm; lines of rows that are told have columns."""
+    """One dense equation an entry; lines of rows that are told have columns of their own."""
     there = MASKS[name]
     P, H = there.shape
     directions = lines(H)
     rows = [np.kron(np.eye(P), np.ones((H, 1))), np.kron(np.ones((P, 1)), np.eye(H))]
     known = np.flatnonzero(told(there, directions))
-    rows.append(np.kron(np.eye(P)[:, known], directions))
+    # Lines have the mean 0 over the rows that tell them: a basis of such differences.
+    apart = np.eye(P)[:, known] @ np.linalg.svd(np.eye(len(known)) - 1 / max(len(known), 1))[0]
+    rows.append(np.kron(apart[:, : len(known) - 1], directions))
     X, own = np.concatenate(rows, axis=1), there.ravel()
     table = np.random.default_rng(3).normal(size=(5, P, H, 2))
     filled = completion(there, directions).fill(table)
