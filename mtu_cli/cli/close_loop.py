@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.close_loop_choices import FOUND, UNEXPLAINED, Choices, read_choices
-from mtu_cli.cli.close_loop_files import Known, check_written, written
+from mtu_cli.cli.close_loop_files import Known, written
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import drift_estimates, modelled
@@ -37,7 +37,6 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.reports import close_loop as report
 
     choices = read_choices(inputs)
-    check_written(inputs)
     library = effect_library(inputs.files("effects"))
     tables, found, warnings = _tables(inputs, choices)
     axes = inputs.machine.machine.axes

@@ -10,10 +10,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from mtu_cli import __version__
-from mtu_cli.cli.execute import written_files
 from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.outputs import written_files
 from mtu_cli.files.machine_write import ExtendedMachine, WrittenEffect, extended_machine
-from mtu_cli.files.write import check_targets
 from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number
 from mtu_cli.model.effect_parameters import all_together
@@ -23,7 +22,6 @@ from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS
 
-ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects")
 READINGS = ("lbb", "laser")
 
 
@@ -78,17 +76,6 @@ class Written:
 
     files: dict[Path, bytes]
     warnings: tuple[Warned, ...]
-
-
-def check_written(inputs: Inputs) -> None:
-    """Refuses to overwrite an input, before anything is calculated.
-
-    Raises InputError naming every file that would be.
-    """
-    sources = [path for role in ROLES for path in inputs.files(role)]
-    if inputs.study is not None:
-        sources.append(inputs.study.source.path)
-    check_targets(list(written_files(inputs.options).values()), sources)
 
 
 def written(

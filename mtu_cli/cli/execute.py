@@ -11,19 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
+from mtu_cli.cli.outputs import STANDARD_OUTPUT, check_outputs
 from mtu_cli.cli.parameters import FAIL_IF
 from mtu_cli.cli.progress import LateBar
 from mtu_cli.cli.settings import read_settings
 from mtu_cli.cli.streams import hush, write_bytes
-from mtu_cli.errors import EXIT_GATE, InputError, Problem
+from mtu_cli.errors import EXIT_GATE
 from mtu_cli.model.settings import Settings, Warned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-STANDARD_OUTPUT = Path("-")
-WRITES = "write_"
-"""How the names of options begin that name a file to write beside -o, --csv and --plot."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +48,8 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
     Tables go to standard output, warnings and progress to standard error; with `-o -` the
     report is alone on standard output.
     """
-    check_outputs(options)
     inputs = Inputs(options)
+    check_outputs(inputs)
     with LateBar(options.command) as progress:
         settings = read_settings(inputs, progress)
         outcome = analyse(inputs, settings)
@@ -103,52 +100,6 @@ def _made_ready(
     from mtu_cli.files.write import made_ready
 
     return made_ready(files, inputs=[source.path for source in inputs.sources])
-
-
-def check_outputs(options: Options) -> None:
-    """Refuses outputs that cannot be made, all at once, before anything is calculated."""
-    given = [path for path in (options.out, options.csv, options.plot) if path is not None]
-    written = written_files(options)
-    if not given and not written:
-        return
-    from mtu_cli.files.write import check_targets
-    from mtu_cli.reports.figures import SUFFIXES
-
-    problems: list[Problem] = []
-    if options.plot is not None and options.plot.suffix.lower().lstrip(".") not in SUFFIXES:
-        problems.append(
-            Problem(
-                what="--plot cannot draw this kind of file",
-                value=str(options.plot),
-                expected=", ".join(f".{suffix}" for suffix in SUFFIXES),
-            )
-        )
-    if options.out == options.csv == STANDARD_OUTPUT:
-        problems.append(
-            Problem(what="-o - and --csv - both want standard output", expected="one of them")
-        )
-    problems += [
-        Problem(
-            what=f"--{name.replace('_', '-')} does not go to standard output", expected="a file"
-        )
-        for name, path in written.items()
-        if path == STANDARD_OUTPUT
-    ]
-    try:
-        check_targets([path for path in (*given, *written.values()) if path != STANDARD_OUTPUT])
-    except InputError as error:
-        problems += error.problems
-    if problems:
-        raise InputError(problems)
-
-
-def written_files(options: Options) -> dict[str, Path]:
-    """What a command writes beside report, table and picture: path by name of the option."""
-    return {
-        name: path
-        for name, path in options.values.items()
-        if name.startswith(WRITES) and path is not None
-    }
 
 
 def _files(

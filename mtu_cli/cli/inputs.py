@@ -115,11 +115,8 @@ class Inputs:
             return None
         from mtu_cli.files.readings import read_readings
 
-        machine = self.machine.machine
-        travels = {
-            str(name): (axis.travel_mm[0], axis.travel_mm[1]) for name, axis in machine.axes.items()
-        }
-        readings = read_readings(files, machine.components, for_fit=True, travels=travels)
+        components = self.machine.machine.components
+        readings = read_readings(files, components, for_fit=True, travels=self._travels())
         self.sources.extend(readings.sources)
         return readings
 
@@ -129,10 +126,16 @@ class Inputs:
         from mtu_cli.files.readings_stream import stream_readings
 
         files = [(path, "drift") for path in self.files("drift")]
-        components = self.machine.machine.components if self.files("machine") else None
-        stream = stream_readings(files, components)
+        known = bool(self.files("machine"))
+        components = self.machine.machine.components if known else None
+        stream = stream_readings(files, components, self._travels() if known else None)
         yield from stream
         self.sources.extend(stream.sources)
+
+    def _travels(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest coordinate of the machine's axes, mm."""
+        axes = self.machine.machine.axes
+        return {str(name): (axis.travel_mm[0], axis.travel_mm[1]) for name, axis in axes.items()}
 
     @cached_property
     def points(self) -> Points:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import signal
@@ -22,6 +23,7 @@ from mtu_cli.cli.streams import hush, last_words, prepare_streams
 from mtu_cli.errors import EXIT_INPUT, MtuError, reason
 
 EXIT_INTERRUPTED = 130
+TAKES_NO_MORE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 app = typer.Typer(
     name="mtu",
@@ -226,7 +228,10 @@ def main() -> None:
     except OSError as error:
         # The disk behind standard output is full, the working folder is gone.
         hush()
-        last_words(f"mtu: the system refuses: {reason(error)}")
+        # A file that takes no more is told by its name: without one it is standard output.
+        full = error.errno in TAKES_NO_MORE and error.filename is None
+        what = "standard output cannot be written" if full else "the system refuses"
+        last_words(f"mtu: {what}: {reason(error)}")
         sys.exit(EXIT_INPUT)
     except KeyboardInterrupt:
         sys.exit(EXIT_INTERRUPTED)

@@ -13,6 +13,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from mtu_cli.cli.option_values import bad_number, check_names
 from mtu_cli.cli.parameters import FAIL_IF, Parameter
 from mtu_cli.errors import fault
 
@@ -75,17 +76,23 @@ class Once(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """The rest of the arguments; raises InputError where an option with a value is repeated,
-        or one is given that only other commands have.
+        one is given that only other commands have, or a value is none.
         """
         _check_own(self, ctx, args)
-        order = self.make_parser(ctx).parse_args(list(args))[2]
+        raw, _, order = self.make_parser(ctx).parse_args(list(args))
         for option in dict.fromkeys(order):
             if option.multiple or getattr(option, "is_flag", True) or order.count(option) < 2:
                 continue
             name = max(option.opts, key=len)
             several = f", several gates with commas: {name} A,B" if option.name == FAIL_IF else ""
             raise fault(f"{name} is given {order.count(option)} times", expected=f"once{several}")
-        return super().parse_args(ctx, args)
+        try:
+            rest = super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            told = None if error.param is None else bad_number(error.param, raw, str(error))
+            raise error if told is None else told from None
+        check_names(self.params, ctx.params, raw)
+        return list(rest)
 
 
 def register(

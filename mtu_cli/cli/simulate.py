@@ -9,10 +9,11 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from mtu_cli.cli.execute import check_outputs, deliver, warning_lines
+from mtu_cli.cli.execute import deliver, warning_lines
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
+from mtu_cli.cli.outputs import check_outputs
 from mtu_cli.cli.simulate_drift import (
     check_cmm_room,
     drift_plan,
@@ -52,9 +53,9 @@ def run(options: Options) -> None:
         raise fault(
             "nothing to write", expected="--write-lbb FILE, --write-cmm FILE or --write-drift FILE"
         )
-    check_outputs(options)
-    check_cmm_room(options)
     inputs = Inputs(options)
+    check_outputs(inputs)
+    check_cmm_room(options)
     seed = _seed(inputs)
     check_ranges(options, seed)
     unused = check_used(options)

@@ -9,8 +9,9 @@ from pathlib import Path
 from mtu_cli.errors import did_you_mean
 from mtu_cli.files.budget_checks import check_coverage, check_inputs, check_joint
 from mtu_cli.files.budget_contract import Budget, Contribution, Correlation, Coverage, Input
+from mtu_cli.files.budget_readings import reading_notices
 from mtu_cli.files.budget_sizes import check_sizes
-from mtu_cli.files.budget_units import BudgetUnits
+from mtu_cli.files.budget_units import BudgetUnits, in_fahrenheit
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings, Notice, check_contract, is_identifier
 from mtu_cli.files.source import Source
@@ -89,9 +90,12 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
         check_coverage(budget, findings)
         _check_names(findings)
         _check_units(budget, findings)
-        units = BudgetUnits.of_inputs(
-            {name: item.unit for name, item in (budget.inputs or {}).items()}
-        )
+        stated = {name: item.unit for name, item in (budget.inputs or {}).items()}
+        for name in in_fahrenheit(stated):
+            what = "degF beside degC or K: no unit is converted"
+            expected = "degC or K: a temperature less 32, divided by 1.8; a difference and u by 1.8"
+            findings.add(("inputs", name, "unit"), what, value=stated[name], expected=expected)
+        units = BudgetUnits.of_inputs(stated)
         for name, place, text in _equations(budget, findings):
             tree = _tree(text, known, place, findings)
             if tree is not None:
@@ -104,7 +108,7 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
         budget=budget,
         trees=trees,
         single=budget.equation is not None,
-        warnings=(*_unused(budget, trees, document), *_equal_readings(budget, document)),
+        warnings=(*_unused(budget, trees, document), *reading_notices(budget, document)),
         document=document,
     )
 
@@ -216,27 +220,3 @@ def _unused(
         for name in budget.inputs
         if name not in used
     )
-
-
-def _equal_readings(budget: Budget, document: YamlDocument) -> tuple[Notice, ...]:
-    """Readings without scatter, and nothing beside them that says how well they are known."""
-    shown = document.source.shown
-    return tuple(
-        Notice(
-            code="equal-readings",
-            message=f"{shown}:{document.line_of('inputs', name, 'readings')}: inputs.{name}."
-            f"readings: all {len(item.readings)} are {item.readings[0]:g}, so that u is 0: what "
-            "they were rounded to hides their scatter; for a resolution r add half_width: r/2 and "
-            "distribution: rectangular (JCGM 100, F.2.2.1)",
-        )
-        for name, item in budget.inputs.items()
-        if item.readings is not None
-        and min(item.readings) == max(item.readings)
-        and not any(_width(part) for part in (item, *item.contributions))
-    )
-
-
-def _width(part: Contribution) -> bool:
-    """Whether a contribution has an uncertainty above 0."""
-    limits = part.low is not None and part.high is not None
-    return limits or any((part.u, part.half_width, part.U))

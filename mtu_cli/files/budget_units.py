@@ -8,6 +8,7 @@ unit is not stated or not known.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -35,6 +36,23 @@ COMMON = (
 ANGLES = ("rad", "deg", "arcmin", "arcsec", "\u00b0")
 SIMPLE = 12
 """Numerator and denominator of the largest simple fraction."""
+
+
+_FAHRENHEIT = re.compile(r"(?:deg|\u00b0)\s*F(?![a-z])|\u2109|fahrenheit", re.IGNORECASE)
+_KELVIN = re.compile(
+    r"(?:deg|\u00b0)\s*C(?![a-z])|\u2103|(?<![A-Za-z])m?K(?![A-Za-z])|kelvin|celsius"
+)
+
+
+def in_fahrenheit(units: Mapping[str, str | None]) -> list[str]:
+    """Names of the inputs in degF where others are in degC or K: nothing is converted.
+
+    F alone is a farad.
+    """
+    texts = {name: text or "" for name, text in units.items()}
+    if not any(_KELVIN.search(text) for text in texts.values()):
+        return []
+    return [name for name, text in texts.items() if _FAHRENHEIT.search(text)]
 
 
 def _simple(value: float) -> Exponent:

@@ -1,4 +1,4 @@
-"""What measuring programs call the columns of measured points, in a few languages."""
+"""What measuring programs call the columns of points and of readings, in a few languages."""
 
 from __future__ import annotations
 
@@ -13,9 +13,15 @@ WORDS = {
                 "punkt", "caracteristique", "alesage", "trou", "caracteristica", "agujero",
                 "taladro", "foro"),
     "repeat": ("repeat", "repetition", "wiederholung", "repeticion"),
+    "component": ("component", "komponente", "composante", "componente"),
+    "error": ("error", "err", "deviation", "dev", "abweichung", "abw", "fehler", "messabweichung",
+              "erreur", "ecart", "desviacion", "errore", "scostamento"),
+    "unit": ("unit", "units", "einheit", "masseinheit", "unite", "unidad", "unita"),
+    "position_mm": ("position", "pos", "messposition", "posicion", "posizione"),
 }  # fmt: skip
-ACTUAL = ("actual", "measured", "ist", "istmass", "istwert", "messwert", "mesure", "mesuree",
-          "medido", "medida", "real", "misurato")  # fmt: skip
+ACTUAL = ("actual", "act", "measured", "meas", "measurement", "ist", "istmass", "istwert",
+          "gemessen", "messwert", "mesure", "mesuree", "medido", "medida", "real",
+          "misurato")  # fmt: skip
 NOMINAL = ("nominal", "nom", "soll", "sollmass", "sollwert", "nennmass", "nennwert", "theorique",
            "nominale", "teorico")  # fmt: skip
 """Without accents and in lower case; `x`, `y` or `z` stands before or behind."""

@@ -175,11 +175,20 @@ def unit_expectation(text: str, units: Collection[str] = UNITS) -> str:
     return did_you_mean(text, units)
 
 
-def _keys_at(model: type[BaseModel], loc: YamlPath) -> list[str]:
+def lists_texts(model: type[BaseModel], path: YamlPath) -> bool:
+    """Whether the items of a list are texts: a name may look like a number."""
+    return _annotation_at(model, (*path, 0)) is str
+
+
+def _annotation_at(model: type[BaseModel], loc: YamlPath) -> Any:
     annotation: Any = model
     for step in loc:
         annotation = _step(annotation, step)
-    annotation = _bare(annotation)
+    return _bare(annotation)
+
+
+def _keys_at(model: type[BaseModel], loc: YamlPath) -> list[str]:
+    annotation = _annotation_at(model, loc)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [info.alias or name for name, info in annotation.model_fields.items()]
     return []

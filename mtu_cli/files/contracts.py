@@ -10,7 +10,13 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from mtu_cli.errors import InputError, Problem, closest
-from mtu_cli.files.contract_errors import existing_path, path_text, shown_value, to_problems
+from mtu_cli.files.contract_errors import (
+    existing_path,
+    lists_texts,
+    path_text,
+    shown_value,
+    to_problems,
+)
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 from mtu_cli.files.sizes import WHAT, expected_size, too_large, without
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
@@ -99,6 +105,7 @@ def check_contract(
     except ValidationError as error:
         findings.problems.extend(to_problems(error, document, model))
         sound = _without_unknown(document.data, error)
+    _check_odd_numbers(findings, model)
     large: set[YamlPath] = set() if kind in OWN_SIZES else _too_large(findings)
     if large or sound is not document.data:
         checked = _salvage(model, without(sound, large) if large else sound)
@@ -107,6 +114,12 @@ def check_contract(
     if findings.problems:
         raise InputError(sorted(findings.problems, key=lambda problem: problem.line or 0))
     return checked
+
+
+def _check_odd_numbers(findings: Findings, model: type[Contract]) -> None:
+    for path, odd in findings.document.odd_numbers.items():
+        if not lists_texts(model, path):
+            findings.add((*path, odd.index), odd.what, value=odd.text, expected=odd.expected)
 
 
 def _check_names(findings: Findings) -> None:

@@ -59,7 +59,7 @@ def check_drift(
 
 def refuse_drift(table: Table) -> None:
     """Raises InputError for a table given as other readings that looks like drift readings: what
-    else is wrong with it comes from that.
+    else is wrong with it comes from that, and without a fault drift would count as scatter.
     """
     columns = table.columns
     sensors = [name for name in columns.numbers if is_temperature(name)]
@@ -68,7 +68,16 @@ def refuse_drift(table: Table) -> None:
         raise InputError(drift_problem(table.source.shown, sensors))
 
 
-def of_cells(table: Table, components: Mapping[str, object] | None, problems: ProblemList) -> bool:
+def refuse_as_drift(
+    tables: Sequence[Table], components: Mapping[str, object] | None, problems: ProblemList
+) -> None:
+    """`refuse_drift` of tables with `problems` that are not of single cells."""
+    for table in tables:
+        if not _of_cells(table, components, problems):
+            refuse_drift(table)
+
+
+def _of_cells(table: Table, components: Mapping[str, object] | None, problems: ProblemList) -> bool:
     """Whether the `problems` of a table are of single cells, while its header and most of its
     components are sound: then it is what it was given as.
     """
@@ -85,7 +94,8 @@ def drift_problem(file: str, sensors: Sequence[str]) -> Problem:
     return Problem(
         what=f"this looks like drift readings (columns cycle, {sensors[0]}{more}, but no pass)",
         file=file,
-        expected="readings of the machine's components; those of drifts go to thermal-fit --drift",
+        expected="readings of the machine's components; those of drifts go to thermal-fit "
+        "--drift; a column 'cycle' that counts runs through the positions is called 'pass'",
     )
 
 

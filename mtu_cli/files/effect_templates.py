@@ -208,7 +208,7 @@ def _equation(
     try:
         tree = parse_equation(_mangled(text, braced))
         dimensions = _dimensions(tree, known, braced, key)
-        form = linear_form(tree, known.units)
+        form = linear_form(tree, known.units, known.units)
         columns = columns_of(
             {name: known.column(braced.get(name, name)) for name in dimensions},
             {name: PARAMETER_UNITS[unit] for name, unit in known.units.items()},

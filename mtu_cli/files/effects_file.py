@@ -101,8 +101,10 @@ def _with_schema(document: YamlDocument) -> YamlDocument:
     if not isinstance(document.data, list):
         return document
     lines = {("effects", *path): line for path, line in document.lines.items()}
+    lines = {(): document.line_of() or 1, **lines}
+    odd = {("effects", *path): item for path, item in document.odd_numbers.items()}
     data = {"schema": _SCHEMA, "effects": document.data}
-    return replace(document, data=data, lines={(): document.line_of() or 1, **lines})
+    return replace(document, data=data, lines=lines, odd_numbers=odd)
 
 
 def _braces_hint(problem: Problem, path: Path) -> Problem:

@@ -91,7 +91,7 @@ def _linear(
     node: Node, vocabulary: Vocabulary, findings: Findings, path: YamlPath
 ) -> LinearForm | None:
     try:
-        form = linear_form(node, vocabulary.linear)
+        form = linear_form(node, vocabulary.linear, vocabulary.parameters)
         taken = vocabulary.linear | vocabulary.constants
         # A component has no unit per kelvin or step of a column: beside one anything may be meant.
         columns = columns_of(own_columns(names(node), taken), vocabulary.parameters)

@@ -11,7 +11,13 @@ import numpy as np
 from mtu_cli.errors import Problem
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.covariates import HOTTEST_DEGC, is_temperature
-from mtu_cli.files.fahrenheit import fahrenheit_words
+from mtu_cli.files.fahrenheit import (
+    FAHRENHEIT,
+    fahrenheit_words,
+    in_fahrenheit,
+    some_fahrenheit,
+    told_partly,
+)
 from mtu_cli.files.sensor_faults import (
     CODES,
     NO_ANSWER,
@@ -68,7 +74,6 @@ def temperature_notes(tables: Sequence[Table], points: Points) -> Iterator[Notic
     """Of sensors that show codes of faults too often, or at the wrong times, to be refused, or
     that seem to be in Fahrenheit.
     """
-    extents, given = {}, np.zeros(len(points), bool)
     for name, values in _sensors(points).items():
         codes = list(_codes(points, values))
         for coded in codes:
@@ -82,13 +87,25 @@ def temperature_notes(tables: Sequence[Table], points: Points) -> Iterator[Notic
             yield Notice(code="sensor-doubtful", message=f"{where}{', ' if where else ''}{text}")
         for table in () if codes else _judged(tables, points, name):
             yield from code_notes(table, name)
-        extents[name] = _extent(values)
-        if fahrenheit_words({name: extents[name]}) is not None:
-            given |= np.isfinite(values)
-    words = fahrenheit_words(extents)
-    if words is not None:
-        where = _files(points, given)
-        yield Notice(code="looks-like-fahrenheit", message=f"{where}{': ' if where else ''}{words}")
+    yield from _fahrenheit_notes(points)
+
+
+def _fahrenheit_notes(points: Points) -> Iterator[Notice]:
+    """Of sensors in Fahrenheit in all rows, of each in some."""
+    code, sensors = FAHRENHEIT, _sensors(points)
+    for name, values in sensors.items():
+        odd = some_fahrenheit(values)
+        if odd is not None:
+            first = int(odd.argmax())
+            shown = points.sources[points.file_index[first]].shown
+            words = told_partly(values, odd, int(points.row[first]))
+            yield Notice(code=code, message=f"{shown}, column {name!r}: {words}")
+    extents = {name: _extent(values) for name, values in sensors.items()}
+    words = fahrenheit_words(extents) or ""
+    if words:
+        given = [np.isfinite(sensors[name]) for name in in_fahrenheit(extents)]
+        where = _files(points, np.any(given, axis=0))
+        yield Notice(code=code, message=f"{where}{': ' if where else ''}{words}")
 
 
 def _files(points: Points, rows: Bools) -> str:

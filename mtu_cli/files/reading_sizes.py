@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,9 +11,22 @@ import numpy as np
 from mtu_cli.errors import Problem
 from mtu_cli.files.contract_errors import PLAIN, unit_expectation
 from mtu_cli.files.csv_table import ProblemList, Table, cell_text
+from mtu_cli.files.reading_cells import (
+    FARTHEST_MM,
+    LARGEST,
+    LARGEST_SHOWN,
+    OFF_SHOWN,
+    STEEPEST,
+    Cells,
+    Travels,
+    axis_of,
+    errors_of,
+    positions_of,
+    reach,
+)
 from mtu_cli.files.reading_lines import off_lines
 from mtu_cli.files.reading_mistakes import explained
-from mtu_cli.units import ANGLE, LENGTH, UNITS
+from mtu_cli.units import LENGTH, UNITS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,22 +37,6 @@ if TYPE_CHECKING:
     Rows = NDArray[np.int64]
     Bools = NDArray[np.bool_]
 
-Travels = Mapping[str, tuple[float, float]]
-"""Lowest and highest coordinate of each axis, mm, as the machine file states them."""
-
-LARGEST = {LENGTH: 1.0, ANGLE: 0.05}
-"""Errors of machines, routers made of wood among them, are typically smaller, mm and rad ..."""
-STEEPEST = 0.01
-"""... but for what grows along an axis: a scale, or the slope to which a laser was aligned ..."""
-OFF_LINE = 1e-3
-"""... off which they are no larger, again in proportion."""
-LARGEST_SHOWN = {LENGTH: "1 mm, or 1 % of the distance moved", ANGLE: "0.05 rad"}
-OFF_SHOWN = "1 mm, or 0.1 % of the distance moved, off a straight line that is 0 on the axis"
-FARTHEST_MM = 1e5
-"""Nor is its position, where no travel is stated: 100 m."""
-BEYOND = 3.0
-"""A part's frame may lie anywhere on the machine: so many times its largest coordinate or travel
-are not reached from there."""
 FEWEST = 5
 """Cells of a component up to which they are slips of single rows, where most are sound."""
 APART = 3.0
@@ -61,33 +58,10 @@ def check_units(table: Table, problems: ProblemList) -> None:
         problems.add_cells(table, rows, "unit", "unknown unit", [label], expected)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Cells:
-    """A component's cells of a `column` in `rows` (n,): `values` and `most` (n,) in mm or rad.
-
-    `units` are those the cells are written in and `groups` have what would explain them in
-    common, both by `code` (n,). `what` is said of a slip. Of lengths along an axis, `near` (n,) is
-    how far off a line they are at most, by `positions` and `passes` (n,) where they have them.
-    """
-
-    name: str
-    column: str
-    what: str
-    rows: Rows
-    values: Floats
-    most: Floats
-    code: NDArray[np.integer]
-    units: Sequence[str]
-    groups: Sequence[str]
-    near: Floats | None = None
-    positions: Floats | None = None
-    passes: Floats | None = None
-
-
 @dataclass(frozen=True, slots=True)
 class _Far:
     """Rows (n,) of the component `name` that are beyond `most` (n,), in mm or rad, of so many, or
-    `off` all lines.
+    `off` all lines; `many` where they are no odd ones.
     """
 
     name: str
@@ -95,34 +69,16 @@ class _Far:
     most: Floats
     of: int
     off: bool
+    many: bool
 
 
 Groups = dict[tuple[str, str], list[_Far]]
 """By column and unit or axis."""
 
 
-def largest_errors(
-    dimension: int, positions: Floats, travels: Travels, share: float = STEEPEST
-) -> Floats:
-    """The largest errors of a machine at `positions` (n,) in mm, mm or rad, (n,).
-
-    Along an axis it is the distance to the farthest place measured that counts, as a scale and a
-    laser may have their zero at any of them; without an axis (nan) the longest travel does.
-    """
-    if dimension != LENGTH:
-        return np.full(len(positions), LARGEST[dimension])
-    known = positions[np.isfinite(positions)]
-    longest = max((abs(high - low) for low, high in travels.values()), default=0.0)
-    moved = np.full(len(positions), longest)
-    if len(known):
-        moved = np.maximum(positions - known.min(), known.max() - positions)
-        moved = np.fmax(moved, np.abs(positions))
-    return np.fmax(LARGEST[dimension], share * moved)
-
-
 def check_sizes(
     tables: Sequence[Table],
-    components: Mapping[str, ComponentLike],
+    components: Mapping[str, ComponentLike] | None,
     travels: Travels,
     problems: ProblemList,
 ) -> None:
@@ -131,19 +87,12 @@ def check_sizes(
 
     Where it is a matter of many rows of some components, one problem tells it with what would
     explain it; where single rows do not fit the others, each of them is told. Large errors that
-    nothing explains are the machine's.
+    nothing explains are the machine's. Of drift readings the machine may be unknown.
     """
     for table in tables:
-        column = table.columns.texts["component"]
         groups: Groups = {}
-        for code, name in enumerate(column.labels):
-            inside = np.flatnonzero(column.codes == code)
-            axis = components[name].of
-            found = [_errors(table, (name, axis), inside, travels)]
-            if axis is not None:
-                found.append(_positions(table, (name, axis), inside, travels))
-            for cells in found:
-                _check_cells(table, cells, groups, problems)
+        for cells in _cells(table, components, travels):
+            _check_cells(table, cells, groups, problems)
         for (field, own), many in groups.items():
             if field == "error":
                 _add_errors(table, many, own, problems)
@@ -154,84 +103,74 @@ def check_sizes(
             problems.add(_of_many(table, field, many, what, expected))
 
 
-def _errors(table: Table, of: tuple[str, str | None], inside: Rows, travels: Travels) -> _Cells:
-    """The errors of a component, grouped by their unit."""
-    name, axis = of
-    units = table.columns.texts["unit"]
-    code = units.codes[inside]
-    factor = np.array([UNITS[unit].to_internal for unit in units.labels])[code]
-    dimension = UNITS[units.labels[code[0]]].dimension
-    positions, near = np.full(len(inside), np.nan), None
-    if axis is not None:
-        positions = table.columns.numbers["position_mm"][inside]
-        if dimension == LENGTH:
-            near = largest_errors(dimension, positions, travels, OFF_LINE)
-    passes = table.columns.numbers.get("pass")
-    return _Cells(
-        name=name,
-        column="error",
-        what=f"does not fit the other readings of {name!r}",
-        rows=inside,
-        values=table.columns.numbers["error"][inside] * factor,
-        most=largest_errors(dimension, positions, travels),
-        code=code,
-        units=units.labels,
-        groups=units.labels,
-        near=near,
-        positions=positions,
-        passes=None if passes is None else passes[inside],
+def may_be_mistaken(
+    table: Table, components: Mapping[str, ComponentLike] | None, travels: Travels
+) -> bool:
+    """Whether `check_sizes` may have a problem of a table of which these are some rows."""
+    numbers, units = table.columns.numbers, table.columns.texts["unit"]
+    largest = [LARGEST[UNITS[unit].dimension] / UNITS[unit].to_internal for unit in units.labels]
+    farthest = min((reach(travels, axis) for axis in travels), default=FARTHEST_MM)
+    near = bool((np.abs(numbers["error"]) < 0.999 * np.array(largest)[units.codes]).all())
+    near = near and not bool((np.abs(numbers.get("position_mm", np.zeros(0))) > farthest).any())
+    # A glance is enough for most tables; a large machine takes more.
+    return not near and any(
+        bool((sizes > cells.most).any())
+        or (cells.near is not None and (sizes > cells.near).sum() > cells.share * len(sizes))
+        for cells in _cells(table, components, travels)
+        for sizes in [np.abs(cells.values)]
     )
 
 
-def _positions(table: Table, of: tuple[str, str], inside: Rows, travels: Travels) -> _Cells:
-    """The positions of a component, of one group."""
-    name, axis = of
-    return _Cells(
-        name=name,
-        column="position_mm",
-        what=f"does not fit the other positions of {name!r}",
-        rows=inside,
-        values=table.columns.numbers["position_mm"][inside],
-        most=np.full(len(inside), _reach(travels, axis)),
-        code=np.zeros(len(inside), int),
-        units=["mm"],
-        groups=[axis],
-    )
+def _cells(
+    table: Table, components: Mapping[str, ComponentLike] | None, travels: Travels
+) -> Iterator[Cells]:
+    """Errors and positions of each component."""
+    column = table.columns.texts["component"]
+    for code, name in enumerate(column.labels):
+        inside = np.flatnonzero(column.codes == code)
+        if not len(inside):
+            continue
+        axis = axis_of(table, components, name, inside)
+        yield errors_of(table, (name, axis), inside, travels)
+        if axis is not None:
+            yield positions_of(table, (name, axis), inside, travels)
 
 
-def _check_cells(table: Table, cells: _Cells, groups: Groups, problems: ProblemList) -> None:
+def _check_cells(table: Table, cells: Cells, groups: Groups, problems: ProblemList) -> None:
     """Cells beyond what is likely: problems of slips, the others into their group."""
-    far = np.abs(cells.values) > cells.most
-    if far.any() and _slips(np.abs(cells.values), far):
+    far = cells.sizes > cells.most
+    if far.any() and _slips(cells.sizes, far):
         for i in np.flatnonzero(far):
             _slip(table, cells, int(i), cells.values[~far], problems)
         return
     for code in np.flatnonzero(np.bincount(cells.code)).tolist():
         inside = np.flatnonzero(cells.code == code)
         beyond = far[inside]
-        off = np.zeros_like(beyond) if 2 * beyond.sum() > len(inside) else _off(cells, inside)
+        many = bool(beyond.sum() > cells.share * len(inside))
+        off = np.zeros_like(beyond) if many else _off(cells, inside)
         rows = inside[beyond | off]
         if len(rows):
             own, most = cells.rows[rows], cells.most[rows]
-            found = _Far(cells.name, own, most, len(inside), bool(off.any()))
+            many = len(rows) > cells.share * len(inside)
+            found = _Far(cells.name, own, most, len(inside), bool(off.any()), many)
             groups.setdefault((cells.column, cells.groups[code]), []).append(found)
 
 
-def _off(cells: _Cells, inside: Rows) -> Bools:
+def _off(cells: Cells, inside: Rows) -> Bools:
     """Which of the cells `inside` (n,) are off all lines, where most are and are large."""
     values, positions, near = cells.values[inside], cells.positions, cells.near
-    if near is None or positions is None or np.median(np.abs(values)) <= LARGEST[LENGTH]:
+    if near is None or positions is None or np.median(cells.sizes[inside]) <= LARGEST[LENGTH]:
         return np.zeros(len(inside), bool)
     passes = None if cells.passes is None else cells.passes[inside]
     return off_lines(positions[inside], values, passes, near[inside], STEEPEST)
 
 
 def _add_errors(table: Table, found: list[_Far], unit: str, problems: ProblemList) -> None:
-    """The problem of errors in `unit`, if most of a component's are too large and another unit
+    """The problem of errors in `unit`, if many of a component's are too large and another unit
     explains them: what is explained so in one component is in the others too.
     """
     for far in found:
-        if 2 * len(far.rows) <= far.of:
+        if not far.many:
             continue
         numbers = table.columns.numbers
         places = numbers["position_mm"][far.rows] if "position_mm" in numbers else None
@@ -250,7 +189,7 @@ def _slips(sizes: Floats, far: Bools) -> bool:
     return bool(few and sizes[far].min() > APART * sizes[~far].max(initial=0.0))
 
 
-def _slip(table: Table, cells: _Cells, i: int, others: Floats, problems: ProblemList) -> None:
+def _slip(table: Table, cells: Cells, i: int, others: Floats, problems: ProblemList) -> None:
     """The problem of cell `i`, which the values of the `others` show to be a slip."""
     unit, row = cells.units[cells.code[i]], int(cells.rows[i])
     near = others / UNITS[unit].to_internal
@@ -259,20 +198,13 @@ def _slip(table: Table, cells: _Cells, i: int, others: Floats, problems: Problem
     problems.add(table.problem(row, cells.column, cells.what, value, expected))
 
 
-def _reach(travels: Travels, axis: str) -> float:
-    if axis not in travels:
-        return FARTHEST_MM
-    low, high = sorted(travels[axis])
-    return BEYOND * max(abs(low), abs(high), high - low)
-
-
 def _positions_expected(table: Table, rows: Rows, travels: Travels, axis: str) -> str:
     expected = "positions in mm"
     if axis in travels:
         low, high = sorted(travels[axis])
         expected += f" ({axis} travels from {low:g} to {high:g} mm)"
     typical = float(np.median(np.abs(table.columns.numbers["position_mm"][rows])))
-    if typical / 1000 > _reach(travels, axis):
+    if typical / 1000 > reach(travels, axis):
         return expected
     return f"{expected}: these look like um in a column of mm"
 

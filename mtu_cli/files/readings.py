@@ -14,8 +14,9 @@ from mtu_cli.files import doubled, joined
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_header import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
-from mtu_cli.files.drift_cells import ROLE, check_drift, of_cells, refuse_drift
-from mtu_cli.files.reading_sizes import Travels, check_sizes, check_units
+from mtu_cli.files.drift_cells import ROLE, check_drift, refuse_as_drift, refuse_drift
+from mtu_cli.files.reading_cells import Travels
+from mtu_cli.files.reading_sizes import check_sizes, check_units
 from mtu_cli.files.row_marks import row_marks
 from mtu_cli.files.sensor_faults import sensor_notes
 from mtu_cli.files.source import Source
@@ -108,7 +109,8 @@ def read_readings(
 
     `components` are the machine's, by name; without them any name is accepted and positions
     are taken as they stand. `for_fit` asks for degree + 1 distinct positions a component, and
-    for errors and positions of a machine, whose `travels` are known in part.
+    for errors and positions of a machine, whose `travels` are known in part; drift readings are
+    asked for the latter in any case.
 
     Raises InputError with all problems of all files: of headers and of every cell first,
     then, where those are sound, of what the rows mean together.
@@ -120,23 +122,22 @@ def read_readings(
         if doubled.tells_repeats_apart(table):
             doubled.check_doubled_rows(table, problems)
     if problems.listed:
-        for table in tables:
-            if not of_cells(table, components, problems):
-                refuse_drift(table)
+        refuse_as_drift(tables, components, problems)
         joined.integers(tables, "pass", problems)
         problems.raise_if_any()
     readings = assemble(tables, components, problems)
     if len(tables) > 1 and not problems.listed:
         _check_copied_files(readings, problems)
-    if for_fit and components is not None and not problems.listed:
-        _check_positions(readings, components, problems)
-        for table in tables if problems.listed else ():
+    known = components if for_fit else None
+    if known is not None and not problems.listed:
+        _check_positions(readings, known, problems)
+        for table in tables:
             refuse_drift(table)
-        if not problems.listed:
-            check_sizes(tables, components, travels or {}, problems)
-        readings = replace(readings, notes=readings.notes + unused_positions(tables, components))
+    if not problems.listed:
+        sized = [table for table in tables if known is not None or table.source.role == ROLE]
+        check_sizes(sized, components, travels or {}, problems)
     problems.raise_if_any()
-    return readings
+    return replace(readings, notes=readings.notes + unused_positions(tables, known or {}))
 
 
 def check_cells(

@@ -20,7 +20,10 @@ from mtu_cli.files.csv_stream import text_blocks
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.csv_text import CsvText
 from mtu_cli.files.doubled import copied_files, lasting_marks, tells_repeats_apart
+from mtu_cli.files.drift_cells import ROLE
 from mtu_cli.files.in_order import in_order
+from mtu_cli.files.reading_cells import Travels
+from mtu_cli.files.reading_sizes import may_be_mistaken
 from mtu_cli.files.readings import (
     FEWEST_COPIED,
     SPEC,
@@ -41,7 +44,9 @@ if TYPE_CHECKING:
 
 
 def stream_readings(
-    files: Sequence[tuple[Path, str]], components: Mapping[str, ComponentLike] | None
+    files: Sequence[tuple[Path, str]],
+    components: Mapping[str, ComponentLike] | None,
+    travels: Travels | None = None,
 ) -> ReadingsStream:
     """All readings of `files`, (path, role), in their order, some ten thousand at a time.
 
@@ -49,14 +54,15 @@ def stream_readings(
     a reading where rows could stand twice (16 with several files), and some blocks. Files with
     dates, or with covariates that are neither temperatures nor known numbers, are read twice.
 
-    A file at fault, or too odd for single blocks, is read as a whole; a fault that shows late
-    is raised after the blocks before it.
+    A file at fault, or too odd for single blocks (drifts that most machines do not have, as of a
+    probe that stands off), is read as a whole; a fault that shows late is raised after the blocks
+    before it.
 
     Raises InputError with all problems, as `read_readings` does, while it is iterated over.
     """
     if not files:
         raise ValueError("no files to read")
-    return ReadingsStream(files, components)
+    return ReadingsStream(files, components, travels)
 
 
 class ReadingsStream(Iterator[Readings]):
@@ -68,10 +74,14 @@ class ReadingsStream(Iterator[Readings]):
     """
 
     def __init__(
-        self, files: Sequence[tuple[Path, str]], components: Mapping[str, ComponentLike] | None
+        self,
+        files: Sequence[tuple[Path, str]],
+        components: Mapping[str, ComponentLike] | None,
+        travels: Travels | None = None,
     ) -> None:
         self._files = tuple(files)
         self._machine = components
+        self._travels = travels or {}
         self._components = _Labels(components or ())
         self._cycles = _Labels(())
         self._blocks = self._all()
@@ -92,7 +102,7 @@ class ReadingsStream(Iterator[Readings]):
                 yield block
                 done += len(block)
         except (Suspect, InputError, OSError):
-            whole = read_readings(self._files, self._machine, for_fit=False)
+            whole = read_readings(self._files, self._machine, for_fit=False, travels=self._travels)
             self._sources = whole.sources
             if done < len(whole):
                 yield self._rest(whole, done)
@@ -105,7 +115,7 @@ class ReadingsStream(Iterator[Readings]):
         for index, (path, role) in enumerate(self._files):
             file = _File()
             copied = array("Q")
-            work = partial(_checked, known.specs[index], self._machine)
+            work = partial(_checked, known.specs[index], self._machine, self._travels)
             for block in in_order(work, text_blocks(path, role)):
                 file.add(block)
                 if len(block.table):
@@ -193,13 +203,18 @@ class _Block:
 
 
 def _checked(
-    spec: TableSpec, components: Mapping[str, ComponentLike] | None, text: CsvText
+    spec: TableSpec,
+    components: Mapping[str, ComponentLike] | None,
+    travels: Travels,
+    text: CsvText,
 ) -> _Block:
-    """The rows of a text; raises Suspect where any of them is at fault."""
+    """The rows of a text; raises Suspect where any of them is at fault, or may be."""
     problems = ProblemList()
     table = table_from(text, spec, problems)
     check_cells(table, components, problems)
-    if problems.listed:
+    if problems.listed or (
+        table.source.role == ROLE and may_be_mistaken(table, components, travels)
+    ):
         raise Suspect
     return _Block(
         table=table,

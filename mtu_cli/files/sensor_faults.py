@@ -11,6 +11,7 @@ import numpy as np
 
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.covariates import is_temperature
+from mtu_cli.files.fahrenheit import FAHRENHEIT, some_fahrenheit, told_partly
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -74,12 +75,22 @@ def check_sensors(table: Table, name: str, problems: ProblemList) -> None:
 
 
 def sensor_notes(tables: Sequence[Table]) -> Iterator[Notice]:
-    """Of sensors that look faulty more often, or slower, than from a fault, or without times."""
+    """Of sensors that look faulty more often, or slower, than from a fault, or without times, and
+    of those that are in Fahrenheit from some row on.
+    """
     for table in tables:
         for name in filter(is_temperature, table.columns.numbers):
             cells = _cells(table, name)
-            for words in () if cells is None else cells.usual:
+            if cells is None:
+                continue
+            for words in cells.usual:
                 yield _doubtful(table, name, words)
+            odd = some_fahrenheit(cells.values, cells.run)
+            if odd is not None:
+                first = int(table.rows[cells.order[odd].min()])
+                words = told_partly(cells.values, odd, first)
+                message = f"{table.source.shown}, column {name!r}: {words}"
+                yield Notice(code=FAHRENHEIT, message=message)
 
 
 def code_notes(table: Table, name: str) -> Iterator[Notice]:

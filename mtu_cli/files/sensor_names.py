@@ -6,11 +6,25 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mtu_cli.errors import Problem
 from mtu_cli.files.contracts import Notice
-from mtu_cli.files.covariates import as_temperature, looks_like_temperature
+from mtu_cli.files.covariates import (
+    KELVIN,
+    as_temperature,
+    is_covariate,
+    is_temperature,
+    looks_like_temperature,
+)
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mtu_cli.files.readings import Readings
+
+    Floats = NDArray[np.float64]
+
     from mtu_cli.files.csv_table import ProblemList, Table
 
 _SURE = re.compile(
@@ -18,6 +32,23 @@ _SURE = re.compile(
     r"|^temp(?:erature?)?[\W_]*\d*\W*$",
     re.IGNORECASE,
 )
+_UNIT = re.compile(
+    r"(?:deg[\W_]*(?=[kf]\W*$)|(?=kelvin|fahrenheit)|(?<=[\W_])(?=[kf]\W*$))([kf])", re.IGNORECASE
+)
+CONVERTED = {
+    "k": f"; values in kelvin become degC: value - {KELVIN:g}",
+    "f": "; values in Fahrenheit become degC: (value - 32) / 1.8",
+}
+_SENSOR = re.compile(
+    r"sensor|thermo|ntc|rtd|ds18|pt[\W_]*1000?(?!\d)|f(?:\u00fc|ue)hler|probe"
+    r"|^(?:ch|kanal|channel|tc|ai)[\W_]*\d+\W*$",
+    re.IGNORECASE,
+)
+COLDEST_DEGC, WARMEST_DEGC = -20.0, 120.0
+LEAST_MOVE_K = 0.5
+"""What numbers are that may be temperatures of a machine in a test of its drift."""
+TOGETHER = 0.8
+"""Correlation with a sensor from which on a column may well be another."""
 
 
 def check_sensor_names(table: Table, problems: ProblemList) -> None:
@@ -64,16 +95,54 @@ def _is_sure(name: str) -> bool:
 
 def _no_sensor(table: Table, name: str) -> Problem:
     better = as_temperature(name)
-    rename = (
-        ""
-        if better is None or better in table.header
-        else f": rename {name!r} to {better!r} (in degC)"
-    )
+    unit = _UNIT.search(name.replace("\u00b0", "deg"))
+    otherwise = ", or, where it is no temperature, a name that does not look like one"
+    if better is not None and better not in table.header:
+        otherwise = (
+            f": rename {name!r} to {better!r} (in degC), or, where it is none, to a name that does "
+            f"not look like one{'' if unit is None else CONVERTED[unit[1].casefold()]}"
+        )
     return Problem(
         what="not the name of a temperature",
         file=table.source.shown,
         row=table.header_row,
         column=name,
-        expected=f"T_<sensor>_degC with letters a to z, digits and _ alone{rename}, or, where it "
-        "is none, to a name that does not look like one",
+        expected=f"T_<sensor>_degC with letters a to z, digits and _ alone{otherwise}",
     )
+
+
+def unused_sensor_notes(readings: Readings) -> Iterator[Notice]:
+    """Of columns of drift readings that no name makes sensors, but whose numbers move like
+    temperatures: with a sensor that is one, or under a name that only sensors have.
+    """
+    given = readings.covariates.items()
+    numbers = {n: c.astype(np.float64, copy=False) for n, c in given if c.dtype != object}
+    columns = {n: c for n, c in numbers.items() if np.isfinite(c).all()}
+    sensors = [_moves(c) for n, c in columns.items() if is_temperature(n)]
+    for name, values in columns.items():
+        if is_covariate(name) or not _like_temperatures(values):
+            continue
+        own = _moves(values)
+        if _SENSOR.search(name) or any(abs(float(own @ other)) > TOGETHER for other in sensors):
+            better = as_temperature(name)
+            rename = "" if better is None else f", such as {better}"
+            message = (
+                f"column {name!r} is not used, though its numbers move like temperatures: a "
+                f"temperature is T_<sensor>_degC{rename}"
+            )
+            yield Notice(code="not-a-temperature", message=message)
+
+
+def _like_temperatures(values: Floats) -> bool:
+    """Whether numbers (n,) are in the range of a machine's sensors, broken, and move."""
+    low, high = float(values.min()), float(values.max())
+    broken = bool((values != np.round(values)).any())
+    return low > COLDEST_DEGC and high < WARMEST_DEGC and high - low > LEAST_MOVE_K and broken
+
+
+def _moves(values: Floats) -> Floats:
+    """Values (n,) about their mean, of length 1; 0 where they do not move, or are not known."""
+    away = values - values.mean()
+    length = float(np.sqrt(away @ away))
+    found: Floats = away / length if 0.0 < length < np.inf else np.zeros(len(values))
+    return found

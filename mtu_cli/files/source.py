@@ -42,6 +42,11 @@ def shown_path(path: Path) -> str:
         return _text(Path(path.name))
 
 
+def given_path(path: Path) -> str:
+    """The name of a file to write in messages: the path as the user wrote it."""
+    return _text(path)
+
+
 def _text(path: Path) -> str:
     # A name need not be UTF-8; JSON must be.
     return printable(os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace"))
@@ -192,12 +197,25 @@ def _check_kind(content: bytes, shown: str) -> None:
         what = "looks like a web page, not like data: was a login or error page saved?"
     elif content.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
         what = "looks like an Excel workbook"
+    elif content.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)) or _mostly_zero(content):
+        what = "is UTF-32 text"
     elif content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or _every_other_zero(
         content
     ):
         what = "is UTF-16 text"
     if what is not None:
         raise fault(what, file=shown, expected="text saved as UTF-8")
+
+
+def _mostly_zero(content: bytes) -> bool:
+    """Whether a start of letters has three zero bytes beside each: UTF-32 without its mark."""
+    start = content[:64]
+    return any(
+        len(start) > 7
+        and all(start[place::4])
+        and not any(any(start[other::4]) for other in range(4) if other != place)
+        for place in (0, 3)
+    )
 
 
 def _every_other_zero(content: bytes) -> bool:

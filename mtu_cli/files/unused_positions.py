@@ -24,7 +24,7 @@ def unused_positions(
     for table in tables:
         positions = table.columns.numbers.get("position_mm")
         column = table.columns.texts["component"]
-        names = [name for name in column.labels if components[name].of is None]
+        names = [n for n in column.labels if n in components and components[n].of is None]
         if positions is None or not names:
             continue
         codes = [column.labels.index(name) for name in names]

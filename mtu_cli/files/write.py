@@ -11,8 +11,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from mtu_cli.errors import InputError, MtuError, Problem, fault, printable, reason
-from mtu_cli.files.source import shown_path
+from mtu_cli.errors import InputError, MtuError, Problem, fault, reason
+from mtu_cli.files.source import given_path, shown_path
 
 
 @dataclass(slots=True)
@@ -79,15 +79,8 @@ def _told(item: _Pending) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        shown = _as_given(item)
+        shown = given_path(item.path)
         raise fault(f"cannot be written: {reason(error)}", file=shown) from None
-
-
-def _as_given(item: _Pending) -> str:
-    """The name of a file in messages; a device goes by its whole path: "full" says nothing."""
-    if _is_replaceable(item.target):
-        return shown_path(item.path)
-    return printable(item.path.as_posix())
 
 
 def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
@@ -98,7 +91,7 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
     problems = []
     seen: dict[Path, Path] = {}
     for path in targets:
-        shown = shown_path(path)
+        shown = given_path(path)
         target = path.resolve()
         if path.is_dir():
             problems.append(Problem(what="is a folder", file=shown, expected="a file to write"))
@@ -109,14 +102,15 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
         if target in seen and _is_replaceable(target):
             problems.append(Problem(what="two outputs name the same file", file=shown))
         seen[target] = path
-        if any(_same(path, source) for source in inputs):
+        if any(overwrites(path, source) for source in inputs):
             what = "is an input of this run and is not overwritten"
             problems.append(Problem(what=what, file=shown, expected="another name"))
     if problems:
         raise InputError(problems)
 
 
-def _same(path: Path, other: Path) -> bool:
+def overwrites(path: Path, other: Path) -> bool:
+    """Whether writing to `path` changes the file `other`, whatever links are between."""
     try:
         return path.resolve() == other.resolve() or path.samefile(other)
     except OSError:

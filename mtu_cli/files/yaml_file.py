@@ -5,9 +5,8 @@ Every mapping key is text as it is written, so that a feature may be called ``00
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,8 @@ import yaml
 
 from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.source import Source, check_text, read_source
+from mtu_cli.files.yaml_commas import Cell, OddNumber, odd_number
+from mtu_cli.files.yaml_faults import control_line, unreadable
 from mtu_cli.files.yaml_scalars import CORE_TAG, plain_scalar, tagged_scalar
 
 MAX_BYTES = 10_000_000
@@ -22,8 +23,6 @@ MAX_NODES = 500_000
 MAX_DEPTH = 60
 MAX_TEXT = 120_000
 """Characters of one text: longer names would make tables that no reader of CSV files takes."""
-
-_CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ufffe\uffff]")
 
 YamlPath = tuple[str | int, ...]
 
@@ -33,14 +32,16 @@ class YamlDocument:
     """A YAML file: plain data, and the 1-based line of each value by its path.
 
     The line of a mapping's entry is its key's. `duplicates` are keys that appear twice: faults
-    that `check_contract` raises together with all that it finds itself. `content` are the bytes
-    of the file, none where the text came from elsewhere.
+    that `check_contract` raises together with all that it finds itself, as it does `odd_numbers`,
+    by the path of their list. `content` are the bytes of the file, none where the text came from
+    elsewhere.
     """
 
     source: Source
     data: Any
     lines: Mapping[YamlPath, int]
     duplicates: tuple[Problem, ...] = ()
+    odd_numbers: Mapping[YamlPath, OddNumber] = field(default_factory=dict)
     content: bytes = b""
 
     def line_of(self, *path: str | int) -> int | None:
@@ -64,6 +65,8 @@ class _Node:
     depth: int = 1
     anchor: str | None = None
     key: tuple[str, int] | None = None
+    cells: list[Cell] | None = None
+    odd: OddNumber | None = None
 
 
 def read_yaml(path: Path, role: str) -> YamlDocument:
@@ -86,22 +89,23 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     """
     shown = source.shown
     try:
-        composer = _Composer(shown)
+        composer = _Composer(shown, text)
         root = composer.compose(yaml_events(text))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        raise _unreadable(error, text, shown, None if mark is None else mark.line + 1) from None
+        raise unreadable(error, text, shown, None if mark is None else mark.line + 1) from None
     except yaml.YAMLError as error:
         what = f"not readable as YAML: {str(error).splitlines()[0]}"
-        raise fault(what, file=shown, line=_control_line(text)) from None
+        raise fault(what, file=shown, line=control_line(text)) from None
     if composer.bad_tags:
         problems = [*composer.bad_tags, *composer.duplicates]
         raise InputError(sorted(problems, key=lambda problem: problem.line or 0))
     if root is None:
         raise fault("the file holds no values", file=shown, expected=f"a {source.role} file")
-    data, lines = _expand(root)
+    data, lines, odd = _expand(root)
+    duplicates = tuple(composer.duplicates)
     return YamlDocument(
-        source=source, data=data, lines=lines, duplicates=tuple(composer.duplicates)
+        source=source, data=data, lines=lines, duplicates=duplicates, odd_numbers=odd
     )
 
 
@@ -112,31 +116,12 @@ def yaml_events(text: str) -> Iterator[Any]:
     return events
 
 
-def _unreadable(error: yaml.MarkedYAMLError, text: str, shown: str, line: int | None) -> InputError:
-    problem = error.problem or "unknown fault"
-    expected = None
-    lines = text.splitlines()
-    faulty = lines[line - 1] if line is not None and line <= len(lines) else ""
-    if "\t" in faulty[: len(faulty) - len(faulty.lstrip())]:
-        expected = "spaces, not tabs, for indentation"
-    elif "mapping values are not allowed" in problem:
-        expected = "quotes around a text that holds ': '"
-    where = f" ({error.context})" if error.context else ""
-    return fault(
-        f"not readable as YAML: {problem}{where}", file=shown, line=line, expected=expected
-    )
-
-
-def _control_line(text: str) -> int | None:
-    found = _CONTROL.search(text)
-    return None if found is None else text.count("\n", 0, found.start()) + 1
-
-
 class _Composer:
     """Builds nodes from events without recursion, so that depth is a message, not a crash."""
 
-    def __init__(self, shown: str) -> None:
+    def __init__(self, shown: str, text: str) -> None:
         self.shown = shown
+        self.text = text
         self.open: list[_Node] = []
         self.anchors: dict[str, _Node] = {}
         self.root: _Node | None = None
@@ -177,6 +162,9 @@ class _Composer:
         else:
             node = _Node(line, self._scalar(event, line), anchor=event.anchor)
             self._bound(node, line)
+            if parent is not None and parent.cells is not None and _is_number(node.value):
+                marks = event.start_mark.index, event.end_mark.index
+                parent.cells.append(Cell(str(event.value), *marks))
             self._place(node)
 
     def _key(self, parent: _Node, event: Any, line: int) -> None:
@@ -246,10 +234,14 @@ class _Composer:
             node.entries = {}
         else:
             node.items = []
+            node.cells = [] if event.flow_style else None
         self.open.append(node)
 
     def _end(self) -> None:
         node = self.open.pop()
+        if node.cells and len(node.cells) == len(node.items or ()):
+            node.odd = odd_number(node.cells, self.text)
+        node.cells = None
         self._place(node)
 
     def _place(self, node: _Node) -> None:
@@ -269,8 +261,13 @@ class _Composer:
             parent.key = None
 
 
-def _expand(root: _Node) -> tuple[Any, dict[YamlPath, int]]:
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _expand(root: _Node) -> tuple[Any, dict[YamlPath, int], dict[YamlPath, OddNumber]]:
     lines: dict[YamlPath, int] = {}
+    odd: dict[YamlPath, OddNumber] = {}
 
     # Recursion is bounded: MAX_DEPTH holds with aliases expanded.
     def build(node: _Node, path: YamlPath, line: int) -> Any:
@@ -280,8 +277,10 @@ def _expand(root: _Node) -> tuple[Any, dict[YamlPath, int]]:
                 key: build(child, (*path, key), key_line)
                 for key, (key_line, child) in node.entries.items()
             }
+        if node.odd is not None:
+            odd[path] = node.odd
         if node.items is not None:
             return [build(child, (*path, i), child.line) for i, child in enumerate(node.items)]
         return node.value
 
-    return build(root, (), root.line), lines
+    return build(root, (), root.line), lines, odd

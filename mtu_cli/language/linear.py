@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 from mtu_cli.language.errors import EquationError
@@ -17,20 +17,27 @@ class LinearForm:
     remainder: Node | None
 
 
-def linear_form(node: Node, linear_names: Collection[str]) -> LinearForm:
-    """Writes an equation as a linear form in `linear_names`.
+COMPONENT, PARAMETER = "component", "parameter"
+
+
+def linear_form(
+    node: Node, linear_names: Collection[str], parameters: Collection[str] = ()
+) -> LinearForm:
+    """Writes an equation as a linear form in `linear_names`; those of them in `parameters` are an
+    effect's and are called so.
 
     Raises EquationError with the column at which linearity is lost: a product of two
     components, a division by one, a power or a function of one.
     """
-    coefficients, remainder = _split(node, frozenset(linear_names))
+    linear = {name: PARAMETER if name in parameters else COMPONENT for name in linear_names}
+    coefficients, remainder = _split(node, linear)
     return LinearForm(coefficients, remainder)
 
 
 Parts = tuple[dict[str, Node], Node | None]
 
 
-def _split(node: Node, linear: frozenset[str]) -> Parts:
+def _split(node: Node, linear: Mapping[str, str]) -> Parts:
     if not any(name in linear for name in names(node)):
         return {}, node
     match node:
@@ -43,27 +50,27 @@ def _split(node: Node, linear: frozenset[str]) -> Parts:
         case Binary("*", left, right, column):
             return _product(left, right, column, linear)
         case Binary("/", left, right, column):
-            _refuse(right, linear, "a component stands in a denominator")
+            _refuse(right, linear, "stands in a denominator")
             return _scaled(_split(left, linear), lambda part: Binary("/", part, right, column))
         case Binary("**", _, _, _):
-            _refuse(node, linear, "a component stands in a power")
+            _refuse(node, linear, "stands in a power")
         case Call(function, _, _):
-            _refuse(node, linear, f"a component stands inside {function}()")
+            _refuse(node, linear, f"stands inside {function}()")
     raise AssertionError(node)
 
 
-def _product(left: Node, right: Node, column: int, linear: frozenset[str]) -> Parts:
+def _product(left: Node, right: Node, column: int, linear: Mapping[str, str]) -> Parts:
     in_left = [name for name in names(left) if name in linear]
     in_right = [name for name in names(right) if name in linear]
     if in_left and in_right:
         # What stands inside a function is told so.
         _split(left, linear)
         _split(right, linear)
-        raise EquationError(
-            f"product of the components {in_left[0]!r} and {in_right[0]!r}",
-            column,
-            "an equation that is linear in the components",
-        )
+        one, other = in_left[0], in_right[0]
+        named = f"{linear[one]}s {one!r} and {other!r}"
+        if linear[one] != linear[other]:
+            named = f"{linear[one]} {one!r} and the {linear[other]} {other!r}"
+        raise EquationError(f"product of the {named}", column, _expected(linear, (one, other)))
     if in_left:
         return _scaled(_split(left, linear), lambda part: _times(part, right, column))
     return _scaled(_split(right, linear), lambda part: _times(left, part, column))
@@ -102,10 +109,14 @@ def _times(left: Node, right: Node, column: int) -> Node:
     return Binary("*", left, right, column)
 
 
-def _refuse(node: Node, linear: frozenset[str], what: str) -> None:
+def _refuse(node: Node, linear: Mapping[str, str], what: str) -> None:
     inside = {name: column for name, column in names(node).items() if name in linear}
     if inside:
         name = min(inside, key=lambda key: inside[key])
-        raise EquationError(
-            f"{what}: {name!r}", inside[name], "an equation that is linear in the components"
-        )
+        expected = _expected(linear, (name,))
+        raise EquationError(f"a {linear[name]} {what}: {name!r}", inside[name], expected)
+
+
+def _expected(linear: Mapping[str, str], told: Collection[str]) -> str:
+    kinds = dict.fromkeys(linear[name] for name in told)
+    return f"an equation that is linear in the {' and '.join(f'{kind}s' for kind in kinds)}"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.language import evaluate, names
+from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -89,7 +90,18 @@ def _check_finite(
     if not bad.any():
         return
     i, a = np.argwhere(bad)[0]
-    raise InputError(not_finite(model, model.axes[a], points[i]))
+    problem = not_finite(model, model.axes[a], points[i])
+    owners = [
+        term.estimate.name.rpartition(EFFECT_MARK)[0]
+        for term in model.terms
+        for _ in term.estimate.coefficients
+    ]
+    with np.errstate(invalid="ignore"):
+        first = np.flatnonzero(~(np.abs(J[i, a]) < LARGEST))
+    owner = owners[first[0]] if len(first) else ""
+    if (place := model.places.get((owner, model.axes[a]))) is not None:
+        problem = replace(problem, file=place[0], line=place[1], path=place[2])
+    raise InputError(problem)
 
 
 def coordinates_of(model: MachineModel, axis: str) -> tuple[str, ...]:

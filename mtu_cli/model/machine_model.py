@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.language import LinearForm, Node, names
@@ -44,7 +45,8 @@ class MachineModel:
 
     `axes` are the axes that have an equation, `terms` the components in the order of theta,
     `remainders` what the equations hold beside components, `constants` name -> (value, u),
-    `effects` what the machine file declares as such.
+    `effects` what the machine file declares as such; `places` (file, line, path) of the equations
+    by the effect that they are of ("": the machine's own) and axis.
     """
 
     name: str
@@ -54,6 +56,7 @@ class MachineModel:
     constants: dict[str, tuple[float, float]]
     joint: tuple[JointPasses, ...]
     effects: tuple[DeclaredEffect, ...] = ()
+    places: Mapping[tuple[str, str], tuple[str, int | None, str]] = field(default_factory=dict)
 
     def covariates(self) -> tuple[str, ...]:
         """Names that the equations use beside positions, constants and components."""
@@ -106,7 +109,19 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
         },
         joint=(*estimates.joint, *effects.joint),
         effects=declared_effects(machine),
+        places=_places(machine),
     )
+
+
+def _places(machine: LoadedMachine) -> dict[tuple[str, str], tuple[str, int | None, str]]:
+    paths: dict[tuple[str, str], tuple[str | int, ...]] = {
+        ("", name[1:]): ("equations", name) for name in machine.machine.equations
+    }
+    for index, effect in enumerate(machine.machine.effects):
+        for name in effect.equations:
+            paths[effect.name, name[1:]] = ("effects", index, "equations", name)
+    shown = machine.source.shown
+    return {key: (shown, machine.line_of(*path), path_text(path)) for key, path in paths.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

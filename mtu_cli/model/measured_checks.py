@@ -13,6 +13,7 @@ from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured_rows import check_rows
 from mtu_cli.model.measured_slips import slips
+from mtu_cli.model.measured_units import EXPLAINS, look_like_errors, parts_of_other_units
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import axes_of, operations_of
 from mtu_cli.stats.least_squares import FloatArray
@@ -21,8 +22,6 @@ SUSPICIOUS_MM = 0.5
 """A typical error beyond this is not one of a machine tool."""
 ORIGIN = "origin"
 MOST: Datum = "offset,rotation"
-EXPLAINS = 0.1
-"""A mistake is named if undoing it leaves less than this share of the error."""
 FEWEST_COPIED = 4
 """Fewer equal values than this are no reason to speak."""
 CHANCE = 1e-3
@@ -62,7 +61,8 @@ def sound(points: Points, datum: Datum | None = None) -> list[Warned]:
 
 def refuse_mistaken(points: Points, datum: Datum | None = None) -> None:
     """Raises InputError where most points are so far from their nominal that the error of no
-    machine is behind it: what follows from them would be said of a machine, or of parts.
+    machine is behind it, and for parts in another unit than the others: what follows from them
+    would be said of a machine, or of parts.
 
     Parts that lie on the CMM as they were put down may be millimetres off: the freedoms of
     `datum` are taken out first. None: the command has no such option to hint at.
@@ -71,6 +71,10 @@ def refuse_mistaken(points: Points, datum: Datum | None = None) -> None:
     loose = freed(points, axes, datum or "none")[0]
     far = _are_far(loose, axes)
     if 2 * int(far.sum()) <= len(far):
+        free = datum not in (None, "none")
+        problems = list(parts_of_other_units(points, far, axes, SUSPICIOUS_MM, free))
+        if problems:
+            raise InputError(problems)
         return
     errors = np.abs(loose.measured[far][:, axes] - loose.nominal[far][:, axes])
     guess = _mistake(loose.measured[far][:, axes], loose.nominal[far][:, axes])
@@ -181,8 +185,11 @@ def _mistake(measured: FloatArray, nominal: FloatArray) -> str:
         "this looks like the sign of x the other way round": measured * _of_one(measured, 0, -1.0),
         "this looks like the sign of y the other way round": measured * _of_one(measured, 1, -1.0),
         "this looks like inches taken for mm": measured * 25.4,
-        "this looks like x alone in inches, not mm": measured * _of_one(measured, 0, 25.4),
-        "this looks like y alone in inches, not mm": measured * _of_one(measured, 1, 25.4),
+        **{
+            f"this looks like {letter} alone in {unit}, not mm": measured * _of_one(measured, i, f)
+            for i, letter in enumerate(AXES[: measured.shape[1]])
+            for unit, f in (("inches", 25.4), ("um", 1e-3))
+        },
         "this looks like mm taken for inches": measured / 25.4,
         "this looks like um taken for mm": measured / 1000.0,
         "this looks like metres taken for mm": measured * 1000.0,
@@ -196,6 +203,8 @@ def _mistake(measured: FloatArray, nominal: FloatArray) -> str:
         return "this looks like an origin that differs by " + ", ".join(
             f"{value:.4g} mm" for value in shift
         )
+    if look_like_errors(measured, nominal):
+        return "these look like errors, not like the coordinates that they are errors of"
     return "this looks like a unit, sign or swap mistake, or another origin"
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.files.reading_sizes import Travels, largest_errors
+from mtu_cli.files.reading_cells import Travels, largest_errors
 from mtu_cli.model.residual_cells import IntArray
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray, least_squares

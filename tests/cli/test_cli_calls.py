@@ -77,6 +77,23 @@ def test_values_of_the_wrong_kind(call: list[str], work: Path) -> None:
     assert call[0] in message or "another.yaml" in message
 
 
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (["--k", "2,5"], "--k is no number: '2,5'; expected 2.5 with a decimal point"),
+        (["--k", "two"], "--k is no number: 'two'; expected a number"),
+        (["--trials", "2,000"], "--trials is no whole number: '2,000'; expected 2000, a whole"),
+        (["--trials", "1e4"], "'1e4'; expected 10000, a whole number in digits"),
+        (["--trials", "2.5"], "--trials is no whole number: '2.5'; expected a whole number"),
+        (["--seed", ""], "--seed is no whole number: ''; expected a whole number"),
+        (["-p", ""], "--part names no file: ''; expected a name"),
+        (["--lbb", "lbb.csv", "--lbb", ""], "--lbb names no file"),
+    ],
+)
+def test_numbers_and_names_that_are_none(call: list[str], words: str, work: Path) -> None:
+    assert words in refused(work, "lengths", *call)
+
+
 def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
     bad = ["T", "=1", "T_a_degC=", "T_a_degC=warm", "T_a_degC=nan", "T_a_degC=-inf", "a\x07=1"]
     bad += ["T_b_degC=1_0", "T_b_degC=\uff12"]

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from mtu_cli.cli.close_loop import _tables as tables_of
 from mtu_cli.cli.close_loop_choices import read_choices
-from mtu_cli.cli.close_loop_files import Known, check_written, written
+from mtu_cli.cli.close_loop_files import Known, written
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
+from mtu_cli.cli.outputs import check_outputs
 from mtu_cli.errors import InputError
 from mtu_cli.files.components_file import read_components
 from mtu_cli.files.machine import load_machine
@@ -394,8 +395,8 @@ def test_no_input_is_overwritten(
     work = prepared(tmp_path / "work")
     (work / "x").mkdir()
     inputs = inputs_of(work, monkeypatch, study="mtu.yaml", write_machine=name)
-    with pytest.raises(InputError, match="is an input of this run and is not overwritten"):
-        check_written(inputs)
+    with pytest.raises(InputError, match=r"is an input of (this run|the study) and is not ov"):
+        check_outputs(inputs)
 
 
 def outcome(**changes: Any) -> Outcome:

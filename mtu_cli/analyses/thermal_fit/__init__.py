@@ -96,7 +96,7 @@ def thermal_fit(
         not_used=others,
         reference=reference,
         method=method,
-        warnings=tuple(dict.fromkeys([*warnings, *unit_warnings(series.values(), sensors)])),
+        warnings=tuple(dict.fromkeys(warnings + unit_warnings(series.values(), sensors, warnings))),
     )
 
 

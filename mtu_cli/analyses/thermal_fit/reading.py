@@ -12,6 +12,8 @@ from mtu_cli.analyses.thermal_fit.series import Kept, Series
 from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.covariates import HOTTEST_DEGC, is_temperature
 from mtu_cli.files.drift_cells import TEMPERATURE_EXPECTED
+from mtu_cli.files.fahrenheit import FAHRENHEIT
+from mtu_cli.files.sensor_names import unused_sensor_notes
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.compressed import compress, together
 from mtu_cli.stats.least_squares import FloatArray
@@ -60,9 +62,17 @@ def read_series(
 
 
 def noting(blocks: Iterable[Readings], warnings: list[Warned]) -> Iterator[Readings]:
-    """The blocks as they are; their notes are put among the `warnings`."""
-    for block in blocks:
-        warnings += [Warned(code=note.code, message=note.message) for note in block.notes]
+    """The blocks as they are; their notes, and those of columns that may be sensors, are put among
+    the `warnings`.
+    """
+    told: set[str] = set()
+    for number, block in enumerate(blocks):
+        for note in (*block.notes, *(() if number else unused_sensor_notes(block))):
+            # From which row on a sensor is in Fahrenheit differs from block to block.
+            once = note.message.split(": ")[0] if note.code == FAHRENHEIT else note.message
+            if once not in told:
+                warnings.append(Warned(code=note.code, message=note.message))
+            told.add(once)
         yield block
 
 

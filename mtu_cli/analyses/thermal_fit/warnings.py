@@ -11,7 +11,7 @@ from mtu_cli.analyses.thermal_fit.evidence import FEWEST_NESTED
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.analyses.thermal_fit.series import Series
 from mtu_cli.analyses.thermal_fit.uncertainty import NORMAL_QUARTILE, Rest
-from mtu_cli.files.fahrenheit import fahrenheit_words
+from mtu_cli.files.fahrenheit import FAHRENHEIT, cycles_words, fahrenheit_words
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_warnings import OTHERS_MOVE_DEGC
 from mtu_cli.stats.least_squares import FloatArray
@@ -63,10 +63,16 @@ def component_warnings(
         why = "the readings do not differ, r2 cannot be had: " if series.still else ""
         found.append(("no-sensor", f"{why}no sensor explains the drift"))
     if drift.residuals.normality_p is None:
-        number = drift.residuals.effective
-        why = f"{number:.3g} independent ones" if number < FEWEST_FOR_NORMALITY else "they are 0"
-        found.append(("normality-not-tested", f"the residuals are not tested: {why}"))
+        found.append(_not_tested(drift.residuals.effective))
     return [Warned(code=code, message=f"{drift.name}: {text}") for code, text in found]
+
+
+def _not_tested(number: float) -> tuple[str, str]:
+    """Why the residuals' normality is not tested, of so many independent ones."""
+    why = "they are 0"
+    if number < FEWEST_FOR_NORMALITY:
+        why = f"{number:.3g} of them count as independent"
+    return "normality-not-tested", f"the residuals are not tested: {why}"
 
 
 def _of_files(series: Series) -> Iterator[tuple[str, str]]:
@@ -134,13 +140,30 @@ def _of_held_out(lib: Library, drift: ComponentDrift) -> Iterator[tuple[str, str
         )
 
 
-def unit_warnings(every: Iterable[Series], sensors: tuple[str, ...]) -> list[Warned]:
-    """One warning of sensors whose readings of all components seem to be in Fahrenheit."""
-    spans = np.array([series.range() for series in every])
-    low, high = spans[:, :, 0].min(axis=0), spans[:, :, 1].max(axis=0)
+def unit_warnings(
+    every: Iterable[Series], sensors: tuple[str, ...], told: Iterable[Warned]
+) -> list[Warned]:
+    """One warning of sensors whose readings of all components seem to be in Fahrenheit, or else
+    one of each that is in some cycles, which those `told` by rows do not name.
+    """
+    code, cycles = FAHRENHEIT, dict[str, FloatArray]()
+    for series in every:
+        for cycle, (low, high) in series.spans.items():
+            # Lowest and the negative of the highest, (2, s): the least of both is wanted.
+            own = np.array([low, -high])
+            cycles[cycle] = np.minimum(cycles.get(cycle, own), own)
+    low, high = np.min(list(cycles.values()), axis=0) * [[1.0], [-1.0]]
     extents = zip(low.tolist(), high.tolist(), strict=True)
     words = fahrenheit_words(dict(zip(sensors, extents, strict=True)))
-    return [] if words is None else [Warned(code="looks-like-fahrenheit", message=words)]
+    if words is not None:
+        return [Warned(code=code, message=words)]
+    known = " ".join(item.message for item in told if item.code == code)
+    found = []
+    for s, name in enumerate(sensors):
+        text = cycles_words({c: (float(o[0, s]), -float(o[1, s])) for c, o in cycles.items()})
+        if text is not None and repr(name) not in known:
+            found.append(Warned(code=code, message=f"{name}: {text}"))
+    return found
 
 
 def sensor_warnings(

@@ -263,6 +263,26 @@ def test_equal_readings_without_a_resolution_are_a_warning() -> None:
 
 
 @pytest.mark.parametrize(
+    ("readings", "words"),
+    [
+        ("[1.001, 1.002, 1.001, 1001]", "[3]: 1001 stands out from the others, 1.001 to 1.002"),
+        ("[50.0021, 5.00024, 50.0019]", "[1]: 5.00024 stands out"),
+        ("[2.1, 2.2, 2.15, 2.1, 9]", "[4]: 9 stands out from the others, 2.1 to 2.2, and makes"),
+        ("[2.1, 2.2, 2.15, 2.1, 2.9]", ""),
+        ("[1.001, 1.001, 1.001, 1.002]", ""),
+        ("[-0.2, 0.1, 2.0]", ""),
+        ("[1, 10]", ""),
+    ],
+)
+def test_a_reading_that_stands_out_is_a_warning(readings: str, words: str) -> None:
+    text = f"equation: a + b\ninputs:\n  b: {{value: 1, u: 1}}\n  a: {{readings: {readings}}}\n"
+    found = loaded(text).warnings
+    assert [item.code for item in found] == ["reading-stands-out"] * bool(words)
+    if words:
+        assert found[0].message.startswith(f"b.yaml:6: inputs.a.readings{words}")
+
+
+@pytest.mark.parametrize(
     ("entry", "expected"),
     [
         ("1,5", "inputs.a: wrong value: '1,5'; expected a number with a decimal point"),

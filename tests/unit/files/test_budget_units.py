@@ -157,3 +157,24 @@ def test_units_of_several_outputs(tmp_path: Path) -> None:
         "b.yaml:3: units.a: the equation gives rad: 'deg'; expected rad, or the equation times "
         "180/pi"
     )
+
+
+@pytest.mark.parametrize(
+    ("t", "al", "refused"),
+    [("degF", "1/K", True), ("\u00b0F", "1/degC", True), ("Fahrenheit", "ppm/K", True),
+     ("degF", "1/degF", False), ("F", "1/K", False), ("degC", "1/K", False)],
+)  # fmt: skip
+def test_fahrenheit_beside_kelvin_is_refused(
+    t: str, al: str, refused: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "b.yaml"
+    path.write_text(
+        "schema: mtu/budget/1\nname: b\nequation: al*(t - 20)\ninputs:\n"
+        f"  al: {{value: 1e-5, u: 1e-6, unit: {al}}}\n  t: {{value: 72.5, u: 0.1, unit: {t}}}\n",
+        "utf-8",
+    )
+    if not refused:
+        load_budget(path)
+        return
+    with pytest.raises(InputError, match=r":6: inputs.t.unit: degF beside degC or K.*by 1\.8"):
+        load_budget(path)

@@ -14,6 +14,7 @@ from mtu_cli.files.points import read_points
 from mtu_cli.files.readings import SPEC as READINGS
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.readings_stream import stream_readings
+from mtu_cli.files.sensor_names import unused_sensor_notes
 
 POINTS = "P1,A,10.001,10.002,1\n"
 
@@ -45,15 +46,22 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
          "SollX": "nominal_x_mm"},
         {"N° pièce": "part", "Caractéristique": "feature", "X mesuré": "x_mm", "Y mesuré": "y_mm",
          "X théorique": "nominal_x_mm"},
+        {"Part": "part", "Bore": "feature", "meas_x": "x_mm", "Y meas.": "y_mm"},
         {"Pieza": "part", "Agujero": "feature", "x medido": "x_mm", "y medido": "y_mm"},
     ],
-    ids=["German", "English", "joined", "French", "Spanish"],
+    ids=["German", "English", "joined", "French", "short", "Spanish"],
 )  # fmt: skip
 def test_common_words_for_columns_are_known(pairs: dict[str, str], tmp_path: Path) -> None:
     lines = refused(tmp_path, ",".join(pairs), ",".join("1" * len(pairs)) + "\n")
     assert len(lines) == len(pairs)
     for other, name in pairs.items():
         assert sum(f"rename {other!r} to {name!r}" in line for line in lines) == 1
+
+
+def test_common_words_of_readings_are_known() -> None:
+    words = {"Komponente": "component", "Abweichung": "error", "Einheit": "unit", "Écart": "error",
+             "Messposition [mm]": "position_mm"}  # fmt: skip
+    assert {word: meant_by(word) for word in words} == words
 
 
 @pytest.mark.parametrize("other", ["Soll X", "Befund", "Werkzeug", "x y ist", "Ist", "mm", "°"])
@@ -175,6 +183,55 @@ def test_a_sensor_is_not_lost_by_its_name(column: str, name: str | None, tmp_pat
     assert f"column {column!r}: not the name of a temperature" in found[0]
     wanted = f"alone: rename {column!r} to {name!r} (in degC), or" if name else "alone, or, where"
     assert wanted in found[0]
+
+
+@pytest.mark.parametrize(
+    ("column", "words"),
+    [
+        ("T_02_degF", "like one; values in Fahrenheit become degC: (value - 32) / 1.8"),
+        ("spindle [\u00b0F]", None),
+        ("T_02_K", "like one; values in kelvin become degC: value - 273.15"),
+        ("T_02_C", "a name that does not look like one"),
+    ],
+)
+def test_values_of_another_unit_are_to_be_converted(
+    column: str, words: str | None, tmp_path: Path
+) -> None:
+    files = drift(tmp_path, column)
+    if words is None:
+        assert len(read_readings(files, None, for_fit=False)) == 2
+        return
+    with pytest.raises(InputError) as caught:
+        read_readings(files, None, for_fit=False)
+    assert str(caught.value).endswith(words)
+
+
+@pytest.mark.parametrize(
+    ("column", "cells", "told"),
+    [
+        ("NTC7", [20.1, 21.5, 20.7, 20.2], "T_NTC7_degC"),
+        ("Kanal 2", [20.1, 21.5, 20.7, 20.2], "T_Kanal_2_degC"),
+        ("CH1", [20.1, 21.5, 20.7, 20.2], "T_CH1_degC"),
+        ("table", [20.1, 20.9, 21.6, 22.1], "T_table_degC"),
+        ("load", [20.1, 20.9, 20.2, 21.0], None),
+        ("feed", [1000.1, 1001.2, 1002.1, 1003.3], None),
+        ("count", [1, 2, 3, 4], None),
+        ("Sensor3", [20.1, 20.2, 20.1, 20.2], None),
+        ("Sensor3", ["a", "b", "a", "b"], None),
+        ("Sensor3", ["", 20.1, 21.5, 20.7], None),
+    ],
+)
+def test_a_column_that_moves_like_a_temperature_is_not_lost_in_silence(
+    column: str, cells: list[object], told: str | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "d.csv"
+    rows = [f"a,{i},um,{20 + i},{cell}\n" for i, cell in enumerate(cells)]
+    path.write_text(f"component,error,unit,T_01_degC,{column}\n{''.join(rows)}", "utf-8")
+    found = list(unused_sensor_notes(read_readings([(path, "drift")], None, for_fit=False)))
+    assert [note.code for note in found] == ["not-a-temperature"] * (told is not None)
+    if told is not None:
+        assert f"column {column!r} is not used" in found[0].message
+        assert found[0].message.endswith(f"such as {told}")
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ def test_the_built_in_file_is_sound_and_fits_its_schema() -> None:
     [
         ("{Ex: k*speed}", "effects[0].equations.Ex: unknown name 'speed' at column 3; expected "),
         ('{Ex: "k*({a} - {q0})"}', "effects[0].equations.Ex: unknown name '{q0}' at column 10"),
-        ("{Ex: k*x*k}", "product of the components 'k' and 'k' at column 4"),
+        ("{Ex: k*x*k}", "product of the parameters 'k' and 'k' at column 4"),
         ("{Ex: k*x + 0.001}", "a term without a parameter at column 1"),
         ("{Ex: k*(x}", "the parenthesis opened at column 3 is not closed at column 5"),
         ("{Ex: k}", "this term is an angle or ratio (rad), its equation is a length (mm)"),

@@ -331,7 +331,7 @@ def test_a_temperature_or_time_too_many(
     ("effect", "words"),
     [
         ("parameters: {p: {value: 1, unit: um}}, equations: {Ex: q*dir_x}", "unknown name 'q'"),
-        ("parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*p}", "product of the comp"),
+        ("parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*p}", "product of the param"),
         ("parameters: {p: {value: 1, unit: rad}}, equations: {Ex: p*3}", "this term is an angle"),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ey: p*dir_y*x}",
@@ -369,7 +369,7 @@ def test_a_temperature_or_time_too_many(
         (
             "parameters: {p: {value: 1, unit: um}, q: {value: 8, unit: mm}}, "
             "equations: {Ex: p*step(sequence - q)}",
-            "a component stands inside step(): 'q' at column 19",
+            "a parameter stands inside step(): 'q' at column 19",
         ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*step(sequence - x)}",

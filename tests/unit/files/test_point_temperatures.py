@@ -121,6 +121,7 @@ DAYS = np.repeat([0.0, 30, 60, 90, 120, 1440, 1470, 1500, 1530, 1560], ROWS)
         (by_part({k: k - 4.0 for k in range(10)}), None, []),
         (by_part({k: 68.0 + 0.16 * k for k in range(10)}), None, ["looks-like-fahrenheit"]),
         (by_part({k: 40.0 + 4.0 * k for k in range(10)}), None, []),
+        (by_part({k: 73.0 + 0.5 * k for k in range(6, 10)}), None, ["looks-like-fahrenheit"]),
     ],
 )
 def test_what_may_be_a_temperature_is_not_refused(
@@ -133,6 +134,15 @@ def test_the_note_of_a_sensor_in_fahrenheit_says_what_it_would_be(tmp_path: Path
     (note,) = points_of(tmp_path, np.linspace(68.0, 69.6, 8)).notes
     assert note.message == (
         "T_02_degC is 68 to 69.6 degC; in Fahrenheit it would be 20 to 20.89 degC: check its unit"
+    )
+
+
+def test_the_note_of_a_part_in_fahrenheit_names_its_first_row(tmp_path: Path) -> None:
+    values = each({k: 71.0 + 0.1 * k for k in range(25, N)})
+    (note,) = points_of(tmp_path, values, files=2).notes
+    assert note.message == (
+        "p1.csv, column 'T_02_degC': from row 7 on it is 73.5 to 74.9 degC in 15 of 40 rows, else "
+        "20 to 22.46 degC; in Fahrenheit it would be 23.06 to 23.83 degC: check its unit"
     )
 
 

@@ -228,6 +228,28 @@ def test_drift_readings_are_told_by_what_they_are(tmp_path: Path, names: str) ->
 
 
 @pytest.mark.parametrize(
+    ("head", "drift"),
+    [
+        ("component,position_mm,cycle,error,unit,T_a_degC,T_b_degC", True),
+        ("component,position_mm,cycle,error,unit,T_a_degC,load", True),
+        ("component,position_mm,pass,error,unit,T_a_degC,T_b_degC", False),
+        ("component,position_mm,cycle,error,unit,load,humidity", False),
+        ("component,position_mm,run,error,unit,T_a_degC,T_b_degC", False),
+    ],
+)
+def test_drift_readings_without_a_fault_are_refused_too(
+    tmp_path: Path, head: str, drift: bool
+) -> None:
+    rows = [f"dx_x,{100 * (i % 3)},{i // 3},{1 + i},um,{20 + 0.1 * i},{21 + i}\n" for i in range(9)]
+    text = f"{head}\n{''.join(rows)}"
+    if not drift:
+        assert len(read(tmp_path, text, TRAVELS)) == 9
+        return
+    with pytest.raises(InputError, match=r"looks like drift readings \(columns cycle, T_a_degC"):
+        read(tmp_path, text, TRAVELS)
+
+
+@pytest.mark.parametrize(
     ("column", "cell", "told"),
     [
         ("error", "abc", "row 4, column 'error': not a number: 'abc'"),

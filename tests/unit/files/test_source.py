@@ -56,6 +56,9 @@ def test_a_missing_folder(tmp_path: Path) -> None:
         (b"\xff\xfea\0", "is UTF-16 text"),
         ("name: a".encode("utf-16-le"), "is UTF-16 text"),
         ("name: a".encode("utf-16-be"), "is UTF-16 text"),
+        ("name: a".encode("utf-32"), "is UTF-32 text"),
+        ("name: a".encode("utf-32-le"), "is UTF-32 text"),
+        ("name: a".encode("utf-32-be"), "is UTF-32 text"),
     ],
 )
 def test_what_is_no_text(tmp_path: Path, content: bytes, words: str) -> None:

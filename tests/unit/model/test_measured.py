@@ -14,6 +14,7 @@ from measured_examples import PART, PLACES, part_file, points, study, with_measu
 from mtu_cli.errors import InputError
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import Points
+from mtu_cli.model.datum import Datum
 from mtu_cli.model.measured import (
     angle_tables,
     feature_tables,
@@ -202,6 +203,7 @@ def test_a_clean_study_is_not_suspected() -> None:
         (lambda xyz: xyz / 25.4, "inches taken for mm"),
         (lambda xyz: xyz / [25.4, 1, 1], "x alone in inches"),
         (lambda xyz: xyz / [1, 25.4, 1], "y alone in inches"),
+        (lambda xyz: xyz * [1000, 1, 1], "x alone in um"),
         (lambda xyz: xyz * 1000, "um taken for mm"),
         (lambda xyz: xyz / 1000, "metres taken for mm"),
         (lambda xyz: xyz + np.array([3.0, -70.0, 0.0]), "origin that differs by"),
@@ -223,8 +225,9 @@ def test_mistakes_of_most_points_are_refused_where_a_machine_would_be_written() 
     with pytest.raises(InputError, match=r"36 of 36 points .*um taken for mm"):
         refuse_mistaken(with_measured(found, found.measured * 1000))
     some = found.measured.copy()
-    some[:18] *= 1000
+    some[:18] += 70
     refuse_mistaken(with_measured(found, some))
+    some[:18] = found.measured[:18]
     some[:19] = found.measured[:19] * 1000
     with pytest.raises(InputError, match=r"cmm.csv, row 2: 19 of 36"):
         refuse_mistaken(with_measured(found, some))
@@ -263,6 +266,52 @@ def test_mixed_units_are_named_for_the_rows_that_have_them() -> None:
     assert "6 of 36 points" in warning.message
     assert "row 14" in warning.message
     assert "inches" in warning.message
+
+
+@pytest.mark.parametrize(
+    ("factor", "axes", "unit"),
+    [
+        (1000, [0, 1], "um taken for mm"),
+        (1000, [0], "um taken for mm"),
+        (1e-3, [0, 1], "metres taken for mm"),
+        (1 / 25.4, [0, 1], "inches taken for mm"),
+        (25.4, [1], "mm taken for inches"),
+    ],
+)
+def test_parts_in_another_unit_than_the_others_are_refused(
+    factor: float, axes: list[int], unit: str
+) -> None:
+    found = study(6, 2, 3)
+    measured = found.measured.copy()
+    rows = np.flatnonzero(np.isin(found.part, [2, 4]))
+    for axis in axes:
+        measured[rows, axis] *= factor
+    datums: tuple[Datum | None, ...] = (None, "offset")
+    for datum in datums:
+        with pytest.raises(InputError) as caught:
+            refuse_mistaken(with_measured(found, measured), datum)
+        (problem,) = caught.value.problems
+        assert (problem.file, problem.row) == ("cmm.csv", 14)
+        assert "parts 'P2', 'P4' do not fit the other parts, of which there are 4" in problem.what
+        assert str(problem.expected).endswith(f"this looks like {unit}")
+
+
+def test_parts_that_lie_elsewhere_or_have_a_slip_are_not_refused() -> None:
+    found = study(6, 2, 3)
+    own = found.part == 2
+    for changed in (found.measured + 240.0, -found.measured, found.measured[:, [1, 0, 2]]):
+        refuse_mistaken(with_measured(found, np.where(own[:, None], changed, found.measured)))
+    one = found.measured.copy()
+    one[np.flatnonzero(own)[0], 0] *= 1000
+    refuse_mistaken(with_measured(found, one))
+
+
+@pytest.mark.parametrize("factor", [1.0, 1000.0])
+def test_errors_in_the_columns_of_coordinates_are_named(factor: float) -> None:
+    found = study(6, 2, 3)
+    errors = factor * (found.measured - found.nominal)
+    with pytest.raises(InputError, match="these look like errors, not like the coordinates"):
+        refuse_mistaken(with_measured(found, errors))
 
 
 def test_single_points_are_told_by_row_and_column() -> None:

@@ -95,6 +95,17 @@ def test_a_missing_coordinate_is_named(tmp_path: Path) -> None:
     assert "equation Ex of 'm' has no finite value at x=3" in str(error.value)
 
 
+def test_an_infinite_effect_is_told_with_its_line(tmp_path: Path) -> None:
+    text = (
+        "components: {a: {of: x, unit: um, coefficients: [1.0]}}\nequations: {Ex: a}\n"
+        "effects:\n  - name: pole\n    parameters: {k: {value: 1, u: 0.1, unit: um}}\n"
+        "    equations: {Ex: k*x/(x - 3)}\n"
+    )
+    place = r":8: effects\[0\].equations.Ex: the equation Ex of 'm' has no finite value at x=3"
+    with pytest.raises(InputError, match=place):
+        predict(stated(tmp_path, text), ["a"], np.array([[3.0, 4, np.nan]]))
+
+
 def test_an_infinite_equation_is_an_input_error(tmp_path: Path) -> None:
     text = """
     components: {a: {of: x, unit: um, coefficients: [1.0, 0.1]}}

@@ -1,0 +1,77 @@
+"""Values of a call that are no numbers, and names of files that are empty, in the words of all
+faults.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from mtu_cli.errors import InputError, Problem
+
+_DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+")
+_THOUSANDS = re.compile(r"[-+]?[0-9]{1,3}(?:[,.' _][0-9]{3})+")
+
+
+def bad_number(param: Any, raw: Mapping[str, Any], said: str) -> InputError | None:
+    """The fault of an option whose value is no number, None where it is none of a number.
+
+    `raw` are the values of the call as they were written; `said` is what the parser says, which
+    knows whether a whole number was wanted.
+    """
+    whole = "integer" in said
+    bad = [
+        item
+        for item in _listed(raw.get(param.name))
+        if isinstance(item, str) and not _fits(item, whole)
+    ]
+    if not bad or not (whole or "number" in said or "float" in said):
+        return None
+    what = f"{_shown(param)} is no {'whole ' if whole else ''}number"
+    return InputError(Problem(what=what, value=bad[0], expected=_meant(bad[0].strip(), whole)))
+
+
+def _fits(text: str, whole: bool) -> bool:
+    try:
+        (int if whole else float)(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _meant(text: str, whole: bool) -> str:
+    if not whole and _DECIMAL_COMMA.fullmatch(text):
+        return f"{text.replace(',', '.')} with a decimal point"
+    wanted = "a whole number" if whole else "a number"
+    if whole and _THOUSANDS.fullmatch(text):
+        return f"{re.sub('[^-+0-9]', '', text)}, {wanted} without signs between its digits"
+    if whole and _fits(text, False) and isfinite(float(text)) and float(text) == int(float(text)):
+        return f"{int(float(text))}, {wanted} in digits"
+    return wanted
+
+
+def check_names(params: Iterable[Any], values: Mapping[str, Any], raw: Mapping[str, Any]) -> None:
+    """Raises InputError for every file whose name is empty: as a path it is this folder."""
+    problems = [
+        Problem(what=f"{_shown(param)} names no file", value="", expected="a name")
+        for param in params
+        if _holds_path(values.get(param.name)) and "" in _listed(raw.get(param.name))
+    ]
+    if problems:
+        raise InputError(problems)
+
+
+def _shown(param: Any) -> str:
+    name = str(max(param.opts, key=len))
+    return name if name.startswith("-") else name.upper()
+
+
+def _holds_path(value: object) -> bool:
+    return any(isinstance(item, Path) for item in _listed(value))
+
+
+def _listed(value: object) -> list[object]:
+    return list(value) if isinstance(value, (list, tuple)) else [value]

@@ -1,0 +1,145 @@
+"""What a call is to write, refused where it cannot be or where it would destroy an input."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.options import Options
+from mtu_cli.cli.simulate_ranges import option_name
+from mtu_cli.errors import InputError, Problem
+
+STANDARD_OUTPUT = Path("-")
+WRITES = "write_"
+"""How the names of options begin that name a file to write beside -o, --csv and --plot."""
+
+ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "file")
+MEASURED = ("lbb", "laser", "cmm", "drift")
+KINDS = {
+    "out": "JSON",
+    "csv": "CSV",
+    "write_components": "JSON",
+    "write_machine": "YAML",
+    **dict.fromkeys(("write_lbb", "write_cmm", "write_drift"), "CSV"),
+}
+ENDINGS = {
+    ".json": "JSON",
+    ".csv": "CSV",
+    ".yaml": "YAML",
+    ".yml": "YAML",
+    ".gz": "gzip",
+    **dict.fromkeys((".png", ".svg", ".pdf"), "a picture"),
+}
+
+
+def check_outputs(inputs: Inputs) -> None:
+    """Refuses outputs that cannot be made or would overwrite an input, all at once, before
+    anything is calculated.
+    """
+    options = inputs.options
+    written = written_files(options)
+    named = {name: options.values.get(name) for name in ("out", "csv", "plot")} | written
+    given = {name: path for name, path in named.items() if path is not None}
+    if not given:
+        return
+    files = {name: path for name, path in given.items() if path != STANDARD_OUTPUT}
+    problems = [*_pictures(options.plot), *_streams(options, written)]
+    problems += _lost(inputs, files)
+    from mtu_cli.files.write import check_targets
+
+    try:
+        check_targets(list(files.values()))
+    except InputError as error:
+        problems += error.problems
+    told = {problem.file for problem in problems}
+    problems += [problem for problem in _endings(files) if problem.file not in told]
+    if problems:
+        raise InputError(problems)
+
+
+def written_files(options: Options) -> dict[str, Path]:
+    """What a command writes beside report, table and picture: path by name of the option."""
+    return {
+        name: path
+        for name, path in options.values.items()
+        if name.startswith(WRITES) and path is not None
+    }
+
+
+def _pictures(plot: Path | None) -> Iterator[Problem]:
+    from mtu_cli.reports.figures import SUFFIXES
+
+    if plot is not None and plot.suffix.lower().lstrip(".") not in SUFFIXES:
+        what = "--plot cannot draw this kind of file"
+        expected = ", ".join(f".{suffix}" for suffix in SUFFIXES)
+        yield Problem(what=what, value=str(plot), expected=expected)
+
+
+def _streams(options: Options, written: Mapping[str, Path]) -> Iterator[Problem]:
+    if options.out == options.csv == STANDARD_OUTPUT:
+        yield Problem(what="-o - and --csv - both want standard output", expected="one of them")
+    for name, path in written.items():
+        if path == STANDARD_OUTPUT:
+            what = f"{option_name(name)} does not go to standard output"
+            yield Problem(what=what, expected="a file")
+
+
+def _endings(files: Mapping[str, Path]) -> Iterator[Problem]:
+    """A file that other programs would take for what it is not, perhaps over one that is."""
+    from mtu_cli.files.source import given_path
+
+    for name, path in files.items():
+        kind = KINDS.get(name)
+        other = ENDINGS.get(path.suffix.lower())
+        if kind is not None and other is not None and kind != other:
+            option = "-o" if name == "out" else option_name(name)
+            ending = next(key for key, value in ENDINGS.items() if value == kind)
+            yield Problem(
+                what=f"ends in {path.suffix}, and {option} writes {kind}",
+                file=given_path(path),
+                expected=f"a name that ends in {ending}",
+            )
+
+
+def _lost(inputs: Inputs, files: Mapping[str, Path]) -> Iterator[Problem]:
+    """Outputs over a file that the call or its study names, whether this command reads it or not.
+
+    What a command is there to make may be made anew: the data of a study by `simulate`, its
+    components by a fit.
+    """
+    from mtu_cli.files.source import given_path
+    from mtu_cli.files.write import overwrites
+
+    options = inputs.options
+    called = [path for role in ROLES for path in _listed(options.values.get(role))]
+    study = inputs.study
+    own: list[tuple[str, Path]] = []
+    if study is not None:
+        own = [("study", study.source.path)]
+        own += [(role, path) for role, paths in study.files.items() for path in paths]
+    for name, target in files.items():
+        makes = _makes(options.command, name)
+        roles = [role for role, path in own if role not in makes and overwrites(target, path)]
+        read = any(role in options.values for role in roles)
+        if read or any(overwrites(target, path) for path in called):
+            what = "is an input of this run and is not overwritten"
+        elif roles:
+            what = "is an input of the study and is not overwritten"
+        else:
+            continue
+        yield Problem(what=what, file=given_path(target), expected="another name")
+
+
+def _listed(value: object) -> list[Path]:
+    found = value if isinstance(value, list) else [value]
+    return [item for item in found if isinstance(item, Path)]
+
+
+def _makes(command: str, name: str) -> tuple[str, ...]:
+    """Roles of a study whose files an option of a command may make anew."""
+    if command == "simulate":
+        return MEASURED
+    if command in ("fit-components", "thermal-fit") and name == "out":
+        return ("components",)
+    return ()

@@ -1,0 +1,172 @@
+"""The cells of components' readings, and the largest that they are on any machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.files.csv_table import Table
+from mtu_cli.files.drift_cells import ROLE
+from mtu_cli.files.reading_lines import SCATTER_MM
+from mtu_cli.files.reading_mistakes import SHORTEST_BAR_MM
+from mtu_cli.units import ANGLE, LENGTH, UNITS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mtu_cli.files.readings import ComponentLike
+
+    Floats = NDArray[np.float64]
+    Rows = NDArray[np.int64]
+
+Travels = Mapping[str, tuple[float, float]]
+"""Lowest and highest coordinate of each axis, mm, as the machine file states them."""
+
+LARGEST = {LENGTH: 1.0, ANGLE: 0.05}
+"""Errors of machines, routers made of wood among them, are typically smaller, mm and rad ..."""
+STEEPEST = 0.01
+"""... but for what grows along an axis: a scale, or the slope to which a laser was aligned ..."""
+OFF_LINE = 1e-3
+"""... off which they are no larger, again in proportion."""
+LARGEST_SHOWN = {LENGTH: "1 mm, or 1 % of the distance moved", ANGLE: "0.05 rad"}
+OFF_SHOWN = "1 mm, or 0.1 % of the distance moved, off a straight line that is 0 on the axis"
+FARTHEST_MM = 1e5
+"""Nor is its position, where no travel is stated: 100 m."""
+BEYOND = 3.0
+"""A part's frame may lie anywhere on the machine: so many times its largest coordinate or travel
+are not reached from there."""
+MOST, MOST_OF_DRIFT = 0.5, 0.25
+"""Share of a component's errors that is more than some odd rows; a drift begins at 0."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cells:
+    """A component's cells of a `column` in `rows` (n,): `values` and `most` (n,) in mm or rad.
+
+    `units` are those the cells are written in and `groups` have what would explain them in
+    common, both by `code` (n,). `what` is said of a slip. Of lengths along an axis, `near` (n,) is
+    how far off a line they are at most, by `positions` and `passes` (n,) where they have them.
+    `sizes` (n,) are what is compared with `most`: of a drift not where its probe was zeroed. More
+    than a `share` of them are no odd rows.
+    """
+
+    name: str
+    column: str
+    what: str
+    rows: Rows
+    values: Floats
+    sizes: Floats
+    most: Floats
+    code: NDArray[np.integer]
+    units: Sequence[str]
+    groups: Sequence[str]
+    near: Floats | None = None
+    positions: Floats | None = None
+    passes: Floats | None = None
+    share: float = MOST
+
+
+def largest_errors(
+    dimension: int, positions: Floats, travels: Travels, share: float = STEEPEST
+) -> Floats:
+    """The largest errors of a machine at `positions` (n,) in mm, mm or rad, (n,).
+
+    Along an axis it is the distance to the farthest place measured that counts, as a scale and a
+    laser may have their zero at any of them; without an axis (nan) the longest travel does.
+    """
+    if dimension != LENGTH:
+        return np.full(len(positions), LARGEST[dimension])
+    known = positions[np.isfinite(positions)]
+    longest = max((abs(high - low) for low, high in travels.values()), default=0.0)
+    moved = np.full(len(positions), longest)
+    if len(known):
+        moved = np.maximum(positions - known.min(), known.max() - positions)
+        moved = np.fmax(moved, np.abs(positions))
+    return np.fmax(LARGEST[dimension], share * moved)
+
+
+def errors_of(table: Table, of: tuple[str, str | None], inside: Rows, travels: Travels) -> Cells:
+    """The errors of a component, grouped by their unit."""
+    name, axis = of
+    units = table.columns.texts["unit"]
+    code = units.codes[inside]
+    factor = np.array([UNITS[unit].to_internal for unit in units.labels])[code]
+    dimension = UNITS[units.labels[code[0]]].dimension
+    positions, near = np.full(len(inside), np.nan), None
+    if axis is not None:
+        positions = table.columns.numbers["position_mm"][inside]
+        if dimension == LENGTH:
+            near = largest_errors(dimension, positions, travels, OFF_LINE)
+    passes = table.columns.numbers.get("pass")
+    values = table.columns.numbers["error"][inside] * factor
+    drift = table.source.role == ROLE
+    return Cells(
+        name=name,
+        column="error",
+        what=f"does not fit the other readings of {name!r}",
+        rows=inside,
+        values=values,
+        sizes=_moved(values, positions) if drift and dimension == LENGTH else np.abs(values),
+        most=largest_errors(dimension, positions, travels),
+        code=code,
+        units=units.labels,
+        groups=units.labels,
+        near=near,
+        positions=positions,
+        passes=None if passes is None else passes[inside],
+        share=MOST_OF_DRIFT if drift else MOST,
+    )
+
+
+def _moved(values: Floats, positions: Floats) -> Floats:
+    """Sizes (n,) of drifts in mm; from the middle of a place where that is how far a probe stood
+    off, and most readings differ little from it.
+    """
+    sizes = np.abs(values)
+    place = np.unique(positions, return_inverse=True)[1].reshape(-1)
+    for number in range(int(place.max(initial=-1)) + 1):
+        own = place == number
+        middle = float(np.median(values[own]))
+        away = np.abs(values[own] - middle)
+        if abs(middle) <= SHORTEST_BAR_MM and float(np.median(away)) < SCATTER_MM:
+            sizes[own] = np.minimum(sizes[own], away)
+    return sizes
+
+
+def positions_of(table: Table, of: tuple[str, str], inside: Rows, travels: Travels) -> Cells:
+    """The positions of a component, of one group."""
+    name, axis = of
+    values = table.columns.numbers["position_mm"][inside]
+    return Cells(
+        name=name,
+        column="position_mm",
+        what=f"does not fit the other positions of {name!r}",
+        rows=inside,
+        values=values,
+        sizes=np.abs(values),
+        most=np.full(len(inside), reach(travels, axis)),
+        code=np.zeros(len(inside), int),
+        units=["mm"],
+        groups=[axis],
+    )
+
+
+def axis_of(
+    table: Table, components: Mapping[str, ComponentLike] | None, name: str, inside: Rows
+) -> str | None:
+    """The axis of a component; without a machine "" where its rows `inside` have positions."""
+    if components is not None:
+        return components[name].of
+    positions = table.columns.numbers.get("position_mm")
+    return None if positions is None or np.isnan(positions[inside[0]]) else ""
+
+
+def reach(travels: Travels, axis: str) -> float:
+    """How far from 0 positions along an axis are at most, mm."""
+    if axis not in travels:
+        return FARTHEST_MM
+    low, high = sorted(travels[axis])
+    return BEYOND * max(abs(low), abs(high), high - low)

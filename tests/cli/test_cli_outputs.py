@@ -1,0 +1,92 @@
+"""What a call must not write over: what it, or its study, names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_runner import prepared
+
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.options import Options
+from mtu_cli.cli.outputs import check_outputs
+from mtu_cli.errors import InputError
+
+STUDY = """\
+schema: mtu/study/1
+machine: machine.yaml
+part: part.yaml
+lbb: [lbb.csv]
+cmm: [cmm.csv]
+components: [known.json]
+"""
+RUN = "is an input of this run and is not overwritten"
+OF_STUDY = "is an input of the study and is not overwritten"
+
+
+@pytest.fixture
+def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A study of all kinds of files, in its folder."""
+    work = prepared(tmp_path / "work")
+    (work / "mtu.yaml").write_text(STUDY)
+    for name in ("cmm.csv", "known.json", "apart.csv"):
+        (work / name).write_text("kept")
+    (work / "link.csv").symlink_to("cmm.csv")
+    monkeypatch.chdir(work)
+    return work
+
+
+def refused(command: str, **values: Any) -> str:
+    paths = {name: None if value is None else Path(value) for name, value in values.items()}
+    with pytest.raises(InputError) as caught:
+        check_outputs(Inputs(Options(command, paths)))
+    (problem,) = caught.value.problems
+    return str(problem)
+
+
+@pytest.mark.parametrize(
+    ("command", "values", "words"),
+    [
+        ("anova", {"out": "known.json", "machine": None}, f"known.json: {OF_STUDY}"),
+        ("anova", {"out": "machine.yaml", "machine": None}, f"machine.yaml: {RUN}"),
+        ("anova", {"csv": "lbb.csv"}, f"lbb.csv: {OF_STUDY}"),
+        ("predict-points", {"csv": "cmm.csv"}, f"cmm.csv: {OF_STUDY}"),
+        ("predict-points", {"csv": "link.csv"}, f"link.csv: {OF_STUDY}"),
+        ("fit-components", {"csv": "x/../part.yaml"}, "part.yaml: "),
+        ("fit-components", {"out": "mtu.yaml"}, f"mtu.yaml: {OF_STUDY}"),
+        ("lengths", {"out": "known.json", "components": None}, f"known.json: {RUN}"),
+        ("simulate", {"write_machine": "machine.yaml"}, f"machine.yaml: {OF_STUDY}"),
+        ("close-loop", {"machine": "m.yaml", "csv": "m.yaml"}, f"m.yaml: {RUN}"),
+        ("anova", {"out": "a.yaml"}, "a.yaml: ends in .yaml, and -o writes JSON; expected"),
+        ("anova", {"csv": "b.JSON"}, "b.JSON: ends in .JSON, and --csv writes CSV; expected"),
+        ("anova", {"machine": "m.yaml", "out": "apart.csv"}, "apart.csv: ends in .csv"),
+        ("simulate", {"write_cmm": "b.csv.gz"}, "ends in .gz, and --write-cmm writes CSV; expec"),
+        ("simulate", {"write_lbb": "b.yml"}, "ends in .yml, and --write-lbb writes CSV"),
+        ("anova", {"out": "/no-such/a.json"}, "/no-such/a.json: the folder 'no-such' does not"),
+        ("anova", {"out": "/"}, "/: is a folder"),
+    ],
+)
+def test_what_is_named_is_not_overwritten(
+    command: str, values: dict[str, Any], words: str, work: Path
+) -> None:
+    (work / "x").mkdir()
+    assert words in refused(command, **values)
+
+
+@pytest.mark.parametrize(
+    ("command", "values"),
+    [
+        ("anova", {"out": "a.json", "csv": "apart.csv", "plot": "p.png"}),
+        ("anova", {"out": "report.txt", "csv": "table"}),
+        ("fit-components", {"out": "known.json"}),
+        ("simulate", {"write_lbb": "lbb.csv", "write_cmm": "cmm.csv"}),
+        ("simulate", {"machine": "truth.yaml", "write_cmm": "cmm.csv"}),
+        ("close-loop", {"write_machine": "new.yaml", "write_components": "new.json"}),
+    ],
+)
+def test_what_a_command_is_there_to_make_may_be_made_again(
+    command: str, values: dict[str, Any], work: Path
+) -> None:
+    assert (work / "known.json").exists()
+    check_outputs(Inputs(Options(command, {key: Path(item) for key, item in values.items()})))
