@@ -119,7 +119,7 @@ def _names_of(document: YamlDocument) -> tuple[str, ...]:
 
 
 def _equations(budget: Budget, findings: Findings) -> list[tuple[str, YamlPath, str]]:
-    top = findings.keys()
+    top = findings.given()
     given = [key for key in ("equation", "equations") if key in top]
     if len(given) == 2:
         findings.add(("equations",), "both `equation` and `equations` are given", expected="one")

@@ -77,13 +77,20 @@ class Findings:
 
     def keys(self, *path: str | int) -> tuple[str, ...]:
         """The keys of a mapping as they stand in the file, those with faults included."""
+        return tuple(self._mapping(path))
+
+    def given(self, *path: str | int) -> tuple[str, ...]:
+        """The keys that have a value, if a wrong one: `key: ~` says as much as no key."""
+        return tuple(key for key, value in self._mapping(path).items() if value is not None)
+
+    def _mapping(self, path: YamlPath) -> Mapping[str, Any]:
         data: Any = self.document.data
         for step in path:
             try:
                 data = data[step]
             except (KeyError, IndexError, TypeError):
-                return ()
-        return tuple(data) if isinstance(data, dict) else ()
+                return {}
+        return data if isinstance(data, dict) else {}
 
 
 def check_contract(

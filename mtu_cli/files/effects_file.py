@@ -169,7 +169,7 @@ def _placed(family: Family, path: YamlPath) -> Iterator[tuple[MemberTemplate, Ya
 
 
 def _check_shape(family: Family, path: YamlPath, findings: Findings) -> None:
-    keys = findings.keys(*path)
+    keys = findings.given(*path)
     own = [key for key in ("parameters", "equations", "search") if key in keys]
     if family.kind == "scatter":
         if family.family not in SCATTERS:

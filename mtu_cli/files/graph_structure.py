@@ -141,7 +141,7 @@ def _check_own_keys(name: str, place: Place, findings: Findings) -> None:
 
 
 def _raw(name: str, findings: Findings) -> tuple[str, ...]:
-    return findings.keys("places", name)
+    return findings.given("places", name)
 
 
 def _check_origin(
