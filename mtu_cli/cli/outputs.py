@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.simulate_ranges import option_name
 from mtu_cli.errors import InputError, Problem
 
+if TYPE_CHECKING:
+    from mtu_cli.files.study import LoadedStudy
+
 STANDARD_OUTPUT = Path("-")
 WRITES = "write_"
 """How the names of options begin that name a file to write beside -o, --csv and --plot."""
 
 ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "file")
-MEASURED = ("lbb", "laser", "cmm", "drift")
+MADE = {"write_lbb": ("lbb", "laser"), "write_cmm": ("cmm",), "write_drift": ("drift",)}
+"""Roles of a study's files that an option of `simulate` makes anew."""
 KINDS = {
     "out": "JSON",
     "csv": "CSV",
@@ -113,7 +118,7 @@ def _lost(inputs: Inputs, files: Mapping[str, Path]) -> Iterator[Problem]:
 
     options = inputs.options
     called = [path for role in ROLES for path in _listed(options.values.get(role))]
-    study = inputs.study
+    study = inputs.study or _nearby()
     own: list[tuple[str, Path]] = []
     if study is not None:
         own = [("study", study.source.path)]
@@ -131,6 +136,19 @@ def _lost(inputs: Inputs, files: Mapping[str, Path]) -> Iterator[Problem]:
         yield Problem(what=what, file=given_path(target), expected="another name")
 
 
+def _nearby() -> LoadedStudy | None:
+    """The study of this folder or one above, where the call does without: its files are its own
+    all the same. One that cannot be read names none.
+    """
+    from mtu_cli.files.study import find_study, load_study
+
+    path = find_study(Path())
+    try:
+        return None if path is None else load_study(path)
+    except InputError:
+        return None
+
+
 def _listed(value: object) -> list[Path]:
     found = value if isinstance(value, list) else [value]
     return [item for item in found if isinstance(item, Path)]
@@ -139,7 +157,7 @@ def _listed(value: object) -> list[Path]:
 def _makes(command: str, name: str) -> tuple[str, ...]:
     """Roles of a study whose files an option of a command may make anew."""
     if command == "simulate":
-        return MEASURED
+        return MADE.get(name, ())
     if command in ("fit-components", "thermal-fit") and name == "out":
         return ("components",)
     return ()

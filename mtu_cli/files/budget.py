@@ -11,7 +11,7 @@ from mtu_cli.files.budget_checks import check_coverage, check_inputs, check_join
 from mtu_cli.files.budget_contract import Budget, Contribution, Correlation, Coverage, Input
 from mtu_cli.files.budget_readings import reading_notices
 from mtu_cli.files.budget_sizes import check_sizes
-from mtu_cli.files.budget_units import BudgetUnits, in_fahrenheit
+from mtu_cli.files.budget_units import BudgetUnits, converts_fahrenheit, in_fahrenheit
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings, Notice, check_contract, is_identifier
 from mtu_cli.files.source import Source
@@ -91,16 +91,17 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
         _check_names(findings)
         _check_units(budget, findings)
         stated = {name: item.unit for name, item in (budget.inputs or {}).items()}
-        for name in in_fahrenheit(stated):
-            what = "degF beside degC or K: no unit is converted"
-            expected = "degC or K: a temperature less 32, divided by 1.8; a difference and u by 1.8"
-            findings.add(("inputs", name, "unit"), what, value=stated[name], expected=expected)
         units = BudgetUnits.of_inputs(stated)
         for name, place, text in _equations(budget, findings):
             tree = _tree(text, known, place, findings)
             if tree is not None:
                 trees[name] = tree
                 _check_tree_units(budget, units, tree, place, findings)
+        if not any(map(converts_fahrenheit, trees.values())):
+            for name in in_fahrenheit(stated):
+                what = "degF beside degC or K: no unit is converted"
+                expected = "degC or K: a temperature less 32, by 1.8; a difference and u by 1.8"
+                findings.add(("inputs", name, "unit"), what, value=stated[name], expected=expected)
 
     budget = check_contract(document, Budget, "budget", check)
     return LoadedBudget(

@@ -38,6 +38,7 @@ SIMPLE = 12
 """Numerator and denominator of the largest simple fraction."""
 
 
+FREEZING_F = 32.0
 _FAHRENHEIT = re.compile(r"(?:deg|\u00b0)\s*F(?![a-z])|\u2109|fahrenheit", re.IGNORECASE)
 _KELVIN = re.compile(
     r"(?:deg|\u00b0)\s*C(?![a-z])|\u2103|(?<![A-Za-z])m?K(?![A-Za-z])|kelvin|celsius"
@@ -197,6 +198,11 @@ class BudgetUnits:
             if found[base]
         ]
         return " ".join([f"units of {10.0 ** found[SIZE]:.6g}", *bases])
+
+
+def converts_fahrenheit(tree: Node) -> bool:
+    """Whether an equation has the literal 32 in it, as one that converts degF to degC has."""
+    return any(isinstance(item, Number) and item.value == FREEZING_F for item in walk(tree))
 
 
 def _has_shift(tree: Node) -> bool:

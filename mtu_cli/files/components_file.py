@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.json_file import read_json
-from mtu_cli.files.machine_checks import covariance_fault
+from mtu_cli.files.machine_checks import NO_DOF, covariance_fault
 from mtu_cli.files.report_file import (
     Figure,
     Matrix,
@@ -180,6 +181,7 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
         # The moment estimate is a difference of mean squares: negative where passes hardly differ.
         if key != "pass_covariance_moment" and square(matrix, size) and negative(matrix)
     ]
+    problems += _without_dof(source, name, item)
     if item.degree != k - 1:
         problems.append(
             Problem(
@@ -190,6 +192,17 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
             )
         )
     return problems + unit_problem(source, name, item.unit)
+
+
+def _without_dof(source: Source, name: str, item: ReportedComponent) -> Iterator[Problem]:
+    if item.pass_dof == 0 and any(map(any, item.pass_covariance)):
+        yield Problem(
+            what=NO_DOF,
+            file=source.shown,
+            path=f"results.components.{name}.pass_dof",
+            value="0",
+            expected="more than 0, or null: known exactly",
+        )
 
 
 def _group_problems(

@@ -38,6 +38,8 @@ FARTHEST_MM = 1e5
 BEYOND = 3.0
 """A part's frame may lie anywhere on the machine: so many times its largest coordinate or travel
 are not reached from there."""
+FEWEST_OF_A_CYCLE = 4
+"""Readings of a place in a cycle from which on the probe may have been set anew for it."""
 MOST, MOST_OF_DRIFT = 0.5, 0.25
 """Share of a component's errors that is more than some odd rows; a drift begins at 0."""
 
@@ -103,13 +105,15 @@ def errors_of(table: Table, of: tuple[str, str | None], inside: Rows, travels: T
     passes = table.columns.numbers.get("pass")
     values = table.columns.numbers["error"][inside] * factor
     drift = table.source.role == ROLE
+    cycles = table.columns.texts.get("cycle")
+    cycle = np.zeros(len(inside), int) if cycles is None else cycles.codes[inside]
     return Cells(
         name=name,
         column="error",
         what=f"does not fit the other readings of {name!r}",
         rows=inside,
         values=values,
-        sizes=_moved(values, positions) if drift and dimension == LENGTH else np.abs(values),
+        sizes=_moved(values, positions, cycle) if drift and dimension == LENGTH else np.abs(values),
         most=largest_errors(dimension, positions, travels),
         code=code,
         units=units.labels,
@@ -121,18 +125,24 @@ def errors_of(table: Table, of: tuple[str, str | None], inside: Rows, travels: T
     )
 
 
-def _moved(values: Floats, positions: Floats) -> Floats:
-    """Sizes (n,) of drifts in mm; from the middle of a place where that is how far a probe stood
-    off, and most readings differ little from it.
+def _moved(values: Floats, positions: Floats, cycle: NDArray[np.integer]) -> Floats:
+    """Sizes (n,) of drifts in mm; from the middle of a place, or of a `cycle` (n,) there, where
+    that is how far a probe stood off, and most readings differ little from it.
     """
     sizes = np.abs(values)
     place = np.unique(positions, return_inverse=True)[1].reshape(-1)
     for number in range(int(place.max(initial=-1)) + 1):
-        own = place == number
-        middle = float(np.median(values[own]))
-        away = np.abs(values[own] - middle)
-        if abs(middle) <= SHORTEST_BAR_MM and float(np.median(away)) < SCATTER_MM:
-            sizes[own] = np.minimum(sizes[own], away)
+        rows = np.flatnonzero(place == number)
+        of = [rows[cycle[rows] == own] for own in np.unique(cycle[rows])]
+        fine = of if min(map(len, of)) >= FEWEST_OF_A_CYCLE else [rows]
+        for groups in ([rows], fine):
+            middle = np.empty(len(values))
+            for own in groups:
+                middle[own] = np.median(values[own])
+            away = np.abs(values[rows] - middle[rows])
+            near = np.abs(middle[rows]).max() <= SHORTEST_BAR_MM
+            if near and float(np.median(away)) < SCATTER_MM:
+                sizes[rows] = np.minimum(sizes[rows], away)
     return sizes
 
 

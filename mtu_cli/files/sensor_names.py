@@ -39,6 +39,10 @@ CONVERTED = {
     "k": f"; values in kelvin become degC: value - {KELVIN:g}",
     "f": "; values in Fahrenheit become degC: (value - 32) / 1.8",
 }
+_OTHER = re.compile(
+    r"_(?:k?W|m?A|k?V|pct|percent|rpm|k?Hz|m?bar|k?Pa|[mu]m|k?N|Nm|min|s|h|rh)$", re.I
+)
+"""Of another unit than a temperature's: a load, a current, a humidity."""
 _SENSOR = re.compile(
     r"sensor|thermo|ntc|rtd|ds18|pt[\W_]*1000?(?!\d)|f(?:\u00fc|ue)hler|probe"
     r"|^(?:ch|kanal|channel|tc|ai)[\W_]*\d+\W*$",
@@ -120,7 +124,7 @@ def unused_sensor_notes(readings: Readings) -> Iterator[Notice]:
     columns = {n: c for n, c in numbers.items() if np.isfinite(c).all()}
     sensors = [_moves(c) for n, c in columns.items() if is_temperature(n)]
     for name, values in columns.items():
-        if is_covariate(name) or not _like_temperatures(values):
+        if is_covariate(name) or _OTHER.search(name) or not _like_temperatures(values):
             continue
         own = _moves(values)
         if _SENSOR.search(name) or any(abs(float(own @ other)) > TOGETHER for other in sensors):

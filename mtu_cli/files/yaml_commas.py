@@ -40,7 +40,7 @@ def odd_number(cells: Sequence[Cell], text: str) -> OddNumber | None:
     an item with a blank behind it or without. A reader can. Where some commas have a blank behind
     them and others stand between digits, the latter are decimal commas; and no number of its own
     begins with an idle zero. At the end of a line no blank is needed: such a comma counts where
-    no more than pairs stand between them, since 1,2,3 is no number.
+    no more than pairs stand between them, since 1,2,3 is no number; and nobody writes 0,0 for 0.
     """
     joints = [(i, text[a.end : b.start]) for i, (a, b) in enumerate(pairwise(cells))]
     tight = {i for i, joint in joints if joint == ","}
@@ -59,6 +59,8 @@ def odd_number(cells: Sequence[Cell], text: str) -> OddNumber | None:
 
 
 def _is_split(whole: Cell, decimals: Cell) -> bool:
+    if decimals.text == "0":
+        return False
     return bool(_WHOLE.fullmatch(whole.text) and _DECIMALS.fullmatch(decimals.text))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.stats.family import holm
 from mtu_cli.stats.least_squares import FloatArray
@@ -74,7 +75,7 @@ def scatter_ratio(first: Side, second: Side) -> ScatterRatio:
     table = _table(first, second)
     left = [float((q - noise).sum()) for q, noise in zip(table.raw, table.noise, strict=True)]
     ratio = max(left[1], 0.0) / left[0] if left[0] > 0 else float("nan")
-    p = float(table.p(np.ones(1))[0]) if table.scatters else _sign_test(table.raw)
+    p = float(table.p(np.ones(1))[0]) if table.scatters else _sign_test(first.values, second.values)
     return ScatterRatio(ratio=ratio, p=p, p_familywise=p, rows=len(first.values))
 
 
@@ -185,10 +186,20 @@ def _table(first: Side, second: Side) -> _Table:
     )
 
 
-def _sign_test(raw: Pair) -> float:
-    """Two-sided p of rows that all moved on the same side."""
-    moved = int(np.count_nonzero(raw[0] + raw[1]))
+def _sign_test(first: FloatArray, second: FloatArray) -> float:
+    """Two-sided p of rows that all moved on the same side: a row that has what half of them have
+    at most, as those of a coarse resolution do, has not.
+    """
+    moved = int(np.count_nonzero(_moved(first) | _moved(second)))
     return min(2.0 ** (1 - moved), 1.0) if moved else float("nan")
+
+
+def _moved(values: FloatArray) -> NDArray[np.bool_]:
+    """Rows (n,) that differ from the lower median of some column."""
+    known = np.isfinite(values)
+    place = (np.maximum(known.sum(axis=0), 1) - 1) // 2
+    middle = np.take_along_axis(np.sort(values, axis=0), place[None], axis=0)
+    return np.asarray((known & (values != middle)).any(axis=1))
 
 
 def _per_dof(N: FloatArray, u2: FloatArray) -> FloatArray:

@@ -182,6 +182,7 @@ def test_components_reports_that_are_not_sound(work: Path, fitted: dict[str, Any
     components["dx_x"] |= {"s_repeat": -1.0, "unit": "inch"}
     components["ez_x"]["covariance"][0][0] = -1.0
     components["dy_y"] |= {"degree": 3}
+    components["dy_y"]["pass_dof"] = 0.0
     components["axy"] |= {"pass_covariance": [[1.0, 0.0], [0.0, 1.0]]}
     (work / "range.json").write_text(json.dumps(fitted))
     assert "range.json: results.components.dx_x.s_repeat: " in refused(
@@ -195,6 +196,7 @@ def test_components_reports_that_are_not_sound(work: Path, fitted: dict[str, Any
     for words in (
         "results.components.dx_x.unit: unknown unit: 'inch'",
         "results.components.ez_x.covariance: a variance is negative",
+        "results.components.dy_y.pass_dof: a covariance of passes without degrees of freedom",
         "results.components.dy_y.coefficients: 2 coefficients of a component of degree 3",
         "results.components.axy.pass_covariance is not 1 x 1".replace(
             " is", ": pass_covariance is"

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.analyses.close_loop.added import Added
-from mtu_cli.analyses.close_loop.estimate import estimate
+from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
 from mtu_cli.analyses.close_loop.experiment import ALIAS, NO_RIVALS, Choice, choice
 from mtu_cli.analyses.close_loop.follow_up import as_it_is
-from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.prepare import Prepared, without_rounding
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.separation import sight_of
 from mtu_cli.analyses.close_loop.state import Step
@@ -65,11 +65,16 @@ def class_of(prepared: Prepared, found: Search, step: Step) -> EffectClass:
 
     Members and coefficients are the best beside all other effects of the search.
     """
-    scan, flat = prepared.scan, prepared.flat()
+    scan = prepared.scan
     F = len(scan.columns)
     beside = tuple(m for m in found.members if m != step.member)
     pack = scan.pack(prepared.with_tangents(beside))
-    left = pack.without_found(prepared.y)[None]
+    y, taken = prepared.y, prepared.whole(beside)
+    if taken:
+        # Beside the rest of an effect, what is minor of it is in strata that are not freed of it.
+        design = raw_design(scan, taken)
+        y = without_rounding(prepared.table, y - design @ estimate(scan, y, taken).beta)
+    left = pack.without_found(y)[None]
     LR = member_ratios(pack, left).ratio[0]
     judged = ratios(pack, left, F)
     members = {i: int(judged.best[0, i]) for i in _first(step, F)}
@@ -82,8 +87,8 @@ def class_of(prepared: Prepared, found: Search, step: Step) -> EffectClass:
     members = {i: m for i, m in members.items() if m >= 0}
     beta = {}
     for i, m in members.items():
-        fit = estimate(scan, prepared.y, [*(flat[b] for b in beside), flat[m]])
-        beta[i] = fit.beta[-len(flat[m]) :]
+        (own,) = prepared.whole([m])
+        beta[i] = estimate(scan, prepared.y, [*taken, own]).beta[-len(own) :]
     scores = np.array([judged.log_bayes[0, i] for i in members])
     weight = np.exp(scores - scores.max())
     posterior = dict(zip(members, (weight / weight.sum()).tolist(), strict=True))

@@ -13,6 +13,7 @@ from loop_tables import candidate, crossed, offset, prepared_with, residuals, wh
 from scipy.special import logsumexp
 from scipy.stats import binom
 
+from mtu_cli.analyses.close_loop.classes import class_of
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.estimate import raw_design
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
@@ -141,6 +142,26 @@ def test_what_is_minor_of_an_effect_is_taken_off_with_it_where_cells_are_missing
         taken = raw_design(prepared.scan, [whole])[:, 0]
         table = whole_column({0: large}, SHAPE) * there[..., None]
         np.testing.assert_allclose(taken, prepared.scan.frame.coordinates(table)[0], atol=1e-9)
+
+
+def test_a_class_is_the_same_where_a_cell_is_missing() -> None:
+    """Of two effects beside a growth, that which is there; not what a rest of the growth is."""
+    rng = np.random.default_rng(3)
+    small = centred(rng.normal(size=(12, 10)))
+    wander = centred(np.random.default_rng(8).normal(size=(12, 1))) * np.ones((1, 10))
+    growth = COLUMNS["shape"][0] + 0.2 * centred(np.arange(12.0)[:, None]) + 0.04 * small
+    effects = {"growth": growth, "wander": wander, "mix": wander + 0.6 * small}
+    own = [candidate(name, ({0: column},)) for name, column in effects.items()]
+    errors = quiet(rng)
+    errors[..., 0] += 20.0 * growth + 3.0 * wander
+    for missing in (0, 1):
+        there = np.ones((12, 10), bool)
+        there[4, 7] = not missing
+        prepared = prepared_with(residuals(errors, there=there), *own)
+        found = search(prepared, calibrated(prepared.scan, 499, 3), alpha=0.05, most=4)
+        (step,) = [s for s in found.steps if prepared.candidates[s.index].name == "wander"]
+        posterior = class_of(prepared, found, replace(step, credible=(1, 2))).posterior
+        assert posterior[1] > 0.95
 
 
 def test_parts_that_scatter_in_scale_are_no_growth_where_cells_are_missing() -> None:

@@ -178,3 +178,6 @@ def test_fahrenheit_beside_kelvin_is_refused(
         return
     with pytest.raises(InputError, match=r":6: inputs.t.unit: degF beside degC or K.*by 1\.8"):
         load_budget(path)
+    # An equation that converts it is what the message asks for.
+    path.write_text(path.read_text("utf-8").replace("(t - 20)", "((t - 32)*5/9 - 20)"), "utf-8")
+    load_budget(path)

@@ -96,6 +96,11 @@ SOUND: dict[str, Change] = {
         c.unit,
     ),
     "a probe that stands off": lengths("um", add=2345.0),
+    "a probe that is set anew for each cycle": lambda i, c: (
+        c.place,
+        c.error + (0 if c.name == "q" else (2000, 2600, 1500)[c.cycle % 3]),
+        c.unit,
+    ),
     "a spindle that grows by 0.9 mm": lambda i, c: (
         c.place,
         90 * c.error if c.name == "pz" else c.error,

@@ -124,6 +124,10 @@ def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
             "{of: x, unit: um, u_future: 1, pass_covariance: [[1, 0], [0, 1]]}",
             "pass_covariance: given beside u_future",
         ),
+        (
+            "{of: x, unit: um, pass_covariance: [[1, 0], [0, 1]], pass_dof: 0}",
+            "pass_dof: a covariance of passes without degrees of freedom: '0'",
+        ),
         ("{of: x, unit: um, covariance: [[1]]}", "1 rows of 1 numbers; expected 2 rows of 2"),
         ("{unit: um, pass_covariance: [[1, 0], [0, 1]]}", "expected 1 rows of 1"),
         ("{of: x, unit: um, covariance: [[1, 0.1], [0.2, 1]]}", "covariance: not symmetric"),

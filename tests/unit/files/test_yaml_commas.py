@@ -43,7 +43,8 @@ def test_a_decimal_comma_is_seen(items: str, index: int, text: str) -> None:
 @pytest.mark.parametrize(
     "items",
     ["1,2,3", "1, 2, 3", "1 ,2 ,3", "50,21", "0.1,0.2, 0.3", "1,2,3,\n 4,5,6", "1, 2,\n 3, 4",
-     "1,\n 2", "a,1, b", "'1','2', '3'", "[1,2], [3,4]", "0, 0.0, -0", "0.03, 10", "[1], 2,3"],
+     "1,\n 2", "a,1, b", "'1','2', '3'", "[1,2], [3,4]", "0, 0.0, -0", "0.03, 10", "[1], 2,3",
+     "1, 0,0"],
 )  # fmt: skip
 def test_lists_without_one(items: str) -> None:
     assert odd(items) == []

@@ -279,6 +279,19 @@ def test_missing_entries_and_nothing_that_scatters() -> None:
         scatter_ratio(bare(a[:3]), bare(b[:3]))
 
 
+def test_a_coarse_resolution_is_no_scatter() -> None:
+    """One part in twenty is a step off, along either axis alike: at most 5 % of all tables."""
+    rng = np.random.default_rng(12)
+    alarms = 0
+    for _ in range(1000):
+        sides = ((rng.random((10, 1)) < 0.05) * 0.01 for _ in range(2))
+        found = scatter_ratio(
+            *(Side(values=own.astype(np.float64), noise=np.zeros(10)) for own in sides)
+        )
+        alarms += found.p < 0.05
+    assert binom.sf(alarms - 1, 1000, 0.05) > 0.001
+
+
 def test_familywise_is_holm() -> None:
     rng = np.random.default_rng(6)
     tests = [
