@@ -17,7 +17,7 @@ from shop_day import ShopDay, effect, measure, write_csv, write_machine, write_p
 from shop_day.noise import SIG_CMM
 
 MTU = Path(sys.executable).parent / "mtu"
-PROMISED_SECONDS, REFERENCE_SECONDS = 5.0, 0.5
+PROMISED_SECONDS, REFERENCE_SECONDS = 5.0, 0.6
 REFERENCE = """
 import numpy as np
 rng = np.random.default_rng(1)
