@@ -28,6 +28,7 @@ from mtu_cli.files.source import Source
 from mtu_cli.units import PARAMETER_UNITS
 
 SCHEMA = "mtu/fit-components/1"
+NO_REPEAT_DOF = "a repeatability without degrees of freedom"
 
 
 def _not_negative(value: float) -> float:
@@ -195,14 +196,26 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
 
 
 def _without_dof(source: Source, name: str, item: ReportedComponent) -> Iterator[Problem]:
-    if item.pass_dof == 0 and any(map(any, item.pass_covariance)):
-        yield Problem(
-            what=NO_DOF,
-            file=source.shown,
-            path=f"results.components.{name}.pass_dof",
-            value="0",
-            expected="more than 0, or null: known exactly",
-        )
+    """Of `pass_dof` and `repeat_dof`: 0 where something was estimated with it.
+
+    pass_dof 0 alone says that one mean square stands behind all, with `repeat_dof`.
+    """
+    one_square = item.pass_dof == 0 and _any(item.covariance)
+    for key, value, what, estimated in (
+        ("pass_dof", item.pass_dof, NO_DOF, _any(item.pass_covariance)),
+        ("repeat_dof", item.repeat_dof, NO_REPEAT_DOF, item.s_repeat > 0 or one_square),
+    ):
+        if value == 0 and estimated:
+            path = f"results.components.{name}.{key}"
+            yield _no_dof(source, path, what, "more than 0, or null: known exactly")
+
+
+def _no_dof(source: Source, path: str, what: str, expected: str) -> Problem:
+    return Problem(what=what, file=source.shown, path=path, value="0", expected=expected)
+
+
+def _any(matrix: list[list[float]]) -> bool:
+    return any(map(any, matrix))
 
 
 def _group_problems(
@@ -231,6 +244,8 @@ def _group_problems(
                 expected=str(widths),
             )
         )
+    if group.pass_dof == 0 and (_any(group.pass_covariance) or _any(group.coefficient_covariance)):
+        problems.append(_no_dof(source, f"{path}.pass_dof", NO_DOF, "more than 0"))
     for key in ("coefficient_covariance", "pass_covariance"):
         matrix = getattr(group, key)
         what = None if square(matrix, size) else f"not {size} x {size}"

@@ -93,8 +93,17 @@ def _scored(item: TableResult) -> dict[str, Any]:
             "by": item.held_out_by,
             "scored": _held_out_scored(item),
             "folds": item.folds or None,
+            "with_outliers": _with_outliers(item),
         },
     }
+
+
+def _with_outliers(item: TableResult) -> dict[str, Any] | None:
+    """`before` and `after` are without the points set aside; the same with them."""
+    if item.held_out_with_gross is None:
+        return None
+    before, after = item.held_out_with_gross
+    return {"before": _scores(item, before), "after": _scores(item, after)}
 
 
 def _held_out_scored(item: TableResult) -> str | None:

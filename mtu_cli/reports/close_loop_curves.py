@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
-from mtu_cli.analyses.close_loop.shown import pitch_is_open
+from mtu_cli.analyses.close_loop.shown import pitch_is_open, things
 from mtu_cli.language import evaluate, names, parse
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.reports.close_loop_shown import things, titled, unit_of
+from mtu_cli.reports.close_loop_shown import titled, unit_of
 from mtu_cli.stats.least_squares import FloatArray
 
 MOST = 3

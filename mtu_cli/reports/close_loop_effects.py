@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 from mtu_cli.analyses.close_loop.one_phase import least_amplitude
 from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect, TableResult
-from mtu_cli.analyses.close_loop.shown import amplitude, is_level, pitch_is_open
+from mtu_cli.analyses.close_loop.shown import amplitude, is_level, pitch_is_open, things
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_shown import (
     Shown,
     either,
     parameters_of,
-    things,
 )
 from mtu_cli.reports.numbers import MISSING, interval, plus_minus, significant, with_u
 from mtu_cli.units import PARAMETER_UNITS

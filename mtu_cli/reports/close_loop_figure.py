@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, Judged, TableResult
+from mtu_cli.analyses.close_loop.shown import things
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_cells import IntArray
 from mtu_cli.reports import figures
@@ -24,7 +25,6 @@ from mtu_cli.reports.close_loop_shown import (
     either,
     first_table,
     ranked,
-    things,
     titled,
 )
 from mtu_cli.reports.labels import cut

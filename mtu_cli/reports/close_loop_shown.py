@@ -110,10 +110,5 @@ def either(names: tuple[str, ...]) -> str:
     return " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
 
 
-def things(item: TableResult) -> tuple[str, str]:
-    """What the rows and the columns of a table are: parts and features, passes and positions."""
-    return ("part", "feature") if item.table.component is None else ("pass", "position")
-
-
 def plural(word: str) -> str:
     return f"{word}es" if word.endswith("s") else f"{word}s"

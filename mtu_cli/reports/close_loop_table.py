@@ -15,9 +15,11 @@ from mtu_cli.analyses.close_loop.result import (
 )
 from mtu_cli.analyses.close_loop.shown import (
     effect_rms,
+    entry_text,
     improvement_percent,
     is_level,
     pitch_is_open,
+    things,
 )
 from mtu_cli.reports.close_loop_effects import direction_text, searched_text
 from mtu_cli.reports.close_loop_shown import (
@@ -29,7 +31,6 @@ from mtu_cli.reports.close_loop_shown import (
     plural,
     ranked,
     size_of,
-    things,
 )
 from mtu_cli.reports.close_loop_words import copied, left_text, untested, verdict_text
 from mtu_cli.reports.document import finite, listed
@@ -177,6 +178,8 @@ def _before_after(item: TableResult) -> Sheet:
             f"repeatability {significant(size_of(item, item.floor))} {unit}; 95 % and "
             "largest: of the error vector's length"
         )
+    if item.gross:
+        notes.append(_without_outliers(item))
     left = left_text(item)
     return Sheet(
         title="Before and after" if item.effects else "Measured minus predicted",
@@ -184,6 +187,19 @@ def _before_after(item: TableResult) -> Sheet:
         rows=rows,
         notes=[*notes, *([left] if left is not None else [])],
     )
+
+
+def _without_outliers(item: TableResult) -> str:
+    """What the figures leave out, and what the held-out rms is with it."""
+    count = len(item.gross)
+    said = f"without {count} {'entry' if count == 1 else 'entries'} set aside"
+    if item.held_out_with_gross is None:
+        return said
+    before, after = (
+        significant(size_of(item, scores.rms), 3) for scores in item.held_out_with_gross
+    )
+    rms = f"{before} -> {after}" if item.effects else before
+    return f"{said}; held out with {'it' if count == 1 else 'them'}: rms {rms} {item.table.unit}"
 
 
 def _scores(item: TableResult, scores: Scores) -> list[str]:
@@ -275,5 +291,5 @@ def _outliers(item: TableResult) -> str | None:
     for gross in item.gross:
         sizes = zip(item.table.axes, gross.deviation, strict=True)
         off = ", ".join(f"{a} {significant(size_of(item, value))}" for a, value in sizes)
-        named.append(f"{gross.feature} of {gross.part} ({off} {unit})")
+        named.append(f"{entry_text(gross, item)} ({off} {unit})")
     return f"set aside as far off whatever the rest does: {listed(named, OUTLIERS)}"

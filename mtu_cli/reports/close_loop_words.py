@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
-from mtu_cli.analyses.close_loop.shown import pitch_is_open, should_be_told
+from mtu_cli.analyses.close_loop.shown import pitch_is_open, should_be_told, things
 from mtu_cli.analyses.close_loop.warnings import FREES
 from mtu_cli.reports.close_loop_effects import (
     Sentence,
@@ -20,7 +20,6 @@ from mtu_cli.reports.close_loop_shown import (
     ranked,
     size_of,
     something_left,
-    things,
 )
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import p_value, significant, with_u

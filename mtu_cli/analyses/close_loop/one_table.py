@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.added import added, contribution
 from mtu_cli.analyses.close_loop.classes import experiments
@@ -69,13 +70,12 @@ def loop_on(
     first = _searched(given, candidates, alpha, most, seed)
     out = _held_out(given, candidates, alpha, most, seed)
     told, table = _told(first, out, seed), first.prepared.table
-    scored, found, fired = _scored(told, out), first.found, first.found.fired(alpha)
-    found_alone, twice = _described(told, library), twofold(told)
-    others, left_over = all_instead(told, found_alone, library, seed), (*fired, *twice)
-    described, covariance = with_rivals(found_alone, others), joint_covariance(told)
+    scored, found, fired = _scored(told, out, given), first.found, first.found.fired(alpha)
+    described, others = _described(told, library, seed)
+    twice, covariance = twofold(told), joint_covariance(told)
     result = TableResult(
         table=table,
-        verdict=verdict_of(found, described, left_over),
+        verdict=verdict_of(found, described, (*fired, *twice)),
         effects=described,
         candidates=_judged(first, candidates, alpha),
         checks=found.checks,
@@ -90,9 +90,10 @@ def loop_on(
         in_sample_before=scored.in_sample_before,
         in_sample_after=scored.in_sample_after,
         held_out_by=None if out is None else out.by,
+        held_out_with_gross=scored.with_gross,
         folds=len(told.chosen),
         floor=_floor(told.effects.prepared),
-        unexplained_rms=_unexplained(found, scored, left_over),
+        unexplained_rms=_unexplained(found, scored, (*fired, *twice)),
         fixed_points=_fixed_points(table, described, covariance, others),
     )
     return LoopResult(result=result, covariance=covariance)
@@ -127,10 +128,15 @@ def _told(first: Searched, out: HeldOut | None, seed: int) -> Described:
     )
 
 
-def _described(told: Described, library: EffectLibrary) -> tuple[FoundEffect, ...]:
+def _described(
+    told: Described, library: EffectLibrary, seed: int
+) -> tuple[tuple[FoundEffect, ...], tuple[Instead, ...]]:
+    """The effects found, with their rivals; and what each rival would be in their place."""
     planned = experiments(told.effects, told.found, library=library)
     alone = found_effects(told, [choice.experiment for choice in planned])
-    return with_other_pitches(told, alone, library)
+    alone = with_other_pitches(told, alone, library)
+    others = all_instead(told, alone, library, seed)
+    return with_rivals(alone, others), others
 
 
 def _searched(
@@ -154,10 +160,13 @@ class _Scored:
     after: Scores
     in_sample_before: Scores
     in_sample_after: Scores
+    with_gross: tuple[Scores, Scores] | None
 
 
-def _scored(told: Described, out: HeldOut | None) -> _Scored:
-    """Scores held out where they can be had, and in sample."""
+def _scored(told: Described, out: HeldOut | None, given: ResidualTable) -> _Scored:
+    """Scores held out where they can be had, and in sample; of what was not set aside, for one
+    slip of the pen outweighs all else.
+    """
     prepared, effects = told.prepared, told.effects
     table = prepared.table
     members = tuple(prepared.members[m] for m in effects.members)
@@ -166,21 +175,32 @@ def _scored(told: Described, out: HeldOut | None) -> _Scored:
     left = entry_variance(effects.prepared.scan.null, strata)
     before = scores(table.errors, table.axes, left)
     after = scores(table.errors - explained, table.axes, left)
+    whole = None if out is None else _held_out_scores(told, out)
+    kept = None if out is None else _held_out_scores(told, out, table.there)
     return _Scored(
         explained=explained,
-        before=before if out is None else scores(out.before, table.axes, out.variance),
-        after=_held_out_after(told, out, after),
+        before=before if kept is None else kept[0],
+        after=after if kept is None else kept[1],
         in_sample_before=before,
         in_sample_after=after,
+        with_gross=whole if (given.there & ~table.there).any() else None,
     )
 
 
-def _held_out_after(told: Described, out: HeldOut | None, in_sample: Scores) -> Scores:
-    """Of a machine that gets no equation the errors stay as they are, whatever folds foretell."""
-    if out is None:
-        return in_sample
-    left = out.before if told.effects.fit is None else out.after
-    return scores(left, told.prepared.table.axes, out.variance)
+def _held_out_scores(
+    told: Described, out: HeldOut, cells: NDArray[np.bool_] | None = None
+) -> tuple[Scores, Scores]:
+    """Before and after, of the `cells` (P, H) alone if given.
+
+    Of a machine that gets no equation the errors stay as they are, whatever folds foretell.
+    """
+    axes = told.prepared.table.axes
+
+    def scored(left: FloatArray) -> Scores:
+        own = left if cells is None else np.where(cells[:, :, None], left, np.nan)
+        return scores(own, axes, out.variance)
+
+    return scored(out.before), scored(out.before if told.effects.fit is None else out.after)
 
 
 def _unexplained(found: Search, scored: _Scored, left_over: Sequence[str]) -> float | None:

@@ -141,7 +141,9 @@ class TableResult:
     `without_name`: a smooth drift or field explained more than any name. `twofold` are names
     that were found twice, in forms that one cause cannot have at once. `stopped`: the search
     ended at as many causes as were asked for, and more passed.
-    `held_out_by` says what was left out in turn; None where nothing could be. `floor` is the
+    `held_out_by` says what was left out in turn; None where nothing could be. Entries that were
+    set aside do not count; `held_out_with_gross` are the held-out scores with them, None where
+    there are none. `floor` is the
     repeatability of one averaged coordinate, None where the data do not tell it.
     `unexplained_rms` is what is left in sample where something stays without a name.
     """
@@ -166,6 +168,7 @@ class TableResult:
     fixed_points: tuple[FixedPoint, ...]
     twofold: tuple[str, ...] = ()
     stopped: bool = False
+    held_out_with_gross: tuple[Scores, Scores] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from mtu_cli.analyses.close_loop.gross import Gross
 from mtu_cli.analyses.close_loop.result import DRIFT, FIELD, FoundEffect, TableResult
 
 LEVEL = "level"
@@ -60,3 +61,14 @@ def improvement_percent(item: TableResult) -> float | None:
     if item.before.rms == 0:
         return None
     return 100 * (1 - item.after.rms / item.before.rms)
+
+
+def things(item: TableResult) -> tuple[str, str]:
+    """What the rows and the columns of a table are: parts and features, passes and positions."""
+    return ("part", "feature") if item.table.component is None else ("pass", "position")
+
+
+def entry_text(gross: Gross, item: TableResult) -> str:
+    """Which entry of the table it is."""
+    row, column = things(item)
+    return f"{column} {gross.feature} of {row} {gross.part}"

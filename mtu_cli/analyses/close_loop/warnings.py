@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.shown import entry_text
 from mtu_cli.errors import fault
 from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
@@ -92,7 +93,7 @@ def _of_table(result: TableResult) -> list[Warned]:
         text = f"too few {what}s and columns{of} to hold any out: before and after are in sample"
         found.append(Warned(code="not-held-out", message=text))
     if result.gross:
-        names = ", ".join(f"{g.feature} of {g.part}" for g in result.gross[:MOST_NAMED])
+        names = ", ".join(entry_text(g, result) for g in result.gross[:MOST_NAMED])
         beyond = len(result.gross) - MOST_NAMED
         more = f" and {beyond} more" if beyond > 0 else ""
         text = f"far off whatever the rest does, and set aside: {names}{more}"

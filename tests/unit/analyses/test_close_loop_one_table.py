@@ -141,6 +141,18 @@ def test_a_gross_entry_is_set_aside_and_changes_nothing_else() -> None:
     assert "outliers-set-aside" in [w.code for w in result.warnings]
     assert np.isnan(table.table.errors[3, 5]).all()
     assert np.isfinite(table.explained).all()
+    # Held out, the figures are of what was not set aside; with it they stand beside them.
+    assert table.held_out_with_gross is not None
+    before, after = (own.rms for own in table.held_out_with_gross)
+    (sound,) = found().tables
+    assert sound.held_out_with_gross is None
+    cells, gross = table.table.there.size, np.square(spoilt[3, 5] * UM).sum() / 2
+    for kept, whole in ((table.before, before), (table.after, after)):
+        # One entry was left out, of `cells`: it holds nearly all of the squares.
+        assert whole**2 * cells == pytest.approx(kept.rms**2 * (cells - 1) + gross, rel=0.1)
+        assert kept.largest * 5 < np.sqrt(2 * gross)
+    assert table.before.rms == pytest.approx(sound.before.rms, rel=0.05)
+    assert table.after.rms == pytest.approx(sound.after.rms, rel=0.05)
 
 
 def test_too_little_to_judge_by_is_said() -> None:

@@ -76,6 +76,45 @@ def test_names_do_not_exempt_and_faults_keep_their_order(tmp_path: Path) -> None
     assert paths == [f"results.components.{name}.{path}" for name in named for path in wanted]
 
 
+JOINT = {
+    "components": ["a"], "widths": [1], "coefficient_covariance": [[0]],
+    "pass_covariance": [[0]], "pass_dof": 0, "n_passes": 3,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("component", "group", "where", "what"),
+    [
+        ({"pass_dof": 0, "pass_covariance": [[1]]}, {}, "components.a.pass_dof", "passes"),
+        ({"repeat_dof": 0}, {}, "components.a.repeat_dof", "a repeatability"),
+        ({"repeat_dof": -0.0}, {}, "components.a.repeat_dof", "a repeatability"),
+        (
+            {"pass_dof": 0, "repeat_dof": 0, "s_repeat": 0},
+            {},
+            "components.a.repeat_dof",
+            "a repeatability",
+        ),
+        ({}, {"pass_covariance": [[1]]}, "joint_pass_covariance.0.pass_dof", "passes"),
+        ({}, {"coefficient_covariance": [[1]]}, "joint_pass_covariance.0.pass_dof", "passes"),
+        # One mean square behind all; and nothing estimated: no degrees of freedom are needed.
+        ({"pass_dof": 0, "repeat_dof": 4}, {}, None, ""),
+        ({"repeat_dof": 0, "s_repeat": 0}, {}, None, ""),
+    ],
+)
+def test_what_was_estimated_has_degrees_of_freedom(
+    tmp_path: Path, component: dict[str, Any], group: dict[str, Any], where: str | None, what: str
+) -> None:
+    results = {"components": {"a": FITTED | component}, "joint_pass_covariance": [JOINT | group]}
+    path = tmp_path / "c.json"
+    path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
+    if where is None:
+        assert read_report(path)
+        return
+    (found,) = told(path)
+    assert f"results.{where}: " in found
+    assert f"{what} without degrees of freedom: '0'" in found
+
+
 def test_reports_are_told_apart(tmp_path: Path) -> None:
     fitted = written(tmp_path, "c.json", "fit-components", FITTED)
     drift = written(tmp_path, "t.json", "thermal-fit", DRIFT)

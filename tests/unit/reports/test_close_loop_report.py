@@ -59,7 +59,13 @@ def test_scores_are_in_um_and_the_held_out_ones_stand_first() -> None:
     assert found["in_sample"]["before"]["rms_y_um"] == pytest.approx(6.0)
     assert found["floor_um"] == pytest.approx(3.6)
     assert found["improvement_percent"] == pytest.approx(100 * (5.9 - 3.8) / 5.9)
-    assert found["held_out"] == {"by": "parts", "scored": "mean by posterior", "folds": 5}
+    held_out = {"by": "parts", "scored": "mean by posterior", "folds": 5, "with_outliers": None}
+    assert found["held_out"] == held_out
+    (one,) = named().tables
+    both = document(result(replace(one, held_out_with_gross=(scores(70.0), scores(68.0)))))
+    assert both["before"] == found["before"]
+    assert both["held_out"]["with_outliers"]["before"]["rms_um"] == pytest.approx(70.0)
+    assert both["held_out"]["with_outliers"]["after"]["max_um"] == pytest.approx(68.0 * 3.3)
 
 
 def test_parameters_are_in_the_unit_that_stands_beside_them() -> None:
