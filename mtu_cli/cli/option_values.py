@@ -1,9 +1,8 @@
-"""Values of a call that are no numbers, and names of files that are empty, in the words of all
-faults.
-"""
+"""Values of a call that are no numbers and names that are no file, in the words of all faults."""
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Mapping
 from math import isfinite
@@ -11,6 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from mtu_cli.errors import InputError, Problem
+
+WRITES = "write_"
+"""How the names of options begin that name a file to write beside these."""
+OUTPUTS = ("out", "csv", "plot")
+SEPARATORS = tuple({os.sep, "/"})
 
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+")
 _THOUSANDS = re.compile(r"[-+]?[0-9]{1,3}(?:[,.' _][0-9]{3})+")
@@ -54,12 +58,19 @@ def _meant(text: str, whole: bool) -> str:
 
 
 def check_names(params: Iterable[Any], values: Mapping[str, Any], raw: Mapping[str, Any]) -> None:
-    """Raises InputError for every file whose name is empty: as a path it is this folder."""
-    problems = [
-        Problem(what=f"{_shown(param)} names no file", value="", expected="a name")
-        for param in params
-        if _holds_path(values.get(param.name)) and "" in _listed(raw.get(param.name))
-    ]
+    """Raises InputError for every file whose name is empty, which as a path is this folder, and
+    for every file to be written whose name ends as a folder's, which a path forgets.
+    """
+    problems = []
+    for param in params:
+        named = _listed(raw.get(param.name)) if _holds_path(values.get(param.name)) else []
+        if "" in named:
+            what = f"{_shown(param)} names no file"
+            problems.append(Problem(what=what, value="", expected="a name"))
+        if param.name in OUTPUTS or param.name.startswith(WRITES):
+            what = f"{_shown(param)} names a folder"
+            ends = [name for name in named if str(name).endswith(SEPARATORS)]
+            problems += [Problem(what=what, value=end, expected="a file in it") for end in ends]
     if problems:
         raise InputError(problems)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.option_values import OUTPUTS, WRITES
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.simulate_ranges import option_name
 from mtu_cli.errors import InputError, Problem
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from mtu_cli.files.study import LoadedStudy
 
 STANDARD_OUTPUT = Path("-")
-WRITES = "write_"
-"""How the names of options begin that name a file to write beside -o, --csv and --plot."""
 
 ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "file")
 MADE = {"write_lbb": ("lbb", "laser"), "write_cmm": ("cmm",), "write_drift": ("drift",)}
@@ -44,7 +43,7 @@ def check_outputs(inputs: Inputs) -> None:
     """
     options = inputs.options
     written = written_files(options)
-    named = {name: options.values.get(name) for name in ("out", "csv", "plot")} | written
+    named = {name: options.values.get(name) for name in OUTPUTS} | written
     given = {name: path for name, path in named.items() if path is not None}
     if not given:
         return

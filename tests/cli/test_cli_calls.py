@@ -88,6 +88,8 @@ def test_values_of_the_wrong_kind(call: list[str], work: Path) -> None:
         (["--seed", ""], "--seed is no whole number: ''; expected a whole number"),
         (["-p", ""], "--part names no file: ''; expected a name"),
         (["--lbb", "lbb.csv", "--lbb", ""], "--lbb names no file"),
+        (["-o", "new/"], "--out names a folder: 'new/'; expected a file in it"),
+        (["--plot", "new/a.png/"], "--plot names a folder: 'new/a.png/'"),
     ],
 )
 def test_numbers_and_names_that_are_none(call: list[str], words: str, work: Path) -> None:

@@ -165,7 +165,9 @@ def _of_groups(
         each = known.sum(axis=1) if why == "mean" else np.einsum("ij,ij->i", known, known)
         value = each / count if why == "mean" else np.sqrt(each / count)
         typical = _rms(np.delete(value, i))
-        share = abs(float(value[i])) / typical if typical > 0 else np.inf
+        off = abs(float(value[i]))
+        # Where nothing differs at all, nor does this part.
+        share = off / typical if typical > 0 else np.inf if off > 0 else 0.0
         if best is None or share > best[0]:
             best = (share, label, float(value[i]), typical)
     if best is None:

@@ -147,6 +147,19 @@ def test_a_shifted_part_and_a_shifted_feature_are_named() -> None:
         assert beyond == sorted(names, key=found.parts.index)
 
 
+def test_a_part_stands_out_where_it_differs() -> None:
+    """Not along an axis on which every part is on its nominal."""
+    found = study(21, 2, 4)
+    measured = found.measured.copy()
+    measured[:, 0] = found.nominal[:, 0]
+    measured[found.part == 6, 1] += 0.06
+    result = analysed(with_measured(found, measured))
+    assert result.unusual is not None
+    (item,) = result.unusual
+    assert (item.part, item.where) == ("P6", ("", "", "y"))
+    assert item.deviation == pytest.approx(0.06, rel=0.25)
+
+
 def test_limits_are_none_where_nobody_can_stand_out() -> None:
     assert np.isnan(analysed(study(3, 2, 1)).limits(0)).all()
     assert np.isfinite(analysed(study(21, 2, 1)).limits(0)).all()
