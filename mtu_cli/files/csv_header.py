@@ -23,6 +23,8 @@ OTHER_WORDS = {
     "position_mm": ("pos", "position", "target"),
 }
 """What other programs call a column, in lower case with underscores."""
+UNIT = "_mm"
+"""They leave it out."""
 NUMBER = ("no", "nr", "number", "id")
 NUMBERED = ("part", "feature", "cycle", "pass", "repeat", "sequence")
 """Columns that others tell as a number; one of a time or an operation is no time or name."""
@@ -72,7 +74,7 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
         _folded(word): name
         for name in spec.names
         if name not in header + tuple(wanted)
-        for word in (name, *OTHER_WORDS.get(name, ()))
+        for word in (name, name.removesuffix(UNIT), *OTHER_WORDS.get(name, ()))
     }
     shut = {b for a, b in spec.exclusive if a in header} | {
         a for a, b in spec.exclusive if b in header
@@ -127,6 +129,6 @@ def missing_column(
 
 def _by_another_word(name: str, others: list[str]) -> str | None:
     """The column that another program calls so: by its own word, or without the unit."""
-    words = (*OTHER_WORDS.get(name, ()), name.removesuffix("_mm"))
+    words = (*OTHER_WORDS.get(name, ()), name.removesuffix(UNIT))
     folded = {other.casefold().strip().replace(" ", "_"): other for other in others}
     return next((folded[word] for word in words if word in folded), None)
