@@ -69,7 +69,7 @@ def check_names(params: Iterable[Any], values: Mapping[str, Any], raw: Mapping[s
             problems.append(Problem(what=what, value="", expected="a name"))
         if param.name in OUTPUTS or param.name.startswith(WRITES):
             what = f"{_shown(param)} names a folder"
-            ends = [name for name in named if str(name).endswith(SEPARATORS)]
+            ends = [name for name in map(str, named) if name.endswith(SEPARATORS)]
             problems += [Problem(what=what, value=end, expected="a file in it") for end in ends]
     if problems:
         raise InputError(problems)

@@ -13,7 +13,10 @@ GRID = np.concatenate([[0.0], 10.0 ** np.arange(-5.0, 9.01, 0.25)])
 """Ratios r = s_part^2/s_repeat^2 at which the likelihood is looked at first. Beyond the last one
 the limit of large r holds to a relative 1e-9.
 """
-STEPS = 52
+AT_ONCE = 1_000_000
+"""Numbers looked at together."""
+STEPS, SECTIONS = 13, 16
+"""16^13 = 2^52: a bracket is halved 52 times, four halvings at a look."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,8 +51,9 @@ def reml(cells: Cells) -> Components:
     """
     levels = _levels(cells)
     a = levels.count.sum(axis=1)
-    values = np.array([_criterion(levels, np.full(len(a), r)) for r in GRID])
-    best = np.argmin(values, axis=0)
+    pieces = np.array_split(GRID, 1 + GRID.size * levels.count.size // AT_ONCE)
+    values = [_criterion(levels, np.tile(piece[:, None], len(a))) for piece in pieces]
+    best = np.argmin(np.concatenate(values), axis=0)
     low = GRID[np.maximum(best - 1, 0)]
     high = GRID[np.minimum(best + 1, len(GRID) - 1)]
     r = _stationary(levels, low, high)
@@ -84,46 +88,59 @@ def _levels(cells: Cells) -> _Levels:
 
 
 def _fit(levels: _Levels, r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Weights w and squares (m - mu)^2 summed (tables, levels), and Q (tables,), at r (tables,)."""
-    w = levels.n / (1 + levels.n * r[:, None])
-    total = (levels.count * w).sum(axis=1)
-    mu = (levels.count * w * levels.mean).sum(axis=1) / total
-    squares = levels.squares + levels.count * (levels.mean - mu[:, None]) ** 2
-    return w, squares, levels.within + (w * squares).sum(axis=1)
+    """Weights w and squares (m - mu)^2 summed (..., tables, levels), and Q (..., tables), at r
+    (..., tables).
+    """
+    w = levels.n / (1 + levels.n * r[..., None])
+    counted = levels.count * w
+    mu = (counted * levels.mean).sum(axis=-1) / counted.sum(axis=-1)
+    squares = levels.squares + levels.count * (levels.mean - mu[..., None]) ** 2
+    return w, squares, levels.within + (w * squares).sum(axis=-1)
 
 
 def _criterion(levels: _Levels, r: FloatArray) -> FloatArray:
-    """-2 l (tables,) at the ratios r (tables,)."""
+    """-2 l (..., tables) at the ratios r (..., tables)."""
     w, _, Q = _fit(levels, r)
     scale = np.where(levels.within > 0, levels.within, 1.0)
     # Equal values in all of a table have Q = 0; such a table is not the likelihood's to decide.
     relative = np.where(Q > 0, Q / scale, 1.0)
     value: FloatArray = (levels.N - 1) * np.log(relative)
-    value += (levels.count * np.log(levels.n / w)).sum(axis=1)
-    value += np.log((levels.count * w).sum(axis=1))
+    value += (levels.count * np.log(levels.n / w)).sum(axis=-1)
+    value += np.log((levels.count * w).sum(axis=-1))
     return value
 
 
 def _slope(levels: _Levels, r: FloatArray) -> FloatArray:
-    """d(-2 l)/dr (tables,): (N - 1) Q'/Q + sum w - sum w^2 / sum w, Q' = -sum w^2 (m - mu)^2."""
+    """d(-2 l)/dr (..., tables) at r (..., tables):
+
+    (N - 1) Q'/Q + sum w - sum w^2 / sum w, Q' = -sum w^2 (m - mu)^2.
+    """
     w, squares, Q = _fit(levels, r)
-    total = (levels.count * w).sum(axis=1)
-    change = (w**2 * squares).sum(axis=1) / np.where(Q > 0, Q, 1.0)
-    slope: FloatArray = total - (levels.count * w**2).sum(axis=1) / total - (levels.N - 1) * change
+    total = (levels.count * w).sum(axis=-1)
+    change = (w**2 * squares).sum(axis=-1) / np.where(Q > 0, Q, 1.0)
+    slope: FloatArray = total - (levels.count * w**2).sum(axis=-1) / total - (levels.N - 1) * change
     return slope
 
 
 def _stationary(levels: _Levels, low: FloatArray, high: FloatArray) -> FloatArray:
     """The ratio (tables,) at which the slope changes sign, 0 where it rises from the start.
 
-    Bisected in log r, in r itself where the bracket starts at 0.
+    Bisected in log r, in r itself where the bracket starts at 0, `SECTIONS` parts at a time.
     """
-    rising = (low == 0) & (_slope(levels, np.zeros_like(low)) >= 0)
+    from_zero = low == 0
+    rising = from_zero & (_slope(levels, np.zeros_like(low)) >= 0)
+    share = np.linspace(0.0, 1.0, SECTIONS + 1)[:, None]
+    tables = np.arange(len(low))
+    # In log r, with the end that stands for 0 in r itself.
+    a, b = (np.where(from_zero, r, np.log(np.where(from_zero, 1.0, r))) for r in (low, high))
     for _ in range(STEPS):
-        middle = np.where(low > 0, np.sqrt(low * high), high / 2)
-        beyond = _slope(levels, middle) > 0
-        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-    return np.where(rising, 0.0, (low + high) / 2)
+        ends = a + share * (b - a)
+        ends[-1] = b
+        r = np.where(from_zero, ends, np.exp(np.where(from_zero, 0.0, ends)))
+        first = np.argmax(np.vstack([_slope(levels, r[1:-1]) > 0, np.ones(len(a), bool)]), axis=0)
+        a, b = ends[first, tables], ends[first + 1, tables]
+    r = np.where(from_zero, (a + b) / 2, np.exp(np.where(from_zero, 0.0, (a + b) / 2)))
+    return np.where(rising, 0.0, r)
 
 
 def _variance_of_means(levels: _Levels, repeat: FloatArray) -> FloatArray:

@@ -31,7 +31,11 @@ MOST_THREADS = 4
 DENSE_ROWS = 64
 """Up to so many rows the rotations are uniform on the whole orthogonal group."""
 
-Rotate = Callable[[], FloatArray]
+AT_ONCE = 250_000
+"""Numbers rotated at a time: what stays in the processor's cache."""
+
+Rotate = Callable[[int], FloatArray]
+"""So many rotated tables (n, rows, columns)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,14 +78,16 @@ def _by_rotation(
     observed = _statistics(d, indicator)
     rotate = _rotations(_filled(d, count), rng)
     largest: list[list[FloatArray]] = [[], [], []]
-    for _ in range(ROTATIONS):
-        for found, item in zip(largest, _statistics(rotate(), indicator), strict=True):
-            found.append(item.max(axis=0))
+    batch = max(1, AT_ONCE // max(d.size, len(d) ** 2))
+    for start in range(0, ROTATIONS, batch):
+        turned = rotate(min(batch, ROTATIONS - start))
+        for found, item in zip(largest, _statistics(turned, indicator), strict=True):
+            found.append(item.max(axis=1))
     # Entries are alike in all columns, the others differ in size from group to group.
-    nulls: list[FloatArray] = [np.array(largest[0]).max(axis=1)]
+    nulls: list[FloatArray] = [np.concatenate(largest[0]).max(axis=1)]
     values = [observed[0]]
     for kind in (1, 2):
-        value, null = _alike(observed[kind], np.array(largest[kind]))
+        value, null = _alike(observed[kind], np.concatenate(largest[kind]))
         values.append(value)
         nulls.append(null)
     p = [_tail(value, null) for value, null in zip(values, nulls, strict=True)]
@@ -121,7 +127,7 @@ def _by_bounds(
     rotations = max(FEWEST, min(ROTATIONS, WORK // d.size))
     largest = np.empty((rotations, together.shape[1]))
     for b in range(rotations):
-        turned = rotate()
+        (turned,) = rotate(1)
         largest[b] = (np.square(turned, out=turned) @ single).max(axis=0)
     distance = np.minimum(2 * _tail(*_alike(observed, largest), 1e-5), 1.0)
     limit = deviation_limit(count, RATE / (4 * d.size))
@@ -183,6 +189,7 @@ def _and_all(indicator: FloatArray) -> FloatArray:
 
 
 def _statistics(d: FloatArray, indicator: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The three kinds of statistics (..., rows, their number) of tables (..., rows, columns)."""
     squares = (d**2) @ _and_all(indicator)
     return np.abs(d), squares, np.abs(d @ indicator) / np.sqrt(indicator.sum(axis=0))
 
@@ -197,9 +204,9 @@ def _rotations(d: FloatArray, rng: np.random.Generator) -> Rotate:
         signs = np.array([-1, 1], d.dtype)
         threads = min(MOST_THREADS, os.cpu_count() or 1)
 
-        def flip() -> FloatArray:
+        def flip(n: int) -> FloatArray:
             turned: FloatArray = idct(
-                core * rng.choice(signs, (rows, 1)), axis=0, norm="ortho", overwrite_x=True,
+                core * rng.choice(signs, (n, rows, 1)), axis=1, norm="ortho", overwrite_x=True,
                 workers=threads,
             )  # fmt: skip
             return turned
@@ -208,10 +215,11 @@ def _rotations(d: FloatArray, rng: np.random.Generator) -> Rotate:
     basis = _complement_of_ones(rows)
     inner = basis.T @ d
 
-    def rotate() -> FloatArray:
-        Q, R = np.linalg.qr(rng.standard_normal((rows - 1, rows - 1)))
+    def rotate(n: int) -> FloatArray:
+        Q, R = np.linalg.qr(rng.standard_normal((n, rows - 1, rows - 1)))
         # Uniform only with the signs of R's diagonal (Mezzadri, Notices AMS 54 (2007) 592).
-        turned: FloatArray = basis @ ((Q * np.sign(np.diag(R))) @ inner)
+        signs = np.sign(np.diagonal(R, axis1=1, axis2=2))[:, None, :]
+        turned: FloatArray = basis @ ((Q * signs) @ inner)
         return turned
 
     return rotate

@@ -110,11 +110,16 @@ def test_rotations_keep_what_they_must(rows: int) -> None:
     d = rng.standard_normal((rows, 6))
     d -= d.mean(axis=0)
     rotate = rotation._rotations(d, rng)
-    for _ in range(3):
-        turned = rotate()
+    for turned in rotate(3):
         np.testing.assert_allclose(turned.mean(axis=0), 0, atol=1e-12)
         np.testing.assert_allclose(turned.T @ turned, d.T @ d, rtol=1e-9, atol=1e-9)
         assert np.abs(turned - d).max() > 0.1
+    # However many at a time.
+    one = rotation._rotations(d, np.random.default_rng(3))
+    np.testing.assert_array_equal(
+        rotation._rotations(d, np.random.default_rng(3))(4),
+        np.concatenate([one(1), one(2), one(1)]),
+    )
 
 
 def test_uniform_rotations_have_no_preferred_direction() -> None:
@@ -126,7 +131,7 @@ def test_uniform_rotations_have_no_preferred_direction() -> None:
     d = np.zeros((rows, 1))
     d[:2, 0] = [1.0, -1.0]
     rotate = rotation._rotations(d, rng)
-    found = np.array([rotate()[:, 0] for _ in range(4000)])
+    found = rotate(4000)[:, :, 0]
     # E over the sphere of the complement of ones: |d|^2/(rows - 1) (I - 11'/rows).
     expected = 2 / (rows - 1) * (np.eye(rows) - 1 / rows)
     error = 4 * 2 / (rows - 1) / np.sqrt(4000) * np.sqrt(3)
