@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.stats.coverage import effective_dof
 from mtu_cli.stats.least_squares import FloatArray
@@ -98,12 +99,12 @@ def _convolved(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
     many = dof >= MANY
     values, weights = _pooled(c[many], dof[many], z), np.tile(weight, (c.shape[1], 1))
     for own, nu in zip(c[~many], dof[~many], strict=True):
-        there = np.flatnonzero(own > 0)
-        if len(there):
-            ratio = _inverse_chi_squared(z, np.full(1, nu))[0]
-            values[there], weights[there] = _sum(
-                values[there], weights[there], own[there, None] * ratio, weight
-            )
+        more = own[:, None] * _inverse_chi_squared(z, np.full(1, nu))
+        alone = (own > 0) & (values == 0).all(axis=1)
+        both = np.flatnonzero((own > 0) & ~alone)
+        values[alone] = more[alone]
+        if len(both):
+            values[both], weights[both] = _sum(values[both], weights[both], more[both], weight)
     return values, weights
 
 
@@ -142,14 +143,24 @@ def _sum(
     m = len(a)
     values = (a[:, :, None] + b[:, None, :]).reshape(m, -1)
     w = (weights[:, :, None] * weight).reshape(m, -1)
-    order = np.argsort(values, axis=1)
+    # Each of the NODES rows of pairs is in order already: merged, not sorted from nothing.
+    order = np.argsort(values, axis=1, kind="stable")
     values, w = np.take_along_axis(values, order, 1), np.take_along_axis(w, order, 1)
     step = 2 * REACH / (NODES - 1)
     edges = ndtr(np.linspace(-REACH, REACH - step, NODES - 1) + step / 2)
-    group = np.searchsorted(edges, np.cumsum(w, axis=1) - w / 2)
-    place = (group + NODES * np.arange(m)[:, None]).ravel()
-    total = np.bincount(place, w.ravel(), minlength=m * NODES)
-    logs = np.bincount(place, (w * np.log(values)).ravel(), minlength=m * NODES)
+    middle = np.cumsum(w, axis=1) - w / 2
+    first = np.array([np.searchsorted(own, edges, side="right") for own in middle])
+    total, logs = _between(w, first), _between(w * np.log(values), first)
     mean: FloatArray = np.exp(np.divide(logs, total, out=np.zeros_like(logs), where=total > 0))
-    gathered: FloatArray = total.astype(np.float64)
-    return mean.reshape(m, NODES), gathered.reshape(m, NODES)
+    return mean, total
+
+
+def _between(values: FloatArray, first: NDArray[np.int64]) -> FloatArray:
+    """Sums (m, k + 1) of `values` (m, n) from each of the places `first` (m, k) to the next."""
+    m, n = values.shape
+    ends = np.concatenate([np.zeros((m, 1), np.int64), first, np.full((m, 1), n)], axis=1)
+    start = (ends[:, :-1] + n * np.arange(m)[:, None]).ravel()
+    padded = np.append(values.ravel(), 0.0)
+    found: FloatArray = np.add.reduceat(padded, start).reshape(m, -1)
+    # Of an empty stretch reduceat gives its first value.
+    return np.where(ends[:, 1:] > ends[:, :-1], found, 0.0)
