@@ -14,6 +14,8 @@ from mtu_cli.errors import InputError, Problem
 WRITES = "write_"
 """How the names of options begin that name a file to write beside these."""
 OUTPUTS = ("out", "csv", "plot")
+DRAWING = "to"
+"""What `graph draw` writes: its only file."""
 SEPARATORS = tuple({os.sep, "/"})
 
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+")
@@ -67,7 +69,7 @@ def check_names(params: Iterable[Any], values: Mapping[str, Any], raw: Mapping[s
         if "" in named:
             what = f"{_shown(param)} names no file"
             problems.append(Problem(what=what, value="", expected="a name"))
-        if param.name in OUTPUTS or param.name.startswith(WRITES):
+        if param.name in (*OUTPUTS, DRAWING) or param.name.startswith(WRITES):
             what = f"{_shown(param)} names a folder"
             ends = [name for name in map(str, named) if name.endswith(SEPARATORS)]
             problems += [Problem(what=what, value=end, expected="a file in it") for end in ends]

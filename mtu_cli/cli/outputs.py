@@ -117,10 +117,9 @@ def _lost(inputs: Inputs, files: Mapping[str, Path]) -> Iterator[Problem]:
 
     options = inputs.options
     called = [path for role in ROLES for path in _listed(options.values.get(role))]
-    study = inputs.study or _nearby()
     own: list[tuple[str, Path]] = []
-    if study is not None:
-        own = [("study", study.source.path)]
+    for study in filter(None, (inputs.study, _nearby())):
+        own += [("study", study.source.path)]
         own += [(role, path) for role, paths in study.files.items() for path in paths]
     for name, target in files.items():
         makes = _makes(options.command, name)
@@ -136,14 +135,14 @@ def _lost(inputs: Inputs, files: Mapping[str, Path]) -> Iterator[Problem]:
 
 
 def _nearby() -> LoadedStudy | None:
-    """The study of this folder or one above, where the call does without: its files are its own
-    all the same. One that cannot be read names none.
+    """The study of this folder or one above, even where the call does without or has another: its
+    files are its own all the same, made or not. One that cannot be read names none.
     """
     from mtu_cli.files.study import find_study, load_study
 
     path = find_study(Path())
     try:
-        return None if path is None else load_study(path)
+        return None if path is None else load_study(path, there=False)
     except InputError:
         return None
 

@@ -24,7 +24,7 @@ from mtu_cli.language.dimensions import (
     first_column,
     shown,
 )
-from mtu_cli.language.tree import Binary, Call, Number, children, walk
+from mtu_cli.language.tree import Binary, Call, Name, Number, children, names, walk
 
 BASES = ("m", "kg", "s", "A", "K", SIZE)
 COMMON = (
@@ -38,7 +38,7 @@ SIMPLE = 12
 """Numerator and denominator of the largest simple fraction."""
 
 
-FREEZING_F = 32.0
+FREEZING_F, STEP_F = 32.0, 1.8
 _FAHRENHEIT = re.compile(r"(?:deg|\u00b0)\s*F(?![a-z])|\u2109|fahrenheit", re.IGNORECASE)
 _KELVIN = re.compile(
     r"(?:deg|\u00b0)\s*C(?![a-z])|\u2103|(?<![A-Za-z])m?K(?![A-Za-z])|kelvin|celsius"
@@ -200,9 +200,21 @@ class BudgetUnits:
         return " ".join([f"units of {10.0 ** found[SIZE]:.6g}", *bases])
 
 
-def converts_fahrenheit(tree: Node) -> bool:
-    """Whether an equation has the literal 32 in it, as one that converts degF to degC has."""
-    return any(isinstance(item, Number) and item.value == FREEZING_F for item in walk(tree))
+def converted_fahrenheit(tree: Node) -> set[str]:
+    """Names that an equation converts from degF: those that 32 is taken off, or, where it has
+    1.8 or 5/9 in it, as for a difference, all.
+    """
+    literals = {item.value for item in walk(tree) if isinstance(item, Number)}
+    if STEP_F in literals or {5.0, 9.0} <= literals:
+        return set(names(tree))
+    sums = [item for item in walk(tree) if isinstance(item, Binary) and item.operator == "-"]
+    return {
+        item.left.name
+        for item in sums
+        if isinstance(item.left, Name)
+        and isinstance(item.right, Number)
+        and item.right.value == FREEZING_F
+    }
 
 
 def _has_shift(tree: Node) -> bool:

@@ -11,12 +11,14 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.json_file import read_json
-from mtu_cli.files.machine_checks import NO_DOF, covariance_fault
+from mtu_cli.files.machine_checks import PASSES, covariance_fault
 from mtu_cli.files.report_file import (
     Figure,
     Matrix,
     NonNegative,
+    any_estimated,
     negative,
+    no_dof,
     not_a_report,
     read_from,
     schema_of,
@@ -28,7 +30,6 @@ from mtu_cli.files.source import Source
 from mtu_cli.units import PARAMETER_UNITS
 
 SCHEMA = "mtu/fit-components/1"
-NO_REPEAT_DOF = "a repeatability without degrees of freedom"
 
 
 def _not_negative(value: float) -> float:
@@ -200,22 +201,13 @@ def _without_dof(source: Source, name: str, item: ReportedComponent) -> Iterator
 
     pass_dof 0 alone says that one mean square stands behind all, with `repeat_dof`.
     """
-    one_square = item.pass_dof == 0 and _any(item.covariance)
+    one_square = item.pass_dof == 0 and any_estimated(item.covariance)
     for key, value, what, estimated in (
-        ("pass_dof", item.pass_dof, NO_DOF, _any(item.pass_covariance)),
-        ("repeat_dof", item.repeat_dof, NO_REPEAT_DOF, item.s_repeat > 0 or one_square),
+        ("pass_dof", item.pass_dof, PASSES, any_estimated(item.pass_covariance)),
+        ("repeat_dof", item.repeat_dof, "a repeatability", item.s_repeat > 0 or one_square),
     ):
         if value == 0 and estimated:
-            path = f"results.components.{name}.{key}"
-            yield _no_dof(source, path, what, "more than 0, or null: known exactly")
-
-
-def _no_dof(source: Source, path: str, what: str, expected: str) -> Problem:
-    return Problem(what=what, file=source.shown, path=path, value="0", expected=expected)
-
-
-def _any(matrix: list[list[float]]) -> bool:
-    return any(map(any, matrix))
+            yield no_dof(source, f"results.components.{name}.{key}", what)
 
 
 def _group_problems(
@@ -244,8 +236,9 @@ def _group_problems(
                 expected=str(widths),
             )
         )
-    if group.pass_dof == 0 and (_any(group.pass_covariance) or _any(group.coefficient_covariance)):
-        problems.append(_no_dof(source, f"{path}.pass_dof", NO_DOF, "more than 0"))
+    matrices = (group.pass_covariance, group.coefficient_covariance)
+    if group.pass_dof == 0 and any(map(any_estimated, matrices)):
+        problems.append(no_dof(source, f"{path}.pass_dof", PASSES, known=False))
     for key in ("coefficient_covariance", "pass_covariance"):
         matrix = getattr(group, key)
         what = None if square(matrix, size) else f"not {size} x {size}"

@@ -24,7 +24,7 @@ OTHER_WORDS = {
 }
 """What other programs call a column, in lower case with underscores."""
 UNIT = "_mm"
-"""They leave it out."""
+"""Other programs leave it out."""
 NUMBER = ("no", "nr", "number", "id")
 NUMBERED = ("part", "feature", "cycle", "pass", "repeat", "sequence")
 """Columns that others tell as a number; one of a time or an operation is no time or name."""
@@ -74,15 +74,17 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
         _folded(word): name
         for name in spec.names
         if name not in header + tuple(wanted)
-        for word in (name, name.removesuffix(UNIT), *OTHER_WORDS.get(name, ()))
+        for word in (name, *OTHER_WORDS.get(name, ()))
     }
+    bare = {_folded(name.removesuffix(UNIT)): name for name in known.values()}
     shut = {b for a, b in spec.exclusive if a in header} | {
         a for a, b in spec.exclusive if b in header
     }
     # Where others must be renamed anyway; alone such a column may be anything.
     foreign = any(name not in header for name in wanted)
     for other in header:
-        name = _meant(other, known)
+        # Without its unit a name is meant as it stands: `nominal` is no slip of `nominal_z`.
+        name = _meant(other, known) or bare.get(_folded(other))
         if name is None and foreign and meant_by(other) in known.values():
             name = meant_by(other)
         if other and not spec.named(other) and name is not None and name not in shut:

@@ -15,7 +15,7 @@ from mtu_cli.files.thermal_contract import check_thermal
 from mtu_cli.files.yaml_file import YamlPath
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
-NO_DOF = "a covariance of passes without degrees of freedom"
+PASSES = "a covariance of passes"
 TOLERANCE = 1e-9
 """Relative to the standard deviations: symmetry and eigenvalues of the correlation matrix."""
 
@@ -119,7 +119,8 @@ def _check_sizes(component: Component, path: YamlPath, findings: Findings) -> No
         _check_matrix(component.pass_covariance, passes, (*path, "pass_covariance"), findings)
         if component.pass_dof == 0 and any(map(any, component.pass_covariance)):
             expected = "more than 0, or no key: known exactly"
-            findings.add((*path, "pass_dof"), NO_DOF, value=0, expected=expected)
+            what = f"{PASSES} without degrees of freedom"
+            findings.add((*path, "pass_dof"), what, value=0, expected=expected)
 
 
 def check_effect_axis(effect: Effect, index: int, findings: Findings) -> None:

@@ -134,7 +134,8 @@ def _moved(values: Floats, positions: Floats, cycle: NDArray[np.integer]) -> Flo
     for number in range(int(place.max(initial=-1)) + 1):
         rows = np.flatnonzero(place == number)
         of = [rows[cycle[rows] == own] for own in np.unique(cycle[rows])]
-        fine = of if min(map(len, of)) >= FEWEST_OF_A_CYCLE else [rows]
+        # One that was broken off does not make the others one.
+        fine = of if np.median([len(own) for own in of]) >= FEWEST_OF_A_CYCLE else [rows]
         for groups in ([rows], fine):
             middle = np.empty(len(values))
             for own in groups:

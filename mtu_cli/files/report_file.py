@@ -126,3 +126,21 @@ def covariance_like(matrix: Matrix) -> bool:
     if not np.isfinite(R).all() or np.abs(R - R.T).max(initial=0.0) > INDEFINITE:
         return False
     return not len(R) or bool(np.linalg.eigvalsh((R + R.T) / 2)[0] >= -INDEFINITE * len(R))
+
+
+def any_estimated(matrix: Matrix) -> bool:
+    """Whether a covariance is not 0 throughout: nan counts as estimated."""
+    return any(map(any, matrix))
+
+
+def no_dof(source: Source, path: str, what: str, *, known: bool = True) -> Problem:
+    """The Problem of 0 degrees of freedom at `path` of `what` was estimated; `known`: null may
+    say that it is known exactly.
+    """
+    return Problem(
+        what=f"{what} without degrees of freedom",
+        file=source.shown,
+        path=path,
+        value="0",
+        expected="more than 0, or null: known exactly" if known else "more than 0",
+    )

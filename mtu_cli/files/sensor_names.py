@@ -40,7 +40,7 @@ CONVERTED = {
     "f": "; values in Fahrenheit become degC: (value - 32) / 1.8",
 }
 _OTHER = re.compile(
-    r"_(?:k?W|m?A|k?V|pct|percent|rpm|k?Hz|m?bar|k?Pa|[mu]m|k?N|Nm|min|s|h|rh)$", re.I
+    r"_(?:k?W|m?A|k?V|k?Hz|m?bar|k?Pa|[mu]m|k?N|Nm|min|s|h|(?i:pct|percent|rpm|rh))$"
 )
 """Of another unit than a temperature's: a load, a current, a humidity."""
 _SENSOR = re.compile(
@@ -124,10 +124,11 @@ def unused_sensor_notes(readings: Readings) -> Iterator[Notice]:
     columns = {n: c for n, c in numbers.items() if np.isfinite(c).all()}
     sensors = [_moves(c) for n, c in columns.items() if is_temperature(n)]
     for name, values in columns.items():
-        if is_covariate(name) or _OTHER.search(name) or not _like_temperatures(values):
+        if is_covariate(name) or not _like_temperatures(values):
             continue
         own = _moves(values)
-        if _SENSOR.search(name) or any(abs(float(own @ other)) > TOGETHER for other in sensors):
+        together = any(abs(float(own @ other)) > TOGETHER for other in sensors)
+        if _SENSOR.search(name) or (together and not _OTHER.search(name)):
             better = as_temperature(name)
             rename = "" if better is None else f", such as {better}"
             message = (

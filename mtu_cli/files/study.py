@@ -109,8 +109,8 @@ def find_study(start: Path) -> Path | None:
     return None
 
 
-def load_study(path: Path, role: str = "study") -> LoadedStudy:
-    """Reads and checks a study file; the files that it names must exist.
+def load_study(path: Path, role: str = "study", *, there: bool = True) -> LoadedStudy:
+    """Reads and checks a study file; the files that it names must be `there`.
 
     Raises InputError with all problems of the file, each with its line.
     """
@@ -119,7 +119,7 @@ def load_study(path: Path, role: str = "study") -> LoadedStudy:
 
     def check(study: Study, findings: Findings) -> None:
         for _, place, name in _named(study):
-            problem = missing_file(folder, name)
+            problem = missing_file(folder, name) if there else None
             if problem is not None:
                 findings.add(place, problem.what, value=name, expected=problem.expected)
         for key in SEVERAL:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -13,8 +14,10 @@ from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.report_file import (
     Matrix,
     NonNegative,
+    any_estimated,
     covariance_like,
     negative,
+    no_dof,
     not_a_report,
     read_from,
     schema_of,
@@ -102,6 +105,7 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
             *_sensors(source, name, item),
             *_sizes(source, name, item),
             *_matrices(source, name, item),
+            *_without_dof(source, name, item),
         )
     ]
     if problems:
@@ -176,6 +180,16 @@ def _sizes(source: Source, name: str, item: ReportedDrift) -> list[Problem]:
         value = str(item.degree)
         problems.append(_problem(source, name, "degree", what, value=value, expected=expected))
     return problems
+
+
+def _without_dof(source: Source, name: str, item: ReportedDrift) -> Iterator[Problem]:
+    for key, value, what, matrix in (
+        ("coefficient_dof", item.coefficient_dof, "a covariance", item.covariance),
+        ("leftover_dof", item.leftover_dof, "a covariance of what is left",
+         item.leftover_covariance),
+    ):  # fmt: skip
+        if value == 0 and any_estimated(matrix):
+            yield no_dof(source, f"results.components.{name}.{key}", what)
 
 
 def _matrices(source: Source, name: str, item: ReportedDrift) -> list[Problem]:

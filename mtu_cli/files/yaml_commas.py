@@ -59,7 +59,7 @@ def odd_number(cells: Sequence[Cell], text: str) -> OddNumber | None:
 
 
 def _is_split(whole: Cell, decimals: Cell) -> bool:
-    if decimals.text == "0":
+    if decimals.text == "0" and whole.text.lstrip("+-") == "0":
         return False
     return bool(_WHOLE.fullmatch(whole.text) and _DECIMALS.fullmatch(decimals.text))
 

@@ -14,7 +14,7 @@ GRID = np.concatenate([[0.0], 10.0 ** np.arange(-5.0, 9.01, 0.25)])
 the limit of large r holds to a relative 1e-9.
 """
 AT_ONCE = 1_000_000
-"""Numbers looked at together."""
+"""Numbers of the grid looked at together."""
 STEPS, SECTIONS = 13, 16
 """16^13 = 2^52: a bracket is halved 52 times, four halvings at a look."""
 

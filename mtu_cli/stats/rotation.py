@@ -78,7 +78,8 @@ def _by_rotation(
     observed = _statistics(d, indicator)
     rotate = _rotations(_filled(d, count), rng)
     largest: list[list[FloatArray]] = [[], [], []]
-    batch = max(1, AT_ONCE // max(d.size, len(d) ** 2))
+    square = len(d) ** 2 if len(d) <= DENSE_ROWS else 0
+    batch = max(1, AT_ONCE // max(d.size, square, 1))
     for start in range(0, ROTATIONS, batch):
         turned = rotate(min(batch, ROTATIONS - start))
         for found, item in zip(largest, _statistics(turned, indicator), strict=True):

@@ -99,12 +99,15 @@ def _convolved(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
     many = dof >= MANY
     values, weights = _pooled(c[many], dof[many], z), np.tile(weight, (c.shape[1], 1))
     for own, nu in zip(c[~many], dof[~many], strict=True):
-        more = own[:, None] * _inverse_chi_squared(z, np.full(1, nu))
-        alone = (own > 0) & (values == 0).all(axis=1)
-        both = np.flatnonzero((own > 0) & ~alone)
-        values[alone] = more[alone]
+        there = np.flatnonzero(own > 0)
+        if not len(there):
+            continue
+        more = own[there, None] * _inverse_chi_squared(z, np.full(1, nu))
+        alone = (values[there] == 0).all(axis=1)
+        values[there[alone]] = more[alone]
+        both = there[~alone]
         if len(both):
-            values[both], weights[both] = _sum(values[both], weights[both], more[both], weight)
+            values[both], weights[both] = _sum(values[both], weights[both], more[~alone], weight)
     return values, weights
 
 

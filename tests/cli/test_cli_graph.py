@@ -134,6 +134,9 @@ def test_draw(kind: str, start: bytes, tmp_path: Path) -> None:
     plain, shares = tmp_path / f"a.{kind}", tmp_path / f"b.{kind}"
     done(mtu("graph", "draw", BALL, "--to", plain))
     done(mtu("graph", "draw", BALL, "--to", shares, "--of", "P1.z"))
+    folder = mtu("graph", "draw", BALL, "--to", f"{plain}/")
+    assert folder.returncode == 2
+    assert "--to names a folder" in folder.stderr
     assert plain.read_bytes().startswith(start)
     assert (plain.read_bytes() == shares.read_bytes()) == (kind == "pl")
 

@@ -77,6 +77,19 @@ def test_what_is_named_is_not_overwritten(
     assert words in refused(command, **values)
 
 
+def test_files_of_a_study_that_is_not_all_made_are_kept(work: Path) -> None:
+    """Nor does another study, in the call, leave those of the folder to be lost."""
+    (work / "known.json").unlink()
+    assert f"lbb.csv: {OF_STUDY}" in refused("budget", machine="m.yaml", csv="lbb.csv")
+    (work / "mtu.yaml").write_text("no study: [")
+    values = {"machine": Path("m.yaml"), "csv": Path("lbb.csv")}
+    check_outputs(Inputs(Options("budget", values)))
+    (work / "mtu.yaml").write_text(STUDY)
+    other = prepared(work.parent / "other") / "mtu.yaml"
+    other.write_text("schema: mtu/study/1\nmachine: machine.yaml\n")
+    assert f"cmm.csv: {OF_STUDY}" in refused("fit-components", study=other, csv="cmm.csv")
+
+
 @pytest.mark.parametrize(
     ("command", "values"),
     [

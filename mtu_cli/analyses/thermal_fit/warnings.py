@@ -26,6 +26,10 @@ STUCK_SHARE = 0.5
 FEWEST_ROWS = 10
 FAR = 1.0
 """degC beyond the reference from which on it counts as not read."""
+AT_ONE_SHARE, LEVELS_APART = 0.1, 0.5
+"""Cycles that begin within this share of what the sensors move begin at one temperature; readings
+there are apart from this share of what they move in a cycle on.
+"""
 GROSS = 8.0
 """Robust standard deviations from which on a reading is no part of the others."""
 
@@ -179,7 +183,7 @@ def sensor_warnings(
         )
         for name in still
     ]
-    found += _gross(rest, drift)
+    found += [*_gross(rest, drift), *_levels(rest, drift)]
     for c, cycle in enumerate(series.cycles):
         rows = rest.kept.at(series.positions[0], c)
         for s in _stuck(rest.kept.temperature[rows]):
@@ -218,6 +222,30 @@ def _gross(rest: Rest, drift: ComponentDrift) -> list[Warned]:
     ]
 
 
+def _levels(rest: Rest, drift: ComponentDrift) -> list[Warned]:
+    """Cycles that begin apart at one temperature: a probe that was set anew has another zero."""
+    kept = rest.kept
+    for position in drift.positions or (None,):
+        at = (kept.at(position, c) for c in range(len(drift.cycles)))
+        rows = [own for own in at if len(own) >= FEWEST_ROWS]
+        if len(rows) < 2 or not kept.temperature.shape[1]:
+            continue
+        first = np.array([own[0] for own in rows])
+        readings = [kept.error[own] for own in rows]
+        moves = np.ptp(kept.temperature[np.concatenate(rows)], axis=0)
+        same = np.ptp(kept.temperature[first], axis=0) <= AT_ONE_SHARE * moves
+        apart, within = np.ptp(kept.error[first]), np.median([np.ptp(own) for own in readings])
+        if same.all() and apart > LEVELS_APART * within:
+            where = "" if position is None else f" at {position:g} mm"
+            text = (
+                f"{drift.name}{where}: the cycles begin up to {_shown(drift, float(apart))} apart "
+                "at the same temperatures: where the probe was set anew, count each cycle's "
+                "readings from its first"
+            )
+            return [Warned(code="cycles-begin-apart", message=text)]
+    return []
+
+
 def _stuck(temperature: FloatArray) -> list[int]:
     """Columns (n, s) of which one value fills half the rows while the others move."""
     if len(temperature) < FEWEST_ROWS:
@@ -247,4 +275,5 @@ def _consequence(drift: ComponentDrift, sensor: str, span: FloatArray) -> str:
 
 
 def _shown(drift: ComponentDrift, value: float) -> str:
-    return f"{value / drift.unit.to_internal:.2g} {drift.unit.name}"
+    size = value / drift.unit.to_internal
+    return f"{size:.0f} {drift.unit.name}" if size >= 100 else f"{size:.2g} {drift.unit.name}"

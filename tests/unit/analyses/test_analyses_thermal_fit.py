@@ -172,6 +172,25 @@ def test_a_stuck_sensor_is_named_with_its_cycle() -> None:
     assert "sensor-stuck" not in codes(fitted(plan.read(np.random.default_rng(8))))
 
 
+@pytest.mark.parametrize("positions", [(None,), (0.0, 200.0)])
+def test_cycles_that_begin_apart_are_told(positions: tuple[float | None, ...]) -> None:
+    """A probe that was set anew: the readings of a cycle count from another zero."""
+    plan = Plan(gradients=np.array([[2.0, 1.0, 0.5]] * len(positions)), positions=positions)
+    true = plan.temperatures(np.random.default_rng(9))
+    for cycle in true:
+        cycle -= cycle[0] - 20.0
+    runs = plan.runs(np.random.default_rng(9), true)
+    assert "cycles-begin-apart" not in codes(fitted(readings(runs)))
+    for run in runs:
+        run.error[:] += 40 * UM * int(str(run.cycle)[1:])
+    (warned,) = [w for w in fitted(readings(runs)).warnings if w.code == "cycles-begin-apart"]
+    assert "the cycles begin up to 120 um apart at the same temperatures" in warned.message
+    # Where they begin at other temperatures, readings may as well be other.
+    for run, start in zip(runs, (0.0, 3.0, 6.0, 9.0) * len(positions), strict=False):
+        run.temperature[:] += start
+    assert "cycles-begin-apart" not in codes(fitted(readings(runs)))
+
+
 def test_a_sensor_that_differs_between_positions_alone() -> None:
     """It moves, but never at a position: no gradient, and no number that is none."""
     plan = Plan(gradients=LINE[:, :2], positions=PLACES)

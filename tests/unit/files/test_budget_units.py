@@ -176,8 +176,16 @@ def test_fahrenheit_beside_kelvin_is_refused(
     if not refused:
         load_budget(path)
         return
-    with pytest.raises(InputError, match=r":6: inputs.t.unit: degF beside degC or K.*by 1\.8"):
+    words = r":6: inputs.t.unit: degF beside degC or K.*divided by 1\.8"
+    with pytest.raises(InputError, match=words):
         load_budget(path)
     # An equation that converts it is what the message asks for.
-    path.write_text(path.read_text("utf-8").replace("(t - 20)", "((t - 32)*5/9 - 20)"), "utf-8")
-    load_budget(path)
+    text = path.read_text("utf-8")
+    for good in ("((t - 32)*5/9 - 20)", "((t - 32)/1.8 - 20)", "(0.5556*(t - 32) - 20)"):
+        path.write_text(text.replace("(t - 20)", good), "utf-8")
+        load_budget(path)
+    # A length of 32 mm converts nothing.
+    for bad in ("32*al*(t - 20)", "32 + al*(t - 20)"):
+        path.write_text(text.replace("al*(t - 20)", bad), "utf-8")
+        with pytest.raises(InputError, match=r"inputs.t.unit: degF beside degC or K"):
+            load_budget(path)

@@ -111,6 +111,8 @@ def test_readings_too(tmp_path: Path) -> None:
         "time_s",
         "time_id",
         "operation_number",
+        "nominal",
+        "Nominal_XY",
     ],
 )
 def test_other_columns_stay_covariates(column: str, tmp_path: Path) -> None:
@@ -214,6 +216,10 @@ def test_values_of_another_unit_are_to_be_converted(
         ("Kanal 2", [20.1, 21.5, 20.7, 20.2], "T_Kanal_2_degC"),
         ("CH1", [20.1, 21.5, 20.7, 20.2], "T_CH1_degC"),
         ("table", [20.1, 20.9, 21.6, 22.1], "T_table_degC"),
+        ("sensor_A", [20.1, 21.5, 20.7, 20.2], "T_sensor_A_degC"),
+        ("bed_H", [20.1, 20.9, 21.6, 22.1], "T_bed_H_degC"),
+        ("spindle_kW", [20.1, 20.9, 21.6, 22.1], None),
+        ("air_RH", [20.1, 20.9, 21.6, 22.1], None),
         ("load", [20.1, 20.9, 20.2, 21.0], None),
         ("feed", [1000.1, 1001.2, 1002.1, 1003.3], None),
         ("count", [1, 2, 3, 4], None),

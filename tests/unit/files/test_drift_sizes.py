@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mtu_cli.errors import InputError
-from mtu_cli.files import csv_stream, readings_stream
+from mtu_cli.files import csv_stream, reading_cells, readings_stream
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.readings_stream import stream_readings
 
@@ -116,6 +117,14 @@ def test_drifts_of_machines_pass(tmp_path: Path, case: str, machine: bool) -> No
     path.write_text(table(SOUND[case]))
     known = (MACHINE, 24000.0) if machine else (None, None)
     assert told(path, *known) == []
+
+
+def test_a_cycle_that_was_broken_off_leaves_the_others_theirs() -> None:
+    cycle = np.repeat([0, 1, 2], [12, 12, 3])
+    values = np.array([2.0, 2.6, 1.5])[cycle] + 0.04 * np.linspace(0, 1, 27)
+    assert reading_cells._moved(values, np.zeros(27), cycle).max() <= 0.02
+    # Of three rows in all nothing is known.
+    assert reading_cells._moved(values, np.zeros(27), np.arange(27) // 3).max() > 0.5
 
 
 @pytest.mark.parametrize("case", [case for case in SOUND if "probe" not in case])

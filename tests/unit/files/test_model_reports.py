@@ -115,6 +115,13 @@ def test_what_was_estimated_has_degrees_of_freedom(
     assert f"{what} without degrees of freedom: '0'" in found
 
 
+@pytest.mark.parametrize("key", ["coefficient_dof", "leftover_dof"])
+def test_so_has_what_a_drift_was_estimated_with(tmp_path: Path, key: str) -> None:
+    (found,) = told(written(tmp_path, "t.json", "thermal-fit", DRIFT | {key: 0}))
+    assert f"results.components.a.{key}: a covariance" in found
+    assert "without degrees of freedom: '0'; expected more than 0, or null" in found
+
+
 def test_reports_are_told_apart(tmp_path: Path) -> None:
     fitted = written(tmp_path, "c.json", "fit-components", FITTED)
     drift = written(tmp_path, "t.json", "thermal-fit", DRIFT)

@@ -34,6 +34,8 @@ def odd(items: str) -> list[tuple[int, str]]:
         ("1.5, 1,5e-3", 1, "1,5e-3"),
         ("50,21,\n 50,24", 0, "50,21"),
         ("1, 007", 1, "007"),
+        ("215,0, 214,0, 215,0", 0, "215,0"),
+        ("10,0, 20", 0, "10,0"),
     ],
 )
 def test_a_decimal_comma_is_seen(items: str, index: int, text: str) -> None:

@@ -146,3 +146,12 @@ def test_items_do_not_see_each_other() -> None:
         alone = uncertain_variance(squares[:, [i]], dof)
         assert alone.values[0] == pytest.approx(whole.values[i])
         assert alone.weights[0] == pytest.approx(whole.weights[i])
+
+
+def test_what_nothing_comes_from_is_not_calculated() -> None:
+    """Degrees of freedom of a mean square that none of the variances has."""
+    squares = np.array([[0.0, 0.0], [1.0, 2.0]])
+    without = uncertain_variance(squares[1:], np.array([5.0]))
+    for none in (0.0, 1e-3):
+        found = uncertain_variance(squares, np.array([none, 5.0]))
+        assert np.array_equal(found.values, without.values)
