@@ -63,7 +63,9 @@ class Inputs:
         """The one file of a role that the command cannot do without."""
         found = self.files(role)
         if not found:
-            where = f"{self.study.source.shown} has no {role!r}" if self.study else "no study"
+            where = "with -m and no STUDY none is looked for"
+            if self.study or self.options.machine is None:
+                where = f"{self.study.source.shown} has no {role!r}" if self.study else "no study"
             raise fault(
                 f"no {role} file is given",
                 expected=f"{option} FILE, or a study that names one ({where})",

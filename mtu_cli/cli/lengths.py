@@ -48,8 +48,9 @@ def _limit(gate: str | None) -> float | None:
         limit = float(value)
     except ValueError:
         limit = float("nan")
-    if name != "nonconforming" or not isfinite(limit) or not 0 <= limit <= 1:
-        raise fault("unknown gate", value=gate, expected="nonconforming=P with P from 0 to 1")
+    if name != "nonconforming" or not isfinite(limit) or not 0 <= limit < 1:
+        expected = "nonconforming=P with P from 0 to 1, such as 0.01 for 1 %"
+        raise fault("unknown gate", value=gate, expected=expected)
     return limit
 
 
@@ -65,5 +66,5 @@ def _nonconforming(result: LengthsResult, limit: float) -> str | None:
         found.append(("the whole part", 1 - result.joint_conformance[0]))
     if not found:
         return None
-    listed = ", ".join(f"{name} {100 * p:.2g} %" for name, p in found)
+    listed = ", ".join(f"{name} {100 * p:.3g} %" for name, p in found)
     return f"probability of a nonconforming part above {100 * limit:g} %: {listed}"

@@ -10,7 +10,7 @@ WORDS = {
     "part": ("part", "workpiece", "piece", "serial", "werkstuck", "werkstueck", "teil", "bauteil",
              "teilenummer", "seriennummer", "pieza", "pezzo"),
     "feature": ("feature", "hole", "bore", "characteristic", "element", "merkmal", "bohrung",
-                "punkt", "caracteristique", "alesage", "trou", "caracteristica", "agujero",
+                "loch", "punkt", "caracteristique", "alesage", "trou", "caracteristica", "agujero",
                 "taladro", "foro"),
     "repeat": ("repeat", "repetition", "wiederholung", "repeticion"),
     "component": ("component", "komponente", "composante", "componente"),

@@ -18,6 +18,8 @@ from mtu_cli.units import UNITS
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
+OTHER_KEYS = {"s_pass": "pass_covariance"}
+"""Keys by the names that tables give what they hold."""
 _EXPECTED = {
     "float_type": "a number",
     "int_type": "a whole number",
@@ -100,7 +102,8 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
     elif item["type"] == "extra_forbidden":
         known = _keys_at(model, item["loc"][:-1])
         what, value = "unknown key", str(item["loc"][-1])
-        expected = did_you_mean(value, known)
+        meant = OTHER_KEYS.get(value)
+        expected = f"{meant!r}" if meant in known else did_you_mean(value, known)
         if value.isdecimal() and item["input"] is None:
             # {value: 1,5} has the keys `value` and `5`.
             expected = f"a decimal point before {value}: a comma ends a value"

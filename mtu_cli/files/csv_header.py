@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 
@@ -25,6 +26,7 @@ OTHER_WORDS = {
 """What other programs call a column, in lower case with underscores."""
 UNIT = "_mm"
 """Other programs leave it out."""
+_IN_MM = re.compile(r"[ _]*(?:[\[(] *mm *[\])]|in_mm)$", re.IGNORECASE)
 NUMBER = ("no", "nr", "number", "id")
 NUMBERED = ("part", "feature", "cycle", "pass", "repeat", "sequence")
 """Columns that others tell as a number; one of a time or an operation is no time or name."""
@@ -80,13 +82,14 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
     shut = {b for a, b in spec.exclusive if a in header} | {
         a for a, b in spec.exclusive if b in header
     }
-    # Where others must be renamed anyway; alone such a column may be anything.
+    # Where others must be renamed anyway; alone such a column may be anything, but for measured z.
     foreign = any(name not in header for name in wanted)
     for other in header:
         # Without its unit a name is meant as it stands: `nominal` is no slip of `nominal_z`.
-        name = _meant(other, known) or bare.get(_folded(other))
-        if name is None and foreign and meant_by(other) in known.values():
-            name = meant_by(other)
+        name = _meant(other, known) or bare.get(_folded(_IN_MM.sub("", other)))
+        by_words = meant_by(other)
+        if name is None and (foreign or by_words == "z_mm") and by_words in known.values():
+            name = by_words
         if other and not spec.named(other) and name is not None and name not in shut:
             yield Problem(
                 what=f"the column {other!r} would not be read as {name!r}",

@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+_DATE = re.compile(r"\s*(?:[0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]|[0-9]{1,2}:[0-9]{2})")
+"""How a date or a time of day begins."""
+
 
 def read_slow(
     text: CsvText, spec: TableSpec, problems: ProblemList
@@ -155,7 +158,10 @@ class _NumberStore(_Store):
         if value is None or value - value != 0:
             if cell.strip():
                 what = "not finite" if is_not_finite(cell, decimal) else "not a number"
-                self.fault(row, what, cell, self.expected or expectation(cell, decimal))
+                expected = self.expected or expectation(cell, decimal)
+                if self.name == "time_min" and _DATE.match(cell):
+                    expected = "minutes; dates and times belong in a column 'time'"
+                self.fault(row, what, cell, expected)
             elif not self.empty_allowed:
                 self.fault(row, "empty cell", None, self.expected or "a number")
             value = float("nan")

@@ -23,6 +23,7 @@ from mtu_cli.files.machine_contract import (
     Parameter,
 )
 from mtu_cli.files.machine_equations import Vocabulary, check_equations
+from mtu_cli.files.machine_sizes import large_coefficients
 from mtu_cli.files.source import Source
 from mtu_cli.files.thermal_contract import missed_gradient
 from mtu_cli.files.yaml_file import YamlDocument, read_yaml
@@ -129,6 +130,8 @@ def _warnings(
         if sure and name in used:
             message = f"{place}: no uncertainty is given, it counts as exactly known"
             notices.append(Notice(code="no-uncertainty", message=message))
+        if name in used and (large := large_coefficients(component, machine.axes)):
+            notices.append(Notice(code="readings-large", message=f"{place}: {large}"))
         idle = [key for key in _NEEDS_COEFFICIENTS if getattr(component, key) is not None]
         if component.coefficients is None and idle:
             message = f"{place}: {', '.join(idle)} without coefficients: not used"

@@ -32,6 +32,10 @@ STEEPEST = 0.01
 OFF_LINE = 1e-3
 """... off which they are no larger, again in proportion."""
 LARGEST_SHOWN = {LENGTH: "1 mm, or 1 % of the distance moved", ANGLE: "0.05 rad"}
+LARGE = {LENGTH: 0.2, ANGLE: 0.002}
+"""Typical errors from which on it is asked about their unit, mm and rad ..."""
+POOR = 0.01
+"""... and where they are more than this share of the largest errors: 100 um/m is a poor scale."""
 OFF_SHOWN = "1 mm, or 0.1 % of the distance moved, off a straight line that is 0 on the axis"
 FARTHEST_MM = 1e5
 """Nor is its position, where no travel is stated: 100 m."""
@@ -88,6 +92,14 @@ def largest_errors(
         moved = np.maximum(positions - known.min(), known.max() - positions)
         moved = np.fmax(moved, np.abs(positions))
     return np.fmax(LARGEST[dimension], share * moved)
+
+
+def look_large(errors: Floats, most: Floats, dimension: int) -> bool:
+    """Whether the sizes `errors` (n,) of a component, mm or rad, make one ask about their unit;
+    `most` (n,) are the `largest_errors` at their places.
+    """
+    asked = max(LARGE[dimension], POOR * float(most.max()))
+    return bool(np.median(errors) > asked or (errors > most).any())
 
 
 def errors_of(table: Table, of: tuple[str, str | None], inside: Rows, travels: Travels) -> Cells:

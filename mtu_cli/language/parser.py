@@ -66,11 +66,10 @@ def _tokens(text: str) -> list[_Token]:
         match = _TOKEN.match(text, position)
         if match is None:
             start = position + len(text[position:]) - len(text[position:].lstrip())
-            raise EquationError(
-                f"unexpected character {text[start]!r}",
-                start + 1,
-                "a number, a name, + - * / ** or parentheses",
-            )
+            expected = "a number, a name, + - * / ** or parentheses"
+            if text[start] == "^":
+                expected = "** for a power"
+            raise EquationError(f"unexpected character {text[start]!r}", start + 1, expected)
         kind = match.lastgroup or ""
         tokens.append(_Token(kind, match.group(kind), match.start(kind) + 1))
         position = match.end()
@@ -108,9 +107,10 @@ class _Parser:
         tree = self.expression(0)
         left = self.peek()
         if left.kind != "end":
-            raise EquationError(
-                f"unexpected {left.text!r}", left.column, "an operator or the end of the equation"
-            )
+            expected = "an operator or the end of the equation"
+            if left.kind != "operator" or left.text == "(":
+                expected = "an operator, such as * between factors, or the end of the equation"
+            raise EquationError(f"unexpected {left.text!r}", left.column, expected)
         return tree
 
     def expression(self, minimum: int) -> Node:

@@ -65,7 +65,8 @@ def of_members(
     open_columns = [mark for mark in COLUMN_MARKS if mark in used]
     for mark in open_columns:
         if not columns[mark]:
-            yield MISSING[mark]
+            named_so = " that an equation can name" if mark == "v" and data.unusable else ""
+            yield MISSING[mark] + named_so
             return
     for axes in _left_open(named, used, binding, data):
         for names in product(*(columns[mark] for mark in open_columns)):

@@ -15,6 +15,8 @@ from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
+OTHER_UNIT = 10.0
+"""Times the measured range beyond which a place seems to be in another unit."""
 FEW_DOF = 3.0
 
 
@@ -87,7 +89,12 @@ def outside_warnings(prediction: Prediction) -> list[Warned]:
                 code="outside-measured-range",
                 message=f"{names} {'was' if len(members) == 1 else 'were'} measured from "
                 f"{low:g} to {high:g} mm; feature {points[0]!r} at {members[0][1]:g} mm{others} "
-                "is outside: what was fitted is a guess there",
+                "is outside: what was fitted is a guess there"
+                + (
+                    "; are the positions of its readings in mm?"
+                    if abs(members[0][1]) > OTHER_UNIT * max(abs(low), abs(high)) > 0
+                    else ""
+                ),
             )
         )
     return warnings

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from statistics import median
 
 from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.model.settings import Warned
-from mtu_cli.units import Unit
+from mtu_cli.units import LENGTH, Unit
 
 FAMILY_RATE = 0.05
 """Chance of any false warning of one kind over all components of a machine (Bonferroni)."""
+
+SCATTERS = 1e-12
+"""Less, in mm or rad, is rounding: the readings do not scatter."""
+TOO_WELL = 1 / 300
+"""Components of a machine differ less in repeatability; units differ by 1000."""
+FEWEST_OTHERS = 3
+LARGER_UNIT = {"nm": "um", "um": "mm", "urad": "mrad", "mrad": "rad", "arcsec": "deg"}
 
 
 def significant(p_values: dict[str, float]) -> dict[str, float]:
@@ -20,7 +28,7 @@ def significant(p_values: dict[str, float]) -> dict[str, float]:
 
 def fit_warnings(fit: MachineFit) -> list[Warned]:
     """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement."""
-    warnings = [*_not_separated(fit), *_without_scatter(fit)]
+    warnings = [*_not_separated(fit), *_without_scatter(fit), *_too_well(fit)]
     kinds: list[tuple[str, Callable[[InstrumentFit], float | None], Message]] = [
         ("reversal", lambda f: f.reversal.p if f.reversal else None, _reversal),
         ("passes-drift", lambda f: f.trend.p if f.trend else None, _trend),
@@ -78,7 +86,8 @@ def _without_scatter(fit: MachineFit) -> list[Warned]:
     names = [
         name
         for name, component in fit.components.items()
-        if component.estimate.independent_s is not None and component.estimate.independent_s < 1e-12
+        if component.estimate.independent_s is not None
+        and component.estimate.independent_s < SCATTERS
     ]
     if not names:
         return []
@@ -89,6 +98,29 @@ def _without_scatter(fit: MachineFit) -> list[Warned]:
             "as 0, where the instrument's resolution at least remains",
         )
     ]
+
+
+def _too_well(fit: MachineFit) -> list[Warned]:
+    """Components that repeat so much better than all others that their unit is asked about."""
+    found = []
+    for name, component in fit.components.items():
+        unit, own = component.unit, component.estimate.s_repeat
+        others = [
+            other.estimate.s_repeat
+            for other in fit.components.values()
+            if other is not component and other.unit.dimension == unit.dimension
+        ]
+        if own <= SCATTERS or len(others) < FEWEST_OTHERS or own >= TOO_WELL * median(others):
+            continue
+        meant = LARGER_UNIT.get(unit.name, "another unit")
+        kind = "lengths" if unit.dimension == LENGTH else "angles"
+        text = (
+            f"{name} repeats to {own / unit.to_internal:.2g} {unit.name} where the other {kind} "
+            f"typically do to {median(others) / unit.to_internal:.2g} {unit.name}: are its errors "
+            f"in {meant}?"
+        )
+        found.append(Warned(code="readings-small", message=text))
+    return found
 
 
 def _reversal(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:

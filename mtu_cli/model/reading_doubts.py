@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.files.reading_cells import Travels, largest_errors
+from mtu_cli.files.reading_cells import Travels, largest_errors, look_large
 from mtu_cli.model.residual_cells import IntArray
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.units import ANGLE, LENGTH, UNITS
+from mtu_cli.units import LENGTH, UM, UNITS
 
 if TYPE_CHECKING:
     from mtu_cli.files.machine import LoadedMachine
@@ -27,10 +27,8 @@ REPLICATES = 3
 NORMAL_MAD = 1.4826
 LEAST = 0.1
 """Share of the degrees of freedom that medians leave at least."""
-LARGE = {LENGTH: 0.2, ANGLE: 0.002}
-"""Typical readings from which on it is asked about their unit, mm and rad ..."""
-POOR = 0.01
-"""... and where they are more than this share of the largest errors: 100 um/m is a poor scale."""
+SMALL_MM = 5e-5
+"""No machine has errors that are all smaller, where any is seen."""
 NARROW = 1e-3
 """Share of a travel that metres taken for mm would cover at most."""
 SHOWN = 6
@@ -62,8 +60,7 @@ def _scales(
         errors, positions = np.abs(readings.error[rows]), readings.position_mm[rows]
         typical = float(np.median(errors))
         most = largest_errors(unit.dimension, positions, travels)
-        asked = max(LARGE[unit.dimension], POOR * float(most.max()))
-        if typical > asked or (errors > most).any():
+        if look_large(errors, most, unit.dimension):
             large.append(f"{name} (typically {typical / unit.to_internal:.3g} {unit.name})")
         axis = components[name].of
         if axis in travels:
@@ -73,12 +70,26 @@ def _scales(
     if large:
         text = f"large errors for a machine: {', '.join(large)}; are they in the unit they state?"
         yield Warned(code="readings-large", message=text)
+    yield from _small(readings, components)
     if narrow:
         text = (
             f"the positions of {', '.join(narrow)} lie within a thousandth of the travel that the "
             "machine states: are they metres in a column of mm?"
         )
         yield Warned(code="positions-narrow", message=text)
+
+
+def _small(readings: Readings, components: Mapping[str, Any]) -> Iterator[Warned]:
+    """Of all lengths together: one component alone may well have hardly any error."""
+    units = [UNITS[components[name].unit] for name in readings.components]
+    lengths = np.array([unit.dimension == LENGTH for unit in units], bool)[readings.code]
+    largest = float(np.abs(readings.error[lengths]).max(initial=0.0))
+    if 0 < largest < SMALL_MM:
+        text = (
+            f"small errors for a machine: no length is off by more than {largest / UM:.2g} um; are "
+            "they in the unit they state, or mm marked as um?"
+        )
+        yield Warned(code="readings-small", message=text)
 
 
 def _alone(readings: Readings, name: str, components: Mapping[str, Any]) -> Iterator[str]:

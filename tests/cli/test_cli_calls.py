@@ -107,11 +107,15 @@ def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
     assert found[-1] == "--at gives 'dir_x' twice: 'dir_x=-1'"
 
 
+SHARE = "nonconforming=P with P from 0 to 1, such as 0.01 for 1 %"
+
+
 @pytest.mark.parametrize(
     ("command", "gate", "expected"),
     [
-        ("lengths", "nonconforming=1.5", "nonconforming=P with P from 0 to 1"),
-        ("lengths", "nonconforming=nan", "nonconforming=P with P from 0 to 1"),
+        ("lengths", "nonconforming=1.5", SHARE),
+        ("lengths", "nonconforming=1", SHARE),
+        ("lengths", "nonconforming=nan", SHARE),
         ("fit-components", "drifts", "drift"),
     ],
 )

@@ -10,6 +10,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import entry_text
 from mtu_cli.errors import fault
+from mtu_cli.files.contracts import is_identifier
 from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
@@ -108,11 +109,24 @@ def _of_table(result: TableResult) -> list[Warned]:
                 f"measurement itself under another name (--exclude {effect.name})"
             )
             found.append(Warned(code="covariate-is-the-error", message=text))
+    found += _odd_names(table, of)
     missing = table.there.size - int(table.there.sum()) - len(result.gross)
     if missing > table.there.size / 2:
         text = "more than half of the cells were not measured: the search has little power"
         found.append(Warned(code="sparse-table", message=text))
     return found
+
+
+def _odd_names(table: ResidualTable, of: str) -> list[Warned]:
+    odd = [name for name in table.covariates if not is_identifier(name)]
+    if not odd:
+        return []
+    text = (
+        f"not used{of}: {', '.join(map(repr, odd))}, since an equation cannot name "
+        f"{'them' if len(odd) > 1 else 'it'}; expected names of letters a to z, digits and _ "
+        "alone (a temperature is T_<sensor>_degC, a direction dir_x, a time time_min)"
+    )
+    return [Warned(code="column-not-used", message=text)]
 
 
 def _alike(effect: FoundEffect, of: str) -> str:

@@ -18,6 +18,7 @@ from mtu_cli.analyses.compare.operations import (
     foretold_lengths,
     predict_operations,
 )
+from mtu_cli.analyses.compare.outlying import outlying_warnings
 from mtu_cli.analyses.compare.summary import Range, Summary, summarised
 from mtu_cli.analyses.compare.verdicts import FAMILY_RATE, VERDICTS, Compared, Verdict, judged
 from mtu_cli.analyses.compare.warnings import compare_warnings
@@ -88,13 +89,13 @@ def compare(
     warnings = sound(points, datum)
     axes = _shared_axes(model, points)
     foreseen = predict_operations(model, points, covariates or {})
-    predictions, points = foreseen.predictions, foreseen.points
+    predictions, given, points = foreseen.predictions, points, foreseen.points
     tables, more = _freed_tables(points, axes, datum)
     k = settings.coverage_factor
     features = evidence(tables, foretold_features(predictions, tables.labels, axes, datum), k)
     lengths = _lengths(predictions, part, points, None if datum != "none" else features, k)
     found, others = judged(features, lengths)
-    warnings += [*more, *foreseen.warnings]
+    warnings += [*more, *foreseen.warnings, *outlying_warnings(tables, given)]
     seen = np.unique(points.feature)
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),

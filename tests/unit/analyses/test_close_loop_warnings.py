@@ -47,6 +47,20 @@ def test_what_is_not_searched_needs_no_places() -> None:
     assert told(effect("scale-x", equations={"Ex": "lost_motion*x"}), 2) == []
 
 
+def test_columns_that_no_equation_can_name_are_told() -> None:
+    base = on_table("none")
+    load = np.ones((len(base.table.parts), 1))
+
+    def messages(*names: str) -> list[str]:
+        given = {**base.table.covariates, **dict.fromkeys(names, load)}
+        own = replace(base, table=replace(base.table, covariates=given))
+        return [w.message for w in loop_warnings([own], 9) if w.code == "column-not-used"]
+
+    assert messages("load") == []
+    (text,) = messages("spindle temp", "load", "Zeit [min]")
+    assert "not used: 'spindle temp', 'Zeit [min]', since an equation cannot name them" in text
+
+
 def test_a_search_that_stopped_is_told_where_more_would_pass() -> None:
     full = on_table("named", tuple(effect(name) for name in ("scale-x", "scale-y")))
 

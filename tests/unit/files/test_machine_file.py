@@ -86,6 +86,41 @@ def test_notices(tmp_path: Path) -> None:
     assert "s_repeat without coefficients" in notices[1].message
 
 
+@pytest.mark.parametrize(
+    ("component", "words"),
+    [
+        (
+            "{of: x, unit: um, coefficients: [2, 30]}",
+            "up to 1.5e+04 um over the travel of 0 to 500 mm; are the coefficients in the unit "
+            "they state; slopes are per mm of position, so that 30 is 30000 um per metre?",
+        ),
+        ("{of: x, unit: um, coefficients: [2, 0.03]}", None),
+        ("{of: x, unit: um, coefficients: [2, 0.03, 0.002]}", None),
+        ("{of: x, unit: um, coefficients: [2, 0.03, 0.2]}", "up to 5e+04 um"),
+        (
+            "{of: x, unit: mm, coefficients: [2], degree: 0}",
+            "are the coefficients in the unit they ",
+        ),
+        ("{of: x, unit: um, coefficients: [2, 1.0e+12, 1.0e+12]}", "large errors"),
+        ("{of: y, unit: um, coefficients: [2, 30]}", None),
+        ("{unit: um, coefficients: [30000]}", None),
+        ("{of: x, unit: um}", None),
+    ],
+)
+def test_coefficients_that_give_errors_of_no_machine(
+    tmp_path: Path, component: str, words: str | None
+) -> None:
+    """Slopes per metre where per mm is meant; without a travel nobody can tell."""
+    more = "axes: {x: {travel_mm: [0, 500]}}\n"
+    found = load(tmp_path, machine(f"{{a: {component}}}", more=more)).warnings
+    texts = [item.message for item in found if item.code == "readings-large"]
+    assert len(texts) == (words is not None)
+    assert words is None or "m.yaml:3: components.a: large errors for a machine" in texts[0]
+    assert words is None or words in texts[0]
+    unused = machine(f"{{a: {component}, b: {{of: x, unit: um}}}}", "{Ex: b}", more)
+    assert "readings-large" not in [item.code for item in load(tmp_path, unused).warnings]
+
+
 def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
     assert load(tmp_path, machine(equations="{Ex: a, Ez: 0}")).forms["Ez"].coefficients == {}
 
@@ -100,6 +135,7 @@ def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
         ("{of: x}", "components.a: the key 'unit' is missing"),
         ("{of: x, untt: um}", "components.a.untt: unknown key: 'untt'"),
         ("{of: x, untt: um}", "did you mean 'unit'?"),
+        ("{of: x, unit: um, s_pass: 1}", "unknown key: 's_pass'; expected 'pass_covariance'"),
         ("{of: x, unit: um, degree: '1'}", "wrong value: '1'; expected a whole number, without"),
         ("{of: x, unit: um, degree: 1.0}", "degree: wrong value: '1.0'; expected a whole number"),
         ("{of: x, unit: um, degree: true}", "degree: wrong value: 'true'"),

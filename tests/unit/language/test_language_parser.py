@@ -121,6 +121,15 @@ def test_faults_stand_at_their_column(text: str, column: int, says: str) -> None
     assert says in error.what
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("x^2", "** for a power"), ("2 x", "an operator, such as * between factors"),
+     ("(x)(y)", "an operator, such as *"), ("x)", "an operator or the end")],
+)  # fmt: skip
+def test_what_is_written_otherwise_elsewhere_is_told(text: str, expected: str) -> None:
+    assert (fault_of(text).expected or "").startswith(expected)
+
+
 def test_an_unknown_function_names_the_closest() -> None:
     error = fault_of("x + sine(y)")
     assert (error.column, error.expected) == (5, "did you mean 'sin'?")

@@ -136,3 +136,23 @@ def test_instruments_that_disagree(tmp_path: Path) -> None:
 
     assert warned(0.0) <= stats.binom(60, 0.05).ppf(1 - 1e-4)
     assert warned(9e-3) == 60
+
+
+@pytest.mark.parametrize(("name", "words"), [("dx_x", "in mm?"), ("ez_y", "in mrad?")])
+def test_a_component_that_repeats_too_well_is_asked_about(
+    tmp_path: Path, name: str, words: str
+) -> None:
+    """A thousandth of the others' repeatability is a unit, a hundredth a good axis."""
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(6), Drift(0.0))
+
+    def small(factor: float) -> list[str]:
+        rows = given.code == given.components.index(name)
+        fit = fit_machine(known, replace(given, error=np.where(rows, factor, 1) * given.error))
+        return [item.message for item in fit_warnings(fit) if item.code == "readings-small"]
+
+    (message,) = small(1e-3)
+    assert message.startswith(f"{name} repeats to ")
+    assert message.endswith(f"are its errors {words}")
+    assert small(1e-2) == []
+    assert small(0) == []

@@ -133,3 +133,18 @@ def test_units_and_positions_that_look_like_others_are_asked_about(tmp_path: Pat
     (warning,) = reading_doubts(known, metres)
     assert warning.code == "positions-narrow"
     assert "metres in a column of mm" in warning.message
+
+
+def test_errors_that_look_like_mm_marked_as_um(tmp_path: Path) -> None:
+    """All lengths below 0.05 um, angles as they were; one good component among others is fine."""
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(4), Drift(0.0))
+    lengths = np.array([name[0] == "d" for name in given.components])[given.code]
+    small = replace(given, error=np.where(lengths, given.error / 1000, given.error))
+    (warning,) = reading_doubts(known, small)
+    assert warning.code == "readings-small"
+    largest = 1e3 * np.abs(small.error[lengths]).max()
+    assert f"no length is off by more than {largest:.2g} um" in warning.message
+    assert reading_doubts(known, replace(given, error=np.where(lengths, 0, given.error))) == []
+    one = given.code == given.components.index("dx_x")
+    assert reading_doubts(known, replace(given, error=np.where(one, 1e-3, 1) * given.error)) == []

@@ -56,6 +56,10 @@ def test_positions_beyond_the_drift_are_told_without_names_of_terms(tmp_path: Pa
     (warned,) = outside_warnings(found)
     assert warned.message.startswith("the drift of px was measured from 0 to 200 mm; feature 'c'")
     assert ".temperature" not in warned.message
+    assert warned.message.endswith("what was fitted is a guess there")
+    in_m = machine(tmp_path, replace(line(), position_range=(0.0, 0.2)))
+    (warned,) = outside_warnings(predict(in_m, ("a", "b", "c", "d"), POINTS, ROOM))
+    assert warned.message.endswith("; are the positions of its readings in mm?")
 
 
 @pytest.mark.parametrize("lag", [0.0, 30.0])

@@ -1,0 +1,114 @@
+"""Single readings that pull a comparison: far off what the other parts have at the feature."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.files.points import Points
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.model.settings import Warned
+from mtu_cli.model.visits import IntArray, operations_of
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.outliers import outlying_p
+
+FAMILY_RATE = 1e-3
+"""Chance of any warning over all features, axes and parts of a clean study."""
+FEWEST_PARTS = 5
+STEPS = 3.0
+"""Of what the readings were rounded to: parts that are alike otherwise differ by less."""
+ROUNDING_MM = 1e-6
+SHOWN = 6
+
+
+def outlying_warnings(tables: MeasuredTables, points: Points) -> list[Warned]:
+    """One warning with the farthest reading of every part that has any.
+
+    The parts' means of a feature and axis are compared with one another (`outlying_p`), with
+    the bound of Bonferroni over all of them. `tables` are what is compared, `points` as they were
+    measured.
+    """
+    p, off, scatter = _judged(tables)
+    doubted = np.argwhere(p <= FAMILY_RATE).tolist()
+    step = {axis: _step(points, axis) for axis in {tables.labels[table][2] for table, _ in doubted}}
+    found = [
+        (table, part)
+        for table, part in doubted
+        if abs(off[table, part]) > STEPS * step[tables.labels[table][2]]
+    ]
+    if not found:
+        return []
+    worst: dict[int, list[int]] = {}
+    for table, part in sorted(found, key=lambda at: -abs(off[at])):
+        worst.setdefault(part, []).append(table)
+    texts = [
+        _text(tables, points, (own[0], part), off[own[0], part], scatter[own[0], part])
+        + (f" (and {len(own) - 1} more of part {tables.parts[part]!r})" if len(own) > 1 else "")
+        for part, own in list(worst.items())[:SHOWN]
+    ]
+    more = f"; and {len(worst) - SHOWN} more parts" if len(worst) > SHOWN else ""
+    one = len(found) == 1
+    text = (
+        f"{'; '.join(texts)}{more}: {'it pulls' if one else 'they pull'} the comparison, look "
+        f"whether {'it is' if one else 'they are'} mistyped"
+    )
+    return [Warned(code="reading-stands-out", message=text)]
+
+
+def _judged(tables: MeasuredTables) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Family-wise p of every part's mean, how far it is off the mean of the parts that do not
+    stand out, and these parts' standard deviation, mm; each (tables, parts).
+
+    Means of fewer repeats scatter more where the repeats do, and no more where the parts do:
+    the larger p of both counts.
+    """
+    n, mean = tables.cells.n, np.where(tables.cells.present, tables.cells.mean, np.nan)
+    p = outlying_p(mean, FEWEST_PARTS)
+    if (np.where(n > 0, n, n.max()) < n.max()).any():
+        middle = np.nanmedian(mean, axis=1, keepdims=True)
+        weighted = (mean - middle) * np.sqrt(n / n.max(axis=1, keepdims=True))
+        p = np.maximum(p, outlying_p(weighted, FEWEST_PARTS))
+    parts = np.isfinite(mean).sum(axis=1)
+    family = p * max(int(parts[parts >= FEWEST_PARTS].sum()), 1)
+    others = np.where(family > FAMILY_RATE, mean, np.nan)
+    known = np.isfinite(others)
+    count = np.maximum(known.sum(axis=1, keepdims=True), 1)
+    centre = np.where(known, others, 0.0).sum(axis=1, keepdims=True) / count
+    squares = np.where(known, others - centre, 0.0) ** 2
+    s = np.sqrt(squares.sum(axis=1, keepdims=True) / np.maximum(count - 1, 1))
+    return family, mean - centre, np.broadcast_to(s, mean.shape)
+
+
+def _step(points: Points, axis: str) -> float:
+    """What errors along an axis were rounded to, as far as they tell, mm."""
+    k = AXES.index(axis)
+    errors = np.unique(points.measured[:, k] - points.nominal[:, k])
+    apart = np.diff(errors)
+    seen = apart[apart > ROUNDING_MM]
+    return float(seen.min()) if len(seen) else ROUNDING_MM
+
+
+def _text(
+    tables: MeasuredTables, points: Points, at: tuple[int, int], off: float, scatter: float
+) -> str:
+    """The reading behind a part's mean: of its repeats the one that is farthest off."""
+    operation, feature, axis = tables.labels[at[0]]
+    part, k = tables.parts[at[1]], AXES.index(axis)
+    rows = _rows(points, operation, feature)
+    errors = points.measured[rows, k] - points.nominal[rows, k]
+    own = rows[points.part[rows] == at[1]]
+    away = np.abs(points.measured[own, k] - points.nominal[own, k] - np.median(errors))
+    row = int(own[np.argmax(away)])
+    of = f" ({operation})" if operation else ""
+    what = "the part" if len(own) == 1 else f"the mean of the part's {len(own)} readings"
+    return (
+        f"{points.sources[points.file_index[row]].shown}, row {points.row[row]}: part {part!r}, "
+        f"feature {feature!r}{of}, {axis}_mm is {points.measured[row, k]:.7g}; {what} "
+        f"is {1e3 * off:.3g} um off the others, which scatter by {1e3 * scatter:.2g} um"
+    )
+
+
+def _rows(points: Points, operation: str, feature: str) -> IntArray:
+    names, code = operations_of(points)
+    here = (code == names.index(operation)) & (points.feature == points.features.index(feature))
+    return np.flatnonzero(here)

@@ -1,0 +1,110 @@
+"""A reading that pulls a comparison is named; those of clean studies are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from compare_trials import fitted, made, study
+from measured_examples import PLACES, points
+from measured_examples import study as three_holes
+
+from mtu_cli.analyses.compare import compare
+from mtu_cli.analyses.compare.outlying import outlying_warnings
+from mtu_cli.files.points import Points
+from mtu_cli.model.measured import feature_tables
+from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.stats.least_squares import FloatArray
+
+SLIP_MM = -0.15
+
+
+def told(found: Points) -> list[Warned]:
+    return outlying_warnings(feature_tables(found), found)
+
+
+def moved(found: Points, rows: list[int], by: float, axis: int = 0) -> Points:
+    measured = found.measured.copy()
+    measured[rows, axis] += by
+    return replace(found, measured=measured)
+
+
+def test_a_mistyped_reading_is_named_where_it_changes_a_verdict() -> None:
+    """Parts that are 10 um off; one reading in a thousand makes them look consistent."""
+    _, truth, part = study()
+    model, off = fitted(5, 7), made(truth, part, 1, offset=0.01)
+    before = compare(model, part, off, Settings())
+    assert "reading-stands-out" not in {item.code for item in before.warnings}
+    row = 9
+    name = off.features[off.feature[row]]
+    after = compare(model, part, moved(off, [row], SLIP_MM), Settings())
+    (warning,) = [item for item in after.warnings if item.code == "reading-stands-out"]
+    place = f"cmm.csv, row {off.row[row]}: part {off.parts[off.part[row]]!r}, feature {name!r}"
+    assert warning.message.startswith(f"{place}, x_mm is {off.measured[row, 0] + SLIP_MM:.7g};")
+    assert "the mean of the part's 2 readings is -6" in warning.message
+    assert "it pulls the comparison" in warning.message
+    where = before.features.labels.index(("", name, "x"))
+    assert before.features.verdicts[where] == "biased"
+    assert after.features.verdicts[where] == "consistent"
+
+
+def test_clean_studies_are_silent() -> None:
+    """At most one study in a thousand, whatever the parts and the repeats."""
+    for seed in range(300):
+        assert told(three_holes(5 + seed % 20, 1 + seed % 3, seed)) == []
+
+
+@pytest.mark.parametrize(("s_part", "s_repeat"), [(0.0, 0.003), (0.003, 0.0), (0.003, 0.003)])
+def test_unequal_repeats_are_no_slips(s_part: float, s_repeat: float) -> None:
+    """A part measured once scatters more than the mean of ten, or as much, as repeats do."""
+    for seed in range(100):
+        whole = three_holes(20, 10, seed, s_part, s_repeat)
+        often = int(seed % 2)
+        kept = (whole.repeat == 0) | ((whole.part == 3) != often)
+        assert told(taken(whole, kept)) == []
+
+
+def taken(whole: Points, kept: FloatArray) -> Points:
+    arrays = {
+        name: getattr(whole, name)[kept]
+        for name in ("part", "feature", "operation", "measured", "nominal", "repeat", "time_min",
+                     "sequence", "direction", "file_index", "row")
+    }  # fmt: skip
+    return replace(whole, **arrays)
+
+
+def test_a_rounding_step_is_no_slip_but_many_are() -> None:
+    """Of twenty parts that are alike to the last digit one may be a digit off."""
+    rows = [(f"P{p}", name, 0, 0.0, 0.0) for p in range(20) for name in PLACES]
+    for step in (0.001, 0.01):
+        even = moved(points(rows), [4, 11], step)
+        assert told(even) == []
+        assert "row 9:" in told(moved(even, [7], 20 * step))[0].message
+
+
+def test_few_parts_are_not_judged() -> None:
+    assert told(moved(three_holes(4, 2, 1), [3], 100.0)) == []
+    assert told(moved(three_holes(5, 1, 1, 0.001), [3], 0.3)) != []
+
+
+def test_a_part_is_told_once_and_many_parts_in_short() -> None:
+    whole = three_holes(90, 1, 4)
+    own = np.flatnonzero(whole.part == 7).tolist()
+    (warning,) = told(moved(whole, own, 5.0, 1))
+    assert warning.message.count("row ") == 1
+    assert "(and 2 more of part 'P7')" in warning.message
+    assert "they pull" in warning.message
+    # Of feature a four, b four: none hides another.
+    slips = np.flatnonzero((whole.part < 8) & (whole.feature == whole.part % 2)).tolist()
+    (warning,) = told(moved(whole, slips, 5.0))
+    assert warning.message.count("row ") == 6
+    assert "; and 2 more parts: they pull" in warning.message
+
+
+def test_operations_are_apart() -> None:
+    rows = [(f"P{p}", name, 0, 0.001 * (p % 4), 0.0) for p in range(12) for name in PLACES]
+    both = points(rows + rows, ["milled"] * 36 + ["drilled"] * 36)
+    (warning,) = told(moved(both, [40], 0.3))
+    assert "row 42: part 'P1', feature 'b' (drilled), x_mm" in warning.message
+    assert "the part is 299 um off the others, which scatter by 1.2 um" in warning.message
