@@ -66,5 +66,5 @@ def _nonconforming(result: LengthsResult, limit: float) -> str | None:
         found.append(("the whole part", 1 - result.joint_conformance[0]))
     if not found:
         return None
-    listed = ", ".join(f"{name} {100 * p:.3g} %" for name, p in found)
+    listed = ", ".join(f"{name} {100 * p:.{2 if p < 0.995 else 4}g} %" for name, p in found)
     return f"probability of a nonconforming part above {100 * limit:g} %: {listed}"
