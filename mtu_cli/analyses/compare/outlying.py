@@ -12,7 +12,7 @@ from mtu_cli.model.visits import IntArray, operations_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import outlying_p
 
-FAMILY_RATE = 1e-3
+SLIP_RATE = 1e-3
 """Chance of any warning over all features, axes and parts of a clean study."""
 FEWEST_PARTS = 5
 STEPS = 3.0
@@ -29,7 +29,7 @@ def outlying_warnings(tables: MeasuredTables, points: Points) -> list[Warned]:
     measured.
     """
     p, off, scatter = _judged(tables)
-    doubted = np.argwhere(p <= FAMILY_RATE).tolist()
+    doubted = np.argwhere(p <= SLIP_RATE).tolist()
     step = {axis: _step(points, axis) for axis in {tables.labels[table][2] for table, _ in doubted}}
     found = [
         (table, part)
@@ -70,7 +70,7 @@ def _judged(tables: MeasuredTables) -> tuple[FloatArray, FloatArray, FloatArray]
         p = np.maximum(p, outlying_p(weighted, FEWEST_PARTS))
     parts = np.isfinite(mean).sum(axis=1)
     family = p * max(int(parts[parts >= FEWEST_PARTS].sum()), 1)
-    others = np.where(family > FAMILY_RATE, mean, np.nan)
+    others = np.where(family > SLIP_RATE, mean, np.nan)
     known = np.isfinite(others)
     count = np.maximum(known.sum(axis=1, keepdims=True), 1)
     centre = np.where(known, others, 0.0).sum(axis=1, keepdims=True) / count

@@ -151,6 +151,10 @@ def test_a_gross_entry_is_set_aside_and_changes_nothing_else() -> None:
         # One entry was left out, of `cells`: it holds nearly all of the squares.
         assert whole**2 * cells == pytest.approx(kept.rms**2 * (cells - 1) + gross, rel=0.1)
         assert kept.largest * 5 < np.sqrt(2 * gross)
+    # Held out, what was there before is what was measured: to the digit.
+    assert table.before.rms == pytest.approx(np.sqrt(np.nanmean(table.table.errors**2)), rel=1e-12)
+    measured = shop_table(day(), spoilt).errors
+    assert before == pytest.approx(np.sqrt(np.mean(measured**2)), rel=1e-12)
     assert table.before.rms == pytest.approx(sound.before.rms, rel=0.05)
     assert table.after.rms == pytest.approx(sound.after.rms, rel=0.05)
 
