@@ -91,6 +91,6 @@ def held_out_after(bench: BenchDay, errors: Floats, folds: Sequence[Fold]) -> fl
     total = 0.0
     for fold in folds:
         rest = errors - of_fold(table, fold, alpha=ALPHA, most=MOST).foretold / UM
-        rest = rest[~fold.kept] - rest[fold.kept].mean(axis=(0, 1))
+        rest = rest[~fold.split.kept] - rest[fold.split.kept].mean(axis=(0, 1))
         total += float(np.sum(rest**2))
     return total / errors.size

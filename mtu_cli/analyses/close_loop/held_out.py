@@ -41,13 +41,28 @@ LARGE, SAMPLES_LARGE = 20_000, 199
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fold:
-    """What is `kept` to search in, of parts (dimension 0) or columns (1); its preparation and
-    gate, that serve all data of the same design; `cut` its candidates.
+class Split:
+    """What is `kept` to search in, of parts (dimension 0) or columns (1); the gate of what is
+    kept is drawn from its own random `stream`.
     """
 
     dimension: int
     kept: NDArray[np.bool_]
+    stream: int
+
+    def cut(self, table: ResidualTable) -> ResidualTable:
+        """What is kept of a table."""
+        cut = only_parts if self.dimension == 0 else only_columns
+        return cut(table, self.kept)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fold:
+    """A split with the preparation and gate of what it keeps, that serve all data of the same
+    design; `cut` its candidates.
+    """
+
+    split: Split
     cut: CutCandidates
     prepared: Prepared
     gate: Gate
@@ -66,18 +81,12 @@ class HeldOut:
     by: str
 
 
-def folds_of(
-    table: ResidualTable,
-    candidates: Sequence[Candidate],
-    seed: int,
-    pass_dof: float = np.inf,
-    count: int = FOLDS,
-    number: NDArray[np.int64] | None = None,
-) -> tuple[Fold, ...]:
+def splits_of(
+    table: ResidualTable, count: int = FOLDS, number: NDArray[np.int64] | None = None
+) -> tuple[Split, ...]:
     """Blocks of consecutive parts, so that drifts do not leak; of few parts, every n-th column.
 
-    Empty where there are too few of both. Gross entries of what is kept are set aside there, fold
-    by fold. `number` (P,) tells the fold of each part, if not so.
+    Empty where there are too few of both. `number` (P,) tells the fold of each part, if not so.
     """
     P, H = table.there.shape
     dimension = 0
@@ -92,16 +101,41 @@ def folds_of(
         return ()
     found = []
     for fold in range(count):
-        kept = number != fold
-        cut = only_parts(table, kept) if dimension == 0 else only_columns(table, kept)
-        if not (cut.there.any(axis=0).all() and cut.there.any(axis=1).all()):
-            continue
-        own = cut_candidates(candidates, kept, dimension)
-        prepared = prepare(set_aside(cut)[0], own.candidates, pass_dof)
-        samples = SAMPLES_LARGE if table.errors.size > LARGE else SAMPLES
-        gate = calibrated(prepared.scan, samples, seed, 1 + fold)
-        found.append(Fold(dimension=dimension, kept=kept, cut=own, prepared=prepared, gate=gate))
+        split = Split(dimension=dimension, kept=number != fold, stream=1 + fold)
+        there = split.cut(table).there
+        if there.any(axis=0).all() and there.any(axis=1).all():
+            found.append(split)
     return tuple(found)
+
+
+def fold_of(
+    table: ResidualTable,
+    candidates: Sequence[Candidate],
+    split: Split,
+    seed: int,
+    pass_dof: float = np.inf,
+) -> Fold:
+    """The preparation of one split. Gross entries of what is kept are set aside, fold by fold."""
+    own = cut_candidates(candidates, split.kept, split.dimension)
+    prepared = prepare(set_aside(split.cut(table))[0], own.candidates, pass_dof)
+    samples = SAMPLES_LARGE if table.errors.size > LARGE else SAMPLES
+    gate = calibrated(prepared.scan, samples, seed, split.stream)
+    return Fold(split=split, cut=own, prepared=prepared, gate=gate)
+
+
+def folds_of(
+    table: ResidualTable,
+    candidates: Sequence[Candidate],
+    seed: int,
+    pass_dof: float = np.inf,
+    count: int = FOLDS,
+    number: NDArray[np.int64] | None = None,
+) -> tuple[Fold, ...]:
+    """All folds of a table (`splits_of`), to be used for every table of the same design."""
+    return tuple(
+        fold_of(table, candidates, split, seed, pass_dof)
+        for split in splits_of(table, count, number)
+    )
 
 
 def held_out(
@@ -110,16 +144,21 @@ def held_out(
     """Searches every fold's kept part of `table` and scores all that it left out, gross entries
     too; None without folds.
     """
-    if not folds:
+    found = [of_fold(table, fold, alpha=alpha, most=most) for fold in folds]
+    return joined(table, [fold.split for fold in folds], found)
+
+
+def joined(
+    table: ResidualTable, splits: Sequence[Split], found: Sequence[OfFold]
+) -> HeldOut | None:
+    """What the folds say of the cells that they left out; None without folds."""
+    if not splits:
         return None
     before = np.full(table.errors.shape, np.nan)
     after, variance = before.copy(), before.copy()
-    chosen: list[frozenset[str]] = []
-    for fold in folds:
-        own = of_fold(table, fold, alpha=alpha, most=most)
-        chosen.append(own.chosen)
-        out = ~fold.kept
-        place = (out,) if fold.dimension == 0 else (slice(None), out)
+    for split, own in zip(splits, found, strict=True):
+        out = ~split.kept
+        place = (out,) if split.dimension == 0 else (slice(None), out)
         before[place] = table.errors[place]
         after[place] = table.errors[place] - own.foretold[place]
         variance[place] = own.variance
@@ -127,8 +166,8 @@ def held_out(
         before=before,
         after=after,
         variance=variance,
-        chosen=tuple(chosen),
-        by="parts" if folds[0].dimension == 0 else "columns",
+        chosen=tuple(own.chosen for own in found),
+        by="parts" if splits[0].dimension == 0 else "columns",
     )
 
 
@@ -145,12 +184,11 @@ class OfFold:
 
 def of_fold(table: ResidualTable, fold: Fold, *, alpha: float, most: int) -> OfFold:
     """Searches what a fold keeps of `table`; what it leaves out takes no part in anything."""
-    cut = only_parts if fold.dimension == 0 else only_columns
 
     def start(kept: ResidualTable) -> tuple[Prepared, Gate]:
         return fold.prepared.with_table(kept), fold.gate
 
-    own = searched(cut(table, fold.kept), start, alpha=alpha, most=most)
+    own = searched(fold.split.cut(table), start, alpha=alpha, most=most)
     prepared, found = own.prepared, own.found
     return OfFold(
         foretold=foretold(prepared, found, table, fold.cut.whole, fold.cut.weights),

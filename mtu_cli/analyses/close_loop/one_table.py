@@ -16,9 +16,12 @@ from mtu_cli.analyses.close_loop.fitted import refitted
 from mtu_cli.analyses.close_loop.fixed_point import fixed_points
 from mtu_cli.analyses.close_loop.held_out import (
     HeldOut,
-    folds_of,
-    held_out,
+    OfFold,
+    fold_of,
+    joined,
+    of_fold,
     scores,
+    splits_of,
 )
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.own_constant import owners_of, with_own_constants
@@ -42,6 +45,7 @@ from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loop_null import entry_variance
+from mtu_cli.stats.side_by_side import SideBySide
 
 SAMPLES = 1999
 LARGE = 20_000
@@ -67,8 +71,7 @@ def loop_on(
     seed: int,
 ) -> LoopResult:
     """Closes the loop on one table at the family-wise rate `alpha`."""
-    first = _searched(given, candidates, alpha, most, seed)
-    out = _held_out(given, candidates, alpha, most, seed)
+    first, out = _all_searched(given, candidates, alpha, most, seed)
     told, table = _told(first, out, seed), first.prepared.table
     scored, found, fired = _scored(told, out, given), first.found, first.found.fired(alpha)
     described, others = _described(told, library, seed)
@@ -99,11 +102,19 @@ def loop_on(
     return LoopResult(result=result, covariance=covariance)
 
 
-def _held_out(
+def _all_searched(
     given: ResidualTable, candidates: Sequence[Candidate], alpha: float, most: int, seed: int
-) -> HeldOut | None:
-    folds = folds_of(given, candidates, seed, given.pass_dof)
-    return held_out(given, folds, alpha=alpha, most=most)
+) -> tuple[Searched, HeldOut | None]:
+    """What is found in the table, and in its folds meanwhile."""
+    splits = splits_of(given)
+
+    def of_split(i: int) -> OfFold:
+        fold = fold_of(given, candidates, splits[i], seed, given.pass_dof)
+        return of_fold(given, fold, alpha=alpha, most=most)
+
+    with SideBySide(of_split, len(splits)) as folds:
+        first = _searched(given, candidates, alpha, most, seed)
+        return first, joined(given, splits, folds.results())
 
 
 def _fixed_points(

@@ -238,7 +238,7 @@ def test_a_fold_finds_the_level_of_an_equation_that_is_centred_on_all_parts(star
         wanted = {"trend", "offset-x"} if start else {"trend"}
         assert own.chosen == wanted
         # The straight line through the means of the parts kept, carried on.
-        kept = fold.kept
+        kept = fold.split.kept
         line = np.polynomial.Polynomial.fit(number[kept], errors[kept, :, 0].mean(axis=1), 1)
         # Nine means leave a hundredth of the slope in doubt; a level told wrong would be 2 or more.
         np.testing.assert_allclose(own.foretold[:, 0, 0], line(number), rtol=0, atol=0.02 * 22)

@@ -69,7 +69,7 @@ def bytes_of(found: HeldOut) -> list[bytes]:
 
 def test_blocks_of_consecutive_parts_and_all_of_them_once() -> None:
     folds = folded(residuals(measured(2)), LIBRARY)
-    out = np.array([~fold.kept for fold in folds])
+    out = np.array([~fold.split.kept for fold in folds])
     np.testing.assert_array_equal(out.sum(axis=0), 1)
     for own in out:
         assert (np.diff(np.flatnonzero(own)) == 1).all()
@@ -96,7 +96,7 @@ def test_the_errors_of_held_out_cells_change_their_own_scores_alone() -> None:
     rng = np.random.default_rng(3)
     folds = folded(residuals(errors), LIBRARY)
     for i in (0, 2):
-        out = ~folds[i].kept
+        out = ~folds[i].split.kept
         other = errors.copy()
         other[out] = 30.0 * rng.normal(size=other[out].shape)
         one = [folds[i]]
@@ -130,8 +130,8 @@ def test_few_parts_leave_out_columns() -> None:
     errors = measured(4, (3, 12, 2))
     library = (candidate("place", (PLACE,)),)
     folds = folds_of(residuals(errors), library, 1, count=COUNT)
-    assert [fold.dimension for fold in folds] == [1] * COUNT
-    np.testing.assert_array_equal(np.sum([~fold.kept for fold in folds], axis=0), 1)
+    assert [fold.split.dimension for fold in folds] == [1] * COUNT
+    np.testing.assert_array_equal(np.sum([~fold.split.kept for fold in folds], axis=0), 1)
     found = held_out(residuals(errors), folds, alpha=0.05, most=3)
     assert found is not None
     assert found.by == "columns"
