@@ -69,7 +69,8 @@ def test_no_second_process_outlives_the_context_even_when_it_fails() -> None:
             seen.append(second.pid)
             raise ZeroDivisionError
 
-    pytest.raises(ZeroDivisionError, fail)
+    with pytest.raises(ZeroDivisionError):
+        fail()
     with pytest.raises(ProcessLookupError):
         os.kill(seen[0], 0)
 
