@@ -31,10 +31,13 @@ if TYPE_CHECKING:
 class Inputs:
     """The files of one call. Options override the study; a study is looked for (mtu.yaml in
     this folder or above) only where neither STUDY nor -m is given.
+
+    `made_here`: part and points are those of the machine, whose travels they cannot be beyond.
     """
 
     options: Options
     sources: list[Source] = field(default_factory=list)
+    made_here: bool = False
 
     @cached_property
     def study(self) -> LoadedStudy | None:
@@ -87,6 +90,10 @@ class Inputs:
         from mtu_cli.files.part import load_part
 
         part = load_part(self.only("part", "-p"))
+        if self.made_here:
+            from mtu_cli.files.extents import check_part_extent
+
+            check_part_extent(part, self._travels())
         self.sources.append(part.source)
         return part
 
@@ -149,6 +156,10 @@ class Inputs:
             self.only("cmm", "--cmm")
         places = self.part.part.places() if self.files("part") else None
         points = read_points([(path, "cmm") for path in files], places)
+        if self.made_here and places is None:
+            from mtu_cli.files.extents import check_points_extent
+
+            check_points_extent(points, self._travels())
         self.sources.extend(points.sources)
         return points
 

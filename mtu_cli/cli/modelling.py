@@ -46,6 +46,7 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
     the sensors of a drift that is fitted, as soon as they are chosen.
     """
     machine = inputs.machine
+    inputs.made_here = True
     warnings = [Warned(code=item.code, message=item.message) for item in machine.warnings]
     warnings += not_told_warnings(machine)
     report = inputs.components
