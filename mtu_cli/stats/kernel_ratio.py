@@ -36,13 +36,10 @@ def kernel_ratios(kernel: Kernel, y: FloatArray) -> FloatArray:
     `y` (B, n) the coordinates of a stratum; lambda is profiled out, rho one of `RATIOS`.
     """
     squares = (y @ kernel.V) ** 2
-    n = y.shape[1]
+    scale = 1 + np.multiply.outer(RATIOS, kernel.d)
     total = np.maximum(squares.sum(axis=1), 1e-300)
-    found = np.empty((len(RATIOS), len(y)))
-    for i, rho in enumerate(RATIOS):
-        scale = 1 + rho * kernel.d
-        left = np.maximum((squares / scale).sum(axis=1), 1e-300)
-        found[i] = n * np.log(total / left) - np.log(scale).sum()
+    left = np.maximum((1 / scale) @ squares.T, 1e-300)
+    found: FloatArray = y.shape[1] * np.log(total / left) - np.log(scale).sum(axis=1)[:, None]
     return found
 
 

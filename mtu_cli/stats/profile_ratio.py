@@ -28,6 +28,8 @@ REWEIGHTED = 3
 TINY = 1e-200
 """In place of a sum of squares of 0: its inverse times any column is still a number."""
 MOST_EXPLAINED = 1 - 1e-12
+CACHED = 20_000
+"""Entries of the arrays that are worked on at once."""
 NEVER = -1e6
 """Logarithm of the Bayes factor of a member that cannot be tested."""
 
@@ -129,28 +131,55 @@ def _add_many(
     found: MemberRatios,
 ) -> None:
     b = cross_products(pack, many, y)
+    # A few samples at a time stay in the processor's cache.
+    several = max(1, CACHED // max(b[:1].size, 1))
+    for first in range(0, len(y), several):
+        rows = slice(first, first + several)
+        _add_samples(pack, many, b[rows], squares[rows], rows, found)
+
+
+def _add_samples(
+    pack: Packed,
+    many: ManyStrata,
+    b: FloatArray,
+    squares: FloatArray,
+    rows: slice,
+    found: MemberRatios,
+) -> None:
+    """Of the samples in `rows`: their cross products `b` (B, M, S, k) and `squares` (B, S)."""
     n, R0 = pack.dof, squares[:, None, :]
-    R = np.broadcast_to(R0, (*b.shape[:2], len(n)))
+    R = np.broadcast_to(R0, b.shape[:3])
+    least = np.maximum((1 - MOST_EXPLAINED) * R0, pack.least * n)
     for _ in range(REWEIGHTED):
         w = n / (R * many.spread)
         A = np.einsum("bms,msij->bmij", w, many.G)
         A += 1e-12 * np.trace(A, axis1=2, axis2=3)[..., None, None] * np.eye(many.k) + TINY
-        beta = np.linalg.solve(A, np.einsum("bms,bmsi->bmi", w, b)[..., None])[..., 0]
+        beta = _solved(A, np.einsum("bms,bmsi->bmi", w, b))
         R = R0 - 2 * np.einsum("bmi,bmsi->bms", beta, b)
         R = R + np.einsum("bmi,msij,bmj->bms", beta, many.G, beta)
-        R = np.maximum(R, np.maximum((1 - MOST_EXPLAINED) * R0, pack.least * n))
+        np.maximum(R, least, out=R)
     gain, loss = np.maximum(R0 - R, 0.0), np.maximum(R - R0, 0.0)
-    ratio = np.log1p(gain / (R * many.spread)) - np.log1p(loss / (R0 * many.spread))
+    own = R * many.spread
+    ratio = np.log1p(gain / own) - np.log1p(loss / (R0 * many.spread))
     ratio = (n * ratio).sum(axis=2)
     size = np.einsum("msii->ms", many.G)
     share = w * size
     share /= np.maximum(share.sum(axis=2, keepdims=True), TINY)
     effective = (share * n).sum(axis=2)
-    found.ratio[:, many.members] = ratio
-    found.log_bayes[:, many.members] = unit_information(np.maximum(ratio, 0.0), effective, many.k)
-    found.dof[:, many.members] = effective
-    held = (n / (R * many.spread) * size).sum(axis=2)
-    found.information[:, many.members] = held / many.k
+    found.ratio[rows, many.members] = ratio
+    bayes = unit_information(np.maximum(ratio, 0.0), effective, many.k)
+    found.log_bayes[rows, many.members] = bayes
+    found.dof[rows, many.members] = effective
+    held = (n / own * size).sum(axis=2)
+    found.information[rows, many.members] = held / many.k
+
+
+def _solved(A: FloatArray, b: FloatArray) -> FloatArray:
+    """A^-1 b of many systems, A (..., k, k) and b (..., k): most members have a single column."""
+    if b.shape[-1] == 1:
+        return b / A[..., 0]
+    solved: FloatArray = np.linalg.solve(A, b[..., None])[..., 0]
+    return solved
 
 
 def cross_products(pack: Packed, many: ManyStrata, y: FloatArray) -> FloatArray:

@@ -82,11 +82,12 @@ class Remainder:
                 sd = np.sqrt(np.mean(own**2, axis=1, keepdims=True))
                 turned[:, strata.order[stratum.slice]] = own / np.maximum(sd, 1e-300)
         tables = strata.rows @ turned.reshape(len(y), A, P, H) @ strata.columns.T
-        spread = 1.4826 * np.median(np.abs(tables).reshape(len(y), A, P * H), axis=2)
+        sizes = np.abs(tables).reshape(len(y), A, P * H)
+        spread = 1.4826 * np.median(sizes, axis=2, overwrite_input=True)
         limit = CLIPPED * np.maximum(spread, 1e-12)[:, :, None, None]
         np.clip(tables, -limit, limit, out=tables)
         flat = np.moveaxis(tables, 1, 2).reshape(len(y), P, A * H)
-        flat = flat - flat.mean(axis=1, keepdims=True)
+        flat -= flat.mean(axis=1, keepdims=True)
         small = flat if P <= A * H else np.swapaxes(flat, 1, 2)
         gram = small @ np.swapaxes(small, 1, 2)
         values = np.linalg.eigvalsh(gram)
