@@ -178,8 +178,7 @@ def _solved(A: FloatArray, b: FloatArray) -> FloatArray:
     """A^-1 b of many systems, A (..., k, k) and b (..., k): most members have a single column."""
     if b.shape[-1] == 1:
         return b / A[..., 0]
-    solved: FloatArray = np.linalg.solve(A, b[..., None])[..., 0]
-    return solved
+    return np.asarray(np.linalg.solve(A, b[..., None])[..., 0], np.float64)
 
 
 def cross_products(pack: Packed, many: ManyStrata, y: FloatArray) -> FloatArray:
