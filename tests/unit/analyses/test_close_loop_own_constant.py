@@ -143,7 +143,7 @@ def test_the_loop_takes_out_what_it_would_beside_the_offset(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Nothing held out, and a gate of few tables: neither is what this is about."""
-    monkeypatch.setattr(one_table, "held_out", lambda *_, **__: None)
+    monkeypatch.setattr(one_table, "splits_of", lambda _: ())
     monkeypatch.setattr(one_table, "SAMPLES", 99)
     prepared = growing()
     known = [c for c in prepared.source if c.name in ("thermal-growth-x", "thermal-drift-x")]
