@@ -1,27 +1,37 @@
 """Pieces of work shared with a second process, whatever either does giving the same bytes.
 
 Threads gain nothing where the work is many small steps of an interpreter that runs one at a time.
+The second process is a copy of the first: nothing need be sent to it or imported there.
 """
 
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Generic, Self, TypeVar
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from typing import Generic, NoReturn, Self, TypeVar
 
 from mtu_cli.stats.runner import available_threads
-
-if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
-    from multiprocessing.context import ForkProcess
 
 T = TypeVar("T")
 MOST_PIECES = 256
 """A piece is claimed by one byte, its number."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Second:
+    """The second process, and the ends of pipes from which pieces are claimed and what it has done
+    is read.
+    """
+
+    pid: int
+    pieces: int
+    answers: int
 
 
 class SideBySide(Generic[T]):
@@ -40,79 +50,98 @@ class SideBySide(Generic[T]):
         if count > MOST_PIECES:
             raise ValueError(f"{count} pieces, at most {MOST_PIECES}")
         self._work, self._count = work, count
-        self._second: ForkProcess | None = None
+        self._second: _Second | None = None
 
     def __enter__(self) -> Self:
-        self._pieces, writing = os.pipe()
-        os.write(writing, bytes(range(self._count)))
-        os.close(writing)
-        if self._count > 1 and _can_copy():
-            self._start()
+        if self._count < 2 or not _can_copy():
+            return self
+        try:
+            # Without descriptors or processes left, this one does all.
+            with suppress(OSError):
+                self._start()
+        except KeyboardInterrupt:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        os.close(self._pieces)
-        if self._second is not None:
-            self._second.kill()
-            self._second.join()
-            self._second.close()
-            self._from_second.close()
+        if self._second is None:
+            return
+        os.close(self._second.pieces)
+        os.close(self._second.answers)
+        # Where the shell has children's ends ignored, it is gone already.
+        with suppress(ProcessLookupError, ChildProcessError):
+            os.kill(self._second.pid, signal.SIGKILL)
+            os.waitpid(self._second.pid, 0)
 
     def results(self) -> list[T]:
         """What `work` gives of every piece. Raises what it raises."""
-        done = {piece: self._work(piece) for piece in self._claimed()}
+        done: dict[int, T] = {}
         if self._second is not None:
-            done.update(self._sent())
+            done = {piece: self._work(piece) for piece in _claimed(self._second.pieces)}
+            done |= self._answered(self._second.answers)
         return [done[i] if i in done else self._work(i) for i in range(self._count)]
 
-    def _claimed(self) -> Iterator[int]:
-        """The pieces that nobody has begun: what a pipe holds is read by one process."""
-        while number := os.read(self._pieces, 1):
-            yield number[0]
-
     def _start(self) -> None:
-        from multiprocessing import get_context
-
-        context = get_context("fork")
-        self._from_second, to_first = context.Pipe(duplex=False)
-        second = context.Process(target=self._second_does, args=(to_first, os.getpid()))
-        second.daemon = True
-        try:
+        first = os.getpid()
+        with ExitStack() as undone:
+            pieces, asked = _pipe(undone)
+            answers, answer = _pipe(undone)
+            os.write(asked, bytes(range(self._count)))
             with _copying():
-                second.start()
-        except OSError:
-            self._from_second.close()
-        else:
-            self._second = second
-        to_first.close()
+                pid = os.fork()
+                if pid == 0:
+                    # Held open here, what nobody reads any more would be waited for.
+                    os.close(answers)
+                    os.close(asked)
+                    self._second_does(pieces, answer, first)
+                self._second = _Second(pid=pid, pieces=pieces, answers=answers)
+            undone.pop_all()
+        os.close(asked)
+        os.close(answer)
 
-    def _second_does(self, to_first: Connection, first: int) -> None:
+    def _second_does(self, pieces: int, answer: int, first: int) -> NoReturn:
         """Sends what it has done in one go: the first process reads when its own work is done."""
-        done = {}
+        code = 1
         try:
-            for piece in self._claimed():
+            done = {}
+            for piece in _claimed(pieces):
                 if os.getppid() != first:
                     break
                 done[piece] = self._work(piece)
-            to_first.send(done)
-        except BaseException:
-            os._exit(1)
+            with os.fdopen(answer, "wb") as file:
+                pickle.dump(done, file, pickle.HIGHEST_PROTOCOL)
+            code = 0
+        finally:
+            # Whatever was wrong: what is not sent is done again, and raised there.
+            os._exit(code)
 
-    def _sent(self) -> dict[int, T]:
+    def _answered(self, answers: int) -> dict[int, T]:
         try:
-            done: dict[int, T] = self._from_second.recv()
-        except (EOFError, OSError):
+            with os.fdopen(answers, "rb", closefd=False) as file:
+                done: dict[int, T] = pickle.load(file)
+        except (EOFError, OSError, pickle.UnpicklingError):
             return {}
         return done
 
 
+def _claimed(pieces: int) -> Iterator[int]:
+    """The pieces that nobody has begun: what a pipe holds is read by one process."""
+    while number := os.read(pieces, 1):
+        yield number[0]
+
+
+def _pipe(opened: ExitStack) -> tuple[int, int]:
+    """Both ends of a pipe, reading and writing, closed with the rest."""
+    ends = os.pipe()
+    for end in ends:
+        opened.callback(os.close, end)
+    return ends
+
+
 def _can_copy() -> bool:
     """Not elsewhere: on macOS system libraries do not survive a copy of their process."""
-    if sys.platform != "linux" or available_threads() < 2:
-        return False
-    from multiprocessing import current_process
-
-    return not current_process().daemon
+    return sys.platform == "linux" and available_threads() > 1
 
 
 @contextmanager

@@ -32,24 +32,24 @@ from mtu_cli.cli.main import app
 pytestmark = pytest.mark.skipif(not POSSIBLE, reason="every call starts a process")
 
 CALLS = {
-    "fit-components": "--plot out.png",
-    "thermal-fit": "--drift drift.csv --model ridge --plot out.png",
-    "predict-points": "--covariance --plot out.png",
-    "lengths": "--plot out.png",
-    "orthogonality": "--trials 20000 --plot out.png",
-    "anova": "--cmm cmm.csv --plot out.png",
+    "fit-components": "",
+    "thermal-fit": "--drift drift.csv --model ridge",
+    "predict-points": "--covariance",
+    "lengths": "--plot out.svg",
+    "orthogonality": "--trials 20000",
+    "anova": "--cmm cmm.csv",
     "close-loop": "--cmm cmm.csv --write-machine new.yaml --plot out.png",
-    "compare": "--cmm cmm.csv --plot out.png",
-    "correct": "--cmm cmm.csv --plot out.png",
-    "budget": "budget.yaml --plot out.png",
+    "compare": "--cmm cmm.csv",
+    "correct": "--cmm cmm.csv",
+    "budget": "budget.yaml --plot out.pdf",
     "simulate": "--write-lbb out.csv",
     "graph check": "graph.yaml",
     "graph draw": "graph.yaml --to out.svg",
-    "graph simulate": "graph.yaml --plot out.png",
-    "graph sweep": "graph.yaml --vary axis_um=0.5:2.5:2 --of d_AC --plot out.png",
+    "graph simulate": "graph.yaml",
+    "graph sweep": "graph.yaml --vary axis_um=0.5:2.5:2 --of d_AC",
     "schema": "machine",
 }
-"""What each is called with in the folder of `study`."""
+"""What each is called with in the folder of `study`; a picture of every kind of file."""
 WITHOUT_REPORT = ("simulate", "graph check", "graph draw", "schema")
 FAULTY = ("machine.yaml", "part.yaml", "budget.yaml", "graph.yaml", "drift.csv")
 Ended = tuple[int, str, str, Listing]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import Any
 
 import pytest
@@ -19,6 +20,11 @@ COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]  #
 GRAPH = [("graph", name) for name in COMMANDS["graph"].commands]
 
 
+@cache
+def help_of(*words: str) -> str:
+    return done(mtu(*words, "--help", env={"COLUMNS": "100"})).stdout
+
+
 def parameters(words: tuple[str, ...]) -> list[Any]:
     command = COMMANDS[words[0]]
     found: list[Any] = (command if len(words) == 1 else command.commands[words[1]]).params
@@ -27,7 +33,7 @@ def parameters(words: tuple[str, ...]) -> list[Any]:
 
 @pytest.mark.parametrize("words", [(), *((name,) for name in COMMANDS), *GRAPH], ids=" ".join)
 def test_help_says_once_and_without_types_what_an_option_takes(words: tuple[str, ...]) -> None:
-    shown = done(mtu(*words, "--help", env={"COLUMNS": "100"})).stdout
+    shown = help_of(*words)
     assert not re.findall(
         r"<\S+>|\[(?:Path|str|int|float)\]|\b(?:PATH|TEXT|INTEGER|FLOAT)\b", shown
     )
@@ -46,7 +52,7 @@ def test_help_says_once_and_without_types_what_an_option_takes(words: tuple[str,
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_tells_every_option_in_a_sentence(name: str) -> None:
-    shown = done(mtu(name, "--help", env={"COLUMNS": "100"})).stdout
+    shown = help_of(name)
     assert max(map(len, shown.splitlines())) <= 100
     words = " ".join(re.sub("[^\x20-\x7e]", " ", shown).split())
     assert COMMANDS[name].help in words
