@@ -49,7 +49,7 @@ def _limit(gate: str | None) -> float | None:
     except ValueError:
         limit = float("nan")
     if name != "nonconforming" or not isfinite(limit) or not 0 <= limit < 1:
-        expected = "nonconforming=P with P from 0 to 1, such as 0.01 for 1 %"
+        expected = "nonconforming=P with P from 0 to below 1, such as 0.01 for 1 %"
         raise fault("unknown gate", value=gate, expected=expected)
     return limit
 

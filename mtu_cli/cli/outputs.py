@@ -20,6 +20,8 @@ STANDARD_OUTPUT = Path("-")
 ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "file")
 MADE = {"write_lbb": ("lbb", "laser"), "write_cmm": ("cmm",), "write_drift": ("drift",)}
 """Roles of a study's files that an option of `simulate` makes anew."""
+MADE_FIRST = {"write_machine": ("machine",), "write_components": ("components",)}
+"""Roles of those that an option makes where they are not there yet."""
 KINDS = {
     "out": "JSON",
     "csv": "CSV",
@@ -117,21 +119,30 @@ def _lost(inputs: Inputs, files: Mapping[str, Path]) -> Iterator[Problem]:
 
     options = inputs.options
     called = [path for role in ROLES for path in _listed(options.values.get(role))]
-    own: list[tuple[str, Path]] = []
-    for study in filter(None, (inputs.study, _nearby())):
-        own += [("study", study.source.path)]
-        own += [(role, path) for role, paths in study.files.items() for path in paths]
+    of_call = _named_by(inputs.study)
+    read = [(role, path) for role, path in of_call if role in options.values]
+    named = [*of_call, *_named_by(_nearby())]
     for name, target in files.items():
-        makes = _makes(options.command, name)
-        roles = [role for role, path in own if role not in makes and overwrites(target, path)]
-        read = any(role in options.values for role in roles)
-        if read or any(overwrites(target, path) for path in called):
+        makes = _makes(options.command, name, target)
+        mine, roles = (
+            [role for role, path in own if role not in makes and overwrites(target, path)]
+            for own in (read, named)
+        )
+        if mine or any(overwrites(target, path) for path in called):
             what = "is an input of this run and is not overwritten"
         elif roles:
             what = "is an input of the study and is not overwritten"
         else:
             continue
         yield Problem(what=what, file=given_path(target), expected="another name")
+
+
+def _named_by(study: LoadedStudy | None) -> list[tuple[str, Path]]:
+    """A study and its files, with their roles."""
+    if study is None:
+        return []
+    files = [(role, path) for role, paths in study.files.items() for path in paths]
+    return [("study", study.source.path), *files]
 
 
 def _nearby() -> LoadedStudy | None:
@@ -152,8 +163,10 @@ def _listed(value: object) -> list[Path]:
     return [item for item in found if isinstance(item, Path)]
 
 
-def _makes(command: str, name: str) -> tuple[str, ...]:
-    """Roles of a study whose files an option of a command may make anew."""
+def _makes(command: str, name: str, target: Path) -> tuple[str, ...]:
+    """Roles of a study whose files an option of a command may make, or make anew."""
+    if name in MADE_FIRST and not target.exists():
+        return MADE_FIRST[name]
     if command == "simulate":
         return MADE.get(name, ())
     if command in ("fit-components", "thermal-fit") and name == "out":

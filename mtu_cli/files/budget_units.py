@@ -24,7 +24,7 @@ from mtu_cli.language.dimensions import (
     first_column,
     shown,
 )
-from mtu_cli.language.tree import Binary, Call, Name, Number, children, names, walk
+from mtu_cli.language.tree import Binary, Call, Number, children, names, walk
 
 BASES = ("m", "kg", "s", "A", "K", SIZE)
 COMMON = (
@@ -39,6 +39,8 @@ SIMPLE = 12
 
 
 FREEZING_F, STEP_F = 32.0, 1.8
+ROUNDED = 2e-3
+"""Relative difference up to which 0.556 is 5/9."""
 _FAHRENHEIT = re.compile(r"(?:deg|\u00b0)\s*F(?![a-z])|\u2109|fahrenheit", re.IGNORECASE)
 _KELVIN = re.compile(
     r"(?:deg|\u00b0)\s*C(?![a-z])|\u2103|(?<![A-Za-z])m?K(?![A-Za-z])|kelvin|celsius"
@@ -201,20 +203,39 @@ class BudgetUnits:
 
 
 def converted_fahrenheit(tree: Node) -> set[str]:
-    """Names that an equation converts from degF: those that 32 is taken off, or, where it has
-    1.8 or 5/9 in it, as for a difference, all.
+    """Names that an equation converts from degF: those in what 32 is taken off, or in what is
+    divided by 1.8 or times 5/9, as a difference is.
     """
-    literals = {item.value for item in walk(tree) if isinstance(item, Number)}
-    if STEP_F in literals or {5.0, 9.0} <= literals:
-        return set(names(tree))
-    sums = [item for item in walk(tree) if isinstance(item, Binary) and item.operator == "-"]
-    return {
-        item.left.name
-        for item in sums
-        if isinstance(item.left, Name)
-        and isinstance(item.right, Number)
-        and item.right.value == FREEZING_F
-    }
+    found: set[str] = set()
+    for item in walk(tree):
+        if not isinstance(item, Binary):
+            continue
+        right = item.right
+        if item.operator == "-" and isinstance(right, Number) and right.value == FREEZING_F:
+            found.update(names(item.left))
+        elif item.operator in "*/" and _is_of_a_step(item):
+            found.update(names(item))
+    return found
+
+
+def _is_of_a_step(product: Node) -> bool:
+    """Whether 1/1.8 = 5/9 is among the factors."""
+    above: list[float] = []
+    below: list[float] = []
+    for factor, times in _factors(product):
+        if isinstance(factor, Number):
+            (above if times else below).append(factor.value)
+    ninths = 5.0 in above and 9.0 in below
+    return STEP_F in below or ninths or any(abs(v * STEP_F - 1.0) < ROUNDED for v in above)
+
+
+def _factors(node: Node, times: bool = True) -> Iterator[tuple[Node, bool]]:
+    """What a term is a product of, and whether each is above the line."""
+    if isinstance(node, Binary) and node.operator in "*/":
+        yield from _factors(node.left, times)
+        yield from _factors(node.right, times == (node.operator == "*"))
+    else:
+        yield node, times
 
 
 def _has_shift(tree: Node) -> bool:

@@ -26,7 +26,7 @@ OTHER_WORDS = {
 """What other programs call a column, in lower case with underscores."""
 UNIT = "_mm"
 """Other programs leave it out."""
-_IN_MM = re.compile(r"[ _]*(?:[\[(] *mm *[\])]|in_mm)$", re.IGNORECASE)
+_IN_MM = re.compile(r"[ _]*(?:[\[(] *mm *[\])]|in_mm|[/.] *mm)$", re.IGNORECASE)
 NUMBER = ("no", "nr", "number", "id")
 NUMBERED = ("part", "feature", "cycle", "pass", "repeat", "sequence")
 """Columns that others tell as a number; one of a time or an operation is no time or name."""
@@ -78,7 +78,8 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
         if name not in header + tuple(wanted)
         for word in (name, *OTHER_WORDS.get(name, ()))
     }
-    bare = {_folded(name.removesuffix(UNIT)): name for name in known.values()}
+    lengths = [name for name in known.values() if name.endswith(UNIT)]
+    bare = {_folded(name.removesuffix(UNIT)): name for name in lengths}
     shut = {b for a, b in spec.exclusive if a in header} | {
         a for a, b in spec.exclusive if b in header
     }

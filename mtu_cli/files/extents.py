@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,10 +22,7 @@ TURNED = 2.0
 
 
 def check_part_extent(part: LoadedPart, travels: Travels) -> None:
-    """Raises InputError for features of a part file farther from the others than `travels` allow.
-
-    What is said names the feature farthest from the middle one.
-    """
+    """Raises InputError for features of a part file that are farther apart than `travels` allow."""
     places = part.part.places()
     own = np.array([[np.nan if v is None else v for v in place] for place in places.values()])
     names = list(places)
@@ -47,17 +44,20 @@ def check_part_extent(part: LoadedPart, travels: Travels) -> None:
 
 
 def check_points_extent(points: Points, travels: Travels) -> None:
-    """The same for the nominal places of measured points."""
+    """Raises InputError for measured points whose nominal places are farther apart than `travels`
+    allow, once for each feature.
+    """
     problems = []
-    for i, axis, what in _beyond(points.nominal, travels):
-        name = points.features[int(points.feature[i])]
+    first = np.unique(points.feature, return_index=True)[1]
+    for i, axis, what in _beyond(points.nominal[first], travels):
+        at = int(first[i])
         problems.append(
             Problem(
-                what=f"feature {name!r} {what}",
-                file=points.sources[int(points.file_index[i])].shown,
-                row=int(points.row[i]),
+                what=f"feature {points.features[int(points.feature[at])]!r} {what}",
+                file=points.sources[int(points.file_index[at])].shown,
+                row=int(points.row[at]),
                 column=f"nominal_{axis}_mm",
-                value=cell_text(float(points.nominal[i, AXES.index(axis)])),
+                value=cell_text(float(points.nominal[at, AXES.index(axis)])),
                 expected=_expected(axis, travels),
             )
         )
@@ -65,25 +65,30 @@ def check_points_extent(points: Points, travels: Travels) -> None:
         raise InputError(problems)
 
 
-def _beyond(
-    places: NDArray[np.float64], travels: Mapping[str, tuple[float, float]]
-) -> Iterator[tuple[int, str, str]]:
-    """Number of a place, axis and what to say, of each axis along which `places` (n, 3) in mm
-    are too far apart.
+def _beyond(places: NDArray[np.float64], travels: Travels) -> Iterator[tuple[int, str, str]]:
+    """Number of a place, axis and what to say, of `places` (n, 3) in mm too far from the middle
+    one along an axis; where none is, but their ends are too far apart, of both.
     """
     for a, axis in enumerate(AXES):
         column = places[:, a]
         if axis not in travels or not np.isfinite(column).any():
             continue
         low, high = travels[axis]
-        extent = float(np.nanmax(column) - np.nanmin(column))
-        if extent > TURNED * abs(high - low):
-            far = np.abs(column - np.nanmedian(column))
-            what = (
-                f"is far from the others: all cover {extent:g} mm in {axis}, "
-                f"the machine travels {abs(high - low):g} mm"
+        most, extent = TURNED * abs(high - low), float(np.nanmax(column) - np.nanmin(column))
+        if extent <= most:
+            continue
+        far = np.flatnonzero(np.abs(column - np.nanmedian(column)) > most)
+        ends = [int(np.nanargmin(column)), int(np.nanargmax(column))]
+        # Of two features neither is the one that is wrong.
+        known = np.isfinite(column).sum() > 2 and len(far) > 0
+        for i in far.tolist() if known else sorted(ends):
+            place = "far from the others" if known else "at one end"
+            yield (
+                i,
+                axis,
+                f"is {place}: all cover {extent:g} mm in {axis}, the machine travels "
+                f"{abs(high - low):g} mm",
             )
-            yield int(np.nanargmax(far)), axis, what
 
 
 def _expected(axis: str, travels: Travels) -> str:

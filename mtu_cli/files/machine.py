@@ -131,7 +131,7 @@ def _warnings(
             message = f"{place}: no uncertainty is given, it counts as exactly known"
             notices.append(Notice(code="no-uncertainty", message=message))
         if name in used and (large := large_coefficients(component, machine.axes)):
-            notices.append(Notice(code="readings-large", message=f"{place}: {large}"))
+            notices.append(Notice(code="coefficients-large", message=f"{place}: {large}"))
         idle = [key for key in _NEEDS_COEFFICIENTS if getattr(component, key) is not None]
         if component.coefficients is None and idle:
             message = f"{place}: {', '.join(idle)} without coefficients: not used"

@@ -186,17 +186,13 @@ def check_text(content: bytes, shown: str) -> None:
                 f"not UTF-8: byte {at + 1} is 0x{content[at]:02x}",
                 file=shown,
                 line=_line_at(content, at),
-                expected=f"text saved as UTF-8{_of_windows(content)}",
+                expected=f"text saved as UTF-8{_in_spreadsheets(shown)}",
             ) from None
 
 
-def _of_windows(content: bytes) -> str:
-    """How to save what seems to be in the code page of western Windows."""
-    try:
-        content.decode("cp1252")
-    except UnicodeDecodeError:
-        return ""
-    return ", in spreadsheets as CSV UTF-8: this looks like Windows-1252"
+def _in_spreadsheets(shown: str) -> str:
+    """What they call it: the plain CSV of many is in the code page of the computer."""
+    return ", in spreadsheets as CSV UTF-8" if ".csv" in shown.lower() else ""
 
 
 def _check_kind(content: bytes, shown: str) -> None:

@@ -107,7 +107,7 @@ def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
     assert found[-1] == "--at gives 'dir_x' twice: 'dir_x=-1'"
 
 
-SHARE = "nonconforming=P with P from 0 to 1, such as 0.01 for 1 %"
+SHARE = "nonconforming=P with P from 0 to below 1, such as 0.01 for 1 %"
 
 
 @pytest.mark.parametrize(

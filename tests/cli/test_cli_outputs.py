@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runner import prepared
+from cli_runner import done, mtu, prepared
 
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
@@ -106,3 +106,20 @@ def test_what_a_command_is_there_to_make_may_be_made_again(
 ) -> None:
     assert (work / "known.json").exists()
     check_outputs(Inputs(Options(command, {key: Path(item) for key, item in values.items()})))
+
+
+def test_the_study_here_names_a_machine_that_this_call_makes(tmp_path: Path) -> None:
+    """With -m the study is not read; what it names is protected, where it is there."""
+    work = prepared(tmp_path / "work")
+    done(mtu("simulate", "--parts", "4", "--write-cmm", "cmm.csv", cwd=work))
+    study = (work / "mtu.yaml").read_text("utf-8")
+    named = study.replace("machine: machine.yaml", "machine: extended.yaml\ncmm: [other.csv]")
+    (work / "mtu.yaml").write_text(named, "utf-8")
+    files = ("-m", "machine.yaml", "-p", "part.yaml", "--lbb", "lbb.csv", "--cmm", "cmm.csv")
+    call = ("close-loop", *files, "--write-machine", "extended.yaml")
+    over = done(mtu(*call, "--csv", "other.csv", cwd=work), 2).stderr
+    assert over.startswith(f"mtu: other.csv: {OF_STUDY}")
+    done(mtu(*call, cwd=work))
+    assert (work / "extended.yaml").exists()
+    again = done(mtu(*call, cwd=work), 2).stderr
+    assert again.startswith(f"mtu: extended.yaml: {OF_STUDY}")

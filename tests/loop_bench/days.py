@@ -10,7 +10,8 @@ from shop_day import REPEATS, Rivals, ShopDay, measure
 from shop_day.day import Floats, Kind
 from shop_day.noise import SIG_CMM, SIG_PART
 
-from mtu_cli.analyses.close_loop.held_out import Fold, folds_of
+from loop_bench.folds import folds_of
+from mtu_cli.analyses.close_loop.held_out import Fold
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.model.effect_candidate import Candidate

@@ -115,7 +115,9 @@ def fold_of(
     seed: int,
     pass_dof: float = np.inf,
 ) -> Fold:
-    """The preparation of one split. Gross entries of what is kept are set aside, fold by fold."""
+    """The preparation of one split, to be used for every table of the same design. Gross entries of
+    what is kept are set aside, fold by fold.
+    """
     own = cut_candidates(candidates, split.kept, split.dimension)
     prepared = prepare(set_aside(split.cut(table))[0], own.candidates, pass_dof)
     samples = SAMPLES_LARGE if table.errors.size > LARGE else SAMPLES
@@ -123,35 +125,12 @@ def fold_of(
     return Fold(split=split, cut=own, prepared=prepared, gate=gate)
 
 
-def folds_of(
-    table: ResidualTable,
-    candidates: Sequence[Candidate],
-    seed: int,
-    pass_dof: float = np.inf,
-    count: int = FOLDS,
-    number: NDArray[np.int64] | None = None,
-) -> tuple[Fold, ...]:
-    """All folds of a table (`splits_of`), to be used for every table of the same design."""
-    return tuple(
-        fold_of(table, candidates, split, seed, pass_dof)
-        for split in splits_of(table, count, number)
-    )
-
-
-def held_out(
-    table: ResidualTable, folds: Sequence[Fold], *, alpha: float, most: int
-) -> HeldOut | None:
-    """Searches every fold's kept part of `table` and scores all that it left out, gross entries
-    too; None without folds.
-    """
-    found = [of_fold(table, fold, alpha=alpha, most=most) for fold in folds]
-    return joined(table, [fold.split for fold in folds], found)
-
-
 def joined(
     table: ResidualTable, splits: Sequence[Split], found: Sequence[OfFold]
 ) -> HeldOut | None:
-    """What the folds say of the cells that they left out; None without folds."""
+    """What the folds, in the order of their splits, say of all that they left out, gross entries
+    too; None without folds.
+    """
     if not splits:
         return None
     before = np.full(table.errors.shape, np.nan)

@@ -73,6 +73,7 @@ def loop_warnings(tables: Sequence[TableResult], most: int) -> tuple[Warned, ...
                 f"cause{'' if most == 1 else 's'}, and more would pass (--max-effects)"
             )
             found.append(Warned(code="max-effects", message=text))
+    found += _odd_names([table.table for table in tables])
     datum = tables[0].table.datum
     if datum in FREES:
         text = f"the datum {datum!r} is free in every part: unseen are {FREES[datum]}"
@@ -109,7 +110,6 @@ def _of_table(result: TableResult) -> list[Warned]:
                 f"measurement itself under another name (--exclude {effect.name})"
             )
             found.append(Warned(code="covariate-is-the-error", message=text))
-    found += _odd_names(table, of)
     missing = table.there.size - int(table.there.sum()) - len(result.gross)
     if missing > table.there.size / 2:
         text = "more than half of the cells were not measured: the search has little power"
@@ -117,14 +117,17 @@ def _of_table(result: TableResult) -> list[Warned]:
     return found
 
 
-def _odd_names(table: ResidualTable, of: str) -> list[Warned]:
-    odd = [name for name in table.covariates if not is_identifier(name)]
+def _odd_names(tables: Sequence[ResidualTable]) -> list[Warned]:
+    """Columns that no equation can name, once for all tables."""
+    every = dict.fromkeys(name for table in tables for name in table.covariates)
+    odd = [name for name in every if not is_identifier(name)]
     if not odd:
         return []
     text = (
-        f"not used{of}: {', '.join(map(repr, odd))}, since an equation cannot name "
-        f"{'them' if len(odd) > 1 else 'it'}; expected names of letters a to z, digits and _ "
-        "alone (a temperature is T_<sensor>_degC, a direction dir_x, a time time_min)"
+        f"not used: {', '.join(map(repr, odd))}, since an equation cannot name "
+        f"{'them' if len(odd) > 1 else 'it'}; expected names of letters without accents, digits "
+        "and _, that begin with no digit (a temperature is T_<sensor>_degC, a direction dir_x, a "
+        "time time_min)"
     )
     return [Warned(code="column-not-used", message=text)]
 

@@ -104,7 +104,8 @@ def _text(
     return (
         f"{points.sources[points.file_index[row]].shown}, row {points.row[row]}: part {part!r}, "
         f"feature {feature!r}{of}, {axis}_mm is {points.measured[row, k]:.7g}; {what} "
-        f"is {1e3 * off:.3g} um off the others, which scatter by {1e3 * scatter:.2g} um"
+        f"is {float(f'{1e3 * off:.3g}'):g} um off the others, which scatter by "
+        f"{float(f'{1e3 * scatter:.2g}'):g} um"
     )
 
 

@@ -276,4 +276,4 @@ def _consequence(drift: ComponentDrift, sensor: str, span: FloatArray) -> str:
 
 def _shown(drift: ComponentDrift, value: float) -> str:
     size = value / drift.unit.to_internal
-    return f"{size:.0f} {drift.unit.name}" if size >= 100 else f"{size:.2g} {drift.unit.name}"
+    return f"{float(f'{size:.2g}'):g} {drift.unit.name}"

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from crossed_tables import Floats
 from effect_tables import grid_places
+from loop_bench.folds import folds_of, held_out
 from loop_tables import candidate, crossed, offset, residuals, whole_column
 
 from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.folds import CutCandidates, cut_candidates, identity, only_parts
 from mtu_cli.analyses.close_loop.foretold import LEAST, foretold
-from mtu_cli.analyses.close_loop.held_out import folds_of, held_out, of_fold
+from mtu_cli.analyses.close_loop.held_out import of_fold
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search, search

@@ -8,14 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 from crossed_tables import Floats, Mask, holes
+from loop_bench.folds import folds_of, held_out
 from loop_tables import candidate, crossed, residuals, whole_column
 
 from mtu_cli.analyses.close_loop.folds import cut_candidates, only_columns, only_parts
 from mtu_cli.analyses.close_loop.held_out import (
     Fold,
     HeldOut,
-    folds_of,
-    held_out,
     scores,
 )
 from mtu_cli.model.effect_candidate import Candidate, Column

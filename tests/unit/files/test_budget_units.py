@@ -181,11 +181,14 @@ def test_fahrenheit_beside_kelvin_is_refused(
         load_budget(path)
     # An equation that converts it is what the message asks for.
     text = path.read_text("utf-8")
-    for good in ("((t - 32)*5/9 - 20)", "((t - 32)/1.8 - 20)", "(0.5556*(t - 32) - 20)"):
+    for good in ("((t - 32)*5/9 - 20)", "((t - 32)/1.8 - 20)", "(0.5556*(t - 32) - 20)",
+                 "(((t + t)/2 - 32)*0.556 - 20)", "(0.5556*t - 37.78)", "(t - 68)/1.8",
+                 "5/9*(t - 68)", "(t/9*5 - 37.78)"):  # fmt: skip
         path.write_text(text.replace("(t - 20)", good), "utf-8")
         load_budget(path)
     # A length of 32 mm converts nothing.
-    for bad in ("32*al*(t - 20)", "32 + al*(t - 20)"):
+    for bad in ("32*al*(t - 20)", "32 + al*(t - 20)", "1.8*al*(t - 20)", "9*al*(t - 20)/5",
+                "5*9*al*(t - 20)", "1.8 + al*(t - 20)", "al*(t - 20) - 32*al"):  # fmt: skip
         path.write_text(text.replace("al*(t - 20)", bad), "utf-8")
         with pytest.raises(InputError, match=r"inputs.t.unit: degF beside degC or K"):
             load_budget(path)

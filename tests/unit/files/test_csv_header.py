@@ -79,6 +79,7 @@ def test_other_words_are_columns_of_their_own(other: str, tmp_path: Path) -> Non
      ("squence", "sequence"), ("opration", "operation"), ("time_mins", "time_min"),
      ("Sequence No", "sequence"), ("repeat_id", "repeat"), ("Z", "z_mm"),
      ("Z [mm]", "z_mm"), ("z (mm)", "z_mm"), ("z_in_mm", "z_mm"), ("Z-Ist [mm]", "z_mm"),
+     ("Z/mm", "z_mm"), ("z.mm", "z_mm"),
      ("nominal_x", "nominal_x_mm")],
 )  # fmt: skip
 def test_an_optional_column_is_not_lost_by_its_spelling(

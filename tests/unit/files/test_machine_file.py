@@ -113,12 +113,12 @@ def test_coefficients_that_give_errors_of_no_machine(
     """Slopes per metre where per mm is meant; without a travel nobody can tell."""
     more = "axes: {x: {travel_mm: [0, 500]}}\n"
     found = load(tmp_path, machine(f"{{a: {component}}}", more=more)).warnings
-    texts = [item.message for item in found if item.code == "readings-large"]
+    texts = [item.message for item in found if item.code == "coefficients-large"]
     assert len(texts) == (words is not None)
     assert words is None or "m.yaml:3: components.a: large errors for a machine" in texts[0]
     assert words is None or words in texts[0]
     unused = machine(f"{{a: {component}, b: {{of: x, unit: um}}}}", "{Ex: b}", more)
-    assert "readings-large" not in [item.code for item in load(tmp_path, unused).warnings]
+    assert "coefficients-large" not in [item.code for item in load(tmp_path, unused).warnings]
 
 
 def test_a_number_may_be_an_equation(tmp_path: Path) -> None:

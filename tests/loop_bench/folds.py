@@ -1,0 +1,45 @@
+"""All folds of a table one after the other: prepared once for every table of the same design."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.analyses.close_loop.held_out import (
+    FOLDS,
+    Fold,
+    HeldOut,
+    fold_of,
+    joined,
+    of_fold,
+    splits_of,
+)
+from mtu_cli.model.effect_library import Candidate
+from mtu_cli.model.residual_table import ResidualTable
+
+
+def folds_of(
+    table: ResidualTable,
+    candidates: Sequence[Candidate],
+    seed: int,
+    pass_dof: float = np.inf,
+    count: int = FOLDS,
+    number: NDArray[np.int64] | None = None,
+) -> tuple[Fold, ...]:
+    """Those of `splits_of`."""
+    return tuple(
+        fold_of(table, candidates, split, seed, pass_dof)
+        for split in splits_of(table, count, number)
+    )
+
+
+def held_out(
+    table: ResidualTable, folds: Sequence[Fold], *, alpha: float, most: int
+) -> HeldOut | None:
+    """Searches every fold's kept part of `table` and scores all that it left out, gross entries
+    too; None without folds.
+    """
+    found = [of_fold(table, fold, alpha=alpha, most=most) for fold in folds]
+    return joined(table, [fold.split for fold in folds], found)
