@@ -93,32 +93,30 @@ def pass_states(rng: np.random.Generator, drift: Drift, n: int) -> dict[str, Flo
 
 def read_machine(rng: np.random.Generator, drift: Drift, passes: int = 5) -> Readings:
     """Ball-bar readings of one machine: `passes` forward and as many in reverse."""
-    names, code, position, error, number, direction = (*COMPONENTS, "axy"), [], [], [], [], []
+    names, error = (*COMPONENTS, "axy"), []
     states = pass_states(rng, drift, 2 * passes)
-    for c, (name, (_, b0, b1, repeat, _, _)) in enumerate(COMPONENTS.items()):
-        for g in range(2 * passes):
-            level, slope = states[name][g]
-            y = b0 + b1 * POSITIONS + level + slope * (POSITIONS - CENTRE)
-            error.append(y + repeat * rng.standard_normal(len(POSITIONS)))
-            position.append(POSITIONS)
-            code.append(np.full(len(POSITIONS), c))
-            number.append(np.full(len(POSITIONS), g // 2 + 1))
-            direction.append(np.full(len(POSITIONS), 1 - 2 * (g % 2)))
+    for name, (_, b0, b1, repeat, _, _) in COMPONENTS.items():
+        level, slope = states[name].T[:, :, None]
+        y = b0 + b1 * POSITIONS + level + slope * (POSITIONS - CENTRE)
+        error.append((y + repeat * rng.standard_normal(y.shape)).ravel())
     error.append(AXY[0] + AXY[1] * rng.standard_normal(AXY_PASSES))
-    position.append(np.full(AXY_PASSES, np.nan))
-    code.append(np.full(AXY_PASSES, len(COMPONENTS)))
-    number.append(np.arange(1, AXY_PASSES + 1))
-    direction.append(np.zeros(AXY_PASSES, int))
-    n = sum(len(item) for item in error)
+    # Readings of one component with an axis; all have the same places, passes and directions.
+    g = np.repeat(np.arange(2 * passes), len(POSITIONS))
+    places, count = np.tile(POSITIONS, 2 * passes), len(COMPONENTS)
+    position = np.append(np.tile(places, count), np.full(AXY_PASSES, np.nan))
+    number = np.append(np.tile(g // 2 + 1, count), np.arange(1, AXY_PASSES + 1))
+    direction = np.append(np.tile(1 - 2 * (g % 2), count), np.zeros(AXY_PASSES, int))
+    code = np.repeat(np.arange(count + 1), [len(item) for item in error])
+    n = len(code)
     return Readings(
         components=names,
-        code=np.concatenate(code),
-        position_mm=np.concatenate(position),
+        code=code,
+        position_mm=position,
         error=np.concatenate(error),
         dimension=np.ones(n, np.int8),
-        pass_number=np.concatenate(number),
+        pass_number=number,
         has_pass=np.ones(n, bool),
-        direction=np.concatenate(direction).astype(np.int8),
+        direction=direction.astype(np.int8),
         cycles=(),
         cycle=np.full(n, -1),
         time_min=np.full(n, np.nan),

@@ -52,9 +52,10 @@ def basis(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray
 
 def without(Q: FloatArray, errors: FloatArray) -> FloatArray:
     """Errors (n * a, ...) less their least-squares rigid motion, e - Q Q'e; rounding is 0."""
-    left = errors - Q @ (Q.T @ errors)
+    left: FloatArray = errors - Q @ (Q.T @ errors)
     size = np.abs(errors).max(axis=0, initial=0.0)
-    return np.where(np.abs(left) > ROUNDING * size, left, 0.0)
+    left[~(np.abs(left) > ROUNDING * size)] = 0.0
+    return left
 
 
 def projector(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:

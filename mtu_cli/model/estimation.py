@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,11 +32,13 @@ PassKey = tuple[int, int, int]
 """(file, pass, direction)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class InstrumentFit:
     """One component as one instrument read it; arrays in mm, rad and the readings' order.
 
-    `keys` are the (file, pass, direction) of the fit's passes, in its order.
+    `keys` are the (file, pass, direction) of the fit's passes, in its order; `order` (G,) is
+    their sequence in time. The tests on the passes are made when they are first asked for:
+    predictions need none of them.
     """
 
     role: str
@@ -44,14 +47,32 @@ class InstrumentFit:
     direction: FloatArray
     group: IntArray | None
     keys: tuple[PassKey, ...]
+    order: FloatArray
     starts: FloatArray
     ends: FloatArray
     setups: tuple[str, ...]
     fit: PassFit
-    scatter: FTest | None
-    trend: Shift | None
-    reversal: Shift | None
-    lack_of_fit: FTest | None
+
+    @cached_property
+    def scatter(self) -> FTest | None:
+        """Whether the passes differ by more than repeatability."""
+        return pass_scatter(self.fit)
+
+    @cached_property
+    def trend(self) -> Shift | None:
+        """The drift a pass."""
+        return pass_trend(self.fit, self.order)
+
+    @cached_property
+    def reversal(self) -> Shift | None:
+        """The mean reversal value."""
+        return reversal(self.fit)
+
+    @cached_property
+    def lack_of_fit(self) -> FTest | None:
+        """Whether free means at the positions fit better than the polynomial."""
+        degree = len(self.fit.plain.coefficients) - 1
+        return lack_of_fit(self.error, self.position, degree, self.group)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,12 +101,10 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     code = readings.components.index(name)
     rows = np.flatnonzero(readings.code == code)
     unit = UNITS[component.unit]
-    by_role: dict[str, list[int]] = {}
-    for row in rows:
-        by_role.setdefault(readings.roles[readings.file_index[row]], []).append(int(row))
+    roles = np.array(readings.roles)[readings.file_index[rows]]
     fits = tuple(
-        _fit_instrument(readings, np.array(chosen), role, component)
-        for role, chosen in by_role.items()
+        _fit_instrument(readings, rows[roles == role], role, component)
+        for role in dict.fromkeys(roles.tolist())
     )
     estimates = [_estimate(name, component, unit, fit) for fit in fits]
     if len(fits) > 1:
@@ -139,14 +158,11 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
         direction=direction,
         group=group,
         keys=keys,
+        order=order,
         starts=starts,
         ends=ends,
         setups=setups,
         fit=fit,
-        scatter=pass_scatter(fit),
-        trend=pass_trend(fit, order) if fit.separated else None,
-        reversal=reversal(fit),
-        lack_of_fit=lack_of_fit(error, position, component.degree, group),
     )
 
 
@@ -167,27 +183,32 @@ def _passes(
     numbers = readings.pass_number[rows].astype(np.int64)
     signs = readings.direction[rows].astype(np.int64)
     triples = np.column_stack([readings.file_index[rows], numbers, -signs])
-    distinct, group = np.unique(triples, axis=0, return_inverse=True)
-    keys = tuple((int(file), int(number), int(-sign)) for file, number, sign in distinct)
-    return group.reshape(-1).astype(np.int64), keys
+    order = np.lexsort(triples.T[::-1])
+    ordered = triples[order]
+    new = np.ones(len(rows), bool)
+    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    group = np.empty(len(rows), np.int64)
+    group[order] = np.cumsum(new) - 1
+    return group, tuple((file, number, -sign) for file, number, sign in ordered[new].tolist())
 
 
 def _pass_times(
     readings: Readings, rows: IntArray, group: IntArray | None, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[str, ...]]:
     """Order in time, first and last time, and set-up of every pass."""
-    starts, ends = np.full(count, np.nan), np.full(count, np.nan)
-    setups = [""] * count
+    starts, ends = np.full(count, np.inf), np.full(count, -np.inf)
     if group is None:
         return np.zeros(0), starts, ends, ()
-    labels = readings.covariates.get("setup")
     times = readings.time_min[rows]
-    for g in range(count):
-        inside = group == g
-        if np.isfinite(times[inside]).all():
-            starts[g], ends[g] = times[inside].min(), times[inside].max()
-        if labels is not None:
-            setups[g] = str(labels[rows[inside][0]])
+    # One reading without a time (nan) leaves its pass without.
+    with np.errstate(invalid="ignore"):
+        np.minimum.at(starts, group, times)
+        np.maximum.at(ends, group, times)
+    setups = [""] * count
+    labels = readings.covariates.get("setup")
+    if labels is not None:
+        _, first = np.unique(group, return_index=True)
+        setups = [str(label) for label in labels[rows[first]]]
     order = starts if np.isfinite(starts).all() else np.arange(count, dtype=np.float64)
     return order, starts, ends, tuple(setups)
 

@@ -77,14 +77,23 @@ def freed(values: FloatArray, motions: Sequence[Motions], rows: int) -> FloatArr
     """
     if not motions:
         return values
+    if len(motions) == 1 and (len(motions[0].rows), len(motions[0].columns)) == (
+        rows,
+        values.shape[1],
+    ):
+        return _moved(values, motions[0].Q)
     alike = all(len(own.rows) == rows for own in motions)
     if len(values) == 1 < rows and not alike:
         values = np.broadcast_to(values, (rows, *values.shape[1:]))
     result = values.copy()
     for own in motions:
         index = np.ix_(np.arange(1) if len(values) == 1 else own.rows, own.columns)
-        block = result[index]
-        m, h, a, r = block.shape
-        flat = block.transpose(1, 2, 0, 3).reshape(h * a, m * r)
-        result[index] = without(own.Q, flat).reshape(h, a, m, r).transpose(2, 0, 1, 3)
+        result[index] = _moved(result[index], own.Q)
     return result
+
+
+def _moved(block: FloatArray, Q: FloatArray) -> FloatArray:
+    """A block (m, h, A, R) less what the motions Q (h * A, k) fit of it."""
+    m, h, a, r = block.shape
+    flat = block.transpose(1, 2, 0, 3).reshape(h * a, m * r)
+    return without(Q, flat).reshape(h, a, m, r).transpose(2, 0, 1, 3)

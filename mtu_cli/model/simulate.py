@@ -13,7 +13,7 @@ import numpy as np
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.language import Node
-from mtu_cli.model.design import design, theta
+from mtu_cli.model.design import Design, design, theta
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.simulate_equations import (
     Visits,
@@ -23,7 +23,8 @@ from mtu_cli.model.simulate_equations import (
     error_values,
 )
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.streams import normal_draw, stream
+from mtu_cli.stats.positive_part import covariance_root
+from mtu_cli.stats.streams import stream
 
 IntArray = np.ndarray
 Equations = Sequence[tuple[str, Node]]
@@ -92,7 +93,7 @@ def simulate_points(
     n = len(ids)
     visits = [_visits(ids, points, plan, part) for part in range(plan.parts)]
     covariates = [own.values for own in visits]
-    measured = [_one_part(model, plan, own, seed) for own in visits]
+    measured = _measured(model, plan, visits, seed)
     repeats = [len(own) for own in measured]
     axes = _written(model)
     return SimulatedPoints(
@@ -111,13 +112,35 @@ def simulate_points(
     )
 
 
-def _one_part(model: MachineModel, plan: PartsPlan, visits: Visits, seed: int) -> FloatArray:
-    """Measured coordinates (repeats, n, axes) of one part's features, mm."""
+def _measured(
+    model: MachineModel, plan: PartsPlan, visits: Sequence[Visits], seed: int
+) -> list[FloatArray]:
+    """Measured coordinates (repeats, n, axes) of every part's features, mm."""
+    roots = [covariance_root(term.estimate.pass_covariance) for term in model.terms]
+    # Without covariates in the equations the places alone make the design, of every part.
+    fixed = None if model.covariates() else design(model, visits[0].points, {})
+    return [
+        _one_part(model, plan, own, seed, (fixed or design(model, own.points, own.values), roots))
+        for own in visits
+    ]
+
+
+def _one_part(
+    model: MachineModel,
+    plan: PartsPlan,
+    visits: Visits,
+    seed: int,
+    machine: tuple[Design, Sequence[FloatArray]],
+) -> FloatArray:
+    """Measured coordinates (repeats, n, axes) of one part's features, mm.
+
+    `machine` is the design at them, and a root of each term's pass-to-pass covariance.
+    """
     first, more = plan.first_repeats
     part, points = visits.part - 1, visits.points
     repeats = more if part < first else plan.repeats
     rng = stream(seed, 1, part)
-    errors = _part_errors(model, points, visits.values, rng)
+    errors = _part_errors(model, *machine, rng)
     errors += plan.part_offset * rng.standard_normal(errors.shape[1])
     errors += _effects(model, plan.effects, visits)
     errors += _scatter(model, plan.scatter, visits, stream(seed, 3, part))
@@ -191,19 +214,18 @@ def _directions(coordinate: FloatArray, visits: IntArray) -> FloatArray:
 
 def _part_errors(
     model: MachineModel,
-    points: FloatArray,
-    values: Mapping[str, FloatArray],
+    rows: Design,
+    roots: Sequence[FloatArray],
     rng: np.random.Generator,
 ) -> FloatArray:
     """Errors (n, axes) of one part's features."""
-    given: dict[str, FloatArray | float] = dict(values)
-    rows = design(model, points, given)
     state = theta(model)
-    n, a = len(points), len(model.axes)
+    a = len(model.axes)
+    n = len(rows.J) // a
     noise = np.zeros((n, a))
     levers = rows.levers.reshape(n, a, -1)
     for t, (term, columns) in enumerate(zip(model.terms, rows.columns, strict=True)):
-        state[columns] += normal_draw(rng, term.estimate.pass_covariance)
+        state[columns] += roots[t] @ rng.standard_normal(len(roots[t]))
         visits = rng.standard_normal(n) * term.estimate.s_repeat
         noise += levers[:, :, t] * visits[:, None]
     errors: FloatArray = (rows.J @ state + rows.remainder).reshape(n, a) + noise

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 from mtu_cli.errors import fault
@@ -67,6 +68,8 @@ _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "ModDate": None},
 }
 
+_BACKENDS = {"png": "agg", "svg": "svg", "pdf": "pdf"}
+
 
 @contextmanager
 def house_style() -> Iterator[None]:
@@ -117,5 +120,19 @@ def figure_bytes(figure: Figure, suffix: str) -> bytes:
     with house_style(), warnings.catch_warnings():
         # Names are the user's: a sign that the font lacks is drawn as a box, without a word.
         warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
-        figure.savefig(out, format=kind, metadata=_METADATA[kind])
+        _printed(figure, kind, out)
     return out.getvalue()
+
+
+def _printed(figure: Figure, kind: str, out: io.BytesIO) -> None:
+    """The bytes of Figure.savefig, but drawn once: it draws another time to lay the figure out,
+    which every drawing does by itself.
+    """
+    canvas, dots = figure.canvas, figure.dpi
+    backend = import_module(f"matplotlib.backends.backend_{_BACKENDS[kind]}")
+    try:
+        getattr(backend.FigureCanvas(figure), f"print_{kind}")(out, metadata=_METADATA[kind])
+    finally:
+        # Those of vectors leave the figure with 72 dots an inch.
+        figure.set_canvas(canvas)
+        figure.dpi = dots

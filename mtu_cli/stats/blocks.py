@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Protocol
 
 import numpy as np
@@ -14,6 +16,9 @@ from mtu_cli.stats.ordered_tails import OrderedTails
 from mtu_cli.stats.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
+
+AT_ONCE = 2**15
+"""Values of short blocks that are summarised together: they stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +97,20 @@ class BlockSummary:
     linear_lower: FloatArray | None
     linear_upper: FloatArray | None
 
+    def of(self, block: int) -> BlockSummary:
+        """That of one of the blocks of which all arrays have an axis before that of the outputs."""
+        controls, linear_lower, linear_upper = self.controls, self.linear_lower, self.linear_upper
+        return BlockSummary(
+            count=self.count,
+            statistics=self.statistics[:, block],
+            controls=None if controls is None else controls[:, block],
+            squares=self.squares[block],
+            lower=self.lower[block],
+            upper=self.upper[block],
+            linear_lower=None if linear_lower is None else linear_lower[block],
+            linear_upper=None if linear_upper is None else linear_upper[block],
+        )
+
 
 def block_generator(seed: int, block: int) -> np.random.Generator:
     """The stream of one block: it depends on the seed and the block's number alone."""
@@ -123,15 +142,33 @@ class BlockSummariser:
         self._work = Workspace()
         self._ordered, self._ordered_linear = OrderedTails(), OrderedTails()
 
+    def summarise_short(self, blocks: Sequence[Draws]) -> Iterator[BlockSummary]:
+        """`summarise` of short blocks in order, many at once: one by one the calls take longer
+        than the work. Not where each has scales of its own, of which a quantile is sought.
+        """
+        for _, alike in groupby(blocks, lambda draws: draws.values.shape[1]):
+            own = list(alike)
+            u = own[0].linear_u
+            fixed = u is None or u.shape[1] == 1
+            if not fixed:
+                yield from map(self.summarise, own)
+                continue
+            many = max(1, AT_ONCE // own[0].values.size)
+            for first in range(0, len(own), many):
+                some = own[first : first + many]
+                whole = self.summarise(_stacked(some))
+                yield from (whole.of(block) for block in range(len(some)))
+
     def summarise(self, draws: Draws) -> BlockSummary:
-        """Summary of one block of finite values."""
+        """Summary of one block of finite values, or of blocks of the same length (b, outputs, m):
+        every array of it then has their axis before that of the outputs.
+        """
         values = draws.values
         mean, squares = self._moments(values)
-        m = values.shape[1]
+        m = values.shape[-1]
         lower, upper = self._tails(values, self._ordered)
-        statistics = np.array(
-            [mean, np.diagonal(squares) / (m - 1), self._ends(lower), self._ends(upper)]
-        )
+        variance = np.diagonal(squares, axis1=-2, axis2=-1) / (m - 1)
+        statistics = np.array([mean, variance, self._ends(lower), self._ends(upper)])
         controls, linear_lower, linear_upper = self._control(draws)
         return BlockSummary(
             count=m,
@@ -145,21 +182,22 @@ class BlockSummariser:
         )
 
     def _moments(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        mean: FloatArray = values.mean(axis=1)
+        mean: FloatArray = values.mean(axis=-1)
         centred = self._work.array("centred", values.shape)
-        np.subtract(values, mean[:, np.newaxis], out=centred)
-        return mean, centred @ centred.T
+        np.subtract(values, mean[..., np.newaxis], out=centred)
+        return mean, centred @ centred.swapaxes(-1, -2)
 
     def _tails(self, values: FloatArray, ordered: OrderedTails) -> tuple[FloatArray, FloatArray]:
-        m = values.shape[1]
-        lower, upper = ordered.of(values, min(self.plan.tail + 1, m))
-        return self.plan.on_grid(lower, m), self.plan.on_grid(upper, m)
+        *blocks, m = values.shape
+        tails = ordered.of(values.reshape(-1, m), min(self.plan.tail + 1, m))
+        lower, upper = (self.plan.on_grid(tail, m) for tail in tails)
+        return lower.reshape(*blocks, -1), upper.reshape(*blocks, -1)
 
     def _ends(self, ordered: FloatArray) -> FloatArray:
-        """Ends (outputs,) of the symmetric interval from ordered values (outputs, tail)."""
+        """Ends (..., outputs) of the symmetric interval from ordered values (..., tail)."""
         if self._weights.ndim == 1:
             return np.asarray(ordered @ self._weights)
-        return np.asarray((ordered * self._weights).sum(axis=1))
+        return np.asarray((ordered * self._weights).sum(axis=-1))
 
     def _control(
         self, draws: Draws
@@ -167,20 +205,20 @@ class BlockSummariser:
         linear, mean = draws.linear, self.linear_mean
         if linear is None or mean is None:
             return None, None, None
-        m = linear.shape[1]
+        m = linear.shape[-1]
         centred = self._work.array("centred", linear.shape)
-        controls = np.zeros((4, linear.shape[0]))
-        linear_average = linear.mean(axis=1)
+        controls = np.zeros((4, *linear.shape[:-1]))
+        linear_average = linear.mean(axis=-1)
         controls[0] = linear_average - mean
-        np.subtract(linear, linear_average[:, np.newaxis], out=centred)
-        variance = np.einsum("ij,ij->i", centred, centred) / (m - 1)
+        np.subtract(linear, linear_average[..., np.newaxis], out=centred)
+        variance = np.einsum("...j,...j->...", centred, centred) / (m - 1)
         controls[1] = variance - self._expected_variance(draws, variance)
         if draws.linear_u is None:
             return controls, None, None
         lower, upper = self._tails(linear, self._ordered_linear)
         u, plan = draws.linear_u, self.plan
-        fixed = u.shape[1] == 1
-        end = u[:, 0] * self._end if fixed else mixture_quantile(u, plan.end_probability)
+        fixed = u.shape[-1] == 1
+        end = u[..., 0] * self._end if fixed else mixture_quantile(u, plan.end_probability)
         controls[2] = self._ends(lower) - (mean + end)
         controls[3] = self._ends(upper) - (mean - end)
         if not fixed:
@@ -194,7 +232,19 @@ class BlockSummariser:
         if self.linear_variance is not None:
             given = np.asarray(self.linear_variance, dtype=np.float64)
         if draws.linear_u is not None:
-            scale = np.einsum("ij,ij->i", draws.linear_u, draws.linear_u) / draws.linear_u.shape[1]
+            u = draws.linear_u
+            scale = np.einsum("...j,...j->...", u, u) / u.shape[-1]
             given = np.where(np.isnan(given), scale, given)
         # An unknown expectation makes the control 0, which leaves the statistic as it is.
         return np.where(np.isnan(given), observed, given)
+
+
+def _stacked(blocks: Sequence[Draws]) -> Draws:
+    """Blocks of the same length as one array each, (b, outputs, m)."""
+    forms = [item.linear for item in blocks if item.linear is not None]
+    scales = [item.linear_u for item in blocks if item.linear_u is not None]
+    return Draws(
+        values=np.stack([item.values for item in blocks]),
+        linear=np.stack(forms) if forms else None,
+        linear_u=np.stack(scales) if scales else None,
+    )

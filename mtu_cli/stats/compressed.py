@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg.lapack import dtrtri
 
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.orthogonal import triangle
 
 _DEPENDENT = 1e-9
 """Ratio of a factor's diagonal below which its inverse is mostly rounding."""
@@ -93,4 +94,4 @@ def _triangle(Z: FloatArray) -> FloatArray:
     # As many rows as columns are a factor, but none that `_by_earlier` may invert as a triangle.
     if len(Z) < Z.shape[1]:
         return Z.astype(np.float64)
-    return np.asarray(np.linalg.qr(Z, mode="r"), np.float64)
+    return triangle(Z)

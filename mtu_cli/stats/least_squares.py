@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.stats.orthogonal import triangle
+
 FloatArray = NDArray[np.float64]
 
 RANK_TOLERANCE = 1e-10
@@ -46,6 +48,8 @@ def least_squares(X: FloatArray, y: FloatArray) -> LeastSquares:
     minimum-norm solution (in the scaled columns) is returned and `null_space` spans what is
     free. Iterative refinement brings residuals and coefficients to working accuracy.
     """
+    if X.shape[1] == 0:
+        return _nothing_fitted(y)
     scale = np.linalg.norm(X, axis=0)
     scale[scale == 0] = 1.0
     U, singular, Vt = np.linalg.svd(X / scale, full_matrices=X.shape[0] < X.shape[1])
@@ -62,6 +66,19 @@ def least_squares(X: FloatArray, y: FloatArray) -> LeastSquares:
         dof=X.shape[0] - rank,
         rank=rank,
         null_space=Vt[rank:k].T / scale[:, None],
+    )
+
+
+def _nothing_fitted(y: FloatArray) -> LeastSquares:
+    """The fit of no columns: y is what is left."""
+    return LeastSquares(
+        coefficients=np.zeros(0),
+        unscaled_covariance=np.zeros((0, 0)),
+        residuals=y.astype(np.float64),
+        rss=float(y @ y),
+        dof=len(y),
+        rank=0,
+        null_space=np.zeros((0, 0)),
     )
 
 
@@ -119,8 +136,7 @@ def beside(rows: FloatArray, first: int) -> FloatArray:
     """The last columns of `rows` (n, first + k) beside the first ones, as at most k rows: squares
     and products are those of what the first leave of them.
     """
-    R = np.asarray(np.linalg.qr(rows, mode="r"), np.float64)
-    return R[first:, first:]
+    return triangle(rows)[first:, first:]
 
 
 def _orthogonalised(

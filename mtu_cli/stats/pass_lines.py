@@ -7,7 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.least_squares import FloatArray, LeastSquares, least_squares
+from mtu_cli.stats.least_squares import (
+    RANK_TOLERANCE,
+    FloatArray,
+    LeastSquares,
+    least_squares,
+)
 
 IntArray = NDArray[np.int64]
 
@@ -45,14 +50,11 @@ def own_lines(
     that nothing larger than the readings is ever formed.
     """
     free = np.column_stack([common, y])
-    lines = np.zeros((G, Z.shape[1], free.shape[1]))
+    lines, residual = lines_by_pass(free, Z, codes, G)
     precisions = np.zeros((G, Z.shape[1], Z.shape[1]))
-    residual = np.empty_like(free)
-    order = np.argsort(codes, kind="stable")
-    for g, rows in enumerate(np.split(order, np.searchsorted(codes[order], np.arange(1, G)))):
-        lines[g] = np.linalg.lstsq(Z[rows], free[rows], rcond=None)[0]
-        residual[rows] = free[rows] - Z[rows] @ lines[g]
-        precisions[g] = Z[rows].T @ Z[rows]
+    for i in range(Z.shape[1]):
+        for j in range(Z.shape[1]):
+            precisions[:, i, j] = np.bincount(codes, Z[:, i] * Z[:, j], G)
     k = common.shape[1]
     # What the lines took out whole would come back as a column of rounding errors.
     absorbed = np.linalg.norm(residual[:, :k], axis=0) <= 1e-10 * np.linalg.norm(common, axis=0)
@@ -75,6 +77,37 @@ def own_lines(
     )
 
 
+def lines_by_pass(
+    columns: FloatArray, Z: FloatArray, codes: IntArray, G: int
+) -> tuple[FloatArray, FloatArray]:
+    """Least-squares lines (G, q, m) of the columns (n, m) in every pass, and what they leave.
+
+    Z (n, q) is [1] or [1, z], `codes` (n,) are the passes 0 to G - 1, none of them empty. Level at
+    the pass's own mean z and slope are apart: both come in closed form, for all passes at once. A
+    pass of one z has slope 0.
+    """
+    order = np.argsort(codes, kind="stable")
+    starts = np.searchsorted(codes[order], np.arange(G))
+
+    def sums(values: FloatArray) -> FloatArray:
+        found: FloatArray = np.add.reduceat(values[order], starts, axis=0)
+        return found
+
+    counts = np.bincount(codes, minlength=G)[:, None]
+    level = sums(columns) / counts
+    rest = columns - level[codes]
+    if Z.shape[1] == 1:
+        return level[:, None], rest
+    z = Z[:, 1:]
+    middle = sums(z) / counts
+    t = z - middle[codes]
+    square = sums(t * t)
+    told = square > RANK_TOLERANCE**2 * sums(z * z)
+    slope = sums(t * rest) * np.divide(1.0, square, out=np.zeros_like(square), where=told)
+    rest -= t * slope[codes]
+    return np.stack([level - middle * slope, slope], axis=1), rest
+
+
 def between_passes(
     stage: OwnLines, fixed: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
@@ -85,11 +118,11 @@ def between_passes(
     different positions. None where the common powers are not determined within passes but
     needed to compare them.
     """
-    hat = fixed @ np.linalg.pinv(fixed)
+    hat = fixed @ np.linalg.solve(fixed.T @ fixed, fixed.T)
     dof = len(fixed) - fixed.shape[1]
     apart = np.eye(len(fixed)) - hat
     deviations = apart @ stage.coefficients
-    carried = np.tensordot(apart, stage.carried, 1)
+    carried = np.einsum("gh,hia->gia", apart, stage.carried)
     null = stage.shared.null_space
     if (np.abs(carried @ null) > 1e-9 * (np.abs(stage.carried).max(axis=0) @ np.abs(null))).any():
         return None

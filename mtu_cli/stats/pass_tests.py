@@ -12,7 +12,7 @@ import numpy as np
 
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.mixed import IntArray, PassFit, polynomial
-from mtu_cli.stats.pass_lines import ROUNDING
+from mtu_cli.stats.pass_lines import ROUNDING, lines_by_pass
 
 MAX_POSITIONS = 400
 """More distinct positions than this count as a continuous run, without replicates."""
@@ -120,12 +120,12 @@ def lack_of_fit(
         codes = np.unique(group, return_inverse=True)[1].astype(np.int64)
     own = min(degree, 1)
     centred = (position - position.mean()) / float(np.ptp(position))
-    columns = [np.eye(m)[at], polynomial(centred, degree), y]
-    free = _without_lines(np.column_stack(columns), polynomial(centred, own), codes)
+    columns = np.column_stack([np.eye(m)[at], polynomial(centred, degree), y])
+    _, free = lines_by_pass(columns, polynomial(centred, own), codes, int(codes.max()) + 1)
     powers, response = free[:, m:-1], free[:, -1]
     line = _fit_rank(powers, response)
     means = _fit_rank(np.column_stack([powers, free[:, :m]]), response)
-    df_pure = len(y) - _lines_rank(centred, codes, own) - means[1]
+    df_pure = len(y) - _lines_rank(at, codes, own) - means[1]
     df_lack = means[1] - line[1]
     rounding = len(y) * float(ROUNDING * np.abs(y).max()) ** 2
     if df_pure < 1 or means[0] <= rounding:
@@ -140,18 +140,11 @@ def _fit_rank(X: FloatArray, y: FloatArray) -> tuple[float, int]:
     return found.rss, found.rank
 
 
-def _without_lines(columns: FloatArray, Z: FloatArray, codes: IntArray) -> FloatArray:
-    """The columns (n, m) with every pass's own line, of columns Z (n, 1 or 2), taken out."""
-    result = columns.astype(np.float64, copy=True)
-    order = np.argsort(codes, kind="stable")
-    borders = np.searchsorted(codes[order], np.arange(1, codes.max() + 1))
-    for rows in np.split(order, borders):
-        result[rows] -= Z[rows] @ np.linalg.lstsq(Z[rows], columns[rows], rcond=None)[0]
-    return result
+def _lines_rank(at: IntArray, codes: IntArray, own: int) -> int:
+    """Free parameters of one line a pass: own + 1, 1 where a pass has one position only.
 
-
-def _lines_rank(centred: FloatArray, codes: IntArray, own: int) -> int:
-    """Free parameters of one line a pass: own + 1, 1 where a pass has one position only."""
-    pairs = np.unique(np.column_stack([codes.astype(float), centred]), axis=0)
-    per_pass = np.bincount(pairs[:, 0].astype(np.int64))
+    `at` and `codes` (n,) number the position and the pass of every reading from 0.
+    """
+    positions = int(at.max()) + 1
+    per_pass = np.bincount(np.unique(codes * positions + at) // positions)
     return int(np.minimum(per_pass, own + 1).sum())

@@ -88,23 +88,27 @@ class Pool:
             self._squares += block.squares
             self._squares += np.outer(apart, apart) * (self.trials * block.count / total)
             self._mean = self._mean + apart * (block.count / total)
-        self.blocks += 1
         self.trials += block.count
+        self.add_statistics(block)
+        self._lower.add(block.lower, block.linear_lower)
+        self._upper.add(block.upper, block.linear_upper)
+
+    def add_statistics(self, block: BlockSummary) -> None:
+        """Takes in what `gain` alone needs of the next block."""
+        if self.blocks == 0:
+            self._origin = block.statistics
+            self._count = np.zeros(GROUPS, dtype=np.int64)
+            self._sums = np.zeros((5, GROUPS, *block.statistics.shape))
+        self.blocks += 1
         away = block.statistics - self._origin
         c = np.zeros_like(away) if block.controls is None else block.controls
         group = (self.blocks - 1) % GROUPS
         self._count[group] += 1
         self._sums[:, group] += np.array([away, away * away, c, c * c, away * c])
-        self._lower.add(block.lower, block.linear_lower)
-        self._upper.add(block.upper, block.linear_upper)
 
     def _start(self, block: BlockSummary) -> None:
-        shape = block.statistics.shape
-        self._origin = block.statistics
         self._mean = block.statistics[0]
         self._squares = block.squares.copy()
-        self._count = np.zeros(GROUPS, dtype=np.int64)
-        self._sums = np.zeros((5, GROUPS, *shape))
         self._lower, self._upper = TailSums(block.lower), TailSums(block.upper)
 
     def estimates(self) -> Estimates:

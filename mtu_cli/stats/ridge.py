@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtrs
 
 from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray
+from mtu_cli.stats.orthogonal import orthonormal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +44,7 @@ def ridge(
     singular values of X freed of F. Penalty 0 is ordinary least squares, of least norm where
     columns depend on each other.
     """
-    Q, R = np.linalg.qr(free)
+    Q, R = orthonormal(free)
     inside, of_y = Q.T @ X, Q.T @ y
     rest, target = X - Q @ inside, y - Q @ of_y
     scale = np.linalg.norm(rest, axis=0) / np.sqrt(n)
@@ -55,7 +56,7 @@ def ridge(
     U, singular, V = U[:, kept], singular[kept], Vt[kept].T
     gains = singular / (singular**2 + n * np.asarray(penalties, float)[:, None])
     b = (gains * (U.T @ target)) @ (V / divisor[:, None]).T
-    a = solve_triangular(R, of_y[:, None] - inside @ b.T).T
+    a = dtrtrs(R, of_y[:, None] - inside @ b.T)[0].T
     return RidgePath(
         coefficients=b,
         intercepts=a,

@@ -89,6 +89,8 @@ class BlockRunner:
             self._count(count, not_finite)
             if summary is not None:
                 pool.add(summary)
+        for summary in self.summariser.summarise_short(self.draws[pool.blocks :]):
+            pool.add(summary)
 
     def only_block(self) -> FloatArray:
         """The values (outputs, m) of a plan of one block."""
@@ -111,6 +113,7 @@ class BlockRunner:
         self._keep(draws.values, self._plan.first_trial(block))
         if self._plan.is_short:
             self.draws.append(draws.copy())
+            return m, not_finite, None
         return m, not_finite, self.summariser.summarise(draws)
 
     def _keep(self, values: FloatArray, start: int) -> None:

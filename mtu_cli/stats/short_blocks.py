@@ -70,10 +70,13 @@ def crossed_gain(
         linear_u = _joined([item.linear_u for item in draws])
     pool = Pool(summariser.plan, u_exists)
     h = len(draws)
+    crossed = []
     for i in range(h):
         u = linear_u if linear_u is None or linear_u.shape[1] == 1 else linear_u[:, i::h]
         form = None if linear is None else linear[:, i::h]
-        pool.add(summariser.summarise(Draws(values=values[:, i::h], linear=form, linear_u=u)))
+        crossed.append(Draws(values=values[:, i::h], linear=form, linear_u=u))
+    for block in summariser.summarise_short(crossed):
+        pool.add_statistics(block)
     return pool.gain()
 
 

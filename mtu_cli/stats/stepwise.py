@@ -12,6 +12,7 @@ from scipy.special import fdtrc
 from mtu_cli.stats.autocorrelation import autocorrelation, effective_number
 from mtu_cli.stats.compressed import Compressed
 from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.orthogonal import triangle
 
 ENTER = 0.05
 REMOVE = 0.10
@@ -54,7 +55,7 @@ def _square(rows: Compressed) -> Compressed:
     """The same rows in a factor of no more rows than columns: steps cost less by it."""
     if len(rows.factor) <= rows.factor.shape[1]:
         return rows
-    return replace(rows, factor=np.asarray(np.linalg.qr(rows.factor, mode="r"), np.float64))
+    return replace(rows, factor=triangle(rows.factor))
 
 
 def residual_autocorrelation(rows: Compressed, weights: FloatArray) -> float:
@@ -74,8 +75,7 @@ def fitted_weights(rows: Compressed, chosen: Sequence[int]) -> FloatArray:
 
 def _triangle(rows: Compressed, chosen: Sequence[int], others: Sequence[int]) -> FloatArray:
     """R of constant, chosen, others, target: what the chosen leave of the rest is below them."""
-    own = rows.factor[:, [0, *chosen, *others, -1]]
-    return np.asarray(np.linalg.qr(own, mode="r"), np.float64)
+    return triangle(rows.factor[:, [0, *chosen, *others, -1]])
 
 
 def _best_entry(rows: Compressed, chosen: Sequence[int], number: float, limit: float) -> int | None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.orthogonal import triangle
 
 REWEIGHTED = 6
 FEWEST = 1.0
@@ -60,19 +61,20 @@ def stratified_fit(
     nearly exactly (`_bounded`) `within` (S,) is the stratum whose variance is a part of its own.
     """
     k = X.shape[1]
-    rows = [triangle(np.column_stack([X[s], y[s]])) for s in places]
-    G = np.array([r[:, :k].T @ r[:, :k] for r in rows]).reshape(-1, k, k)
-    total = np.array([r[:, k] @ r[:, k] for r in rows])
+    rows = _triangles(np.column_stack([X, y]), places)
+    G = rows[:, :, :k].transpose(0, 2, 1) @ rows[:, :, :k]
+    total = (rows[:, :, k] ** 2).sum(axis=1)
+    null, beside = dof / np.maximum(total, 1e-300), dof - _held(G)
     left, spent = total, np.zeros(len(rows))
     for _ in range(REWEIGHTED):
         w = np.maximum(dof - spent, FEWEST) / np.maximum(left, 1e-300)
         w = np.where((dof > 0) & (total > 0), w, 0.0)
-        w = _bounded(w, dof / np.maximum(total, 1e-300), dof - _held(G), within)
-        whole = np.concatenate([np.sqrt(v) * r for v, r in zip(w, rows, strict=True)])
+        w = _bounded(w, null, beside, within)
+        whole = (np.sqrt(w)[:, None, None] * rows).reshape(-1, k + 1)
         fit = least_squares(whole[:, :k], whole[:, k])
         beta, C = fit.coefficients, fit.unscaled_covariance
         spent = w * np.einsum("sij,ji->s", G, C)
-        squares = np.array([np.sum((r[:, k] - r[:, :k] @ beta) ** 2) for r in rows])
+        squares = ((rows[:, :, k] - rows[:, :, :k] @ beta) ** 2).sum(axis=1)
         left = np.maximum(squares, LEAST * total)
     nu = np.maximum(dof - spent, FEWEST)
     # What each stratum adds to C: their sum.
@@ -127,8 +129,18 @@ def _effective(C: FloatArray, own: FloatArray, nu: FloatArray) -> FloatArray:
     return found
 
 
-def triangle(rows: FloatArray) -> FloatArray:
+def _triangles(rows: FloatArray, places: Sequence[slice]) -> FloatArray:
+    """The `shortened` of each stratum's rows, filled up with zeros to (S, m, m)."""
+    m = rows.shape[1]
+    found = np.zeros((len(places), m, m))
+    for own, place in zip(found, places, strict=True):
+        short = shortened(rows[place])
+        own[: len(short)] = short
+    return found
+
+
+def shortened(rows: FloatArray) -> FloatArray:
     """As many rows as columns at most, with the same squares and cross products."""
     if len(rows) <= rows.shape[1]:
         return rows
-    return np.asarray(np.linalg.qr(rows, mode="r"), np.float64)
+    return triangle(rows)

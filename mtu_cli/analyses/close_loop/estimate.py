@@ -12,7 +12,7 @@ from mtu_cli.stats.column_groups import MemberColumns, whitened
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.loop_null import draw
 from mtu_cli.stats.strata import Strata
-from mtu_cli.stats.stratified import StratifiedFit, stratified_fit, triangle
+from mtu_cli.stats.stratified import StratifiedFit, shortened, stratified_fit
 from mtu_cli.stats.streams import stream
 
 DRAWN = 3_000
@@ -78,8 +78,10 @@ def drawn_covariance(
     w = np.concatenate(
         [np.full(s.size, weight) for s, weight in zip(strata.all, weights, strict=True)]
     )
-    rows = triangle(np.sqrt(w)[:, None] * X)
+    rows = shortened(np.sqrt(w)[:, None] * X)
     C = least_squares(rows, np.zeros(len(rows))).unscaled_covariance[:k]
+    # beta = C X'W H y with the whitening H: applied to the k columns, not to all that is drawn.
+    of_drawn = whitened(strata, scan.whitening.transpose(0, 2, 1), w[:, None] * (X @ C.T))
     most = FEWEST_DRAWN if seed is None else DRAWN
     samples = int(np.clip(MOST_ENTRIES // max(strata.size, 1), FEWEST_DRAWN, most))
     batch = max(1, BATCH_ENTRIES // max(strata.size, 1))
@@ -87,8 +89,7 @@ def drawn_covariance(
     found = []
     for first in range(0, samples, batch):
         y, grand = draw(scan.frame, scan.null, min(batch, samples - first), rng)
-        beta = C @ (X.T @ (w[:, None] * whitened(strata, scan.whitening, y.T)))
-        found.append(np.concatenate([beta.T, grand], axis=1))
+        found.append(np.concatenate([y @ of_drawn, grand], axis=1))
     drawn = np.concatenate(found)
     covariance: FloatArray = drawn.T @ drawn / len(drawn)
     return covariance

@@ -21,7 +21,7 @@ from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import NullModel, whitening_of
 from mtu_cli.stats.strata import Strata, strata_of
-from mtu_cli.stats.stratified import triangle
+from mtu_cli.stats.stratified import shortened
 
 Seen = dict[int, FloatArray]
 """The coordinates of a column, by the number of the stratum that they lie in."""
@@ -94,7 +94,7 @@ class Sight:
     def left(self, effects: Mapping[int, Seen], columns: Sequence[Seen] = ()) -> dict[int, float]:
         """The squares that `columns`, fitted beside the nuisances, leave of each effect."""
         Z = self.stacked([*self.nuisance, *columns, *effects.values()])
-        rows = triangle(Z)
+        rows = shortened(Z)
         X, Y = np.split(rows, [Z.shape[1] - len(effects)], axis=1)
         return {i: least_squares(X, y).rss for i, y in zip(effects, Y.T, strict=True)}
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -47,6 +49,11 @@ class Grown:
         return Draws(values=np.expm1(self.a * z) / self.a, linear=z, linear_u=np.ones((1, 1)))
 
 
+@cache
+def student(blocks: int) -> float:
+    return float(stats.t.ppf(0.975, blocks - 1) / stats.norm.ppf(0.975))
+
+
 def added(result: MonteCarloResult, name: str) -> float:
     """What a standard error is stated larger by beyond the scatter: t for few short blocks.
 
@@ -55,8 +62,7 @@ def added(result: MonteCarloResult, name: str) -> float:
     h = result.blocks
     if result.trials > LONGEST_SHORT or getattr(result.gain, name)[0] == 1.0:
         return 1.0
-    student = float(stats.t.ppf(0.975, h - 1) / stats.norm.ppf(0.975))
-    return student * ((1.1 + 1.0 / h) if name in ("low", "high") else 1.0)
+    return student(h) * ((1.1 + 1.0 / h) if name in ("low", "high") else 1.0)
 
 
 @pytest.mark.parametrize("trials", [2000, 5003, None])
