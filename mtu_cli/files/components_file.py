@@ -17,7 +17,7 @@ from mtu_cli.files.report_file import (
     Matrix,
     NonNegative,
     any_estimated,
-    negative,
+    matrix_fault,
     no_dof,
     not_a_report,
     read_from,
@@ -164,25 +164,14 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
     wanted.append(("pass_covariance_moment", item.pass_covariance_moment, q))
     if item.covariance_independent is not None:
         wanted.append(("covariance_independent", item.covariance_independent, k))
-    problems = [
-        Problem(
-            what=f"{key} is not {size} x {size}",
-            file=source.shown,
-            path=f"results.components.{name}.{key}",
-        )
-        for key, matrix, size in wanted
-        if not square(matrix, size)
-    ]
-    problems += [
-        Problem(
-            what="a variance is negative",
-            file=source.shown,
-            path=f"results.components.{name}.{key}",
-        )
-        for key, matrix, size in wanted
+    problems = []
+    for key, matrix, size in wanted:
         # The moment estimate is a difference of mean squares: negative where passes hardly differ.
-        if key != "pass_covariance_moment" and square(matrix, size) and negative(matrix)
-    ]
+        moment = key == "pass_covariance_moment"
+        what = matrix_fault(matrix, size, may_be_negative=moment)
+        if what is not None:
+            path = f"results.components.{name}.{key}"
+            problems.append(Problem(what=what, file=source.shown, path=path))
     problems += _without_dof(source, name, item)
     if item.degree != k - 1:
         problems.append(
@@ -241,9 +230,7 @@ def _group_problems(
         problems.append(no_dof(source, f"{path}.pass_dof", PASSES, known=False))
     for key in ("coefficient_covariance", "pass_covariance"):
         matrix = getattr(group, key)
-        what = None if square(matrix, size) else f"not {size} x {size}"
-        if what is None and key == "coefficient_covariance" and negative(matrix):
-            what = "a variance is negative"
+        what = matrix_fault(matrix, size, may_be_negative=key == "pass_covariance")
         if what is not None:
             problems.append(Problem(what=what, file=source.shown, path=f"{path}.{key}"))
     return problems

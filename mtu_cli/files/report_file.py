@@ -108,6 +108,27 @@ def negative(matrix: Matrix) -> bool:
     return any(row[i] < 0 for i, row in enumerate(matrix))
 
 
+def matrix_fault(matrix: Matrix, size: int, *, may_be_negative: bool = False) -> str | None:
+    """Why a matrix is no covariance (size, size) by what each pair of its numbers says. An estimate
+    that is a difference `may_be_negative`, and need not be a covariance in all directions.
+    """
+    if not square(matrix, size):
+        return f"not {size} x {size}"
+    if not may_be_negative and negative(matrix):
+        return "a variance is negative"
+    return None if symmetric(matrix) else "not symmetric"
+
+
+def symmetric(matrix: Matrix) -> bool:
+    """Whether a matrix is its own transpose, but for rounding; unknown entries (nan) may be."""
+    import numpy as np
+
+    C = np.array(matrix, float).reshape(len(matrix), len(matrix))
+    s = np.sqrt(np.abs(np.diag(C)))
+    scale = np.outer(s, s) + np.maximum(np.abs(C), np.abs(C.T))
+    return not (np.abs(C - C.T) > INDEFINITE * scale).any()
+
+
 INDEFINITE = 1e-6
 """Size of a negative eigenvalue of correlations that rounding of a report may leave."""
 LARGEST_VARIANCE = 1e24

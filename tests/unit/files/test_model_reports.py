@@ -249,3 +249,39 @@ def test_what_a_thermal_report_lacks(tmp_path: Path) -> None:
     assert all(
         "is missing; expected the report as `mtu thermal-fit` writes it" in text for text in found
     )
+
+
+@pytest.mark.parametrize(
+    ("matrix", "what"),
+    [
+        ([[1, 0.5], [0.5, 1]], None),
+        ([[1, 0.5], [0.5000001, 1]], None),
+        ([[1, 0.5], [0.50001, 1]], "not symmetric"),
+        ([[1, 0.5], [-0.5, 1]], "not symmetric"),
+        ([[0, 0], [1e-9, 0]], "not symmetric"),
+        ([[-1, 0.5], [0.5, 1]], "a variance is negative"),
+        ([[1, 0.5]], "not 2 x 2"),
+    ],
+)
+@pytest.mark.parametrize("key", ["coefficient_covariance", "pass_covariance"])
+def test_joint_covariances_are_their_own_transposes(
+    tmp_path: Path, matrix: list[list[float]], what: str | None, key: str
+) -> None:
+    """That of the passes is a moment estimate, whose variances may be negative."""
+    joint = JOINT | {
+        "components": ["a", "b"],
+        "widths": [1, 1],
+        "coefficient_covariance": [[0, 0], [0, 0]],
+        "pass_covariance": [[0, 0], [0, 0]],
+        "pass_dof": 4,
+        key: matrix,
+    }
+    components = {"a": FITTED, "b": FITTED}
+    results = {"components": components, "joint_pass_covariance": [joint]}
+    path = tmp_path / "c.json"
+    path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
+    if what is None or (what == "a variance is negative" and key == "pass_covariance"):
+        assert read_report(path)
+        return
+    (found,) = told(path)
+    assert found.endswith(f"results.joint_pass_covariance.0.{key}: {what}")
