@@ -16,12 +16,15 @@ _BLOCK = 32
 
 def triangle(Z: FloatArray) -> FloatArray:
     """R (min(n, k), k) upper triangular with R'R = Z'Z, Z (n, k)."""
+    if not Z.size:
+        # LAPACK has no room to work in of none, and says so on standard output.
+        return np.zeros((min(Z.shape), Z.shape[1]))
     reflected = dgeqrf(Z, lwork=_BLOCK * Z.shape[1])[0]
     return _upper(reflected[: Z.shape[1]])
 
 
 def orthonormal(Z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Q (n, k) with Q'Q = I and R (k, k), upper triangular, of Z = Q R (n, k), n >= k."""
+    """Q (n, k) with Q'Q = I and R (k, k), upper triangular, of Z = Q R (n, k), n >= k > 0."""
     k = Z.shape[1]
     reflected, tau, _, _ = dgeqrf(Z, lwork=_BLOCK * k)
     R = _upper(reflected[:k])
