@@ -5,7 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -34,17 +35,27 @@ def counted(item: pytest.Item) -> bool:
     return inside and not any(word in item.name for word in REPEATED)
 
 
+@contextmanager
+def uncounted() -> Iterator[None]:
+    """Nothing is counted meanwhile: a worker of xdist has two that count, one below the other."""
+    stopped: list[Coverage] = []
+    while (running := Coverage.current()) is not None:
+        running.stop()
+        stopped.append(running)
+    try:
+        yield
+    finally:
+        for running in reversed(stopped):
+            running.start()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     """With ``--cov``, counts where it tells something: not what is made for other tests either."""
-    running = None if counted(item) else Coverage.current()
-    if running is None:
+    if counted(item):
         return (yield)
-    running.stop()
-    try:
+    with uncounted():
         return (yield)
-    finally:
-        running.start()
 
 
 def pytest_collection_finish() -> None:
