@@ -197,16 +197,28 @@ def test_analyses_do_not_import_each_other() -> None:
         assert not others, path.name
 
 
-def test_help_imports_neither_numpy_nor_pandas() -> None:
+HEAVY = ("numpy", "pandas", "scipy", "matplotlib", "pydantic")
+SLOW = ("pandas", "scipy.linalg", "scipy.special", "scipy.stats", "matplotlib")
+
+
+@pytest.mark.parametrize(
+    ("call", "without"),
+    [
+        ("--help", HEAVY),
+        ("predict-points configs/gilsinn-ling", SLOW),
+        ("graph simulate configs/graphs/axes-a-and-c.yaml", SLOW),
+    ],
+)
+def test_a_command_imports_no_more_than_it_needs(call: str, without: tuple[str, ...]) -> None:
     code = (
-        "import sys; sys.argv = ['mtu', '--help']\n"
+        f"import sys; sys.argv = ['mtu', *{call.split()}]\n"
         "from mtu_cli.cli.main import main\n"
-        "try:\n    main()\nexcept SystemExit:\n    pass\n"
-        "heavy = {'numpy', 'pandas', 'scipy', 'matplotlib', 'pydantic'} & set(sys.modules)\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
+        f"heavy = set({without}) & set(sys.modules)\n"
         "sys.exit(f'imported {heavy}' if heavy else 0)"
     )
     result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT.parent
     )
     assert result.returncode == 0, result.stderr
 

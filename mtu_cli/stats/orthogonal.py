@@ -1,4 +1,8 @@
-"""Orthogonal factors of many small matrices: LAPACK's own, at a fifth of np.linalg.qr's cost."""
+"""Orthogonal factors of many small matrices: LAPACK's own, at a fifth of np.linalg.qr's cost.
+
+LAPACK is imported where it is used: that takes a tenth of a second, and most short commands never
+come here.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,6 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgeqrf, dorgqr
 
 FloatArray = NDArray[np.float64]
 
@@ -19,12 +22,16 @@ def triangle(Z: FloatArray) -> FloatArray:
     if not Z.size:
         # LAPACK has no room to work in of none, and says so on standard output.
         return np.zeros((min(Z.shape), Z.shape[1]))
+    from scipy.linalg.lapack import dgeqrf
+
     reflected = dgeqrf(Z, lwork=_BLOCK * Z.shape[1])[0]
     return _upper(reflected[: Z.shape[1]])
 
 
 def orthonormal(Z: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Q (n, k) with Q'Q = I and R (k, k), upper triangular, of Z = Q R (n, k), n >= k > 0."""
+    from scipy.linalg.lapack import dgeqrf, dorgqr
+
     k = Z.shape[1]
     reflected, tau, _, _ = dgeqrf(Z, lwork=_BLOCK * k)
     R = _upper(reflected[:k])
