@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import mtu_cli
@@ -25,6 +26,18 @@ SAYS = {
 }
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    """The tree of a module's text."""
+    return ast.parse(path.read_text("utf-8"))
+
+
+@cache
+def nodes(path: Path) -> list[ast.AST]:
+    """All nodes of the tree: to walk through it takes as long as to parse it."""
+    return list(ast.walk(parsed(path)))
+
+
 def room(path: Path) -> str:
     """The room that a module stands in."""
     return path.relative_to(ROOT).with_suffix("").parts[0]
@@ -34,7 +47,7 @@ def doors() -> dict[str, set[str]]:
     """Rooms that each room imports from."""
     found: dict[str, set[str]] = defaultdict(set)
     for path in ROOT.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        for node in nodes(path):
             module = node.module if isinstance(node, ast.ImportFrom) else None
             if module and module.startswith("mtu_cli."):
                 other = module.split(".")[1]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
-from module_graph import drawn
+from module_graph import drawn, nodes, parsed
 
 import mtu_cli
 
@@ -52,15 +52,14 @@ def room(module: str) -> str:
 @cache
 def imports(path: Path) -> list[tuple[str, int]]:
     """Imported modules with their lines, those for type checkers only left out."""
-    tree = ast.parse(path.read_text("utf-8"))
     skipped = {
         id(inner)
-        for node in ast.walk(tree)
+        for node in nodes(path)
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
         for inner in ast.walk(node)
     }
     found: list[tuple[str, int]] = []
-    for node in ast.walk(tree):
+    for node in nodes(path):
         if id(node) in skipped:
             continue
         if isinstance(node, ast.Import):
@@ -105,7 +104,7 @@ def test_imports_go_down_only(path: Path) -> None:
 
 
 def test_imports_make_no_circle() -> None:
-    modules = {dotted(path): ast.parse(path.read_text("utf-8")) for path in MODULES}
+    modules = {dotted(path): parsed(path) for path in MODULES}
     graph = {
         name: {other for other in imported_at_once(tree.body) if other in modules} - {name}
         for name, tree in modules.items()
@@ -140,7 +139,7 @@ def test_one_idea_a_function(path: Path) -> None:
     """At most 40 lines from `def` to the end, the docstring among them."""
     long = [
         f"{node.name} has {node.end_lineno - node.lineno + 1} lines"
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        for node in nodes(path)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
         and node.end_lineno is not None
         and node.end_lineno - node.lineno >= 40
@@ -148,10 +147,10 @@ def test_one_idea_a_function(path: Path) -> None:
     assert not long
 
 
-def solvers(tree: ast.Module) -> list[str]:
+def solvers(tree: Iterable[ast.AST]) -> list[str]:
     """`name:line` of what solves linear systems: calls below `linalg`, and imports from there."""
     found: list[str] = []
-    for node in ast.walk(tree):
+    for node in tree:
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             below = ast.unparse(node.func.value).split(".")[-1]
             if node.func.attr in SOLVERS and below in ("linalg", "optimize"):
@@ -174,15 +173,14 @@ def solvers(tree: ast.Module) -> list[str]:
     ],
 )
 def test_solvers_are_seen(code: str, expected: list[str]) -> None:
-    assert solvers(ast.parse(code)) == expected
+    assert solvers(ast.walk(ast.parse(code))) == expected
 
 
 def test_least_squares_is_solved_in_one_place() -> None:
     found = {
         str(path.relative_to(ROOT)): lines
         for path in MODULES
-        if path.relative_to(ROOT).parts[0] != "stats"
-        and (lines := solvers(ast.parse(path.read_text("utf-8"))))
+        if path.relative_to(ROOT).parts[0] != "stats" and (lines := solvers(nodes(path)))
     }
     new = {path: lines for path, lines in found.items() if path not in SOLVED_ELSEWHERE}
     assert not new, "use mtu_cli.stats.least_squares, or give the reason in SOLVED_ELSEWHERE"
@@ -227,10 +225,9 @@ def test_only_files_opens_files() -> None:
     for path in MODULES:
         if path.relative_to(ROOT).parts[0] in ("files",):
             continue
-        tree = ast.parse(path.read_text("utf-8"))
         opened = [
             node.lineno
-            for node in ast.walk(tree)
+            for node in nodes(path)
             if isinstance(node, ast.Call)
             and (
                 (isinstance(node.func, ast.Name) and node.func.id == "open")

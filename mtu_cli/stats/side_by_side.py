@@ -10,10 +10,12 @@ import os
 import pickle
 import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from types import FrameType
 from typing import Generic, NoReturn, Self, TypeVar
 
 from mtu_cli.stats.runner import available_threads
@@ -25,11 +27,12 @@ MOST_PIECES = 256
 
 @dataclass(frozen=True, slots=True)
 class _Second:
-    """The second process, and the ends of pipes from which pieces are claimed and what it has done
-    is read.
+    """The second process: its number, the descriptor that stays its own when the number is another
+    process's, and the ends of pipes from which pieces are claimed and what it has done is read.
     """
 
     pid: int
+    process: int
     pieces: int
     answers: int
 
@@ -57,7 +60,7 @@ class SideBySide(Generic[T]):
             return self
         try:
             # Without descriptors or processes left, this one does all.
-            with suppress(OSError):
+            with _interrupts_held(), suppress(OSError):
                 self._start()
         except KeyboardInterrupt:
             self.__exit__()
@@ -65,14 +68,16 @@ class SideBySide(Generic[T]):
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._second is None:
+        second, self._second = self._second, None
+        if second is None:
             return
-        os.close(self._second.pieces)
-        os.close(self._second.answers)
-        # Where the shell has children's ends ignored, it is gone already.
-        with suppress(ProcessLookupError, ChildProcessError):
-            os.kill(self._second.pid, signal.SIGKILL)
-            os.waitpid(self._second.pid, 0)
+        with _interrupts_held():
+            # Where the shell has children's ends ignored, it is gone already.
+            with suppress(ProcessLookupError, ChildProcessError):
+                signal.pidfd_send_signal(second.process, signal.SIGKILL)
+                os.waitpid(second.pid, 0)
+            for end in (second.process, second.pieces, second.answers):
+                os.close(end)
 
     def results(self) -> list[T]:
         """What `work` gives of every piece. Raises what it raises."""
@@ -84,26 +89,26 @@ class SideBySide(Generic[T]):
 
     def _start(self) -> None:
         first = os.getpid()
-        with ExitStack() as undone:
-            pieces, asked = _pipe(undone)
-            answers, answer = _pipe(undone)
+        with ExitStack() as undone, ExitStack() as given_away:
+            pieces, asked = _pipe(undone, given_away)
+            answers, answer = _pipe(undone, given_away)
             os.write(asked, bytes(range(self._count)))
-            with _copying():
-                pid = os.fork()
-                if pid == 0:
-                    # Held open here, what nobody reads any more would be waited for.
-                    os.close(answers)
-                    os.close(asked)
-                    self._second_does(pieces, answer, first)
-                self._second = _Second(pid=pid, pieces=pieces, answers=answers)
+            pid = _copied()
+            if pid == 0:
+                # Held open here, what nobody reads any more would be waited for.
+                os.close(answers)
+                os.close(asked)
+                self._second_does(pieces, answer, first)
+            process = _descriptor_of(pid)
+            self._second = _Second(pid=pid, process=process, pieces=pieces, answers=answers)
             undone.pop_all()
-        os.close(asked)
-        os.close(answer)
 
     def _second_does(self, pieces: int, answer: int, first: int) -> NoReturn:
         """Sends what it has done in one go: the first process reads when its own work is done."""
         code = 1
         try:
+            # From the keyboard it reaches the first process too, which ends this one.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
             done = {}
             for piece in _claimed(pieces):
                 if os.getppid() != first:
@@ -131,11 +136,11 @@ def _claimed(pieces: int) -> Iterator[int]:
         yield number[0]
 
 
-def _pipe(opened: ExitStack) -> tuple[int, int]:
-    """Both ends of a pipe, reading and writing, closed with the rest."""
+def _pipe(reading: ExitStack, writing: ExitStack) -> tuple[int, int]:
+    """Both ends of a pipe, each closed with others of its kind."""
     ends = os.pipe()
-    for end in ends:
-        opened.callback(os.close, end)
+    for end, closed in zip(ends, (reading, writing), strict=True):
+        closed.callback(os.close, end)
     return ends
 
 
@@ -144,14 +149,40 @@ def _can_copy() -> bool:
     return sys.platform == "linux" and available_threads() > 1
 
 
-@contextmanager
-def _copying() -> Iterator[None]:
-    """An interrupt from the keyboard reaches the first process alone, which ends the second."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+def _copied() -> int:
+    """The number of a copy of this process, 0 in the copy."""
+    with warnings.catch_warnings():
+        # Threads of linear algebra end before a copy and start after it by themselves.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return os.fork()
+
+
+def _descriptor_of(pid: int) -> int:
+    """Of a process just copied, which is ended where there is none to be had. Raises OSError."""
     try:
-        with warnings.catch_warnings():
-            # Threads of linear algebra end before a copy and start after it by themselves.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            yield
+        return os.pidfd_open(pid)
+    except OSError:
+        with suppress(ProcessLookupError, ChildProcessError):
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+        raise
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """An interrupt from the keyboard meanwhile is heard afterwards: a process half begun or half
+    ended would be left over. Held is what Python makes of it, which only its main thread hears:
+    a mask would be no use, since the system may choose any thread.
+    """
+    heard = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(heard):
+        yield
+        return
+    held: list[tuple[int, FrameType | None]] = []
+    signal.signal(signal.SIGINT, lambda number, frame: held.append((number, frame)))
+    try:
+        yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, heard)
+        if held:
+            heard(*held[0])

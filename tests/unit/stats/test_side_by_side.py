@@ -235,6 +235,34 @@ def test_an_interrupt_does_not_reach_the_second_process(tmp_path: Path) -> None:
     assert first not in processes(found)
 
 
+@LINUX
+@pytest.mark.parametrize("moment", ["fork", "pidfd_open", "waitpid", "close"])
+def test_an_interrupt_while_it_begins_or_ends_leaves_nothing(
+    moment: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known, real, copied = descriptors(), getattr(os, moment), list[int]()
+    first, fork = os.getpid(), os.fork
+
+    def copy() -> int:
+        copied.append(fork())
+        return copied[-1]
+
+    def interrupted(*given: int) -> object:
+        result = (copy if moment == "fork" else real)(*given)
+        if os.getpid() == first and copied:
+            os.kill(first, signal.SIGINT)
+        return result
+
+    monkeypatch.setattr(os, "fork", copy)
+    monkeypatch.setattr(os, moment, interrupted)
+    with pytest.raises(KeyboardInterrupt), SideBySide(lambda piece: time.sleep(0.1), COUNT):
+        pass
+    monkeypatch.undo()
+    assert len(copied) == 1
+    assert state_of(copied[0]) == ""
+    assert descriptors() == known
+
+
 @contextmanager
 def ends_of_children_ignored() -> Iterator[None]:
     before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
@@ -253,6 +281,18 @@ def test_where_the_ends_of_children_are_ignored() -> None:
             assert pieces._second is not None
             until(lambda: state_of(pieces._second.pid) == "")  # type: ignore[union-attr]
             assert squares(list(pieces.results())) == SQUARES
+
+
+@LINUX
+def test_a_process_of_the_same_number_is_not_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The number of one that is gone without a trace is free for another."""
+    killed: list[int] = []
+    with ends_of_children_ignored(), SideBySide(square, COUNT) as pieces:
+        second = pieces._second
+        assert second is not None
+        until(lambda: state_of(second.pid) == "")
+        monkeypatch.setattr(os, "kill", lambda pid, number: killed.append(pid))
+    assert not killed
 
 
 ENDLESS = """
