@@ -15,7 +15,12 @@ from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
 from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
 from mtu_cli.model.effect_ranges import seen_ranges
-from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
+from mtu_cli.model.fit import (
+    estimates_from_fit,
+    estimates_from_report,
+    fit_machine,
+    machine_warnings,
+)
 from mtu_cli.model.reading_tables import reading_tables
 from mtu_cli.model.residual_table import ResidualTable, residual_table
 from mtu_cli.model.settings import Settings, Warned
@@ -39,8 +44,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     choices = read_choices(inputs)
     library = effect_library(inputs.files("effects"))
     tables, found, warnings = _tables(inputs, choices)
-    axes = inputs.machine.machine.axes
-    travel = {str(name): (axis.travel_mm[0], axis.travel_mm[1]) for name, axis in axes.items()}
+    travel = inputs.machine.machine.travels
     tables = tuple(replace(table, travel=travel) for table in tables)
     inputs.sources.extend(library.sources)
     result = close_loop(
@@ -114,8 +118,7 @@ def _tables(
             expected="--cmm FILE, or --lbb or --laser FILE, or a study that names one",
         )
     machine = inputs.machine
-    warnings = [Warned(code=item.code, message=item.message) for item in machine.warnings]
-    warnings += not_told_warnings(machine)
+    warnings = not_told_warnings(machine)
     report = inputs.components
     if report is not None:
         before = estimates_from_report(machine, report)
@@ -125,6 +128,7 @@ def _tables(
         before = estimates_from_fit(machine, None)
         fit = fit_machine(machine, readings)
         known = Known(estimates=estimates_from_fit(machine, fit), fit=fit)
+    warnings = [*machine_warnings(machine, before), *warnings]
     warnings += _not_used(inputs, choices)
     thermal, doubts = drift_estimates(inputs)
     tables, odd = reading_tables(machine, replace(before, thermal=thermal), readings)

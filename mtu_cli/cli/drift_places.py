@@ -62,9 +62,8 @@ def _positions(machine: LoadedMachine, drift: ThermalEstimate) -> FloatArray:
     return np.array([np.mean(travel) if travel else 0.0])
 
 
-def _travel(machine: LoadedMachine, drift: ThermalEstimate) -> list[float] | None:
-    axes = machine.machine.axes.items()
-    return next((axis.travel_mm for name, axis in axes if name == drift.of), None)
+def _travel(machine: LoadedMachine, drift: ThermalEstimate) -> tuple[float, float] | None:
+    return None if drift.of is None else machine.machine.travels.get(drift.of)
 
 
 def by_component(option: str, texts: list[str] | None, names: list[str]) -> dict[str, FloatArray]:

@@ -15,7 +15,7 @@ from mtu_cli.cli.outputs import STANDARD_OUTPUT, check_outputs
 from mtu_cli.cli.parameters import FAIL_IF
 from mtu_cli.cli.progress import LateBar
 from mtu_cli.cli.settings import read_settings
-from mtu_cli.cli.streams import hush, write_bytes
+from mtu_cli.cli.streams import write_bytes
 from mtu_cli.errors import EXIT_GATE
 from mtu_cli.model.settings import Settings, Warned
 
@@ -77,20 +77,13 @@ def deliver(
     told: Sequence[str] = (),
 ) -> None:
     """What a run has made: `say` on standard output and what is `told` on standard error, then
-    the files. Where any of it fails no file is there; a reader who leaves early is no failure.
+    the files. Where any of it fails no file is there.
     """
     with _made_ready(files, inputs) if files else nullcontext(tuple) as put_in_place:
-        try:
-            say()
-            sys.stdout.flush()
-        except BrokenPipeError:
-            # The gate counts also where nobody reads the tables to their end.
-            hush()
-        try:
-            for line in told:
-                print(line, file=sys.stderr)
-        except BrokenPipeError:
-            hush(sys.stderr)
+        say()
+        sys.stdout.flush()
+        for line in told:
+            print(line, file=sys.stderr)
         put_in_place()
 
 

@@ -6,10 +6,10 @@ from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
-from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
+from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine, machine_warnings
 from mtu_cli.model.fit_warnings import fit_warnings, significant
 from mtu_cli.model.reading_doubts import reading_doubts
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Settings
 
 GATES = ("drift",)
 
@@ -31,8 +31,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         raise fault("no readings are given", expected="--lbb FILE or --laser FILE, or a study")
     fit = fit_machine(machine, readings)
     estimates = estimates_from_fit(machine, fit)
-    warnings = [Warned(code=item.code, message=item.message) for item in machine.warnings]
-    warnings += reading_doubts(machine, readings)
+    warnings = [*machine_warnings(machine, estimates), *reading_doubts(machine, readings)]
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     return Outcome(
         results=lambda: report.document(machine.machine.name, fit, estimates, says=says),

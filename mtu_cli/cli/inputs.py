@@ -26,18 +26,18 @@ if TYPE_CHECKING:
     from mtu_cli.files.source import Source
     from mtu_cli.files.thermal_file import ThermalReport
 
+OF_ANY_MACHINE = ("anova",)
+"""Commands that look at parts alone: wherever those were made, the machine is not read."""
+
 
 @dataclass
 class Inputs:
     """The files of one call. Options override the study; a study is looked for (mtu.yaml in
     this folder or above) only where neither STUDY nor -m is given.
-
-    `made_here`: part and points are those of the machine, whose travels they cannot be beyond.
     """
 
     options: Options
     sources: list[Source] = field(default_factory=list)
-    made_here: bool = False
 
     @cached_property
     def study(self) -> LoadedStudy | None:
@@ -75,6 +75,11 @@ class Inputs:
             )
         return found[0]
 
+    @property
+    def made_here(self) -> bool:
+        """Whether part and points are those of the machine, beyond whose travels they cannot be."""
+        return self.options.command not in OF_ANY_MACHINE
+
     @cached_property
     def machine(self) -> LoadedMachine:
         """The machine file."""
@@ -93,7 +98,7 @@ class Inputs:
         if self.made_here:
             from mtu_cli.files.extents import check_part_extent
 
-            check_part_extent(part, self._travels())
+            check_part_extent(part, self.machine.machine.travels)
         self.sources.append(part.source)
         return part
 
@@ -124,8 +129,8 @@ class Inputs:
             return None
         from mtu_cli.files.readings import read_readings
 
-        components = self.machine.machine.components
-        readings = read_readings(files, components, for_fit=True, travels=self._travels())
+        machine = self.machine.machine
+        readings = read_readings(files, machine.components, for_fit=True, travels=machine.travels)
         self.sources.extend(readings.sources)
         return readings
 
@@ -135,16 +140,11 @@ class Inputs:
         from mtu_cli.files.readings_stream import stream_readings
 
         files = [(path, "drift") for path in self.files("drift")]
-        known = bool(self.files("machine"))
-        components = self.machine.machine.components if known else None
-        stream = stream_readings(files, components, self._travels() if known else None)
+        machine = self.machine.machine if self.files("machine") else None
+        components, travels = (machine.components, machine.travels) if machine else (None, None)
+        stream = stream_readings(files, components, travels)
         yield from stream
         self.sources.extend(stream.sources)
-
-    def _travels(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest coordinate of the machine's axes, mm."""
-        axes = self.machine.machine.axes
-        return {str(name): (axis.travel_mm[0], axis.travel_mm[1]) for name, axis in axes.items()}
 
     @cached_property
     def points(self) -> Points:
@@ -159,7 +159,7 @@ class Inputs:
         if self.made_here and places is None:
             from mtu_cli.files.extents import check_points_extent
 
-            check_points_extent(points, self._travels())
+            check_points_extent(points, self.machine.machine.travels)
         self.sources.extend(points.sources)
         return points
 

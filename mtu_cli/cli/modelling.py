@@ -16,7 +16,13 @@ from mtu_cli.files.source import hash_of, shown_path
 from mtu_cli.files.study import find_study
 from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
 from mtu_cli.model.estimates import Estimates
-from mtu_cli.model.fit import MachineFit, estimates_from_fit, estimates_from_report, fit_machine
+from mtu_cli.model.fit import (
+    MachineFit,
+    estimates_from_fit,
+    estimates_from_report,
+    fit_machine,
+    machine_warnings,
+)
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.reading_doubts import reading_doubts
 from mtu_cli.model.settings import Warned
@@ -46,23 +52,8 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
     the sensors of a drift that is fitted, as soon as they are chosen.
     """
     machine = inputs.machine
-    inputs.made_here = True
-    warnings = [Warned(code=item.code, message=item.message) for item in machine.warnings]
-    warnings += not_told_warnings(machine)
-    report = inputs.components
-    fit = None
-    if report is not None:
-        estimates = estimates_from_report(machine, report)
-        warnings += effect_warnings(machine, estimates.effects, report.source.shown)
-        text = f"{report.source.shown} gives the components: the readings are not read again"
-        warnings += _not_read(inputs, ("lbb", "laser"), report.readings, text)
-    else:
-        readings = inputs.readings
-        fit = None if readings is None else fit_machine(machine, readings)
-        estimates = estimates_from_fit(machine, fit)
-        if fit is not None and readings is not None:
-            warnings += reading_doubts(machine, readings)
-            estimates = _as_reported(machine, fit, estimates)
+    estimates, fit, doubts = _components(inputs)
+    warnings = [*machine_warnings(machine, estimates), *not_told_warnings(machine), *doubts]
     thermal, more = drift_estimates(inputs, check)
     warnings += more
     try:
@@ -78,6 +69,24 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
     if words is not None:
         warnings.append(Warned(code="looks-like-fahrenheit", message=f"--at: {words}"))
     return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
+
+
+def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Warned]]:
+    """The components, the fit that they are of, and what to warn of where they are from."""
+    machine = inputs.machine
+    report = inputs.components
+    if report is not None:
+        estimates = estimates_from_report(machine, report)
+        text = f"{report.source.shown} gives the components: the readings are not read again"
+        doubts = effect_warnings(machine, estimates.effects, report.source.shown)
+        doubts += _not_read(inputs, ("lbb", "laser"), report.readings, text)
+        return estimates, None, doubts
+    readings = inputs.readings
+    if readings is None:
+        return estimates_from_fit(machine, None), None, []
+    fit = fit_machine(machine, readings)
+    estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
+    return estimates, fit, reading_doubts(machine, readings)
 
 
 def _not_needed(name: str, model: MachineModel) -> str:

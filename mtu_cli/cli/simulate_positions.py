@@ -35,7 +35,7 @@ def read_positions(inputs: Inputs, model: MachineModel) -> dict[str, FloatArray]
 
 def _check_travel(inputs: Inputs, asked: Mapping[str, FloatArray | None]) -> None:
     """Refuses positions that an axis cannot reach."""
-    travels = {str(name): axis.travel_mm for name, axis in inputs.machine.machine.axes.items()}
+    travels = inputs.machine.machine.travels
     for axis, positions in sorted(asked.items()):
         if positions is None or axis not in travels:
             continue

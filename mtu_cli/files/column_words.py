@@ -25,6 +25,9 @@ ACTUAL = ("actual", "act", "measured", "meas", "measurement", "ist", "istmass", 
 NOMINAL = ("nominal", "nom", "soll", "sollmass", "sollwert", "nennmass", "nennwert", "theorique",
            "nominale", "teorico")  # fmt: skip
 """Without accents and in lower case; `x`, `y` or `z` stands before or behind."""
+VALUE = ("value", "val", "wert", "mass", "coordinate", "coord", "koordinate", "koord", "valeur",
+         "coordonnee", "valor", "coordenada", "valore", "coordinata")  # fmt: skip
+"""Of a coordinate, it is the measured one; beside ACTUAL and NOMINAL they say nothing more."""
 NUMBER = {"no", "nr", "n", "number", "id", "num", "numero"}
 UNIT = "mm"
 AXES = ("x", "y", "z")
@@ -39,18 +42,14 @@ def meant_by(other: str) -> str | None:
     """The column that common words mean: `part` by `Werkstück-Nr.`, `nominal_x_mm` by
     `Nennmaß X [mm]`.
     """
-    plain = unicodedata.normalize("NFKD", other.casefold())
-    plain = "".join(sign for sign in plain if not unicodedata.combining(sign))
-    words = [word for word in re.findall("[a-z]+", plain) if word != UNIT]
+    words = [word for word in re.findall("[a-z]+", plain(other)) if word != UNIT]
     axes = [word for word in words if word in AXES]
     if len(axes) == 1:
         return _coordinate([word for word in words if word not in AXES], axes[0])
-    if (
-        len(words) == 1
-        and words[0][-1] in AXES
-        and (own := _coordinate([words[0][:-1]], words[0][-1]))
-    ):
-        return own
+    for word in words if len(words) == 1 else ():
+        for axis, rest in ((word[0], word[1:]), (word[-1], word[:-1])):
+            if axis in AXES and (own := _coordinate([rest], axis)):
+                return own
     left = [word for word in words if word not in NUMBER]
     return next(
         (name for name, known in WORDS.items() if len(left) == 1 and left[0] in known), None
@@ -58,8 +57,15 @@ def meant_by(other: str) -> str | None:
 
 
 def _coordinate(words: list[str], axis: str) -> str | None:
-    if len(words) != 1:
+    kinds = [word for word in words if word not in VALUE]
+    if not words or len(kinds) > 1:
         return None
-    if words[0] in ACTUAL:
+    if not kinds or kinds[0] in ACTUAL:
         return f"{axis}_mm"
-    return f"nominal_{axis}_mm" if words[0] in NOMINAL else None
+    return f"nominal_{axis}_mm" if kinds[0] in NOMINAL else None
+
+
+def plain(name: str) -> str:
+    """A name without accents and in lower case."""
+    signs = unicodedata.normalize("NFKD", name.casefold())
+    return "".join(sign for sign in signs if not unicodedata.combining(sign))

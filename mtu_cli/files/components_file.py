@@ -10,19 +10,18 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.covariance import covariance_fault
 from mtu_cli.files.json_file import read_json
-from mtu_cli.files.machine_checks import PASSES, covariance_fault
+from mtu_cli.files.machine_checks import PASSES
 from mtu_cli.files.report_file import (
     Figure,
     Matrix,
     NonNegative,
     any_estimated,
-    matrix_fault,
     no_dof,
     not_a_report,
     read_from,
     schema_of,
-    square,
     unit_problem,
     validated,
 )
@@ -168,7 +167,7 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
     for key, matrix, size in wanted:
         # The moment estimate is a difference of mean squares: negative where passes hardly differ.
         moment = key == "pass_covariance_moment"
-        what = matrix_fault(matrix, size, may_be_negative=moment)
+        what = covariance_fault(matrix, size, difference=moment)
         if what is not None:
             path = f"results.components.{name}.{key}"
             problems.append(Problem(what=what, file=source.shown, path=path))
@@ -230,7 +229,7 @@ def _group_problems(
         problems.append(no_dof(source, f"{path}.pass_dof", PASSES, known=False))
     for key in ("coefficient_covariance", "pass_covariance"):
         matrix = getattr(group, key)
-        what = matrix_fault(matrix, size, may_be_negative=key == "pass_covariance")
+        what = covariance_fault(matrix, size, difference=key == "pass_covariance")
         if what is not None:
             problems.append(Problem(what=what, file=source.shown, path=f"{path}.{key}"))
     return problems
@@ -263,9 +262,7 @@ def _effect_problems(source: Source, effects: ReportedEffects) -> list[Problem]:
         for unit in effects.units
         if unit not in PARAMETER_UNITS
     ]
-    what = None if square(effects.covariance, size) else f"not {size} x {size}"
-    if what is None and size:
-        what = covariance_fault(effects.covariance)
+    what = covariance_fault(effects.covariance, size)
     if what is not None:
         problems.append(Problem(what=what, file=source.shown, path=f"{path}.covariance"))
     return problems

@@ -42,10 +42,14 @@ class Contract(BaseModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notice:
-    """Something the user should know that stops nothing: a report's warning."""
+    """Something the user should know that stops nothing: a report's warning.
+
+    `coefficients_of` is the component whose coefficients it is about: readings win over them.
+    """
 
     code: str
     message: str
+    coefficients_of: str | None = None
 
 
 M = TypeVar("M", bound=Contract)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 
 from mtu_cli.errors import InputError, Problem, closest
-from mtu_cli.files.column_words import by_common_word, meant_by
+from mtu_cli.files.column_words import by_common_word, meant_by, plain
 from mtu_cli.files.csv_mistaken import refuse_other_table
 from mtu_cli.files.csv_table import TableSpec
 from mtu_cli.files.csv_text import CsvText
@@ -70,7 +70,9 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
 
 
 def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Iterator[Problem]:
-    """Optional columns that only their spelling keeps from being read: they would be lost."""
+    """Optional columns that only their spelling, or another word, keeps from being read: they
+    would be lost.
+    """
     header = text.header
     known = {
         _folded(word): name
@@ -83,13 +85,10 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
     shut = {b for a, b in spec.exclusive if a in header} | {
         a for a, b in spec.exclusive if b in header
     }
-    # Where others must be renamed anyway; alone such a column may be anything, but for measured z.
-    foreign = any(name not in header for name in wanted)
     for other in header:
         # Without its unit a name is meant as it stands: `nominal` is no slip of `nominal_z`.
         name = _meant(other, known) or bare.get(_folded(_IN_MM.sub("", other)))
-        by_words = meant_by(other)
-        if name is None and (foreign or by_words == "z_mm") and by_words in known.values():
+        if name is None and (by_words := meant_by(other)) in known.values():
             name = by_words
         if other and not spec.named(other) and name is not None and name not in shut:
             yield Problem(
@@ -120,7 +119,7 @@ def _meant(name: str, known: Mapping[str, str]) -> str | None:
 
 
 def _folded(name: str) -> str:
-    return name.casefold().replace("_", "").replace("-", "").replace(" ", "")
+    return plain(name).replace("_", "").replace("-", "").replace(" ", "")
 
 
 def missing_column(
@@ -136,5 +135,5 @@ def missing_column(
 def _by_another_word(name: str, others: list[str]) -> str | None:
     """The column that another program calls so: by its own word, or without the unit."""
     words = (*OTHER_WORDS.get(name, ()), name.removesuffix(UNIT))
-    folded = {other.casefold().strip().replace(" ", "_"): other for other in others}
+    folded = {plain(other).strip().replace(" ", "_"): other for other in others}
     return next((folded[word] for word in words if word in folded), None)

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     from mtu_cli.files.part import LoadedPart
     from mtu_cli.files.reading_cells import Travels
 
-TURNED = 2.0
-"""A part that is turned around on the machine is at most so many times as long as the travel."""
+MOST_APART = 2.0
+"""Travels that features of one part are apart at most: it may be turned around on the machine.
+Where its frame lies cancels between them: not so of single positions (`reading_cells.reach`).
+"""
 
 
 def check_part_extent(part: LoadedPart, travels: Travels) -> None:
@@ -74,7 +76,7 @@ def _beyond(places: NDArray[np.float64], travels: Travels) -> Iterator[tuple[int
         if axis not in travels or not np.isfinite(column).any():
             continue
         low, high = travels[axis]
-        most, extent = TURNED * abs(high - low), float(np.nanmax(column) - np.nanmin(column))
+        most, extent = MOST_APART * abs(high - low), float(np.nanmax(column) - np.nanmin(column))
         if extent <= most:
             continue
         far = np.flatnonzero(np.abs(column - np.nanmedian(column)) > most)
@@ -94,6 +96,6 @@ def _beyond(places: NDArray[np.float64], travels: Travels) -> Iterator[tuple[int
 def _expected(axis: str, travels: Travels) -> str:
     low, high = travels[axis]
     return (
-        f"features within {TURNED * abs(high - low):g} mm of each other in {axis}: twice the "
+        f"features within {MOST_APART * abs(high - low):g} mm of each other in {axis}: twice the "
         "travel, as a part may be turned around; or another travel_mm of the machine"
     )

@@ -130,21 +130,25 @@ def _warnings(
         if sure and name in used:
             message = f"{place}: no uncertainty is given, it counts as exactly known"
             notices.append(Notice(code="no-uncertainty", message=message))
-        if name in used and (large := large_coefficients(component, machine.axes)):
-            notices.append(Notice(code="coefficients-large", message=f"{place}: {large}"))
+        if name in used and (large := large_coefficients(component, machine.travels)):
+            message = f"{place}: {large}"
+            notices.append(Notice(code="coefficients-large", message=message, coefficients_of=name))
         idle = [key for key in _NEEDS_COEFFICIENTS if getattr(component, key) is not None]
         if component.coefficients is None and idle:
             message = f"{place}: {', '.join(idle)} without coefficients: not used"
             notices.append(Notice(code="incomplete-component", message=message))
-        missed = None if component.thermal is None else missed_gradient(component.thermal)
-        if component.thermal is not None and missed is not None:
-            sensor, position, away = missed
-            notices.append(
-                Notice(
-                    code="thermal-degree",
-                    message=f"{place}.thermal: a polynomial of degree {component.thermal.degree} "
-                    f"does not pass through the given gradients: that of {sensor} at "
-                    f"{position:g} mm is off by {away:.3g} {component.unit} per degC",
-                )
-            )
+        notices += _thermal_notices(component, place)
     return (*notices, *effect_notices(machine, document))
+
+
+def _thermal_notices(component: Component, place: str) -> list[Notice]:
+    missed = None if component.thermal is None else missed_gradient(component.thermal)
+    if component.thermal is None or missed is None:
+        return []
+    sensor, position, away = missed
+    message = (
+        f"{place}.thermal: a polynomial of degree {component.thermal.degree} does not pass through "
+        f"the given gradients: that of {sensor} at {position:g} mm is off by {away:.3g} "
+        f"{component.unit} per degC"
+    )
+    return [Notice(code="thermal-degree", message=message)]

@@ -8,6 +8,7 @@ from decimal import Decimal
 
 from mtu_cli.errors import closest
 from mtu_cli.files.contracts import Findings, duplicates, is_identifier, present
+from mtu_cli.files.covariance import covariance_fault
 from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature, is_covariate
 from mtu_cli.files.machine_contract import Component, Effect, Machine
 from mtu_cli.files.machine_equations import POSITIONS
@@ -17,7 +18,7 @@ from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
 PASSES = "a covariance of passes"
 TOLERANCE = 1e-9
-"""Relative to the standard deviations: symmetry and eigenvalues of the correlation matrix."""
+"""Of a standard deviation beside its square, relative: what calculation leaves beyond digits."""
 
 
 def check_names(machine: Machine, findings: Findings) -> None:
@@ -182,29 +183,6 @@ def _check_matrix(
             path, f"{len(rows)} rows of {widths} numbers", expected=f"{size} rows of {size}"
         )
         return
-    fault = covariance_fault(rows) if size else None
+    fault = covariance_fault(rows, size)
     if fault is not None:
         findings.add(path, fault, value=rows, expected="a covariance matrix")
-
-
-def covariance_fault(rows: Sequence[Sequence[float]]) -> str | None:
-    """Why a square matrix can be no covariance; None where it can."""
-    import numpy as np
-
-    matrix = np.array(rows, dtype=np.float64)
-    variances = np.diagonal(matrix)
-    if (variances < 0).any():
-        return "a variance is negative"
-    # Coefficients differ by powers of mm: only scaled to correlations are they comparable.
-    scale = np.sqrt(variances)
-    scale = np.where(scale > 0, scale, 1.0)
-    # One after the other: the product of two small ones may be zero.
-    with np.errstate(over="ignore"):
-        correlation = matrix / scale / scale[:, None]
-    if not np.isfinite(correlation).all():
-        return "not positive semidefinite: a covariance is far beyond its variances"
-    if np.abs(correlation - correlation.T).max() > TOLERANCE:
-        return "not symmetric"
-    if np.linalg.eigvalsh((correlation + correlation.T) / 2)[0] < -TOLERANCE * len(matrix):
-        return "not positive semidefinite: a combination has a negative variance"
-    return None

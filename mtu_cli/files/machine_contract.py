@@ -185,3 +185,8 @@ class Machine(Contract):
     components: Annotated[dict[str, Component], Field(min_length=1)]
     equations: Equations = Field(description="mm; linear in the components")
     effects: list[Effect] = Field(default=[], description="What close-loop added")
+
+    @property
+    def travels(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest position, mm, of the axes whose travel is stated."""
+        return {str(name): (x.travel_mm[0], x.travel_mm[1]) for name, x in self.axes.items()}

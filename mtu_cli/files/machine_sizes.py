@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from mtu_cli.files.machine_contract import Axis, AxisName, Component
+from mtu_cli.files.machine_contract import Component
 from mtu_cli.units import UNITS
+
+if TYPE_CHECKING:
+    from mtu_cli.files.reading_cells import Travels
 
 PLACES = 101
 """Places along a travel at which a component is looked at."""
 
 
-def large_coefficients(component: Component, axes: Mapping[AxisName, Axis]) -> str | None:
+def large_coefficients(component: Component, travels: Travels) -> str | None:
     """What to ask about a component whose polynomial is larger along its axis' travel than
     readings may be without a question; None for a sound one, and where no travel is stated.
     """
@@ -19,16 +22,15 @@ def large_coefficients(component: Component, axes: Mapping[AxisName, Axis]) -> s
 
     from mtu_cli.files.reading_cells import largest_errors, look_large
 
-    axis = None if component.of is None else axes.get(component.of)
-    if component.coefficients is None or axis is None:
+    travel = None if component.of is None else travels.get(component.of)
+    if component.coefficients is None or travel is None:
         return None
     unit = UNITS[component.unit]
-    low, high = axis.travel_mm
+    low, high = travel
     positions = np.linspace(low, high, PLACES)
     with np.errstate(over="ignore", invalid="ignore"):
         found = np.polynomial.polynomial.polyval(positions, np.array(component.coefficients))
         errors = np.abs(np.nan_to_num(found * unit.to_internal, nan=np.inf))
-    travels = {str(name): (item.travel_mm[0], item.travel_mm[1]) for name, item in axes.items()}
     most = largest_errors(unit.dimension, positions, travels)
     if not look_large(errors, most, unit.dimension):
         return None

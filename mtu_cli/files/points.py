@@ -220,13 +220,18 @@ def _merge(
     apart = np.flatnonzero(np.abs(own - nominal) > NOMINAL_TOLERANCE_MM)
     if len(apart):
         features = table.columns.texts["feature"]
-        for index in apart[:1000]:
+        # What is wrong of a feature is mostly wrong in every part: that is one finding.
+        cells = np.column_stack([features.codes[apart], own[apart]])
+        _, first, counts = np.unique(cells, axis=0, return_index=True, return_counts=True)
+        found = sorted(zip(apart[first].tolist(), counts.tolist(), strict=True))
+        for index, count in found[:1000]:
             name = features.labels[features.codes[index]]
-            expected = f"{nominal[index]:.9g}, as the part file has it for {name!r}"
+            more = f" (and {count - 1} more row{'s' if count > 2 else ''})" if count > 1 else ""
+            expected = f"{nominal[index]:.9g}, as the part file has it for {name!r}{more}"
             column = f"nominal_{letter}_mm"
             what = f"the nominal {letter} of {name!r} is not the part file's"
-            problems.add(table.problem(int(index), column, what, float(own[index]), expected))
-        problems.uncounted += max(0, len(apart) - 1000)
+            problems.add(table.problem(index, column, what, float(own[index]), expected))
+        problems.uncounted += max(0, len(found) - 1000)
     np.copyto(nominal, own, where=np.isnan(nominal))
 
 

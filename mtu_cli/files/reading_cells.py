@@ -39,9 +39,10 @@ POOR = 0.01
 OFF_SHOWN = "1 mm, or 0.1 % of the distance moved, off a straight line that is 0 on the axis"
 FARTHEST_MM = 1e5
 """Nor is its position, where no travel is stated: 100 m."""
-BEYOND = 3.0
-"""A part's frame may lie anywhere on the machine: so many times its largest coordinate or travel
-are not reached from there."""
+MOST_FROM_ZERO = 3.0
+"""A frame may lie anywhere on the machine: so many times its largest coordinate or travel are not
+reached from there. More than `extents.MOST_APART`, as where the frame lies does not cancel.
+"""
 FEWEST_OF_A_CYCLE = 4
 """Readings of a place in a cycle from which on the probe may have been set anew for it."""
 MOST, MOST_OF_DRIFT = 0.5, 0.25
@@ -192,4 +193,4 @@ def reach(travels: Travels, axis: str) -> float:
     if axis not in travels:
         return FARTHEST_MM
     low, high = sorted(travels[axis])
-    return BEYOND * max(abs(low), abs(high), high - low)
+    return MOST_FROM_ZERO * max(abs(low), abs(high), high - low)

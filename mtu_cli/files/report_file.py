@@ -98,57 +98,6 @@ def unit_problem(source: Source, name: str, unit: str) -> list[Problem]:
     return [Problem(what=what, file=source.shown, path=path, value=unit, expected=expected)]
 
 
-def square(matrix: Matrix, size: int) -> bool:
-    """Whether a matrix is (size, size)."""
-    return len(matrix) == size and all(len(row) == size for row in matrix)
-
-
-def negative(matrix: Matrix) -> bool:
-    """Whether a variance on the diagonal is negative."""
-    return any(row[i] < 0 for i, row in enumerate(matrix))
-
-
-def matrix_fault(matrix: Matrix, size: int, *, may_be_negative: bool = False) -> str | None:
-    """Why a matrix is no covariance (size, size) by what each pair of its numbers says. An estimate
-    that is a difference `may_be_negative`, and need not be a covariance in all directions.
-    """
-    if not square(matrix, size):
-        return f"not {size} x {size}"
-    if not may_be_negative and negative(matrix):
-        return "a variance is negative"
-    return None if symmetric(matrix) else "not symmetric"
-
-
-def symmetric(matrix: Matrix) -> bool:
-    """Whether a matrix is its own transpose, but for rounding; unknown entries (nan) may be."""
-    import numpy as np
-
-    C = np.array(matrix, float).reshape(len(matrix), len(matrix))
-    s = np.sqrt(np.abs(np.diag(C)))
-    scale = np.outer(s, s) + np.maximum(np.abs(C), np.abs(C.T))
-    return not (np.abs(C - C.T) > INDEFINITE * scale).any()
-
-
-INDEFINITE = 1e-6
-"""Size of a negative eigenvalue of correlations that rounding of a report may leave."""
-LARGEST_VARIANCE = 1e24
-
-
-def covariance_like(matrix: Matrix) -> bool:
-    """Whether a matrix is symmetric and has no negative variance in any direction."""
-    import numpy as np
-
-    C = np.array(matrix, float).reshape(len(matrix), len(matrix))
-    if not np.abs(C).max(initial=0.0) <= LARGEST_VARIANCE:
-        return False
-    s = np.sqrt(np.diag(C))
-    scale = np.outer(s, s)
-    R = np.divide(C, scale, out=np.where(C == 0, 0.0, np.inf), where=scale > 0)
-    if not np.isfinite(R).all() or np.abs(R - R.T).max(initial=0.0) > INDEFINITE:
-        return False
-    return not len(R) or bool(np.linalg.eigvalsh((R + R.T) / 2)[0] >= -INDEFINITE * len(R))
-
-
 def any_estimated(matrix: Matrix) -> bool:
     """Whether a covariance is not 0 throughout: nan counts as estimated."""
     return any(map(any, matrix))

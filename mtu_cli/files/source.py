@@ -12,6 +12,14 @@ from pathlib import Path
 from mtu_cli.errors import Problem, closest, fault, printable, reason
 
 _CHUNK = 1 << 20
+HOLDS = {
+    "lbb": "ball-bar readings",
+    "laser": "laser readings",
+    "drift": "drift readings",
+    "cmm": "measured points",
+    "components": "a fit-components or thermal-fit report",
+}
+"""What a file is to hold whose role is the name of its option."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,23 +106,25 @@ def read_bytes(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[
     file that may not be read, is empty or is larger than `max_bytes`.
     """
     shown = shown_path(path)
+    # What is wrong is the path that was written: of /dev/null its last name alone says nothing.
+    told = given_path(path) if path.is_absolute() else shown
     try:
         if path.is_dir():
-            raise fault("is a folder", file=shown, expected=f"a file ({role})")
+            raise fault("is a folder", file=told, expected=f"a file ({role})")
         size = path.stat().st_size
         if max_bytes is not None and size > max_bytes:
             raise fault(
-                f"has {size} bytes", file=shown, expected=f"at most {max_bytes} bytes ({role})"
+                f"has {size} bytes", file=told, expected=f"at most {max_bytes} bytes ({role})"
             )
         content = path.read_bytes()
     except FileNotFoundError:
-        raise fault("no such file", file=shown, expected=_nearby(path)) from None
+        raise fault("no such file", file=told, expected=_nearby(path)) from None
     except PermissionError:
-        raise fault("may not be read: permission denied", file=shown) from None
+        raise fault("may not be read: permission denied", file=told) from None
     except (OSError, ValueError) as error:
-        raise fault(f"cannot be read: {reason(error)}", file=shown) from None
+        raise fault(f"cannot be read: {reason(error)}", file=told) from None
     if not content:
-        raise fault("the file is empty", file=shown, expected=f"a {role} file")
+        raise fault("the file is empty", file=told, expected=HOLDS.get(role, f"a {role} file"))
     return shown, content
 
 

@@ -10,18 +10,16 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.contracts import Notice, duplicates
+from mtu_cli.files.covariance import covariance_fault
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.report_file import (
     Matrix,
     NonNegative,
     any_estimated,
-    covariance_like,
-    negative,
     no_dof,
     not_a_report,
     read_from,
     schema_of,
-    square,
     unit_problem,
     validated,
 )
@@ -199,14 +197,9 @@ def _matrices(source: Source, name: str, item: ReportedDrift) -> list[Problem]:
         ("covariance", item.covariance, powers * len(item.sensors)),
         ("leftover_covariance", item.leftover_covariance, powers),
     ):
-        if not square(matrix, size):
-            problems.append(_problem(source, name, key, f"{key} is not {size} x {size}"))
-        elif any(value != value for row in matrix for value in row):
+        if any(value != value for row in matrix for value in row):
             what = "null: the drift readings do not determine it"
             problems.append(_problem(source, name, key, what, expected="more readings or cycles"))
-        elif negative(matrix):
-            problems.append(_problem(source, name, key, "a variance is negative"))
-        elif not covariance_like(matrix):
-            what = "no covariance: not symmetric, or correlations beyond 1"
-            problems.append(_problem(source, name, key, what))
+        elif fault := covariance_fault(matrix, size):
+            problems.append(_problem(source, name, key, fault))
     return problems

@@ -25,6 +25,7 @@ class ComponentEstimate:
     pass_dof 0: one mean square, with `repeat_dof`, stands behind all of them). `n_passes` is
     given where C is the between-pass mean square over that number.
     `independent_covariance` and `independent_s` are the paper's s^2 (X'X)^-1 and s.
+    `position_range` in mm is that of the readings; None where none were fitted, or without `of`.
     """
 
     name: str

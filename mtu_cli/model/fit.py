@@ -27,6 +27,7 @@ from mtu_cli.model.estimates import (
 )
 from mtu_cli.model.estimation import ComponentFit, fit_component
 from mtu_cli.model.joint import shared_passes
+from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 
@@ -90,6 +91,18 @@ def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estima
         return Estimates(components=found)
     found |= {name: item.estimate for name, item in fit.components.items()}
     return Estimates(components=found, joint=fit.joint)
+
+
+def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Warned]:
+    """What the machine file makes one ask; not of coefficients that readings, or a report of
+    their fit, win over.
+    """
+    read = {x.name for x in estimates.components.values() if x.position_range is not None}
+    return [
+        Warned(code=item.code, message=item.message)
+        for item in machine.warnings
+        if item.coefficients_of not in read
+    ]
 
 
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:

@@ -40,8 +40,7 @@ def reading_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
     """
     components = machine.machine.components
     found = [Warned(code=item.code, message=item.message) for item in readings.notes]
-    travels = {str(name): tuple(axis.travel_mm) for name, axis in machine.machine.axes.items()}
-    found += _scales(readings, components, travels)  # type: ignore[arg-type]  # pairs
+    found += _scales(readings, components, machine.machine.travels)
     alone = [text for name in readings.components for text in _alone(readings, name, components)]
     if alone:
         more = f"; and {len(alone) - SHOWN} more" if len(alone) > SHOWN else ""

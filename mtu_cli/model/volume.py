@@ -32,7 +32,7 @@ def grid_of(
     counts = _counts(text)
     fixed = model.position_constants()
     needed = _needed(model)
-    travels = machine.machine.axes
+    travels = machine.machine.travels
     levels: list[FloatArray] = []
     problems = []
     for axis, count in zip(AXES, counts, strict=True):
@@ -43,7 +43,7 @@ def grid_of(
         elif axis not in travels:
             problems.append(_no_travel(machine, axis))
         else:
-            low, high = sorted(travels[axis].travel_mm)
+            low, high = travels[axis]
             middle = [(low + high) / 2]
             levels.append(np.array(middle) if count == 1 else np.linspace(low, high, count))
     if problems:

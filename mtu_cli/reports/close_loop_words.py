@@ -38,6 +38,8 @@ PART_VARIANCE, TURNED = "part-variance", "rotation-scatter"
 OTHER_PLACES = "measure features at more, and uneven, distances along the axis"
 NO_DISTANCE = 0.05
 """Standard deviations below which rivals are the same in the data so far."""
+ROUNDING = 1e-7
+"""Share of the figure beside it below which an error is gone, but for the rounding of numbers."""
 COPY = " is a copy of "
 """What the note of a candidate says of a column that is."""
 
@@ -213,12 +215,16 @@ def _before_after(item: TableResult) -> str:
 
 def _together(item: TableResult, *values: float | None) -> list[str]:
     """Sizes beside one another to the same place: two digits of the smallest, as long as the
-    largest has no more than four.
+    largest has no more than four; what is smaller than that place has two of its own.
     """
     shown = [size_of(item, value) for value in values]
     known = [value for value in shown if value]
-    last = max(min(known, default=1.0), 0.01 * max(known, default=0.0))
-    return [with_u(value, last)[0] for value in shown]
+    largest = max(known, default=0.0)
+    last = max(min(known, default=1.0), 0.01 * largest)
+    return [
+        with_u(value, min(value, last) if value and value > ROUNDING * largest else last)[0]
+        for value in shown
+    ]
 
 
 def _of_p(p: float) -> str:

@@ -16,6 +16,7 @@ from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import finite, listed, root, um, um2
 from mtu_cli.reports.labels import folded
 from mtu_cli.reports.numbers import interval, percent, plus_minus, significant, with_u
+from mtu_cli.reports.outside import components_beyond, mark_notes, marked
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
 
@@ -99,7 +100,11 @@ def table(result: LengthsResult, digits: int = 2) -> list[Sheet]:
     ]
     if toleranced:
         columns += [Column(title="tolerance\num"), Column(title="conforming\n%")]
-    rows = [_row(item, toleranced, digits) for item in result.lengths]
+    beyond = components_beyond(result.prediction)
+    rows = [
+        [marked(item.id, [item.start, item.end], beyond), *_row(item, toleranced, digits)]
+        for item in result.lengths
+    ]
     k = result.lengths[0].k
     notes = [
         f"U = {k:g} u of one future part: repeatability, drift, coefficients; error = actual minus "
@@ -115,14 +120,15 @@ def table(result: LengthsResult, digits: int = 2) -> list[Sheet]:
         p, se = result.joint_conformance
         shown = plus_minus(100 * p, 100 * se, 1) if se > 0 else percent(p)
         notes.append(f"all toleranced lengths of one part conform: {shown} %")
+    notes += mark_notes(result.prediction)
     return [Sheet(title="Lengths", columns=columns, rows=rows, notes=notes)]
 
 
 def _row(item: Length, toleranced: bool, digits: int) -> list[str]:
+    """The cells beside the length's name."""
     error, u = item.error / UM, item.u / UM
     low, high = (end / UM for end in item.interval95)
     row = [
-        item.id,
         f"{item.nominal:.3f}",
         *with_u(error, u, digits),
         with_u(item.k * u, u, digits)[0],

@@ -22,6 +22,7 @@ from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import arcsec, finite, listed
 from mtu_cli.reports.labels import cut
 from mtu_cli.reports.numbers import interval, significant, with_u
+from mtu_cli.reports.outside import components_beyond, mark_notes, marked
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
@@ -127,7 +128,7 @@ def table(result: OrthogonalityResult, coverage_factor: float, digits: int = 2) 
         scale = u if math.isfinite(u) else item.first_order[1] / ARCSEC
         rows.append(
             [
-                item.id,
+                marked(item.id, item.prediction.ids, components_beyond(item.prediction)),
                 with_u(mean, scale, digits)[0],
                 significant(u, digits),
                 with_u(coverage_factor * u, u, digits)[0],
@@ -143,6 +144,7 @@ def table(result: OrthogonalityResult, coverage_factor: float, digits: int = 2) 
         "less its nominal; u indep.: all holes independent (Gilsinn & Ling 2004)",
         "first order valid: its 95 % interval agrees with the Monte Carlo (JCGM 101, clause 8); "
         "no*: it does not, use the Monte Carlo's",
+        *mark_notes(*(item.prediction for item in result.angles)),
     ]
     return [Sheet(title="Orthogonality", columns=columns, rows=rows, notes=notes)]
 

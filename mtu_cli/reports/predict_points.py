@@ -14,6 +14,7 @@ from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite, matrix, root, um, um2
 from mtu_cli.reports.numbers import MISSING, degrees_of_freedom, fixed, interval, with_u
+from mtu_cli.reports.outside import components_beyond, mark_notes, marked
 from mtu_cli.reports.points_figure import figure
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.stats.least_squares import FloatArray
@@ -25,11 +26,11 @@ __all__ = ["csv_rows", "document", "figure", "table", "warnings"]
 def document(result: PointsResult, *, with_covariance: bool = False) -> dict[str, Any]:
     """`results` of the report; the covariance between all points and axes only if asked for."""
     prediction = result.prediction
-    outside = _outside(result)
+    beyond = components_beyond(prediction)
     results: dict[str, Any] = {
         "axes": list(prediction.axes),
         "points": [
-            {**_point(result, i), "outside_measured_range": outside.get(name, [])}
+            {**_point(result, i), "outside_measured_range": beyond.get(name, [])}
             for i, name in enumerate(prediction.ids)
         ],
     }
@@ -76,14 +77,6 @@ def _scatter(axis: str, variance: float, k: float) -> dict[str, Any]:
     return {f"var_{axis}_um2": um2(variance), f"u_{axis}_um": um(u), f"U_{axis}_um": um(k * u)}
 
 
-def _outside(result: PointsResult) -> dict[str, list[str]]:
-    """The components beyond their measured range, by feature."""
-    found: dict[str, list[str]] = {}
-    for point, component, *_ in result.prediction.outside:
-        found.setdefault(point, []).append(component)
-    return found
-
-
 def warnings(result: PointsResult) -> list[Warned]:
     """The result's own warnings."""
     return list(result.warnings)
@@ -99,17 +92,15 @@ def table(result: PointsResult, digits: int = 2) -> list[Sheet]:
         columns += [Column(title=f"{name}\num") for name in (f"E{axis}", "u", "U")]
         columns.append(Column(title="95 %\num" if len(axes) < 3 else "dof\n"))
     rows = []
-    outside = _outside(result)
+    beyond = components_beyond(result.prediction)
     places = [_places(result.points[:, a]) for a in placed]
     for i, name in enumerate(result.prediction.ids):
-        flag = "†" if name in outside else ""
-        cells = [f"{name}{flag}", *(column[i] for column in places)]
+        cells = [marked(name, [name], beyond), *(column[i] for column in places)]
         for j in range(len(axes)):
             cells += _cells(result, i * len(axes) + j, digits, last_is_interval=len(axes) < 3)
         rows.append(cells)
     notes = [f"U = {result.coverage_factor:g} u; error = actual minus nominal; {_kind(result)}"]
-    if result.prediction.outside:
-        notes.append("† outside the measured range of a component")
+    notes += mark_notes(result.prediction)
     return [Sheet(title="Errors of the features", columns=columns, rows=rows, notes=notes)]
 
 

@@ -25,6 +25,8 @@ from mtu_cli.stats.positive_part import positive_part
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+ROUNDING = 1e-12
+"""Share of the terms of a sum below which it is what rounding left of them."""
 FEW_PASSES = 3
 """Below so many degrees of freedom between passes D is never taken as negative."""
 OWN_SLOPE_SPAN = 0.3
@@ -269,6 +271,10 @@ def _coefficient_covariance(
     for D in choices:
         total: FloatArray = s2 * inverse + np.einsum("gij,jk,glk->il", A, D, A)
         total = (total + total.T) / 2
+        sizes = s2 * np.diag(inverse) + np.einsum("gij,jk,gik->i", *map(np.abs, (A, D, A)))
+        # What the passes do not scatter in is 0, not the rounding of sums that cancel.
+        still = np.abs(np.diag(total)) <= ROUNDING * sizes
+        total[still] = total[:, still] = 0.0
         if np.linalg.eigvalsh(_correlation(total)).min() >= -1e-9:
             break
     return total

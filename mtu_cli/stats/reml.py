@@ -13,8 +13,8 @@ GRID = np.concatenate([[0.0], 10.0 ** np.arange(-5.0, 9.01, 0.25)])
 """Ratios r = s_part^2/s_repeat^2 at which the likelihood is looked at first. Beyond the last one
 the limit of large r holds to a relative 1e-9.
 """
-AT_ONCE = 1_000_000
-"""Numbers of the grid looked at together."""
+GRID_VALUES = 1_000_000
+"""Values of the likelihood, over the grid and all tables, that are looked at together."""
 STEPS, SECTIONS = 13, 16
 """16^13 = 2^52: a bracket is halved 52 times, four halvings at a look."""
 
@@ -51,7 +51,7 @@ def reml(cells: Cells) -> Components:
     """
     levels = _levels(cells)
     a = levels.count.sum(axis=1)
-    pieces = np.array_split(GRID, 1 + GRID.size * levels.count.size // AT_ONCE)
+    pieces = np.array_split(GRID, 1 + GRID.size * levels.count.size // GRID_VALUES)
     values = [_criterion(levels, np.tile(piece[:, None], len(a))) for piece in pieces]
     best = np.argmin(np.concatenate(values), axis=0)
     low = GRID[np.maximum(best - 1, 0)]

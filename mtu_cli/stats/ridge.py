@@ -38,9 +38,9 @@ def ridge(
 ) -> RidgePath:
     """Minimises |y - F a - X b|^2 / n + penalty * sum (s_j b_j)^2 for each of l penalties.
 
-    `free` F (r, m) are columns without penalty (intercepts), X (r, k); s_j is the standard
-    deviation of column j about the free ones, so that units do not matter. The r rows may be
-    the compressed ones of n readings. Hoerl & Kennard 1970, Technometrics 12, 55-67, by the
+    `free` F (r, m) are columns without penalty (intercepts), of rank m; X (r, k); s_j is the
+    standard deviation of column j about the free ones, so that units do not matter. The r rows
+    may be the compressed ones of n readings. Hoerl & Kennard 1970, Technometrics 12, 55-67, by the
     singular values of X freed of F. Penalty 0 is ordinary least squares, of least norm where
     columns depend on each other.
     """

@@ -31,7 +31,7 @@ MOST_THREADS = 4
 DENSE_ROWS = 64
 """Up to so many rows the rotations are uniform on the whole orthogonal group."""
 
-AT_ONCE = 250_000
+IN_CACHE = 250_000
 """Numbers rotated at a time: what stays in the processor's cache."""
 
 Rotate = Callable[[int], FloatArray]
@@ -79,7 +79,7 @@ def _by_rotation(
     rotate = _rotations(_filled(d, count), rng)
     largest: list[list[FloatArray]] = [[], [], []]
     square = len(d) ** 2 if len(d) <= DENSE_ROWS else 0
-    batch = max(1, AT_ONCE // max(d.size, square, 1))
+    batch = max(1, IN_CACHE // max(d.size, square, 1))
     for start in range(0, ROTATIONS, batch):
         turned = rotate(min(batch, ROTATIONS - start))
         for found, item in zip(largest, _statistics(turned, indicator), strict=True):

@@ -12,7 +12,7 @@ from scipy.special import fdtrc
 from mtu_cli.stats.autocorrelation import autocorrelation, effective_number
 from mtu_cli.stats.compressed import Compressed
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.orthogonal import triangle
+from mtu_cli.stats.orthogonal import shortened, triangle
 
 ENTER = 0.05
 REMOVE = 0.10
@@ -32,7 +32,8 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
     the residuals on all columns (Bayley & Hammersley 1946, J. R. Stat. Soc. Suppl. 8,
     184-197): those on few columns hold the drift itself and would let nothing enter.
     """
-    rows = _square(rows)
+    # Steps cost less by a factor of no more rows than columns.
+    rows = replace(rows, factor=shortened(rows.factor))
     chosen: list[int] = []
     everything = range(1, rows.factor.shape[1] - 1)
     number = effective_number(
@@ -51,13 +52,6 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
     return tuple(sorted(chosen))
 
 
-def _square(rows: Compressed) -> Compressed:
-    """The same rows in a factor of no more rows than columns: steps cost less by it."""
-    if len(rows.factor) <= rows.factor.shape[1]:
-        return rows
-    return replace(rows, factor=triangle(rows.factor))
-
-
 def residual_autocorrelation(rows: Compressed, weights: FloatArray) -> float:
     """Lag-1 autocorrelation of the residuals Z w, w (k,); 0 where they are rounding alone."""
     return autocorrelation([(rows, weights)])
@@ -73,7 +67,7 @@ def fitted_weights(rows: Compressed, chosen: Sequence[int]) -> FloatArray:
     return weights
 
 
-def _triangle(rows: Compressed, chosen: Sequence[int], others: Sequence[int]) -> FloatArray:
+def _factor(rows: Compressed, chosen: Sequence[int], others: Sequence[int]) -> FloatArray:
     """R of constant, chosen, others, target: what the chosen leave of the rest is below them."""
     return triangle(rows.factor[:, [0, *chosen, *others, -1]])
 
@@ -83,7 +77,7 @@ def _best_entry(rows: Compressed, chosen: Sequence[int], number: float, limit: f
     if not others:
         return None
     p = len(chosen) + 1
-    R = _triangle(rows, chosen, others)
+    R = _factor(rows, chosen, others)
     left, residual = R[p:, p:-1], R[p:, -1]
     squares = np.sum(left**2, axis=0)
     usable = squares > _NOTHING_LEFT * np.sum(R[:, p:-1] ** 2, axis=0)
@@ -107,7 +101,7 @@ def _worst(rows: Compressed, chosen: Sequence[int], number: float, limit: float)
 def _losses(rows: Compressed, chosen: Sequence[int]) -> tuple[FloatArray, float]:
     """What leaving out each of the chosen adds to the sum of squares, b_j^2/C_jj, and that sum."""
     p = len(chosen) + 1
-    R = _triangle(rows, chosen, ())
+    R = _factor(rows, chosen, ())
     found = _screened(R, p) if len(R) >= p else None
     if found is not None:
         return found

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.orthogonal import triangle
+from mtu_cli.stats.orthogonal import shortened
 
 REWEIGHTED = 6
 FEWEST = 1.0
@@ -137,10 +137,3 @@ def _triangles(rows: FloatArray, places: Sequence[slice]) -> FloatArray:
         short = shortened(rows[place])
         own[: len(short)] = short
     return found
-
-
-def shortened(rows: FloatArray) -> FloatArray:
-    """As many rows as columns at most, with the same squares and cross products."""
-    if len(rows) <= rows.shape[1]:
-        return rows
-    return triangle(rows)

@@ -27,7 +27,7 @@ from fork_server import SET_BEFORE
 from forked_calls import POSSIBLE, ForkServer
 from support import CONFIGS
 
-from mtu_cli.cli.main import app
+from mtu_cli.cli.commands import app
 
 pytestmark = pytest.mark.skipif(not POSSIBLE, reason="every call starts a process")
 

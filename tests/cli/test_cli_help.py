@@ -12,7 +12,7 @@ from cli_runner import done
 from cli_runner import started as mtu
 
 from mtu_cli import __version__
-from mtu_cli.cli.main import app
+from mtu_cli.cli.commands import app
 
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # a group has them
 

@@ -9,7 +9,9 @@ import re
 import select
 import signal
 import subprocess
+import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -22,10 +24,26 @@ BOXES = re.compile("[\u2500-\u257f]")
 OLD = b'{"old": true}\n'
 
 
-def start(*args: object, cwd: Path) -> subprocess.Popen[bytes]:
+INTERRUPTED = """
+import signal, sys
+
+class Interrupts:
+    def find_spec(self, name, path=None, target=None):
+        if name == module:
+            signal.raise_signal(signal.SIGINT)
+
+module = sys.argv.pop(1)
+sys.meta_path.insert(0, Interrupts())
+from mtu_cli.cli.main import main
+main()
+"""
+"""The entry point, interrupted as it comes to import one module."""
+
+
+def start(*args: object, cwd: Path, program: Sequence[object] = (MTU,)) -> subprocess.Popen[bytes]:
     """A call that runs while the test goes on."""
     return subprocess.Popen(
-        [MTU, *map(str, args)],
+        [*map(str, program), *map(str, args)],
         # A runner in the background hands an ignored interrupt on to its children.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         cwd=cwd,
@@ -94,6 +112,18 @@ def test_a_reader_that_leaves_early() -> None:
         assert "Exception" not in result.stderr
 
 
+@pytest.mark.parametrize("call", ["--help", "lengths --help", "--version", f"lengths {SMALL}"])
+def test_a_reader_that_never_reads(call: str, tmp_path: Path) -> None:
+    """Help is written by a library, which would have ended with 1."""
+    process = start(*call.split(), cwd=tmp_path)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    with process.stderr as stream:
+        assert stream.read() == b""
+    assert process.wait(30) == 0
+
+
 def test_a_gate_counts_where_nobody_reads(tmp_path: Path) -> None:
     process = start("fit-components", SIMULATED, "--fail-if", "drift", cwd=tmp_path)
     assert process.stdout is not None
@@ -114,8 +144,18 @@ def test_full_disks_and_closed_streams() -> None:
             ("mtu: standard output cannot be written", "mtu: /dev/full: cann")
         )
         assert "no space left on device" in message
-    done(shell(f"mtu lengths {SMALL} >&-"))
     assert done(shell(f"mtu lengths {SMALL} -o - 2>&-")).stdout.startswith("{")
+
+
+@pytest.mark.parametrize("call", ["lengths", "lengths -o r.json", "lengths -o -", "--help"])
+@pytest.mark.parametrize("others", ["", "<&-"])
+def test_a_closed_output_takes_nothing(call: str, others: str, tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    before = listing(work)
+    result = done(shell(f"cd {work} && mtu {call} >&- {others}"), 2)
+    assert result.stderr == "mtu: standard output cannot be written: bad file descriptor\n"
+    assert listing(work) == before
+    done(shell(f"cd {work} && mtu lengths -q >&- {others}"))
 
 
 def test_an_output_that_lacks_letters() -> None:
@@ -136,6 +176,17 @@ def test_interrupt(tmp_path: Path) -> None:
     assert b"Traceback" not in error
     assert output == b""
     assert listing(work) == before
+
+
+@pytest.mark.parametrize(
+    "module", ["mtu_cli.cli.process", "typer", "mtu_cli.cli.lengths", "numpy", "scipy"]
+)
+def test_interrupt_while_it_imports(module: str, tmp_path: Path) -> None:
+    process = start(
+        module, "lengths", SMALL, cwd=tmp_path, program=[sys.executable, "-c", INTERRUPTED]
+    )
+    assert process.communicate(timeout=30) == (b"", b"")
+    assert process.returncode == 130
 
 
 def large(folder: Path) -> list[str]:

@@ -14,6 +14,7 @@ from mtu_cli.analyses.close_loop.held_out import (
     fold_of,
     joined,
     of_fold,
+    splits_by,
     splits_of,
 )
 from mtu_cli.model.effect_library import Candidate
@@ -28,11 +29,9 @@ def folds_of(
     count: int = FOLDS,
     number: NDArray[np.int64] | None = None,
 ) -> tuple[Fold, ...]:
-    """Those of `splits_of`."""
-    return tuple(
-        fold_of(table, candidates, split, seed, pass_dof)
-        for split in splits_of(table, count, number)
-    )
+    """Those of `splits_of`; of `splits_by` where `number` (P,) tells the fold of each part."""
+    splits = splits_of(table, count) if number is None else splits_by(table, number)
+    return tuple(fold_of(table, candidates, split, seed, pass_dof) for split in splits)
 
 
 def held_out(

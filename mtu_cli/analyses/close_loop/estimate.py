@@ -11,8 +11,9 @@ from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.stats.column_groups import MemberColumns, whitened
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.loop_null import draw
+from mtu_cli.stats.orthogonal import shortened
 from mtu_cli.stats.strata import Strata
-from mtu_cli.stats.stratified import StratifiedFit, shortened, stratified_fit
+from mtu_cli.stats.stratified import StratifiedFit, stratified_fit
 from mtu_cli.stats.streams import stream
 
 DRAWN = 3_000

@@ -81,26 +81,29 @@ class HeldOut:
     by: str
 
 
-def splits_of(
-    table: ResidualTable, count: int = FOLDS, number: NDArray[np.int64] | None = None
-) -> tuple[Split, ...]:
+def splits_of(table: ResidualTable, count: int = FOLDS) -> tuple[Split, ...]:
     """Blocks of consecutive parts, so that drifts do not leak; of few parts, every n-th column.
 
-    Empty where there are too few of both. `number` (P,) tells the fold of each part, if not so.
+    Empty where there are too few of both.
     """
     P, H = table.there.shape
-    dimension = 0
-    if number is not None:
-        count = int(number.max()) + 1
-    elif P >= FEWEST_PARTS:
+    if P >= FEWEST_PARTS:
         count = min(count, P)
-        number = np.minimum(np.arange(P) * count // P, count - 1)
-    elif H >= FEWEST_COLUMNS:
-        dimension, number = 1, np.arange(H) % count
-    else:
-        return ()
+        return splits_by(table, np.minimum(np.arange(P) * count // P, count - 1))
+    if H >= FEWEST_COLUMNS:
+        return splits_by(table, np.arange(H) % count, dimension=1)
+    return ()
+
+
+def splits_by(
+    table: ResidualTable, number: NDArray[np.int64], dimension: int = 0
+) -> tuple[Split, ...]:
+    """`number` tells the fold of each part (P,), or of each column (H,) along dimension 1.
+
+    Left out are folds without which a part or a column was never measured.
+    """
     found = []
-    for fold in range(count):
+    for fold in range(int(number.max()) + 1):
         split = Split(dimension=dimension, kept=number != fold, stream=1 + fold)
         there = split.cut(table).there
         if there.any(axis=0).all() and there.any(axis=1).all():

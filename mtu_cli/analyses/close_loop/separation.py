@@ -20,8 +20,8 @@ from mtu_cli.stats.crossed import completion
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import NullModel, whitening_of
+from mtu_cli.stats.orthogonal import shortened
 from mtu_cli.stats.strata import Strata, strata_of
-from mtu_cli.stats.stratified import shortened
 
 Seen = dict[int, FloatArray]
 """The coordinates of a column, by the number of the stratum that they lie in."""

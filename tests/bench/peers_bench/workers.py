@@ -23,7 +23,7 @@ ONE_THREAD = (
 
 
 AS_THE_COMMAND = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
-"""Set to 1 by the command `mtu` before anything else (`cli/main.py`): its threads run blocks."""
+"""Set to 1 by the command `mtu` before anything else (`cli/process.py`): its threads run blocks."""
 
 
 class Worker:

@@ -90,6 +90,17 @@ def test_nominal_columns_must_agree_with_the_part_file(tmp_path: Path) -> None:
     ]
 
 
+def test_nominals_that_are_wrong_alike_are_told_once(tmp_path: Path) -> None:
+    head = f"{HEAD},nominal_x_mm,nominal_y_mm\n"
+    rows = "".join(f"{part},h1,1,2,0,0\n{part},h2,1,2,11,20\n" for part in "abcd")
+    wrong = "column 'nominal_x_mm': the nominal x of 'h2' is not the part file's"
+    expected = "expected 10, as the part file has it for 'h2'"
+    assert faults(tmp_path, head + rows + "e,h2,1,2,12,20\nf,h2,1,2,12,20\n") == [
+        f"p0.csv, row 3, {wrong}: '11'; {expected} (and 3 more rows)",
+        f"p0.csv, row 10, {wrong}: '12'; {expected} (and 1 more row)",
+    ]
+
+
 def test_sequence_is_as_given(tmp_path: Path) -> None:
     found = read(tmp_path, f"{HEAD},sequence\nb,h1,0,0,7\na,h1,0,0,3\n")
     assert found.sequence.tolist() == [7, 3]

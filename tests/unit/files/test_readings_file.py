@@ -159,9 +159,9 @@ def test_a_count_that_is_too_large_is_shown_as_it_is_written(
 
 def test_position_is_required_where_a_component_has_an_axis(tmp_path: Path) -> None:
     assert read(tmp_path, "component,error,unit\naxy,1,arcsec\n").components == ("axy",)
-    assert faults(tmp_path, "component,error,unit,pos_mm\naxy,1,arcsec,\ndx_x,1,um,3\n") == [
+    assert faults(tmp_path, "component,error,unit,location_mm\naxy,1,arcsec,\ndx_x,1,um,3\n") == [
         "r0.csv, row 1: the column 'position_mm' is missing; "
-        "expected rename 'pos_mm' to 'position_mm'"
+        "expected rename 'location_mm' to 'position_mm'"
     ]
 
 

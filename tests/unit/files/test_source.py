@@ -36,7 +36,19 @@ def test_a_missing_file_names_the_closest_one(tmp_path: Path) -> None:
     text = message(tmp_path / "machin.yaml")
     assert "machin.yaml: no such file" in text
     assert "machine.yaml" in text.split("did you mean")[1]
-    assert str(tmp_path) not in text
+    assert text.startswith(f"{tmp_path}/machin.yaml: ")
+
+
+def test_what_is_no_input_is_told_as_it_was_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").touch()
+    with pytest.raises(InputError, match=r"^empty: the file is empty; expected ball-bar readings$"):
+        read_source(Path("empty"), "lbb")
+    for path in (tmp_path / "empty", Path("/dev/null")):
+        said = f"{path}: the file is empty; expected a machine file"
+        assert message(path) == said
 
 
 def test_a_missing_folder(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from close_loop_examples import ambiguous, effect, named, on_table, result
+from close_loop_examples import ambiguous, effect, named, on_table, result, scores
 
 from mtu_cli.analyses.close_loop.fixed_point import fixed_points
 from mtu_cli.analyses.close_loop.result import (
@@ -54,6 +54,14 @@ def test_rivals_that_the_data_should_have_told_apart_may_both_act() -> None:
         assert "set them a further 3.2 standard deviations apart (so far " in words(found)
     # Of aliases nothing but rounding is left.
     assert "apart (so far none)." in words(long_class(2.5e-15))
+
+
+def test_small_figures_keep_two_digits_beside_large_ones() -> None:
+    far = replace(on_table("named", (effect(),)), floor=1.2e-3)
+    near = words(result(far))
+    assert "rms 5.9 -> 3.8 um; repeatability 1.2 um." in near
+    text = words(result(replace(far, before=scores(83_456.0), after=scores(4_321.0))))
+    assert "rms 83460 -> 4320 um; repeatability 1.2 um." in text
 
 
 GROWS = effect(

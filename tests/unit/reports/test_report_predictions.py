@@ -252,6 +252,29 @@ def test_tables_fit_and_round_to_the_uncertainty(
     assert len(error.partition(".")[2]) == len(u.partition(".")[2])
 
 
+def test_rows_beyond_the_measured_range_are_marked_alike(paper: Example) -> None:
+    points, long, right = paper.points(), paper.lengths(), paper.angles()
+    beyond = (("9", "dy_y", 140.0, 0.0, 120.0), ("15", "dx_x", 140.0, 0.0, 120.0))
+
+    def changed(result: Any) -> Any:
+        return replace(result, prediction=replace(result.prediction, outside=beyond))
+
+    def marked(sheets: Any) -> list[str]:
+        (sheet,) = sheets
+        names = [row[0] for row in sheet.rows if row[0].endswith("†")]
+        assert ("† outside the measured range of a component" in sheet.notes) == bool(names)
+        return names
+
+    assert marked(predict_points.table(changed(points))) == ["9†", "15†"]
+    assert marked(lengths.table(changed(long))) == ["3-9†", "9-15†", "3-15†"]
+    only = replace(long.prediction, outside=beyond[:1])
+    assert marked(lengths.table(replace(long, prediction=only))) == ["3-9†", "9-15†"]
+    off = replace(right, angles=(changed(right.angles[0]),))
+    assert marked(orthogonality.table(off, 2.0)) == ["xy†"]
+    for table in (predict_points.table(points), lengths.table(long), orthogonality.table(right, 2)):
+        assert marked(table) == []
+
+
 def test_csv_agrees_with_the_document(paper: Example) -> None:
     import csv
 

@@ -253,3 +253,14 @@ def test_what_is_not_a_covariance_falls_back_to_the_clipped_drift() -> None:
         )
         replaced += lowest < 0
     assert 5 < replaced < 60
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_passes_that_all_meet_in_a_place_scatter_there_by_nothing(seed: int) -> None:
+    """Rounding of sums that cancel was written as a variance below 0, which no reader takes."""
+    slopes = np.round(np.random.default_rng(seed).standard_normal(6), 3)
+    position = np.tile(np.arange(0.0, 600.0, 100.0), 6)
+    group = np.repeat(np.arange(6), 6)
+    fit = fit_passes(slopes[group] * position * 1e-2, position, 1, group)
+    expected = np.diag([0.0, np.var(slopes * 1e-2, ddof=1) / 6])
+    np.testing.assert_allclose(fit.covariance, expected, rtol=1e-9, atol=0.0)

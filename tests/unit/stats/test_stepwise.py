@@ -129,7 +129,7 @@ def test_a_screened_step_is_the_refined_one(apart: float) -> None:
     for seed in range(5):
         Z = sensors_alike(seed, apart)
         rows, chosen = compress(Z), [9, 1, 4, 7, 10]
-        found = stepwise_module._screened(stepwise_module._triangle(rows, chosen, ()), 6)
+        found = stepwise_module._screened(stepwise_module._factor(rows, chosen, ()), 6)
         assert found is not None
         full = rss(Z, chosen)
         plain = [rss(Z, [i for i in chosen if i != j]) - full for j in chosen]

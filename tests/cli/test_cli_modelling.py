@@ -1,0 +1,91 @@
+"""What a call's files are taken for, whatever is asked for first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from cli_runner import prepared
+
+from mtu_cli.cli.close_loop import _tables as tables_of
+from mtu_cli.cli.close_loop_choices import read_choices
+from mtu_cli.cli.execute import execute
+from mtu_cli.cli.fit_components import analyse as fitting
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.modelling import modelled
+from mtu_cli.cli.options import Options
+from mtu_cli.errors import InputError
+
+LARGE = "coefficients-large"
+
+
+@pytest.fixture
+def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the small study, as the working folder."""
+    folder = prepared(tmp_path / "work")
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def edited(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+@pytest.mark.parametrize("model_first", [True, False])
+@pytest.mark.parametrize("asked", ["part", "points"])
+def test_a_part_beyond_the_travels_is_told_in_any_order(
+    asked: str, model_first: bool, work: Path
+) -> None:
+    """By anova alone it is not: of parts that no machine of the study need have made."""
+    rows = ["P1,A,0,0,0,0", "P1,B,3000,0,3000,0"]
+    header = "part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm"
+    (work / "c.csv").write_text("\n".join([header, *rows]) + "\n")
+    part = (
+        "schema: mtu/part/1\nname: p\nfeatures: {A: {x_mm: 0, y_mm: 0}, B: {x_mm: 3000, y_mm: 0}}"
+    )
+    (work / "p.yaml").write_text(part)
+    files = {"machine": Path("machine.yaml"), "cmm": [Path("c.csv")], "lbb": [Path("lbb.csv")]}
+    files |= {"part": Path("p.yaml")} if asked == "part" else {}
+    for command in ("lengths", "anova"):
+        inputs = Inputs(Options(command, files))
+        if model_first:
+            modelled(inputs)
+        if command == "anova":
+            assert getattr(inputs, asked)
+            continue
+        with pytest.raises(InputError, match="the machine travels 400 mm"):
+            getattr(inputs, asked)
+
+
+def large(command: str, **files: object) -> bool:
+    """Whether a call asks about coefficients of the machine file."""
+    paths = {"machine": Path("machine.yaml")} | files
+    if command == "fit-components":
+        execute(Options(command, paths | {"out": Path("c.json"), "quiet": True}), fitting)
+        return LARGE in Path("c.json").read_text()
+    inputs = Inputs(Options(command, paths))
+    if command == "close-loop":
+        _, _, warnings = tables_of(inputs, read_choices(inputs))
+    else:
+        warnings = [*modelled(inputs).warnings]
+    return LARGE in [item.code for item in warnings]
+
+
+def test_coefficients_are_asked_about_where_nothing_wins_over_them(work: Path) -> None:
+    """Readings do, and a report of their fit; not readings that are judged by the file."""
+    old = "{of: x, unit: um, says: X positioning}"
+    edited(work / "machine.yaml", old, "{of: x, unit: um, coefficients: [2, 30], u_future: 1}")
+    all_read, rest = [Path("lbb.csv")], [Path("rest.csv")]
+    lines = (work / "lbb.csv").read_text().splitlines()
+    (work / "rest.csv").write_text("\n".join(x for x in lines if x[:4] != "dx_x") + "\n")
+    report = [Path("c.json")]
+    assert not large("lengths", lbb=all_read)
+    assert not large("fit-components", lbb=all_read)
+    assert not large("lengths", components=report)
+    assert not large("close-loop", lbb=all_read, components=report)
+    assert large("lengths", lbb=rest)
+    assert large("fit-components", lbb=rest)
+    assert large("lengths", components=report)
+    assert large("close-loop", lbb=rest, components=report)
