@@ -120,13 +120,17 @@ def _lost(inputs: Inputs, files: Mapping[str, Path]) -> Iterator[Problem]:
     options = inputs.options
     called = [path for role in ROLES for path in _listed(options.values.get(role))]
     of_call = _named_by(inputs.study)
-    read = [(role, path) for role, path in of_call if role in options.values]
+    # What the call names instead is not read from the study.
+    instead = {role for role in ROLES if _listed(options.values.get(role))}
+    read = [
+        (role, path) for role, path in of_call if role in options.values and role not in instead
+    ]
     named = [*of_call, *_named_by(_nearby())]
     for name, target in files.items():
         makes = _makes(options.command, name, target)
         mine, roles = (
-            [role for role, path in own if role not in makes and overwrites(target, path)]
-            for own in (read, named)
+            [role for role, path in some if role not in makes and overwrites(target, path)]
+            for some in (read, named)
         )
         if mine or any(overwrites(target, path) for path in called):
             what = "is an input of this run and is not overwritten"

@@ -9,9 +9,10 @@ from pathlib import Path
 from mtu_cli.errors import did_you_mean
 from mtu_cli.files.budget_checks import check_coverage, check_inputs, check_joint
 from mtu_cli.files.budget_contract import Budget, Contribution, Correlation, Coverage, Input
+from mtu_cli.files.budget_fahrenheit import unconverted
 from mtu_cli.files.budget_readings import reading_notices
 from mtu_cli.files.budget_sizes import check_sizes
-from mtu_cli.files.budget_units import BudgetUnits, converted_fahrenheit, in_fahrenheit
+from mtu_cli.files.budget_units import BudgetUnits
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings, Notice, check_contract, is_identifier
 from mtu_cli.files.source import Source
@@ -33,10 +34,6 @@ __all__ = [
 OUTPUT_NAMES = ("y", "Y", "result")
 """Of an equation whose quantity has no name, the first that no input has."""
 RESERVED = frozenset(BUDGET_FUNCTIONS) | {"pi"}
-IN_C = (
-    "degC or K: a temperature less 32 and divided by 1.8, a difference and u divided by 1.8; or "
-    "an equation that does so"
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,11 +98,9 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
             if tree is not None:
                 trees[name] = tree
                 _check_tree_units(budget, units, tree, place, findings)
-        converted = set().union(*map(converted_fahrenheit, trees.values()))
-        for name in in_fahrenheit(stated):
-            if name not in converted:
-                what = "degF beside degC or K: no unit is converted"
-                findings.add(("inputs", name, "unit"), what, value=stated[name], expected=IN_C)
+        for name, expected in unconverted(stated, trees.values()):
+            what = "degF beside degC or K: no unit is converted"
+            findings.add(("inputs", name, "unit"), what, value=stated[name], expected=expected)
 
     budget = check_contract(document, Budget, "budget", check)
     return LoadedBudget(

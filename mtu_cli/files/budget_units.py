@@ -8,7 +8,6 @@ unit is not stated or not known.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -24,7 +23,7 @@ from mtu_cli.language.dimensions import (
     first_column,
     shown,
 )
-from mtu_cli.language.tree import Binary, Call, Number, children, names, walk
+from mtu_cli.language.tree import Binary, Call, Number, children, walk
 
 BASES = ("m", "kg", "s", "A", "K", SIZE)
 COMMON = (
@@ -36,26 +35,6 @@ COMMON = (
 ANGLES = ("rad", "deg", "arcmin", "arcsec", "\u00b0")
 SIMPLE = 12
 """Numerator and denominator of the largest simple fraction."""
-
-
-FREEZING_F, STEP_F = 32.0, 1.8
-ROUNDED = 2e-3
-"""Relative difference up to which 0.556 is 5/9."""
-_FAHRENHEIT = re.compile(r"(?:deg|\u00b0)\s*F(?![a-z])|\u2109|fahrenheit", re.IGNORECASE)
-_KELVIN = re.compile(
-    r"(?:deg|\u00b0)\s*C(?![a-z])|\u2103|(?<![A-Za-z])m?K(?![A-Za-z])|kelvin|celsius"
-)
-
-
-def in_fahrenheit(units: Mapping[str, str | None]) -> list[str]:
-    """Names of the inputs in degF where others are in degC or K: nothing is converted.
-
-    F alone is a farad.
-    """
-    texts = {name: text or "" for name, text in units.items()}
-    if not any(_KELVIN.search(text) for text in texts.values()):
-        return []
-    return [name for name, text in texts.items() if _FAHRENHEIT.search(text)]
 
 
 def _simple(value: float) -> Exponent:
@@ -200,42 +179,6 @@ class BudgetUnits:
             if found[base]
         ]
         return " ".join([f"units of {10.0 ** found[SIZE]:.6g}", *bases])
-
-
-def converted_fahrenheit(tree: Node) -> set[str]:
-    """Names that an equation converts from degF: those in what 32 is taken off, or in what is
-    divided by 1.8 or times 5/9, as a difference is.
-    """
-    found: set[str] = set()
-    for item in walk(tree):
-        if not isinstance(item, Binary):
-            continue
-        right = item.right
-        if item.operator == "-" and isinstance(right, Number) and right.value == FREEZING_F:
-            found.update(names(item.left))
-        elif item.operator in "*/" and _is_of_a_step(item):
-            found.update(names(item))
-    return found
-
-
-def _is_of_a_step(product: Node) -> bool:
-    """Whether 1/1.8 = 5/9 is among the factors."""
-    above: list[float] = []
-    below: list[float] = []
-    for factor, times in _factors(product):
-        if isinstance(factor, Number):
-            (above if times else below).append(factor.value)
-    ninths = 5.0 in above and 9.0 in below
-    return STEP_F in below or ninths or any(abs(v * STEP_F - 1.0) < ROUNDED for v in above)
-
-
-def _factors(node: Node, times: bool = True) -> Iterator[tuple[Node, bool]]:
-    """What a term is a product of, and whether each is above the line."""
-    if isinstance(node, Binary) and node.operator in "*/":
-        yield from _factors(node.left, times)
-        yield from _factors(node.right, times == (node.operator == "*"))
-    else:
-        yield node, times
 
 
 def _has_shift(tree: Node) -> bool:

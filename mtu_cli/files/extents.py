@@ -47,10 +47,14 @@ def check_part_extent(part: LoadedPart, travels: Travels) -> None:
 
 def check_points_extent(points: Points, travels: Travels) -> None:
     """Raises InputError for measured points whose nominal places are farther apart than `travels`
-    allow, once for each feature.
+    allow, once for each place of a feature.
     """
+    if next(_beyond(points.nominal, travels), None) is None:
+        return
+    # Rows carry nominal places of their own: that of one row may be another than its feature's.
+    known = np.where(np.isnan(points.nominal), np.inf, points.nominal)
+    first = np.unique(np.column_stack([points.feature, known]), axis=0, return_index=True)[1]
     problems = []
-    first = np.unique(points.feature, return_index=True)[1]
     for i, axis, what in _beyond(points.nominal[first], travels):
         at = int(first[i])
         problems.append(
@@ -81,8 +85,8 @@ def _beyond(places: NDArray[np.float64], travels: Travels) -> Iterator[tuple[int
             continue
         far = np.flatnonzero(np.abs(column - np.nanmedian(column)) > most)
         ends = [int(np.nanargmin(column)), int(np.nanargmax(column))]
-        # Of two features neither is the one that is wrong.
-        known = np.isfinite(column).sum() > 2 and len(far) > 0
+        # Of two groups neither is the one that is wrong.
+        known = 0 < 2 * len(far) < np.isfinite(column).sum()
         for i in far.tolist() if known else sorted(ends):
             place = "far from the others" if known else "at one end"
             yield (

@@ -91,7 +91,7 @@ def outside_warnings(prediction: Prediction) -> list[Warned]:
                 f"{low:g} to {high:g} mm; feature {points[0]!r} at {members[0][1]:g} mm{others} "
                 "is outside: what was fitted is a guess there"
                 + (
-                    "; are the positions of its readings in mm?"
+                    "; are the positions of its readings, and the features of the part, in mm?"
                     if abs(members[0][1]) > OTHER_UNIT * max(abs(low), abs(high)) > 0
                     else ""
                 ),

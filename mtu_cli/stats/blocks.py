@@ -23,7 +23,8 @@ AT_ONCE = 2**15
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draws:
-    """What a model returns for one block of m trials.
+    """What a model returns for one block of m trials; of b blocks of one length, taken together,
+    every array has their axis before that of the outputs.
 
     `values` (outputs, m): the outputs of the model.
     `linear` (outputs, m): their first-order form, evaluated on the same draws.
@@ -77,7 +78,8 @@ class TrialModel(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlockSummary:
-    """All that is kept of a block.
+    """All that is kept of a block; of b blocks of one length, taken together, every array has
+    their axis before that of the outputs.
 
     `statistics` (4, outputs): mean, variance, low end, high end of the block. `controls`
     (4, outputs): the same statistics of the first-order form minus their exact expectation,

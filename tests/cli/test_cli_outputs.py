@@ -56,6 +56,7 @@ def refused(command: str, **values: Any) -> str:
         ("fit-components", {"csv": "x/../part.yaml"}, "part.yaml: "),
         ("fit-components", {"out": "mtu.yaml"}, f"mtu.yaml: {OF_STUDY}"),
         ("lengths", {"out": "known.json", "components": None}, f"known.json: {RUN}"),
+        ("lengths", {"machine": "m.yaml", "out": "machine.yaml"}, f"machine.yaml: {OF_STUDY}"),
         ("simulate", {"write_machine": "machine.yaml"}, f"machine.yaml: {OF_STUDY}"),
         ("simulate", {"write_cmm": "lbb.csv"}, f"lbb.csv: {OF_STUDY}"),
         ("fit-components", {"machine": "m.yaml", "csv": "cmm.csv"}, f"cmm.csv: {OF_STUDY}"),

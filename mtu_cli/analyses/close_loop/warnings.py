@@ -125,7 +125,7 @@ def _odd_names(tables: Sequence[ResidualTable]) -> list[Warned]:
         return []
     text = (
         f"not used: {', '.join(map(repr, odd))}, since an equation cannot name "
-        f"{'them' if len(odd) > 1 else 'it'}; expected names of letters without accents, digits "
+        f"{'them' if len(odd) > 1 else 'it'}; expected names of letters a to z, digits "
         "and _, that begin with no digit (a temperature is T_<sensor>_degC, a direction dir_x, a "
         "time time_min)"
     )

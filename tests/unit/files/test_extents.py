@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from mtu_cli.errors import InputError
-from mtu_cli.files.extents import check_part_extent
+from mtu_cli.files.extents import check_part_extent, check_points_extent
 from mtu_cli.files.part import load_part
+from mtu_cli.files.points import read_points
 
 TRAVELS = {"x": (0.0, 400.0), "y": (150.0, -150.0)}
 
@@ -43,6 +44,31 @@ def test_all_that_are_far_from_the_others_are_told(tmp_path: Path) -> None:
         "features.F.y_mm feature 'F' is far from the others: all cover 681 mm in y, the machine "
         "travels 300 mm",
     ]
+
+
+@pytest.mark.parametrize("row", [0, 4, 8])
+def test_the_place_of_one_row_alone_may_be_wrong(row: int, tmp_path: Path) -> None:
+    """Nominal places are a column of every row; that they are not alike is another matter."""
+    lines = ["part,feature,nominal_x_mm,nominal_y_mm,x_mm,y_mm"]
+    for i in range(9):
+        x = 100_000 if i == row else 10 * (i % 3)
+        lines.append(f"{i // 3},{'abc'[i % 3]},{x},0,{x},0")
+    (tmp_path / "cmm.csv").write_text("\n".join(lines) + "\n")
+    points = read_points([(tmp_path / "cmm.csv", "cmm")], None)
+    with pytest.raises(InputError) as caught:
+        check_points_extent(points, TRAVELS)
+    (problem,) = caught.value.problems
+    assert (problem.row, problem.column) == (row + 2, "nominal_x_mm")
+    assert "far from the others" in problem.what
+
+
+@pytest.mark.parametrize("many", [1, 2, 4])
+def test_of_two_groups_neither_is_the_one_that_is_wrong(many: int, tmp_path: Path) -> None:
+    """Features 10 mm apart are not far from the others."""
+    places = [(end + 10 * i, 0.0) for end in (0, 9000) for i in range(many)]
+    found = told(tmp_path, *places)
+    assert len(found) == 2
+    assert all("is at one end" in one for one in found)
 
 
 @pytest.mark.parametrize("places", [((0, 0), (801, 0)), ((0, 0), (400, 0), (801, 0))])

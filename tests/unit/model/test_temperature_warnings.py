@@ -59,7 +59,9 @@ def test_positions_beyond_the_drift_are_told_without_names_of_terms(tmp_path: Pa
     assert warned.message.endswith("what was fitted is a guess there")
     in_m = machine(tmp_path, replace(line(), position_range=(0.0, 0.2)))
     (warned,) = outside_warnings(predict(in_m, ("a", "b", "c", "d"), POINTS, ROOM))
-    assert warned.message.endswith("; are the positions of its readings in mm?")
+    assert warned.message.endswith(
+        "; are the positions of its readings, and the features of the part, in mm?"
+    )
 
 
 @pytest.mark.parametrize("lag", [0.0, 30.0])
