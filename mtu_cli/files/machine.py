@@ -129,7 +129,7 @@ def _warnings(
         )
         if sure and name in used:
             message = f"{place}: no uncertainty is given, it counts as exactly known"
-            notices.append(Notice(code="no-uncertainty", message=message))
+            notices.append(Notice(code="no-uncertainty", message=message, coefficients_of=name))
         if name in used and (large := large_coefficients(component, machine.travels)):
             message = f"{place}: {large}"
             notices.append(Notice(code="coefficients-large", message=message, coefficients_of=name))

@@ -59,18 +59,27 @@ def test_a_part_beyond_the_travels_is_told_in_any_order(
             getattr(inputs, asked)
 
 
-def large(command: str, **files: object) -> bool:
+def large(command: str, code: str = LARGE, **files: object) -> bool:
     """Whether a call asks about coefficients of the machine file."""
     paths = {"machine": Path("machine.yaml")} | files
     if command == "fit-components":
         execute(Options(command, paths | {"out": Path("c.json"), "quiet": True}), fitting)
-        return LARGE in Path("c.json").read_text()
+        return f'"{code}"' in Path("c.json").read_text()
     inputs = Inputs(Options(command, paths))
     if command == "close-loop":
         _, _, warnings = tables_of(inputs, read_choices(inputs))
     else:
         warnings = [*modelled(inputs).warnings]
-    return LARGE in [item.code for item in warnings]
+    return code in [item.code for item in warnings]
+
+
+def test_exact_coefficients_are_told_where_nothing_wins_over_them(work: Path) -> None:
+    old = "{of: x, unit: um, says: X positioning}"
+    edited(work / "machine.yaml", old, "{of: x, unit: um, coefficients: [2, 0.01]}")
+    lines = (work / "lbb.csv").read_text().splitlines()
+    (work / "rest.csv").write_text("\n".join(x for x in lines if x[:4] != "dx_x") + "\n")
+    assert not large("lengths", "no-uncertainty", lbb=[Path("lbb.csv")])
+    assert large("lengths", "no-uncertainty", lbb=[Path("rest.csv")])
 
 
 def test_coefficients_are_asked_about_where_nothing_wins_over_them(work: Path) -> None:
