@@ -27,6 +27,14 @@ def two_processors(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(side_by_side, "available_threads", lambda: 2)
 
 
+@pytest.fixture
+def heard() -> Iterator[None]:
+    """Interrupts are: a process that was started in the background may have them ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def until(true: Callable[[], bool]) -> None:
     end = time.monotonic() + PATIENCE_S
     while not true() and time.monotonic() < end:
@@ -236,6 +244,7 @@ def test_an_interrupt_does_not_reach_the_second_process(tmp_path: Path) -> None:
 
 
 @LINUX
+@pytest.mark.usefixtures("heard")
 @pytest.mark.parametrize("moment", ["fork", "pidfd_open", "waitpid", "close"])
 def test_an_interrupt_while_it_begins_or_ends_leaves_nothing(
     moment: str, monkeypatch: pytest.MonkeyPatch
