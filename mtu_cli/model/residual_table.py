@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.errors import fault
 from mtu_cli.files.points import Points
+from mtu_cli.model.covariate_gaps import without_gaps
 from mtu_cli.model.datum import Datum
 from mtu_cli.model.design import places as fixed_places
 from mtu_cli.model.effect_ranges import effect_warnings_at
@@ -119,12 +120,14 @@ def residual_table(
 
     A `datum` that frees is projected out of every measurement of a part, operation by
     operation, and of the factors. An axis without an equation, or that not every point has, is
-    left out with a warning.
+    left out with a warning; so are the rows of `without_gaps`.
 
     Raises InputError for a missing covariate or coordinate, points that cannot be what they
     claim, or points of no axis that an equation is for.
     """
     warned = _checked(points, datum)
+    points, gaps = without_gaps(points, model.covariates())
+    warned += gaps
     axes = _axes(model, points, warned)
     layout = layout_of(points)
     table, errors = _measured(model, points, covariates or {}, axes, layout, warned)

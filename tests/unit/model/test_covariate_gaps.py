@@ -1,0 +1,71 @@
+"""A cell without its covariate costs its row, not the covariate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_examples import stated
+from residual_examples import MACHINE, codes, measured
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.points import Points
+from mtu_cli.model.covariate_gaps import FEW, without_gaps
+from mtu_cli.model.residual_table import residual_table
+from mtu_cli.model.residual_visits import only_rows
+
+
+def with_gaps(**rows: list[int]) -> Points:
+    """Points with covariates of which some rows are empty."""
+    points = measured(5, 8, 2)
+    columns = {}
+    for name, empty in rows.items():
+        columns[name] = np.arange(len(points), dtype=float)
+        columns[name][empty] = np.nan
+    return replace(points, covariates=columns)
+
+
+def test_the_table_is_that_of_the_other_rows(tmp_path: Path) -> None:
+    model, points = stated(tmp_path, MACHINE), with_gaps(T_room_degC=[17], tool_parts=[17, 40])
+    kept = np.ones(len(points), bool)
+    kept[[17, 40]] = False
+    table, warned = residual_table(model, points)
+    other, _ = residual_table(model, only_rows(points, kept))
+    np.testing.assert_array_equal(table.errors, other.errors)
+    np.testing.assert_array_equal(table.repeats, other.repeats)
+    for name in ("T_room_degC", "tool_parts"):
+        np.testing.assert_array_equal(table.covariates[name], other.covariates[name])
+    assert codes(warned) == ["covariate-gaps"]
+    file = points.sources[0].shown
+    assert warned[0].message == (
+        f"empty cells in 'T_room_degC', 'tool_parts': left out 2 of 80 rows, the first {file}, "
+        f"row {points.row[17]}"
+    )
+
+
+def test_many_gaps_cost_the_covariate(tmp_path: Path) -> None:
+    """Of two columns whose gaps are too many together, the one that has fewer stays."""
+    points = with_gaps(rare=[3], often=[4, 5, 6, 7], most=list(range(30)))
+    assert 4 <= FEW * len(points) < 5
+    kept, warned = without_gaps(points, ())
+    assert len(kept) == len(points) - 1
+    assert "'rare'" in warned[0].message
+    assert "'often'" not in warned[0].message
+    table, told = residual_table(stated(tmp_path, MACHINE), points)
+    assert {"rare"} <= set(table.covariates)
+    assert not {"often", "most"} & set(table.covariates)
+    assert [item.message.split(":")[0] for item in told] == [
+        "empty cells in 'rare'",
+        "empty cells in 'often' (4 of 79 rows), 'most' (29 of 79 rows)",
+    ]
+
+
+def test_a_covariate_of_the_model_must_be_whole(tmp_path: Path) -> None:
+    machine = MACHINE.replace("Ex: ", "Ex: 1e-9*T_room_degC*x + ", 1)
+    assert machine != MACHINE
+    model, points = stated(tmp_path, machine), with_gaps(T_room_degC=[17])
+    with pytest.raises(InputError, match="the cell is empty"):
+        residual_table(model, points)
+    assert without_gaps(points, model.covariates()) == (points, [])
