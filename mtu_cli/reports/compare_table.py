@@ -104,6 +104,7 @@ def _sheet(title: str, found: Compared, digits: int) -> Sheet:
         Column(title="measured\num"),
         Column(title="bias\num"),
         Column(title="E_n\n"),
+        Column(title="p bias\n"),
         Column(title="u ratio\n"),
         Column(title="p scatter\n"),
         Column(title="verdict\n", text=True, folds=True),
@@ -111,8 +112,8 @@ def _sheet(title: str, found: Compared, digits: int) -> Sheet:
     rows = [_row(found, i, digits) for i in range(len(found.labels))]
     note = (
         "predicted, measured: mean ± u of one future part (in anova ± is the u of the mean); "
-        "bias ± its u; E_n = bias/(k u of the bias); p scatter: that the prediction allows such "
-        "scatter (Holm)"
+        "bias ± its u; E_n = bias/(k u of the bias); p: how often chance alone gives such a bias, "
+        "or scatter, somewhere among all items (Holm)"
     )
     return Sheet(title=title, columns=columns, rows=rows, notes=[note])
 
@@ -124,6 +125,7 @@ def _row(found: Compared, i: int, digits: int) -> Sequence[str]:
         plus_minus(found.measured.mean[i] / UM, found.measured.u[i] / UM, digits),
         plus_minus(found.bias[i] / UM, found.u_difference[i] / UM, digits),
         significant(found.E_n[i]),
+        p_value(float(found.p_bias[i])),
         significant(found.ratio_u[i]),
         p_value(float(found.p_scatter[i])),
         verdict(found, i),

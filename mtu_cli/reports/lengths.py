@@ -15,7 +15,7 @@ from mtu_cli.model.settings import Warned
 from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import finite, listed, root, um, um2
 from mtu_cli.reports.labels import folded
-from mtu_cli.reports.numbers import interval, percent, plus_minus, significant, with_u
+from mtu_cli.reports.numbers import chance, interval, percent, plus_minus, significant, with_u
 from mtu_cli.reports.outside import components_beyond, mark_notes, marked
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
@@ -117,9 +117,8 @@ def table(result: LengthsResult, digits: int = 2) -> list[Sheet]:
         else f"first order not shown to be valid for {listed(invalid)} (JCGM 101, clause 8)"
     )
     if result.joint_conformance is not None:
-        p, se = result.joint_conformance
-        shown = plus_minus(100 * p, 100 * se, 1) if se > 0 else percent(p)
-        notes.append(f"all toleranced lengths of one part conform: {shown} %")
+        conforming = chance(*result.joint_conformance)
+        notes.append(f"all toleranced lengths of one part conform: {conforming} %")
     notes += mark_notes(result.prediction)
     return [Sheet(title="Lengths", columns=columns, rows=rows, notes=notes)]
 

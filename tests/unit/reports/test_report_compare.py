@@ -200,13 +200,14 @@ def test_one_sentence_an_operation_and_kind(two: CompareResult) -> None:
         f"drilled features: under-predicted: the scatter is {shown[0]} times the predicted one "
         f"(2 of 48); biased: the mean is off by {shown[1]} um (2 of 48)"
     )
-    assert milled["verdict_text"].startswith("milled features: consistent: what was measured")
+    assert milled["verdict_text"].startswith("milled features: consistent: no difference")
     assert drilled["under_predicted_factor"] == pytest.approx(factor)
     assert (drilled["biased"], drilled["under_predicted"]) == (2, 2)
     assert drilled["verdicts"]["biased"] == 1
     text = " ".join(plain_text(table(result)).split())
     assert text.startswith(f"Predicted against measured {drilled['verdict_text']}")
     assert "in anova ± is the u of the mean" in text
+    assert "E_n p bias u ratio p scatter verdict" in text
     few = with_features(
         two, replace(result_of(ring()[:3]).features, labels=two.features.labels[:6])
     )
