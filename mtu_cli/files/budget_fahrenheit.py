@@ -28,7 +28,7 @@ _KELVIN = re.compile(
 _INVERSE = re.compile(r"\s*\^?\s*(?:-|\u207b)")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Converted:
     """Names in what is divided by 1.8, or 32 taken off, and in what is times 1.8."""
 
@@ -77,11 +77,21 @@ def _find(tree: Node, found: _Converted) -> None:
         if item.operator == "-" and isinstance(right, Number) and right.value == FREEZING_F:
             found.divided.update(names(item.left))
         elif item.operator in "*/":
-            above, below = _numbers(item)
-            if _has_step(above, below):
-                found.times.update(names(item))
-            if _has_step(below, above):
-                found.divided.update(names(item))
+            above, below = _sides(item)
+            if _has_step(above.numbers, below.numbers):
+                found.times |= above.names
+                found.divided |= below.names
+            if _has_step(below.numbers, above.numbers):
+                found.divided |= above.names
+                found.times |= below.names
+
+
+@dataclass(slots=True)
+class _Side:
+    """The numbers and the names that stand on one side of a fraction's line."""
+
+    numbers: list[float] = field(default_factory=list)
+    names: set[str] = field(default_factory=set)
 
 
 def _has_step(above: list[float], below: list[float]) -> bool:
@@ -90,13 +100,14 @@ def _has_step(above: list[float], below: list[float]) -> bool:
     return STEP_F in above or ninths or any(abs(v * STEP_F - 1.0) < ROUNDED for v in below)
 
 
-def _numbers(product: Node) -> tuple[list[float], list[float]]:
-    """The numbers that are factors of a term, above its line and below."""
-    above: list[float] = []
-    below: list[float] = []
+def _sides(product: Node) -> tuple[_Side, _Side]:
+    """What a term is a product of, above its line and below."""
+    above, below = _Side(), _Side()
     for factor, times in _factors(product):
+        side = above if times else below
         if isinstance(factor, Number):
-            (above if times else below).append(factor.value)
+            side.numbers.append(factor.value)
+        side.names.update(names(factor))
     return above, below
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 ROUNDING = 1e-6
-"""Relative to the standard deviations: what printed digits may leave of an asymmetry, or of a
-negative eigenvalue of the correlation matrix.
-"""
+"""Relative to the standard deviations: what printed digits may leave of an asymmetry."""
+INDEFINITE = 1e-8
+"""Negative eigenvalue of the correlation matrix that is rounding: more makes variances negative."""
 
 
 def covariance_fault(
@@ -41,6 +41,6 @@ def covariance_fault(
         R = np.where(C == 0.0, 0.0, C / s / s[:, None])
     if not np.isfinite(R).all():
         return "not positive semidefinite: a covariance is far beyond its variances"
-    if np.linalg.eigvalsh((R + R.T) / 2)[0] < -ROUNDING * size:
+    if np.linalg.eigvalsh((R + R.T) / 2)[0] < -INDEFINITE * size:
         return "not positive semidefinite: a combination has a negative variance"
     return None

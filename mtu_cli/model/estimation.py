@@ -217,6 +217,7 @@ def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> Co
     fit = found.fit
     k = len(fit.plain.coefficients)
     T = from_centre(fit.center, k, len(fit.D))
+    D = T @ fit.D_moment @ T.T
     low, high = float(found.position.min()), float(found.position.max())
     return ComponentEstimate(
         name=name,
@@ -224,7 +225,7 @@ def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> Co
         unit=unit,
         coefficients=fit.plain.coefficients,
         covariance=fit.covariance,
-        pass_covariance=T @ fit.D_moment @ T.T,
+        pass_covariance=(D + D.T) / 2,
         s_repeat=float(np.sqrt(fit.s2)),
         pass_dof=float(fit.pass_dof),
         repeat_dof=float(fit.within_dof) if fit.within_dof else np.inf,

@@ -97,11 +97,16 @@ def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Warne
     """What the machine file makes one ask; not of coefficients that readings, or a report of
     their fit, win over.
     """
-    read = {x.name for x in estimates.components.values() if x.position_range is not None}
+    # A report may do no more than carry the file's own.
+    used = {
+        name
+        for name, own in from_machine_file(machine).items()
+        if np.array_equal(estimates.components[name].coefficients, own.coefficients)
+    }
     return [
         Warned(code=item.code, message=item.message)
         for item in machine.warnings
-        if item.coefficients_of not in read
+        if item.coefficients_of is None or item.coefficients_of in used
     ]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from mtu_cli.model.estimates import JointPasses, from_centre
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.positive_part import as_covariance
 
 
 def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
@@ -61,11 +62,12 @@ def _joint(group: Sequence[ComponentFit]) -> JointPasses:
     off = np.where(inside, 0.0, S)
     D = _block([fit.D_moment for fit in fits]) + off
     C = _block([item.estimate.covariance for item in group]) + (T @ off @ T.T) / n
+    of_passes = T @ D @ T.T
     return JointPasses(
         components=tuple(item.name for item in group),
         widths=widths,
-        covariance=C,
-        pass_covariance=T @ D @ T.T,
+        covariance=as_covariance(C),
+        pass_covariance=(of_passes + of_passes.T) / 2,
         pass_dof=float(dof),
         n_passes=n,
     )

@@ -17,7 +17,9 @@ def verdict_text(item: Summary, kind: str) -> str:
         return f"{name}: not tested"
     untested = _untested(item)
     if not faults:
-        faults = ["consistent: no difference from what was predicted is beyond chance, all items counted"]
+        faults = [
+            "consistent: no difference from what was predicted is beyond chance, all items counted"
+        ]
         if untested:
             faults = ["consistent as far as it could be tested"]
     return f"{name}: {'; '.join([*faults, *untested])}"

@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+ROUNDING = 1e-9
+"""Eigenvalue of a correlation matrix that is 0 but for rounding."""
+
 
 def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float = 0.0) -> FloatArray:
     """D = S - less * metric, its negative part set to zero; all (q, q) and symmetric.
@@ -16,13 +19,48 @@ def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float =
     as S does, the result does not depend on the units of the q quantities. S may be a
     between-pass mean square and `less` * `metric` what repeatability alone gives of it.
     """
-    L = np.linalg.cholesky(np.eye(len(S)) if metric is None else metric)
+    L = _root(np.eye(len(S)) if metric is None else metric)
     white = np.linalg.solve(L, np.linalg.solve(L, S).T)
     values, vectors = np.linalg.eigh((white + white.T) / 2)
     root = L @ vectors
     whole = (root * np.clip(values - less, 0.0, None)) @ root.T
     D: FloatArray = (whole + whole.T) / 2
     return D
+
+
+def _root(metric: FloatArray) -> FloatArray:
+    """L (q, q) with L L' = metric, which rounding may have made singular (of many powers)."""
+    try:
+        return np.linalg.cholesky(metric)
+    except np.linalg.LinAlgError:
+        s = np.sqrt(np.diag(metric))
+        values, vectors = np.linalg.eigh(metric / np.outer(s, s))
+        least = len(s) * np.finfo(np.float64).eps * values[-1]
+        root: FloatArray = s[:, None] * vectors * np.sqrt(np.maximum(values, least))
+        return root
+
+
+def as_covariance(C: FloatArray) -> FloatArray:
+    """C (k, k) where it is a covariance; else the one of the same variances whose correlations
+    are C's, their negative part set to zero and scaled to unit variance again.
+
+    For covariances put together from estimates of their own, such as variances by one design and
+    covariances by another. What has no variance has no covariance. One that is not known (nan)
+    stays as it is.
+    """
+    if not np.isfinite(C).all():
+        return C
+    C = (C + C.T) / 2
+    s = np.sqrt(np.clip(np.diag(C), 0.0, None))
+    divisor = np.where(s > 0, s, np.inf)
+    values, vectors = np.linalg.eigh(C / divisor / divisor[:, None])
+    if values.min(initial=0.0) >= -ROUNDING:
+        return np.where(np.outer(s, s) > 0, C, 0.0)
+    whole = (vectors * np.clip(values, 0.0, None)) @ vectors.T
+    root = np.sqrt(np.diag(whole))
+    scale = np.divide(s, root, out=np.zeros_like(s), where=s > 0)
+    found: FloatArray = whole * np.outer(scale, scale)
+    return found
 
 
 def covariance_root(C: FloatArray) -> FloatArray:

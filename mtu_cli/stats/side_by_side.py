@@ -68,10 +68,17 @@ class SideBySide(Generic[T]):
         return self
 
     def __exit__(self, *_: object) -> None:
+        try:
+            with _interrupts_held():
+                self._end()
+        except KeyboardInterrupt:
+            # It may have come just before they were held.
+            self._end()
+            raise
+
+    def _end(self) -> None:
         second, self._second = self._second, None
-        if second is None:
-            return
-        with _interrupts_held():
+        if second is not None:
             # Where the shell has children's ends ignored, it is gone already.
             with suppress(ProcessLookupError, ChildProcessError):
                 signal.pidfd_send_signal(second.process, signal.SIGKILL)
@@ -145,8 +152,11 @@ def _pipe(reading: ExitStack, writing: ExitStack) -> tuple[int, int]:
 
 
 def _can_copy() -> bool:
-    """Not elsewhere: on macOS system libraries do not survive a copy of their process."""
-    return sys.platform == "linux" and available_threads() > 1
+    """Not elsewhere: on macOS system libraries do not survive a copy of their process. Nor where
+    Python was built without descriptors of processes.
+    """
+    described = hasattr(os, "pidfd_open") and hasattr(signal, "pidfd_send_signal")
+    return sys.platform == "linux" and described and available_threads() > 1
 
 
 def _copied() -> int:
@@ -161,6 +171,9 @@ def _descriptor_of(pid: int) -> int:
     """Of a process just copied, which is ended where there is none to be had. Raises OSError."""
     try:
         return os.pidfd_open(pid)
+    except ProcessLookupError:
+        # It is gone already, without a trace: its number may be another's.
+        raise
     except OSError:
         with suppress(ProcessLookupError, ChildProcessError):
             os.kill(pid, signal.SIGKILL)

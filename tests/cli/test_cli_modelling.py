@@ -73,11 +73,19 @@ def large(command: str, code: str = LARGE, **files: object) -> bool:
     return code in [item.code for item in warnings]
 
 
-def test_exact_coefficients_are_told_where_nothing_wins_over_them(work: Path) -> None:
-    old = "{of: x, unit: um, says: X positioning}"
-    edited(work / "machine.yaml", old, "{of: x, unit: um, coefficients: [2, 0.01]}")
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("dx_x", "{of: x, unit: um, says: X positioning}", "{of: x, unit: um, coefficients: [2]}"),
+        ("axy", "axy: {", "axy: {coefficients: [5], "),
+    ],
+)
+def test_exact_coefficients_are_told_where_nothing_wins_over_them(
+    name: str, old: str, new: str, work: Path
+) -> None:
+    edited(work / "machine.yaml", old, new)
     lines = (work / "lbb.csv").read_text().splitlines()
-    (work / "rest.csv").write_text("\n".join(x for x in lines if x[:4] != "dx_x") + "\n")
+    (work / "rest.csv").write_text("\n".join(x for x in lines if not x.startswith(name)) + "\n")
     assert not large("lengths", "no-uncertainty", lbb=[Path("lbb.csv")])
     assert large("lengths", "no-uncertainty", lbb=[Path("rest.csv")])
 

@@ -18,8 +18,12 @@ GOOD = [
     ("L*(1 + a/0.5556*(T - R))", "degF^-1", "degC"),
     ("L*(1 + a*(T - (R*1.8 + 32)))", "1/degF", "degF"),
     ("L*(1 + a*(T - R*9/5 - 32))", "1/degF", "degF"),
+    ("R + L/a/1.8 + 0*T", "mV/degF", "degC"),
+    ("R + L*5/(9*a) + 0*T", "mV/degF", "degC"),
+    ("R + 5*L/9/a + 0*T", "W/(m*degF)", "degC"),
 ]
 BAD = [
+    ("R + L/a*1.8 + 0*T", "mV/degF", "degC", "inputs.a.unit", "times 1.8"),
     ("L*(1 + a*(T - R))", "1/degF", "degC", "inputs.a.unit", "times 1.8"),
     ("L*(1 + a/1.8*(T - R))", "1/degF", "degC", "inputs.a.unit", "times 1.8"),
     ("L*(1 + a*(T - R))/1.8", "1/degF", "degF", "inputs.a.unit", "times 1.8"),

@@ -53,3 +53,13 @@ def test_the_nearest_matrix_without_negative_eigenvalues() -> None:
     found = positive_part(V @ np.diag([2.0, 0.5, -1.0]) @ V.T)
     assert found == pytest.approx(V @ np.diag([2.0, 0.5, 0.0]) @ V.T, abs=1e-12)
     assert (found == found.T).all()
+
+
+def test_a_metric_that_rounding_made_singular() -> None:
+    """As that of the powers of a high degree: Cholesky's factor breaks off."""
+    s = np.array([1.0, 1e-8, 1e5])
+    metric = (np.full((3, 3), 1.0 + 1e-9) - 1e-9 * np.eye(3)) * np.outer(s, s)
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.cholesky(metric)
+    found = positive_part(5.0 * metric, metric, 2.0)
+    np.testing.assert_allclose(found, 3.0 * metric, rtol=1e-6)

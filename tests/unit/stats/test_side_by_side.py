@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -270,6 +271,48 @@ def test_an_interrupt_while_it_begins_or_ends_leaves_nothing(
     assert len(copied) == 1
     assert state_of(copied[0]) == ""
     assert descriptors() == known
+
+
+@LINUX
+@pytest.mark.usefixtures("heard")
+def test_an_interrupt_just_before_it_ends_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    real, asked, begun = signal.getsignal, list[int](), SideBySide(lambda _: time.sleep(0.1), COUNT)
+
+    def interrupted(number: int) -> object:
+        asked.append(number)
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        return real(number)
+
+    monkeypatch.setattr(signal, "getsignal", interrupted)
+    seen = []
+    with pytest.raises(KeyboardInterrupt), begun:
+        seen.append(begun._second)
+    assert seen[0] is not None
+    assert state_of(seen[0].pid) == ""
+
+
+@LINUX
+@pytest.mark.parametrize("module", [os, signal])
+def test_without_descriptors_of_processes_this_one_does_all(
+    module: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(module, "pidfd_open" if module is os else "pidfd_send_signal")
+    found = shared(square)
+    assert squares(found) == SQUARES
+    assert {*processes(found)} == {os.getpid()}
+
+
+@LINUX
+def test_a_copy_that_was_gone_at_once_is_not_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def gone(_: int) -> int:
+        raise ProcessLookupError
+
+    killed: list[int] = []
+    monkeypatch.setattr(os, "pidfd_open", gone)
+    monkeypatch.setattr(os, "kill", lambda pid, number: killed.append(pid))
+    assert squares(shared(square)) == SQUARES
+    assert not killed
 
 
 @contextmanager
