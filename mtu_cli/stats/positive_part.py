@@ -30,14 +30,15 @@ def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float =
 
 def _root(metric: FloatArray) -> FloatArray:
     """L (q, q) with L L' = metric, which rounding may have made singular (of many powers)."""
+    root: FloatArray
     try:
-        return np.linalg.cholesky(metric)
+        root = np.linalg.cholesky(metric)
     except np.linalg.LinAlgError:
         s = np.sqrt(np.diag(metric))
         values, vectors = np.linalg.eigh(metric / np.outer(s, s))
         least = len(s) * np.finfo(np.float64).eps * values[-1]
-        root: FloatArray = s[:, None] * vectors * np.sqrt(np.maximum(values, least))
-        return root
+        root = s[:, None] * vectors * np.sqrt(np.maximum(values, least))
+    return root
 
 
 def as_covariance(C: FloatArray) -> FloatArray:
