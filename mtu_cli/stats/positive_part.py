@@ -32,7 +32,7 @@ def _root(metric: FloatArray) -> FloatArray:
     """L (q, q) with L L' = metric, which rounding may have made singular (of many powers)."""
     root: FloatArray
     try:
-        root = np.linalg.cholesky(metric)
+        root = np.asarray(np.linalg.cholesky(metric))
     except np.linalg.LinAlgError:
         s = np.sqrt(np.diag(metric))
         values, vectors = np.linalg.eigh(metric / np.outer(s, s))
