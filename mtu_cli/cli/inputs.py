@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.covariates import DIRECTIONS
-from mtu_cli.files.csv_cells import number
+from mtu_cli.files.csv_cells import expectation, is_not_finite, number
 from mtu_cli.files.csv_table import cell_text
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
 
@@ -171,7 +171,15 @@ class Inputs:
         for text in self.options.at or ():
             name, equals, value = (part.strip() for part in text.partition("="))
             given = number(value)
-            if not (equals and name and name.isprintable()) or given is None or not isfinite(given):
+            named = equals and name and name.isprintable()
+            if named and is_not_finite(value):
+                problems.append(
+                    Problem(
+                        what=f"--at {name}: not finite", value=value, expected=expectation(value)
+                    )
+                )
+                continue
+            if not named or given is None:
                 expected = "such as --at T_02_degC=23.5"
                 problems.append(
                     Problem(what="--at is not NAME=VALUE", value=text, expected=expected)

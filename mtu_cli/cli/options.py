@@ -113,6 +113,10 @@ def register(
         ("context", typer.Context, inspect.Parameter.empty),
         *(item for group in groups for item in group),
     ]
+    for _, annotation, _ in parameters:
+        for info in getattr(annotation, "__metadata__", ()):
+            # Our own reader says what may not be read, in the words of all faults.
+            info.readable = False
     command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]  # read by typer
         [
             inspect.Parameter(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mtu_cli.errors import InputError, MtuError, Problem, fault, reason
-from mtu_cli.files.source import given_path, shown_path
+from mtu_cli.files.source import given_path
 
 
 @dataclass(slots=True)
@@ -96,8 +96,7 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
         if path.is_dir():
             problems.append(Problem(what="is a folder", file=shown, expected="a file to write"))
         elif not target.parent.is_dir():
-            folder = shown_path(path.parent)
-            what = f"the folder {folder!r} does not exist"
+            what = f"the folder {given_path(path.parent)!r} does not exist"
             problems.append(Problem(what=what, file=shown))
         if target in seen and _is_replaceable(target):
             problems.append(Problem(what="two outputs name the same file", file=shown))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.errors import did_you_mean, fault
+from mtu_cli.errors import closest, did_you_mean, fault
 from mtu_cli.files.joined import LARGEST_READING
 from mtu_cli.language import Node, evaluate
 from mtu_cli.language import names as names_of
@@ -101,11 +101,10 @@ def _values(option: str, node: Node, visits: Visits) -> FloatArray:
     names = names_of(node)
     for name in names:
         if name not in known:
-            raise fault(
-                f"{option}: unknown name {name!r}",
-                column=names[name],
-                expected=did_you_mean(name, known),
-            )
+            expected = did_you_mean(name, known)
+            if closest(name, known) is None:
+                expected += f", or a covariate of its own (--covariate '{name}: ...')"
+            raise fault(f"{option}: unknown name {name!r}", column=names[name], expected=expected)
     found = np.array(np.broadcast_to(np.asarray(evaluate(node, known), float), len(visits.ids)))
     if not np.isfinite(found).all():
         i = int(np.argmin(np.isfinite(found)))

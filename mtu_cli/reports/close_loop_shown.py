@@ -13,7 +13,10 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import pitch_is_open
+from mtu_cli.language import evaluate, names, parse
+from mtu_cli.language.tree import Binary, Name, walk
 from mtu_cli.reports.document import finite
+from mtu_cli.reports.numbers import significant
 from mtu_cli.units import PARAMETER_UNITS, UNITS, Unit
 
 RIVALS = 3
@@ -79,6 +82,32 @@ def titled(effect: FoundEffect) -> str:
     if not pitch_is_open(effect):
         return effect.name
     return f"{effect.name}, one of {len(effect.alike) + 1} pitches that fit"
+
+
+def one_cause_notes(item: TableResult) -> list[str]:
+    """That a growth and a drift in two rows are one axis that grows from a fixed point: the growth
+    is counted from the middle of the features, and the drift is how far that goes.
+    """
+    notes = []
+    for point in item.fixed_points:
+        growth = item.effects[point.growth[0]]
+        start = _start(growth.equations[f"E{point.axis}"], point.axis)
+        if start is not None and point.told and point.given is None and len(point.growth) == 1:
+            drifts = " and ".join(item.effects[e].name for e in point.drift)
+            notes.append(
+                f"{growth.name} is counted from {point.axis} = {significant(start, 4)} mm, the "
+                f"middle of the features, and {drifts} is how far that goes: one cause"
+            )
+    return notes
+
+
+def _start(equation: str, axis: str) -> float | None:
+    """The number that an equation takes off the place along an axis."""
+    for node in walk(parse(equation)):
+        match node:
+            case Binary("-", Name(name), right) if name == axis and not names(right):
+                return float(evaluate(right, {}))
+    return None
 
 
 def something_left(item: TableResult) -> bool:

@@ -27,6 +27,7 @@ from mtu_cli.reports.close_loop_shown import (
     class_of,
     first_table,
     in_words,
+    one_cause_notes,
     parameters_of,
     plural,
     ranked,
@@ -115,6 +116,7 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
     ]
     ways = [(e.name, direction_text(e, item)) for item in result.tables for e in item.effects]
     notes += [f"{name}: {way}" for name, way in ways if way is not None]
+    notes += [note for item in result.tables for note in one_cause_notes(item)]
     if any(is_level(name) for effect in result.effects for name, _, _, _ in effect.parameters):
         notes.insert(0, "level: a constant of the equation, the error where the effect itself is 0")
     return notes

@@ -97,13 +97,18 @@ def test_numbers_and_names_that_are_none(call: list[str], words: str, work: Path
 
 
 def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
-    bad = ["T", "=1", "T_a_degC=", "T_a_degC=warm", "T_a_degC=nan", "T_a_degC=-inf", "a\x07=1"]
-    bad += ["T_b_degC=1_0", "T_b_degC=\uff12"]
-    call = [word for text in [*bad, "dir_x=1", "dir_x=-1"] for word in ("--at", text)]
+    bad = ["T", "=1", "T_a_degC=", "T_a_degC=warm", "a\x07=1", "T_b_degC=1_0", "T_b_degC=\uff12"]
+    vast = ["nan", "-inf", "1e400"]
+    given = [*bad, *(f"T_a_degC={value}" for value in vast), "dir_x=1", "dir_x=-1"]
+    call = [word for text in given for word in ("--at", text)]
     found = refused(work, "lengths", *call, *OUTPUTS).removeprefix("mtu: ").splitlines()
-    assert len(found) == len(bad) + 1
+    assert len(found) == len(given) - 1
     for line, text in zip(found, bad, strict=False):
         assert line.startswith(f"--at is not NAME=VALUE: {text!r}; expected such as ")
+    not_finite = [
+        f"--at T_a_degC: not finite: {value!r}; expected a finite number" for value in vast
+    ]
+    assert found[len(bad) : -1] == not_finite
     assert found[-1] == "--at gives 'dir_x' twice: 'dir_x=-1'"
 
 
@@ -135,6 +140,10 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
         (["--effect", "0.004*dir_x"], "--effect is not NAME: EQUATION: '0.004*dir_x'"),
         (["--effect", "Ez: 0.004"], "--effect is of an unknown equation: 'Ez: 0.004'"),
         (["--effect", "Ex: 0.004*dirx"], "unknown name 'dirx' at column 11"),
+        (
+            ["--effect", "Ex: 0.0004*(T_spindle_degC-20)"],
+            "dir_y, or a covariate of its own (--covariate 'T_spindle_degC: ...')",
+        ),
         (["--effect", "Ex: 0.004*"], "--effect Ex: the equation ends too early at column 11"),
         (["--effect", "Ex: 1/(x - x)"], "--effect Ex: no finite value in part 1 at feature 'A'"),
         (

@@ -67,7 +67,7 @@ def refused(command: str, **values: Any) -> str:
         ("anova", {"machine": "m.yaml", "out": "apart.csv"}, "apart.csv: ends in .csv"),
         ("simulate", {"write_cmm": "b.csv.gz"}, "ends in .gz, and --write-cmm writes CSV; expec"),
         ("simulate", {"write_lbb": "b.yml"}, "ends in .yml, and --write-lbb writes CSV"),
-        ("anova", {"out": "/no-such/a.json"}, "/no-such/a.json: the folder 'no-such' does not"),
+        ("anova", {"out": "/no-such/a.json"}, "/no-such/a.json: the folder '/no-such' does not"),
         ("anova", {"out": "/"}, "/: is a folder"),
     ],
 )

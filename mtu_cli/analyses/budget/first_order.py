@@ -31,9 +31,10 @@ class FirstOrder:
 
     `share` (n,): c_i u_i sum_j r_ij c_j u_j / u^2, sums to 1; below 0 where a correlation
     makes u smaller. `second_value`, `second_u`: to the second order. nan where a derivative
-    does not exist; `faults` says at which functions. `curved` (n,): whether the output is not
-    linear in an input. `scale`: a power of ten by which the output is to be divided before
-    anything of it is squared; 1 unless it is very large or very small.
+    does not exist; `faults` says at which functions. `bend` (n,): u_i sum_j |f_ij| u_j, the size
+    of what is not linear where an input enters, alone or with others. `scale`: a power of ten by
+    which the output is to be divided before anything of it is squared; 1 unless it is very large
+    or very small.
     """
 
     name: str
@@ -45,7 +46,7 @@ class FirstOrder:
     share: FloatArray
     second_value: float
     second_u: float
-    curved: tuple[bool, ...]
+    bend: FloatArray
     faults: tuple[EquationError, ...]
     scale: float = 1.0
 
@@ -132,17 +133,18 @@ def _output(
         )
     mean, second_variance = _second_order(tree, slopes, inputs, covariance, variance, scale)
     share = joint / variance if variance > 0.0 else np.full(len(g), math.nan)
+    u = np.array([item.u for item in inputs])
     return FirstOrder(
         name=name,
         value=slopes.value,
         sensitivity=slopes.first,
-        contribution=np.abs(slopes.first) * np.array([item.u for item in inputs]),
+        contribution=np.abs(slopes.first) * u,
         u=scale * math.sqrt(variance),
         dof=dof,
         share=share,
         second_value=slopes.value + scale * mean,
         second_u=scale * math.sqrt(second_variance) if second_variance >= 0.0 else math.nan,
-        curved=tuple(bool(row.any()) for row in slopes.second),
+        bend=scale * u * (np.abs(slopes.second) @ (u / scale)),
         faults=slopes.faults,
         scale=scale,
     )

@@ -161,7 +161,7 @@ def test_targets_that_are_refused(tmp_path: Path) -> None:
     assert found == [
         "is an input of this run and is not overwritten",
         "is a folder",
-        "the folder 'no' does not exist",
+        f"the folder '{tmp_path / 'no'}' does not exist",
         "two outputs name the same file",
     ]
     assert sorted(os.listdir(tmp_path)) == ["alias.csv", "in.csv"]

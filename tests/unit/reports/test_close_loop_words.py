@@ -106,6 +106,21 @@ def test_growth_and_drift_are_one_cause_with_a_fixed_point() -> None:
     ]
 
 
+@pytest.mark.parametrize(("start", "shown"), [("75", "75.00"), ("-190.3333333", "-190.3")])
+def test_the_table_says_that_growth_and_drift_are_one_cause(start: str, shown: str) -> None:
+    form = f"growth*(x - {start})*(T_spindle_degC - 20) + level"
+    grows = replace(GROWS, equations={"Ex": form})
+    said = (
+        f"thermal-growth-x is counted from x = {shown} mm, the middle of the features, and "
+        "thermal-drift-x is how far that goes: one cause"
+    )
+    assert said in " ".join(plain_text(table(grown(grows, DRIFTS))).split())
+    # Not where no fixed point is told, or for a growth about no place of its own.
+    own = replace(GROWS, equations={"Ex": "growth*x*(T_spindle_degC - 20) + level"})
+    for other in (grown(GROWS), grown(GROWS, DRIFTS, travel=(0.0, 50.0)), grown(own, DRIFTS)):
+        assert "one cause" not in plain_text(table(other))
+
+
 def test_a_fixed_point_that_is_not_told_is_said_to_be_so() -> None:
     text = words(grown(GROWS, DRIFTS, travel=(0.0, 50.0)))
     assert text.startswith(

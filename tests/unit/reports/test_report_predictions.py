@@ -172,6 +172,12 @@ def test_lengths_hold_the_contract_fields(paper: Example) -> None:
     assert json.loads(report_bytes(found)) == found
 
 
+def test_no_part_conforms_by_more_than_all(paper: Example) -> None:
+    sure = replace(paper.lengths(), joint_conformance=(0.999995, 7e-6))
+    shown = " ".join(plain_text(lengths.table(sure)).split())
+    assert "all toleranced lengths of one part conform: >99.99 %" in shown
+
+
 def test_orthogonality_holds_the_contract_fields(paper: Example) -> None:
     result = paper.angles()
     (item,) = orthogonality.document(result, 2.0)["orthogonality"]
