@@ -104,9 +104,9 @@ def _sheet(title: str, found: Compared, digits: int) -> Sheet:
         Column(title="measured\num"),
         Column(title="bias\num"),
         Column(title="E_n\n"),
-        Column(title="p bias\n"),
+        Column(title="p of\nbias"),
         Column(title="u ratio\n"),
-        Column(title="p scatter\n"),
+        Column(title="p of\nscatter"),
         Column(title="verdict\n", text=True, folds=True),
     ]
     rows = [_row(found, i, digits) for i in range(len(found.labels))]

@@ -191,17 +191,22 @@ def test_a_covariate_that_is_missing(tmp_path: Path) -> None:
     assert why["backlash-x"] == "no column dir_x"
 
 
-def test_a_covariate_with_gaps(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("every", "words", "named"),
+    [(50, "left out 31 of 1512 rows", True), (10, "no effect of it can be tested", False)],
+)
+def test_a_covariate_with_gaps(every: int, words: str, named: bool, tmp_path: Path) -> None:
     args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)])
     head, *rows = (tmp_path / "cmm.csv").read_text().splitlines()
     column = head.split(",").index("T_spindle_degC")
     cells = [row.split(",") for row in rows]
-    for row in cells[::50]:
+    for row in cells[::every]:
         row[column] = ""
     (tmp_path / "cmm.csv").write_text("\n".join([head, *map(",".join, cells)]) + "\n")
-    result = done(mtu("close-loop", *args, "-q", cwd=tmp_path))
+    result = done(mtu("close-loop", *args, cwd=tmp_path))
     assert "empty cells in 'T_spindle_degC'" in result.stderr
-    assert "no effect of it can be tested" in result.stderr
+    assert words in result.stderr
+    assert ("thermal-drift-x" in result.stdout) is named
 
 
 @pytest.fixture(scope="module")

@@ -207,7 +207,7 @@ def test_one_sentence_an_operation_and_kind(two: CompareResult) -> None:
     text = " ".join(plain_text(table(result)).split())
     assert text.startswith(f"Predicted against measured {drilled['verdict_text']}")
     assert "in anova ± is the u of the mean" in text
-    assert "E_n p bias u ratio p scatter verdict" in text
+    assert "E_n p of u ratio p of verdict" in text
     few = with_features(
         two, replace(result_of(ring()[:3]).features, labels=two.features.labels[:6])
     )
