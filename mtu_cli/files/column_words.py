@@ -31,6 +31,8 @@ VALUE = ("value", "val", "wert", "mass", "coordinate", "coord", "koordinate", "k
 NUMBER = {"no", "nr", "n", "number", "id", "num", "numero"}
 UNIT = "mm"
 AXES = ("x", "y", "z")
+LONGEST = 200
+"""Signs of a name that are looked at: none of those known is nearly so long."""
 
 
 def by_common_word(name: str, others: Iterable[str]) -> str | None:
@@ -66,6 +68,6 @@ def _coordinate(words: list[str], axis: str) -> str | None:
 
 
 def plain(name: str) -> str:
-    """A name without accents and in lower case."""
-    signs = unicodedata.normalize("NFKD", name.casefold())
+    """A name without accents and in lower case; of a damaged file's megabytes the beginning."""
+    signs = unicodedata.normalize("NFKD", name[:LONGEST].casefold())
     return "".join(sign for sign in signs if not unicodedata.combining(sign))

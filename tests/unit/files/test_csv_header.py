@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mtu_cli.errors import InputError
-from mtu_cli.files import csv_file
+from mtu_cli.files import column_words, csv_file
 from mtu_cli.files.column_words import meant_by
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.points import read_points
@@ -287,3 +287,21 @@ def test_bad_columns_are_told_in_the_order_of_the_header(
     with pytest.raises(InputError) as caught:
         read_readings([(path, role)], None, for_fit=False)
     assert list(dict.fromkeys(item.column for item in caught.value.problems)) == sensors[1:]
+
+
+def test_a_name_of_megabytes_is_looked_at_in_its_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A damaged file may be one long name, which is compared with every known one."""
+    seen: list[int] = []
+
+    class Counted:
+        def normalize(self, form: str, text: str) -> str:
+            seen.append(len(text))
+            return text
+
+        def combining(self, sign: str) -> int:
+            return 0
+
+    monkeypatch.setattr(column_words, "unicodedata", Counted())
+    assert column_words.meant_by("é" * 4_000_000) is None
+    assert column_words.plain("É") == "é"
+    assert max(seen) <= column_words.LONGEST
