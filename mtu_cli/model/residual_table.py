@@ -142,7 +142,7 @@ def residual_table(
         told: list[Warned] = []
         rest = _without_lost(points, lost, datum, told)
         table, more = residual_table(model, rest, covariates, datum)
-        return table, (*told, *more)
+        return table, (*gaps, *told, *more)
     warned += visited.warnings(table.there, table.operation)
     return _without_motions(table, visited, layout.cells, errors), tuple(warned)
 

@@ -69,3 +69,26 @@ def test_a_covariate_of_the_model_must_be_whole(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the cell is empty"):
         residual_table(model, points)
     assert without_gaps(points, model.covariates()) == (points, [])
+
+
+@pytest.mark.parametrize("whole", ["part", "feature", "same"])
+def test_no_part_or_feature_goes_for_a_covariate(whole: str) -> None:
+    """Nor a row for one that is the same everywhere, of which there is nothing to test."""
+    points = measured(30, 30, 1)
+    column = np.arange(len(points), dtype=float)
+    if whole == "same":
+        column[:] = 7.0
+        column[3] = np.nan
+    else:
+        column[getattr(points, whole) == 4] = np.nan
+    points = replace(points, covariates={"batch": column, "empty": column * np.nan})
+    assert np.isnan(column).sum() <= FEW * len(points)
+    assert without_gaps(points, ()) == (points, [])
+
+
+def test_gaps_are_told_where_the_datum_takes_points_too(tmp_path: Path) -> None:
+    points = with_gaps(tool_parts=[17])
+    alone = (points.part != 0) | (points.feature == 0)
+    kept = only_rows(points, alone)
+    _, warned = residual_table(stated(tmp_path, MACHINE), kept, None, "offset")
+    assert {"covariate-gaps", "datum-takes-all"} <= set(codes(warned))
