@@ -110,6 +110,8 @@ def record(bench: BenchDay, cell: Cell, base: int, index: int) -> Record:
         return kept
     kept |= _true(bench, truths)
     kept["lone"] = found.lone()
+    if cell.measure == "outside":
+        kept["verdict"] = found.verdict()
     if cell.measure == "library":
         kept |= _of_library(bench, cell, truths[0], errors, written=found.written)
         kept["covers"] = covers(found, truths[0]) if cell.amplitude >= COVERED_FROM else None

@@ -14,8 +14,11 @@ from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, candidate_name, found_effects
 from mtu_cli.analyses.close_loop.gross import set_aside
 from mtu_cli.analyses.close_loop.held_out import Fold, of_fold
+from mtu_cli.analyses.close_loop.one_table import verdict_of
 from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.result import FoundEffect, Verdict
 from mtu_cli.analyses.close_loop.search import Search, search
+from mtu_cli.analyses.close_loop.twofold import twofold
 
 ALPHA = 0.05
 MOST = 4
@@ -51,13 +54,20 @@ class Diagnosis:
         """Whether the first effect is reported as the only cause that the data allow."""
         if self.unexplained or not self.names or len(self.classes[0]) > 1:
             return False
-        told = Described(
-            prepared=self.prepared,
-            found=self.found,
-            effects=added(self.prepared, self.found),
-            chosen=(),
-        )
-        return not found_effects(told, [None] * len(self.found.steps))[0].aliases
+        return not self._effects(self._told())[0].aliases
+
+    def verdict(self) -> Verdict:
+        """As the command gives it."""
+        told = self._told()
+        fired = (*self.fired, *twofold(told))
+        return verdict_of(self.found, self._effects(told), fired)
+
+    def _told(self) -> Described:
+        effects = added(self.prepared, self.found)
+        return Described(prepared=self.prepared, found=self.found, effects=effects, chosen=())
+
+    def _effects(self, told: Described) -> tuple[FoundEffect, ...]:
+        return found_effects(told, [None] * len(self.found.steps))
 
 
 def diagnosed(bench: BenchDay, errors: Floats) -> Diagnosis:

@@ -148,6 +148,12 @@ def _outside(outside: Mapping[str, Sequence[Record]]) -> Iterator[tuple[str, Fig
     )
     for name, own in outside.items():
         yield f"  {name}", share((bool(r["lone"]) for r in own), None, (0.0, 0.0))
+    yield "outside the library, `named`, 1 sigma", share(map(_as_named, every))
+    yield "  with one name", share(_as_named(r) and len(r["names"]) == 1 for r in every)
+
+
+def _as_named(record: Record) -> bool:
+    return bool(record["verdict"] == "named")
 
 
 def in_words(found: Sequence[Row]) -> Iterator[str]:

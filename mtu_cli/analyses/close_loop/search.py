@@ -16,6 +16,10 @@ from mtu_cli.stats.least_squares import FloatArray
 CREDIBLE = 0.95
 RIVAL = 0.1
 """Posterior of drifts and fields without a name from which on they are a likely rival."""
+EXCLUDED = 0.01
+"""Posterior below which a drift or field without a name is out: no list of the library is complete,
+so that a lone name asks for more than the 95 % among names.
+"""
 HALF = 0.49
 """Of a column that lies evenly in two axes each holds this share."""
 
@@ -140,8 +144,9 @@ def _without_found(steps: list[Step]) -> list[Step]:
 def _ranked(scan: Scan, step: Step, scores: FloatArray, unnamed: FloatArray) -> Step:
     """The step with the posterior and the credible set that these scores give.
 
-    A drift or field without a name is a rival of effects that lie where it would. A mean error
-    is none of an effect that was found beside a free mean: either may act without the other.
+    A drift or field without a name is a rival of effects that lie where it would, and in the
+    credible set until it is `EXCLUDED`. A mean error is no rival of an effect that was found
+    beside a free mean: either may act without the other.
     """
     if step.member >= 0:
         scores = scores.copy()
@@ -150,7 +155,11 @@ def _ranked(scan: Scan, step: Step, scores: FloatArray, unnamed: FloatArray) -> 
     posterior = posterior_of(np.concatenate([scores, rivals]))
     order = np.argsort(-posterior, kind="stable")
     count = int(np.searchsorted(np.cumsum(posterior[order]), CREDIBLE)) + 1
-    credible = [int(i) for i in order[:count]]
+    credible = [
+        int(i)
+        for rank, i in enumerate(order)
+        if rank < count or (i >= len(scores) and posterior[i] >= EXCLUDED)
+    ]
     if step.index not in credible:
         credible.insert(0, step.index)
     return replace(

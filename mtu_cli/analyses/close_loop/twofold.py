@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from mtu_cli.analyses.close_loop.describe import Described
+from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -26,11 +27,16 @@ def twofold(told: Described) -> tuple[str, ...]:
     prepared, found = told.prepared, []
     steps = [step for step in told.found.steps if step.member >= 0]
     for (i, a), (j, b) in combinations(enumerate(steps), 2):
-        if a.index != b.index or len(a.credible) > 1 or len(b.credible) > 1:
+        if a.index != b.index or _other_names(prepared, a) or _other_names(prepared, b):
             continue
         if _same_cause(told, a, b) or _cancel(_act(told, a, i), _act(told, b, j)):
             found.append(prepared.candidates[a.index].name)
     return tuple(dict.fromkeys(found))
+
+
+def _other_names(prepared: Prepared, step: Step) -> bool:
+    """Whether a candidate of another name is in the step's class."""
+    return any(step.index != index < len(prepared.candidates) for index in step.credible)
 
 
 def _same_cause(told: Described, a: Step, b: Step) -> bool:
