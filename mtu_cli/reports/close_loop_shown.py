@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from mtu_cli.analyses.close_loop.result import (
@@ -13,8 +14,6 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import pitch_is_open
-from mtu_cli.language import evaluate, names, parse
-from mtu_cli.language.tree import Binary, Name, walk
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import significant
 from mtu_cli.units import PARAMETER_UNITS, UNITS, Unit
@@ -86,28 +85,19 @@ def titled(effect: FoundEffect) -> str:
 
 def one_cause_notes(item: TableResult) -> list[str]:
     """That a growth and a drift in two rows are one axis that grows from a fixed point: the growth
-    is counted from the middle of the features, and the drift is how far that goes.
+    is counted from a place of its own, and the drift is how far that goes.
     """
     notes = []
     for point in item.fixed_points:
-        growth = item.effects[point.growth[0]]
-        start = _start(growth.equations[f"E{point.axis}"], point.axis)
-        if start is not None and point.told and point.given is None and len(point.growth) == 1:
+        start = point.counted_from
+        if math.isfinite(start) and point.told and point.given is None:
+            growth = item.effects[point.growth[0]].name
             drifts = " and ".join(item.effects[e].name for e in point.drift)
             notes.append(
-                f"{growth.name} is counted from {point.axis} = {significant(start, 4)} mm, the "
-                f"middle of the features, and {drifts} is how far that goes: one cause"
+                f"{growth} is counted from {point.axis} = {significant(start, 4)} mm, and "
+                f"{drifts} is how far that place goes: one cause"
             )
     return notes
-
-
-def _start(equation: str, axis: str) -> float | None:
-    """The number that an equation takes off the place along an axis."""
-    for node in walk(parse(equation)):
-        match node:
-            case Binary("-", Name(name), right) if name == axis and not names(right):
-                return float(evaluate(right, {}))
-    return None
 
 
 def something_left(item: TableResult) -> bool:

@@ -24,6 +24,8 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
+ROUNDING = 1e-9
+"""Of the places along an axis: what is nearer to 0 is 0."""
 Over = frozenset[str]
 """The one covariate that errors are proportional to; empty where they are constant."""
 
@@ -72,7 +74,8 @@ def fixed_points(
             if growth and drift and straight and len(unsure) < 2:
                 ratio = _ratio(effects, covariance, levers)
                 point = _point(table, axis, min(own, default=None), growth, drift, ratio)
-                found.append(replace(point, given=given))
+                start = _counted_from(table, axis, levers)
+                found.append(replace(point, counted_from=start, given=given))
     return tuple(found)
 
 
@@ -102,6 +105,16 @@ def _levers(
             values = in_place(node, axis, middle, half)
         shift, growth = middle_and_rise(values)
         yield _Lever(e, own.index(name), shift, growth)
+
+
+def _counted_from(table: ResidualTable, axis: str, levers: Sequence[_Lever]) -> float:
+    """Where the only lever that grows is zero, mm; nan where there are others."""
+    growing = [lever for lever in levers if lever.growth]
+    if len(growing) != 1:
+        return np.nan
+    middle, half = extent(table, axis)
+    start = middle - half * growing[0].shift / growing[0].growth
+    return start if abs(start) > ROUNDING * (abs(middle) + half) else 0.0
 
 
 @dataclass(frozen=True, slots=True)

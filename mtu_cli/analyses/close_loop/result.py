@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -119,6 +120,8 @@ class FixedPoint:
     where the interval is no longer than the axis' travel, or, where that is not known, than the
     longest of the other travels and of the parts. `given` is an effect (its place, and the name it
     is taken for) which the data cannot tell from others: if it is that, all of these are one cause.
+    `counted_from`, mm, is where a growth that is one effect is zero by itself; nan where it is
+    several, or that place is none of its equation's but of its values.
     """
 
     axis: str
@@ -129,6 +132,7 @@ class FixedPoint:
     u: float
     interval: tuple[float, float] | None
     told: bool
+    counted_from: float = math.nan
     given: tuple[int, str] | None = None
 
 

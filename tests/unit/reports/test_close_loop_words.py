@@ -106,19 +106,22 @@ def test_growth_and_drift_are_one_cause_with_a_fixed_point() -> None:
     ]
 
 
-@pytest.mark.parametrize(("start", "shown"), [("75", "75.00"), ("-190.3333333", "-190.3")])
-def test_the_table_says_that_growth_and_drift_are_one_cause(start: str, shown: str) -> None:
-    form = f"growth*(x - {start})*(T_spindle_degC - 20) + level"
-    grows = replace(GROWS, equations={"Ex": form})
+@pytest.mark.parametrize(
+    ("place", "shown"),
+    [("x - 75", "75.00"), ("x - -190.3333333", "-190.3"), ("x", "0"), ("0.5*(150 - 2*x)", "75.00")],
+)
+def test_the_table_says_that_growth_and_drift_are_one_cause(place: str, shown: str) -> None:
+    grows = replace(GROWS, equations={"Ex": f"growth*({place})*(T_spindle_degC - 20) + level"})
     said = (
-        f"thermal-growth-x is counted from x = {shown} mm, the middle of the features, and "
-        "thermal-drift-x is how far that goes: one cause"
+        f"thermal-growth-x is counted from x = {shown} mm, and "
+        "thermal-drift-x is how far that place goes: one cause"
     )
     assert said in " ".join(plain_text(table(grown(grows, DRIFTS))).split())
-    # Not where no fixed point is told, or for a growth about no place of its own.
-    own = replace(GROWS, equations={"Ex": "growth*x*(T_spindle_degC - 20) + level"})
-    for other in (grown(GROWS), grown(GROWS, DRIFTS, travel=(0.0, 50.0)), grown(own, DRIFTS)):
+    # Not where no fixed point is told, or where two effects grow.
+    for other in (grown(GROWS), grown(GROWS, DRIFTS, travel=(0.0, 50.0))):
         assert "one cause" not in plain_text(table(other))
+    twice = replace(GROWS, name="thermal-growth-x-2")
+    assert "one cause" not in plain_text(table(grown(GROWS, twice, DRIFTS)))
 
 
 def test_a_fixed_point_that_is_not_told_is_said_to_be_so() -> None:
