@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Readings
 from mtu_cli.model.residual_covariates import point_columns
 from mtu_cli.model.residual_visits import only_rows
 from mtu_cli.model.settings import Warned
@@ -19,38 +21,73 @@ and looks like one that the library lacks."""
 
 
 def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[Warned]]:
-    """The points without rows that lack a covariate which nearly all others have; the columns
-    with the fewest gaps come first. Not of `needed` ones, whose gaps are faults, nor of those
-    that are the same everywhere, or whose gaps are all that there is of a part, feature or file.
+    """The points without rows that lack a covariate which nearly all others have (`_few`). Not of
+    `needed` ones, whose gaps are faults.
     """
-    n = len(points)
-    empty = {
-        name: ~np.isfinite(column)
-        for name, column in point_columns(points).items()
-        if column.dtype != object and name not in needed and _differs(column)
-    }
-    gone, named = np.zeros(n, bool), []
-    for name in sorted(empty, key=lambda name: int(empty[name].sum())):
-        both = gone | empty[name]
-        if empty[name].any() and both.sum() <= FEW * n and not _takes_all(points, both):
-            gone = both
-            named.append(name)
+    columns = point_columns(points)
+    gone, named = _few(
+        {name: column for name, column in columns.items() if name not in needed},
+        (points.part, points.feature, points.file_index),
+    )
     if not named:
         return points, []
     first = int(gone.argmax())
     place = f"{points.sources[points.file_index[first]].shown}, row {points.row[first]}"
+    return only_rows(points, ~gone), [_told(named, gone, place)]
+
+
+def rows_without_gaps(
+    readings: Readings,
+    rows: NDArray[np.int64],
+    columns: Mapping[str, NDArray[Any]],
+    groups: Sequence[NDArray[np.int64]],
+) -> tuple[NDArray[np.int64], list[Warned]]:
+    """The readings `rows` (n,) of a component without those that lack one of the `columns` (n,)
+    which nearly all others have; `groups` (n,) are codes of which each keeps a reading.
+    """
+    files = readings.file_index[rows]
+    gone, named = _few(columns, (*groups, files))
+    if not named:
+        return rows, []
+    first = int(gone.argmax())
+    component = readings.components[readings.code[rows[first]]]
+    place = f"{readings.sources[files[first]].shown}, row {readings.row[rows[first]]}"
+    return rows[~gone], [_told(named, gone, place, f"{component}: ")]
+
+
+def _few(
+    columns: Mapping[str, NDArray[Any]], groups: Sequence[NDArray[np.int64]]
+) -> tuple[NDArray[np.bool_], list[str]]:
+    """Rows (n,) to leave out for gaps, and the columns that have these; the columns with the
+    fewest come first. Not of those that are the same everywhere, nor gaps that are all that there
+    is of a part, feature, pass, target or file.
+    """
+    empty = {
+        name: ~np.isfinite(column)
+        for name, column in columns.items()
+        if column.dtype != object and not np.isfinite(column).all() and _differs(column)
+    }
+    gone, named = np.zeros(len(groups[0]), bool), []
+    for name in sorted(empty, key=lambda name: int(empty[name].sum())):
+        both = gone | empty[name]
+        if both.sum() <= FEW * len(gone) and not _takes_all(groups, both):
+            gone = both
+            named.append(name)
+    return gone, named
+
+
+def _told(named: Sequence[str], gone: NDArray[np.bool_], place: str, whose: str = "") -> Warned:
     text = (
-        f"empty cells in {', '.join(map(repr, named))}: left out {int(gone.sum())} of {n} rows, "
-        f"the first {place}"
+        f"{whose}empty cells in {', '.join(map(repr, named))}: left out {int(gone.sum())} of "
+        f"{len(gone)} rows, the first {place}"
     )
-    return only_rows(points, ~gone), [Warned(code="covariate-gaps", message=text)]
+    return Warned(code="covariate-gaps", message=text)
 
 
 def _differs(column: FloatArray) -> bool:
     return len(np.unique(column[np.isfinite(column)])) > 1
 
 
-def _takes_all(points: Points, gone: NDArray[np.bool_]) -> bool:
-    """Whether some part, feature or file is in no other row."""
-    codes = (points.part, points.feature, points.file_index)
-    return any(len(np.unique(code)) > len(np.unique(code[~gone])) for code in codes)
+def _takes_all(groups: Sequence[NDArray[np.int64]], gone: NDArray[np.bool_]) -> bool:
+    """Whether some group is in no other row."""
+    return any(len(np.unique(code)) > len(np.unique(code[~gone])) for code in groups)

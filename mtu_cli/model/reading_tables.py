@@ -9,6 +9,7 @@ import numpy as np
 
 from mtu_cli.language import parse
 from mtu_cli.model.basis import TIME, ThermalBasis
+from mtu_cli.model.covariate_gaps import rows_without_gaps
 from mtu_cli.model.estimates import ComponentEstimate, Estimates
 from mtu_cli.model.fit import from_machine_file
 from mtu_cli.model.machine_model import AXES, MachineModel, Term, polynomial_term
@@ -68,10 +69,11 @@ def reading_tables(
             rows=rows,
             layout=reading_layout(readings, rows, entry.of, name),
         )
+        reader, gaps = reader.without_gaps()
         table, told = reader.table(estimates)
         angular = UNITS[entry.unit].dimension == ANGLE
         tables.append(replace(table, unit="arcsec" if angular else "um"))
-        warned += told
+        warned += [*gaps, *told]
     return tuple(tables), tuple(warned)
 
 
@@ -101,6 +103,19 @@ class _Reader:
     readings: Readings
     rows: IntArray
     layout: ReadingLayout
+
+    def without_gaps(self) -> tuple[_Reader, list[Warned]]:
+        """The readings less those that lack a covariate which nearly all others have."""
+        cells = self.layout.cells
+        # Without an axis or pass numbers every reading is a pass.
+        groups = (cells.column,) if self.of is None else (cells.part, cells.column)
+        columns = self._columns()
+        columns.pop(f"dir_{self.of}", None)
+        rows, told = rows_without_gaps(self.readings, self.rows, columns, groups)
+        if not told:
+            return self, []
+        layout = reading_layout(self.readings, rows, self.of, self.name)
+        return replace(self, rows=rows, layout=layout), told
 
     def table(self, estimates: Estimates) -> Found:
         """The table less what `estimates` know of the component."""

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from model_examples import stated
+from model_examples import readings, stated
+from reading_examples import in_table_order, machine, run
 from residual_examples import MACHINE, codes, measured
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.points import Points
 from mtu_cli.model.covariate_gaps import FEW, without_gaps
+from mtu_cli.model.reading_tables import reading_tables
 from mtu_cli.model.residual_table import residual_table
 from mtu_cli.model.residual_visits import only_rows
 
@@ -92,3 +94,48 @@ def test_gaps_are_told_where_the_datum_takes_points_too(tmp_path: Path) -> None:
     kept = only_rows(points, alone)
     _, warned = residual_table(stated(tmp_path, MACHINE), kept, None, "offset")
     assert {"covariate-gaps", "datum-takes-all"} <= set(codes(warned))
+
+
+def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Path) -> None:
+    """As for rows of points, component by component: 2 of 40 readings, none of them the only one
+    of its pass or target; the table is that of the others.
+    """
+    found = readings([run(5)])
+    load = np.linspace(0.0, 9.0, 40)
+    whole = replace(found, covariates={"load": load})
+    load = load.copy()
+    load[[3, 17]] = np.nan
+    gaps = replace(found, covariates={"load": load})
+    (table,), warned = reading_tables(machine(tmp_path), None, gaps)
+    (told,) = warned
+    file = whole.sources[0].shown
+    assert told.code == "covariate-gaps"
+    assert told.message == (
+        f"px: empty cells in 'load': left out 2 of 40 rows, the first {file}, row {found.row[3]}"
+    )
+    assert "load" in table.covariates
+    assert (table.repeats == 0).sum() == 2
+    (before,), _ = reading_tables(machine(tmp_path), None, whole)
+    assert before.parts == table.parts
+    X = np.column_stack([np.ones(40), found.position_mm])
+    kept = np.isfinite(load)
+    line = np.linalg.lstsq(X[kept], found.error[kept], rcond=None)[0]
+    expected = (found.error - X @ line)[in_table_order(found)].reshape(before.errors.shape)
+    there = table.repeats > 0
+    np.testing.assert_allclose(table.errors[there], expected[there], atol=1e-14)
+
+
+@pytest.mark.parametrize("gone", [[3, 11, 17], [40]])
+def test_many_readings_or_the_only_one_of_a_target_stay(tmp_path: Path, gone: list[int]) -> None:
+    """Then the covariate goes: 3 of 41, or the one that was read at 60 mm."""
+    one = replace(run(1), position=np.array([60.0]), error=np.zeros(1), passes=np.array([5]),
+                  direction=np.array([1]), time=np.array([99.0]))  # fmt: skip
+    found = readings([run(5), one])
+    load = np.linspace(0.0, 9.0, len(found))
+    load[gone] = np.nan
+    (table,), (told,) = reading_tables(
+        machine(tmp_path), None, replace(found, covariates={"load": load})
+    )
+    assert "load" not in table.covariates
+    assert "so that no effect of it can be tested" in told.message
+    assert table.repeats.sum() == len(found)
