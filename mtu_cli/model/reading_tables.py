@@ -120,7 +120,8 @@ class _Reader:
     def table(self, estimates: Estimates) -> Found:
         """The table less what `estimates` know of the component."""
         columns = self._columns()
-        shown, gaps = table_covariates(columns, self.layout.cells)
+        files = (self.readings.file_index[self.rows], self.readings.sources)
+        shown, gaps = table_covariates(columns, self.layout.cells, files)
         shapes = {name: value.shape for name, value in shown.items()}
         estimate = estimates.components.get(self.name)
         drift, told = self._drift(estimates.thermal.get(self.name), columns)

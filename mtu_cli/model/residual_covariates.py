@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.errors import InputError, Problem, closest
 from mtu_cli.files.covariates import (
@@ -16,6 +17,7 @@ from mtu_cli.files.covariates import (
     is_temperature,
 )
 from mtu_cli.files.points import Points
+from mtu_cli.files.source import Source
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.design import without_coordinate
 from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
@@ -49,13 +51,14 @@ def point_columns(points: Points) -> dict[str, np.ndarray]:
 
 
 def table_covariates(
-    columns: Columns, cells: Cells
+    columns: Columns, cells: Cells, files: tuple[IntArray, Sequence[Source]]
 ) -> tuple[dict[str, FloatArray], tuple[Warned, ...]]:
     """Numeric columns (n,) as tables that broadcast to (parts, columns).
 
     (1, 1) where nothing differs, (parts, 1) where nothing does within a part, (1, columns)
     where nothing does within a column, else the cells' means; missing cells hold the mean of
-    their part. A column with gaps, or of text, is left out with a warning.
+    their part. A column with gaps, or of text, is left out with a warning; `files` are the file
+    of each row (n,) and all files.
     """
     found: dict[str, FloatArray] = {}
     gaps: list[str] = []
@@ -72,7 +75,7 @@ def table_covariates(
         if known.all():
             found[name] = _smallest(column.astype(np.float64), cells)
         elif known.any():
-            gaps.append(f"{name!r} ({int((~known).sum())} of {len(known)} rows)")
+            gaps.append(f"{name!r} ({_where(known, *files)})")
     if not gaps:
         return found, tuple(warned)
     text = (
@@ -80,6 +83,13 @@ def table_covariates(
         f"{'it' if len(gaps) == 1 else 'them'} can be tested"
     )
     return found, (Warned(code="covariate-gaps", message=text), *warned)
+
+
+def _where(known: NDArray[np.bool_], index: IntArray, sources: Sequence[Source]) -> str:
+    """The files that have no cell of a column, or how many rows have none."""
+    without = [sources[f].shown for f in np.unique(index) if not known[index == f].any()]
+    rows = f"{int((~known).sum())} of {len(known)} rows"
+    return f"{rows}, all of {' and '.join(without)}" if without else rows
 
 
 def _texts(names: list[str]) -> Warned:

@@ -160,7 +160,7 @@ def _measured(
     columns = point_columns(points)
     check_temperatures(points)
     needed = needed_covariates(model, points, columns, at)
-    shown, gaps = table_covariates(columns, cells)
+    shown, gaps = table_covariates(columns, cells, (points.file_index, points.sources))
     shapes = {name: value.shape for name, value in shown.items()}
     found = cell_model(model, points.nominal, needed.values, cells, shapes)
     warned += [*needed.warnings, *gaps, *_guesses(model, points, needed.values, layout)]

@@ -64,6 +64,16 @@ def test_many_gaps_cost_the_covariate(tmp_path: Path) -> None:
     ]
 
 
+def test_a_column_that_a_whole_file_lacks_is_told_with_the_file(tmp_path: Path) -> None:
+    points = with_gaps(T_room_degC=list(range(60, 80)), load=[0, 1, 2, 3, 79])
+    second = replace(points.sources[0], shown="b.csv")
+    index = (np.arange(len(points)) >= 60).astype(np.int64)
+    points = replace(points, file_index=index, sources=(*points.sources, second))
+    _, (told,) = residual_table(stated(tmp_path, MACHINE), points)
+    rows = "'T_room_degC' (20 of 80 rows, all of b.csv), 'load' (5 of 80 rows)"
+    assert told.message.startswith(f"empty cells in {rows}: left out")
+
+
 def test_a_covariate_of_the_model_must_be_whole(tmp_path: Path) -> None:
     machine = MACHINE.replace("Ex: ", "Ex: 1e-9*T_room_degC*x + ", 1)
     assert machine != MACHINE
