@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from mtu_cli.language import Node
-from mtu_cli.language.tree import Binary, Name, Number, children
+from mtu_cli.language.tree import Binary, Number, names, walk
 
 FREEZING_F, STEP_F = 32.0, 1.8
 ROUNDED = 2e-3
@@ -21,14 +21,23 @@ IN_C = (
     "an equation that does so"
 )
 PER_C = "a unit per degC or K: the value and u times 1.8; or an equation that does so"
-TIMES, DIVIDED = "times 1.8", "divided by 1.8, or 32 taken off"
-Ways = frozenset[str]
-NOTHING: Ways = frozenset()
 _FAHRENHEIT = re.compile(r"(?:deg|\u00b0)\s*F(?![a-z])|\u2109|fahrenheit", re.IGNORECASE)
 _KELVIN = re.compile(
     r"(?:deg|\u00b0)\s*C(?![a-z])|\u2103|(?<![A-Za-z])m?K(?![A-Za-z])|kelvin|celsius"
 )
 _INVERSE = re.compile(r"\s*\^?\s*(?:-|\u207b)")
+
+
+@dataclass(slots=True)
+class _Converted:
+    """Names in what is divided by 1.8, or 32 taken off, and in what is times 1.8."""
+
+    divided: set[str] = field(default_factory=set)
+    times: set[str] = field(default_factory=set)
+
+    def of(self, name: str, below: bool, to_kelvin: bool) -> bool:
+        """Whether it holds what brings a name to degC, or to degF; `below`: what is per degree."""
+        return name in (self.times if below is to_kelvin else self.divided)
 
 
 def unconverted(
@@ -41,20 +50,14 @@ def unconverted(
     others = {name: below for name, text in units.items() if (below := _per(_KELVIN, text))}
     if not ours or not others:
         return
-    done: dict[str, Ways] = {}
+    done = _Converted()
     for tree in trees:
-        for name, ways in _converted(tree, frozenset(others)).items():
-            done[name] = done.get(name, NOTHING) | ways
-    if all(_way(below, to_kelvin=False) in done.get(name, ()) for name, below in others.items()):
+        _find(tree, done)
+    if all(done.of(name, below == "below", False) for name, below in others.items()):
         return
     for name, below in ours.items():
-        if _way(below, to_kelvin=True) not in done.get(name, ()):
+        if not done.of(name, below == "below", True):
             yield name, PER_C if below == "below" else IN_C
-
-
-def _way(below: str, *, to_kelvin: bool) -> str:
-    """What brings a name to degC, or to degF; `below`: of what is per degree."""
-    return TIMES if (below == "below") is to_kelvin else DIVIDED
 
 
 def _per(degrees: re.Pattern[str], unit: str | None) -> str | None:
@@ -66,53 +69,29 @@ def _per(degrees: re.Pattern[str], unit: str | None) -> str | None:
     return "below" if below else "above"
 
 
-def _converted(tree: Node, others: frozenset[str]) -> dict[str, Ways]:
-    """How each name is converted wherever it stands in an equation beside `others`."""
-    match tree:
-        case Name(name):
-            return {name: NOTHING}
-        case Binary("-", left, Number(value)) if value == FREEZING_F:
-            return {name: ways | {DIVIDED} for name, ways in _converted(left, others).items()}
-        case Binary("*" | "/"):
-            return _of_product(tree, others)
-    places = [_converted(child, others) for child in children(tree)]
-    # A term in degF alone may be as it is, of a name that is converted in another.
-    found = _common(place for place in places if others.isdisjoint(place))
-    return found | _common(place for place in places if not others.isdisjoint(place))
-
-
-def _common(places: Iterable[dict[str, Ways]]) -> dict[str, Ways]:
-    """What each name has in common where it stands: one unconverted term is a fault."""
-    found: dict[str, Ways] = {}
-    for place in places:
-        for name, ways in place.items():
-            found[name] = found.get(name, ways) & ways
-    return found
-
-
-def _of_product(product: Node, others: frozenset[str]) -> dict[str, Ways]:
-    above, below = _sides(product)
-    if _has_step(above.numbers, below.numbers):
-        above.way, below.way = TIMES, DIVIDED
-    elif _has_step(below.numbers, above.numbers):
-        above.way, below.way = DIVIDED, TIMES
-    return _common((*above.places(others), *below.places(others)))
+def _find(tree: Node, found: _Converted) -> None:
+    for item in walk(tree):
+        if not isinstance(item, Binary):
+            continue
+        right = item.right
+        if item.operator == "-" and isinstance(right, Number) and right.value == FREEZING_F:
+            found.divided.update(names(item.left))
+        elif item.operator in "*/":
+            above, below = _sides(item)
+            if _has_step(above.numbers, below.numbers):
+                found.times |= above.names
+                found.divided |= below.names
+            if _has_step(below.numbers, above.numbers):
+                found.divided |= above.names
+                found.times |= below.names
 
 
 @dataclass(slots=True)
 class _Side:
-    """The numbers and the factors that stand on one side of a fraction's line, and by what all
-    of that side is converted.
-    """
+    """The numbers and the names that stand on one side of a fraction's line."""
 
     numbers: list[float] = field(default_factory=list)
-    factors: list[Node] = field(default_factory=list)
-    way: str | None = None
-
-    def places(self, others: frozenset[str]) -> Iterator[dict[str, Ways]]:
-        own = NOTHING if self.way is None else frozenset({self.way})
-        for factor in self.factors:
-            yield {name: ways | own for name, ways in _converted(factor, others).items()}
+    names: set[str] = field(default_factory=set)
 
 
 def _has_step(above: list[float], below: list[float]) -> bool:
@@ -128,8 +107,7 @@ def _sides(product: Node) -> tuple[_Side, _Side]:
         side = above if times else below
         if isinstance(factor, Number):
             side.numbers.append(factor.value)
-        else:
-            side.factors.append(factor)
+        side.names.update(names(factor))
     return above, below
 
 

@@ -18,8 +18,6 @@ GOOD = [
     ("L*(1 + a/0.5556*(T - R))", "degF^-1", "degC"),
     ("L*(1 + a*(T - (R*1.8 + 32)))", "1/degF", "degF"),
     ("L*(1 + a*(T - R*9/5 - 32))", "1/degF", "degF"),
-    ("L*(1 + a*((T - 32)/1.8 - R)) + L*1e-6*(T - 68)", "1/degC", "degF"),
-    ("L*a*(5*(T - 32)/9 - R) - L*a*(5*(T - 32)/9 - R)/2", "1/degC", "degF"),
     ("R + L/a/1.8 + 0*T", "mV/degF", "degC"),
     ("R + L*5/(9*a) + 0*T", "mV/degF", "degC"),
     ("R + 5*L/9/a + 0*T", "W/(m*degF)", "degC"),
@@ -30,8 +28,6 @@ BAD = [
     ("L*(1 + a/1.8*(T - R))", "1/degF", "degC", "inputs.a.unit", "times 1.8"),
     ("L*(1 + a*(T - R))/1.8", "1/degF", "degF", "inputs.a.unit", "times 1.8"),
     ("L*(1 + 1.8*a*(T - R))", "1/degC", "degF", "inputs.T.unit", "divided by 1.8"),
-    ("L*(1 + a*5/9*(T - 32)) + L*a*T + 0*R", "1/degC", "degF", "inputs.T.unit", "divided by 1.8"),
-    ("L*a*((T - 32)/1.8 - R) + a*sqrt(T)", "1/degC", "degF", "inputs.T.unit", "divided by 1.8"),
     ("L*(1 + a*(1.8*T - R))", "1/degC", "degF", "inputs.T.unit", "divided by 1.8"),
     ("L*(1 + a*(T - R/1.8))", "1/degC", "degF", "inputs.T.unit", "divided by 1.8"),
 ]
