@@ -105,12 +105,13 @@ class _Reader:
     layout: ReadingLayout
 
     def without_gaps(self) -> tuple[_Reader, list[Warned]]:
-        """The readings less those that lack a covariate which nearly all others have."""
+        """The readings less those that lack a covariate which nearly all others have; all passes
+        stay, and so does their count.
+        """
         cells = self.layout.cells
-        # Without an axis or pass numbers every reading is a pass.
-        groups = (cells.column,) if self.of is None else (cells.part, cells.column)
         columns = self._columns()
         columns.pop(f"dir_{self.of}", None)
+        groups = (cells.part, cells.column)
         rows, told = rows_without_gaps(self.readings, self.rows, columns, groups)
         if not told:
             return self, []

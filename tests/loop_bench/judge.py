@@ -57,7 +57,7 @@ class Diagnosis:
         return not self._effects(self._told())[0].aliases
 
     def verdict(self) -> Verdict:
-        """As the command gives it."""
+        """As the command gives it, but for other pitches of a wave that fit as well."""
         told = self._told()
         fired = (*self.fired, *twofold(told))
         return verdict_of(self.found, self._effects(told), fired)

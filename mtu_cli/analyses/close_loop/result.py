@@ -40,11 +40,12 @@ class FoundEffect:
     equation language cannot say it: `chosen` is then the feature, part or operation.
     `searched` holds the value and 95 % interval of what was searched, `alike` other values that
     are the same on these points, or fit them as well. `class_names` are the
-    candidates that this data cannot tell apart (95 % credible set), itself first; `aliases`
-    those that are the same on these points whatever the data. `rivals` are the others of a
-    small class, each estimated in its place. `apart` are those of `class_names` that a scatter
-    cannot be mistaken for: as likely as it, but other findings. `folds` counts the held-out folds
-    that chose it, or another of its class, of `of_folds`.
+    candidates that this data cannot tell apart (95 % credible set, and what has no name until
+    it is out at 1 %), itself first; `aliases` those that are the same on these points whatever
+    the data. `rivals` are the other names of a small class, each estimated in its place. `apart`
+    are those of `class_names` that a scatter cannot be mistaken for: as likely as it, but other
+    findings. `folds` counts the held-out folds that chose it, or another of its class, of
+    `of_folds`.
     """
 
     name: str

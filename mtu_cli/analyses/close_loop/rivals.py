@@ -41,13 +41,14 @@ def all_instead(
     library: EffectLibrary,
     seed: int | None = None,
 ) -> tuple[Instead, ...]:
-    """The rivals of each effect whose class has no more than `MOST` members, the likeliest first.
+    """The rivals of each effect whose class has no more than `MOST` names, the likeliest first.
 
     Those that change the mean: a drift or field without a name has no parameters.
     """
     found = []
     for place, (step, effect) in enumerate(zip(told.found.steps, effects, strict=True)):
-        if step.member >= 0 and 1 < len(effect.candidates) <= MOST:
+        nameless = sum(index >= len(told.effects.prepared.candidates) for index in step.credible)
+        if step.member >= 0 and 1 < len(effect.candidates) - nameless <= MOST:
             found += [_instead(told, place, r, library, seed) for r in _rivals(told, step)]
     return tuple(found)
 

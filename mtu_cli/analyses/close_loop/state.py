@@ -24,7 +24,8 @@ class Step:
     """One effect: candidate `index` and its best `member` (-1 for offsets and scatters),
     family-wise `p`, log Bayes factor, posterior among the candidates, and the candidates of
     the 95 % credible set, the best first. Indices beyond the candidates are drifts (by axis)
-    and fields (by axis) without a name; `unnamed` is the posterior of these together.
+    and fields (by axis) without a name, which stay in that set until they are out at 1 %;
+    `unnamed` is the posterior of these together.
     """
 
     index: int

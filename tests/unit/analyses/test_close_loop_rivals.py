@@ -54,6 +54,18 @@ def test_a_rival_is_estimated_as_if_it_had_been_found(names: tuple[str, ...]) ->
         assert set(rival.class_names) == set(names)
 
 
+def test_what_has_no_name_is_none_of_three() -> None:
+    own = told(prepared_of(warming()), "warm-up-x", "thermal-drift-x", "trend-x")
+    (step,) = own.found.steps
+    drift = len(own.effects.prepared.candidates)
+    found = replace(own.found, steps=(replace(step, credible=(*step.credible, drift)),))
+    own = replace(own, found=found)
+    (effect,) = found_effects(own, [None])
+    assert effect.class_names[-1] == "unnamed-drift-x"
+    rivals = [other.rival.name for other in all_instead(own, [effect], LIBRARY)]
+    assert sorted(rivals) == ["thermal-drift-x", "trend-x"]
+
+
 def test_of_a_class_of_four_none_is_estimated() -> None:
     own = told(prepared_of(warming()), "thermal-drift-x", "warm-up-x", "trend-x", "step-x")
     assert all_instead(own, found_effects(own, [None]), LIBRARY) == ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,6 +52,9 @@ def test_two_ways_to_write_one_cause_are_a_shape_without_a_name() -> None:
     assert twice(prepared, [ways[0], step(prepared, "wear-approach-x", of_tool)]) == ()
     unsure = step(prepared, "wear-approach-x", of_sequence[1], ("trend-x",))
     assert twice(prepared, [ways[0], unsure]) == ()
+    # What has no name is none.
+    nameless = replace(ways[1], credible=(*ways[1].credible, len(prepared.candidates)))
+    assert twice(prepared, [ways[0], nameless]) == ("wear-approach-x",)
 
 
 @pytest.mark.parametrize(("first", "last", "names"), [(4, 8, ()), (6, 7, ("step-x",))])

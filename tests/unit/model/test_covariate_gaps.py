@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from model_examples import readings, stated
+from model_examples import Segment, readings, stated
+from numpy.typing import NDArray
 from reading_examples import in_table_order, machine, run
 from residual_examples import MACHINE, codes, measured
 
@@ -149,3 +150,29 @@ def test_many_readings_or_the_only_one_of_a_target_stay(tmp_path: Path, gone: li
     assert "load" not in table.covariates
     assert "so that no effect of it can be tested" in told.message
     assert table.repeats.sum() == len(found)
+
+
+@pytest.mark.parametrize("passes", [None, np.repeat(np.arange(20) + 1, 3)])
+def test_passes_without_an_axis_keep_their_count(
+    tmp_path: Path, passes: NDArray[np.int64] | None
+) -> None:
+    """A reading that is a whole pass stays, and one of three goes: 60 or 20 passes are left."""
+    error = 1e-6 * np.arange(60.0) ** 2
+    found = readings([Segment(name="ort", position=None, error=error, passes=passes)])
+    load = np.linspace(0.0, 9.0, 60)
+    load[3] = np.nan
+    (table,), (told,) = reading_tables(
+        machine(tmp_path), None, replace(found, covariates={"load": load})
+    )
+    assert told.code == "covariate-gaps"
+    assert ("load" in table.covariates) == (passes is not None)
+    assert table.parts == tuple(str(i + 1) for i in range(60 if passes is None else 20))
+    assert table.repeats.sum() == (60 if passes is None else 59)
+
+
+def test_a_reading_without_a_direction_stays(tmp_path: Path) -> None:
+    found = readings([run(5)])
+    direction = found.direction.copy()
+    direction[3] = 0
+    (table,), _ = reading_tables(machine(tmp_path), None, replace(found, direction=direction))
+    assert table.repeats.sum() == 40

@@ -120,7 +120,8 @@ def test_the_table_says_that_growth_and_drift_are_one_cause(place: str, shown: s
     # Not where no fixed point is told, or where two effects grow.
     for other in (grown(GROWS), grown(GROWS, DRIFTS, travel=(0.0, 50.0))):
         assert "one cause" not in plain_text(table(other))
-    twice = replace(GROWS, name="thermal-growth-x-2")
+    again = "thermal-growth-x-2"
+    twice = replace(GROWS, name=again, class_names=(again,))
     assert "one cause" not in plain_text(table(grown(GROWS, twice, DRIFTS)))
 
 
