@@ -20,6 +20,8 @@ from mtu_cli.units import PARAMETER_UNITS, UNITS, Unit
 
 RIVALS = 3
 """Rivals that a sentence names."""
+LIKELY = 0.95
+"""Posterior above which one name is told before what has none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +76,14 @@ def parameters_of(effect: FoundEffect) -> tuple[Shown, ...]:
 def class_of(effect: FoundEffect) -> tuple[str, ...]:
     """What the data cannot tell apart: the effect, its rivals, what is the same on these points."""
     return tuple(name for name in effect.candidates if name not in effect.apart)
+
+
+def nearly_alone(effect: FoundEffect) -> bool:
+    """Whether it holds nearly all of the posterior, beside drifts and fields without a name."""
+    others = class_of(effect)[1:]
+    return effect.posterior > LIKELY and all(
+        name.startswith((f"{DRIFT}-", f"{FIELD}-")) for name in others
+    )
 
 
 def titled(effect: FoundEffect) -> str:

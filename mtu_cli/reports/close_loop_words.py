@@ -16,6 +16,7 @@ from mtu_cli.reports.close_loop_shown import (
     class_of,
     either,
     in_words,
+    nearly_alone,
     plural,
     ranked,
     size_of,
@@ -76,6 +77,8 @@ def _class(item: TableResult) -> str:
                 words.append(
                     f"Not much less likely, but no readings of it: {either(effect.apart)}."
                 )
+        elif nearly_alone(effect):
+            words.append(f"Most likely {said.named}; {either(names[1:])} is not excluded.")
         else:
             more = " (see the table)" if len(names) > RIVALS else ""
             words.append(f"{either(names)}{more}: this data cannot tell.")

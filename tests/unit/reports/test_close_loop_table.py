@@ -77,10 +77,18 @@ def test_a_class_is_not_told_as_one_name() -> None:
 
 
 def test_without_a_planned_experiment_the_library_says_what_to_do() -> None:
-    own = effect(class_names=("backlash-x", "unnamed-drift-x"))
+    own = effect(class_names=("backlash-x", "unnamed-drift-x"), posterior=0.9)
     text = words(result(on_table("class", (own,))))
     assert text.startswith("backlash-x or a smooth drift in x without a name: this data")
     assert "To tell: reverse the program." in text
+    # At 97 : 3 the name is more than one of two.
+    text = words(result(on_table("class", (replace(own, posterior=0.97),))))
+    assert text.startswith(
+        "Most likely X gains 4.10 ± 0.30 um at reversal, too far from both sides (backlash-x); a "
+        "smooth drift in x without a name is not excluded. To tell: reverse the program."
+    )
+    named = replace(own, posterior=0.97, class_names=("backlash-x", "unnamed-drift-x", "abbe-x"))
+    assert "this data cannot tell" in words(result(on_table("class", (named,))))
 
 
 def test_what_is_unexplained_says_what_fired_and_gives_names_as_hints_only() -> None:
