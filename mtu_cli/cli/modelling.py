@@ -23,6 +23,7 @@ from mtu_cli.model.fit import (
     fit_machine,
     machine_warnings,
 )
+from mtu_cli.model.fit_warnings import scatter_warnings
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.reading_doubts import reading_doubts
 from mtu_cli.model.settings import Warned
@@ -86,7 +87,7 @@ def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Warn
         return estimates_from_fit(machine, None), None, []
     fit = fit_machine(machine, readings)
     estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
-    return estimates, fit, reading_doubts(machine, readings)
+    return estimates, fit, [*reading_doubts(machine, readings), *scatter_warnings(fit)]
 
 
 def _not_needed(name: str, model: MachineModel) -> str:

@@ -26,6 +26,9 @@ SMALL_INTEGER = 1e6
 FEW = 30_000
 """Codes and whole numbers up to these have 4 bytes, and products of two of them still fit."""
 LARGEST_READING = 1e12
+LONGEST_MIN = 5.3e7
+"""A century; minutes since 1970 are fewer, seconds more."""
+IN_MINUTES = f"minutes, at most a century ({LONGEST_MIN:g}) from the start; seconds divided by 60"
 SIGNS = "-1 or +1"
 
 
@@ -186,6 +189,10 @@ def minutes(tables: Sequence[Table], problems: ProblemList) -> Floats:
     """Minutes of each row: `time_min` as given, `time` from the earliest of all files."""
     dated = [table for table in tables if "time" in table.columns.times]
     plain = [table for table in tables if "time_min" in table.columns.numbers]
+    for table in plain:
+        values = table.columns.numbers["time_min"]
+        far = np.flatnonzero(np.abs(values) > LONGEST_MIN)
+        problems.add_cells(table, far, "time_min", "no time", values[far].tolist(), IN_MINUTES)
     if not dated:
         return numbers(tables, "time_min")
     for table in plain[:1]:

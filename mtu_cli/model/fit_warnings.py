@@ -26,9 +26,14 @@ def significant(p_values: dict[str, float]) -> dict[str, float]:
     return {name: p for name, p in p_values.items() if p * len(p_values) <= FAMILY_RATE}
 
 
+def scatter_warnings(fit: MachineFit) -> list[Warned]:
+    """That readings do not give all of the scatter: what is predicted from them has less of it."""
+    return [*_not_separated(fit), *_without_scatter(fit)]
+
+
 def fit_warnings(fit: MachineFit) -> list[Warned]:
     """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement."""
-    warnings = [*_not_separated(fit), *_without_scatter(fit), *_too_well(fit)]
+    warnings = [*scatter_warnings(fit), *_too_well(fit)]
     kinds: list[tuple[str, Callable[[InstrumentFit], float | None], Message]] = [
         ("reversal", lambda f: f.reversal.p if f.reversal else None, _reversal),
         ("passes-drift", lambda f: f.trend.p if f.trend else None, _trend),

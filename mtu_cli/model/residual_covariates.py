@@ -74,7 +74,7 @@ def table_covariates(
         known = np.isfinite(column)
         if known.all():
             found[name] = _smallest(column.astype(np.float64), cells)
-        elif known.any():
+        else:
             gaps.append(f"{name!r} ({_where(known, *files)})")
     if not gaps:
         return found, tuple(warned)

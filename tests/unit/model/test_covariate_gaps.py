@@ -75,6 +75,13 @@ def test_a_column_that_a_whole_file_lacks_is_told_with_the_file(tmp_path: Path) 
     assert told.message.startswith(f"empty cells in {rows}: left out")
 
 
+def test_a_column_without_any_value_is_told(tmp_path: Path) -> None:
+    points = with_gaps(T_room_degC=list(range(80)))
+    table, (told,) = residual_table(stated(tmp_path, MACHINE), points)
+    assert told.message.startswith("empty cells in 'T_room_degC' (80 of 80 rows, all of ")
+    assert "T_room_degC" not in table.covariates
+
+
 def test_a_covariate_of_the_model_must_be_whole(tmp_path: Path) -> None:
     machine = MACHINE.replace("Ex: ", "Ex: 1e-9*T_room_degC*x + ", 1)
     assert machine != MACHINE
