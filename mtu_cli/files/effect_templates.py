@@ -47,7 +47,8 @@ class Template:
 
     Keys of `forms` and `trees` are as in the file (``E{a}``). A name in braces stands in a
     tree as `braced` says: ``dir_a__`` -> ``dir_{a}``. `units` by parameter, as named in a
-    tree; `raw_names` are the other names of the trees, as in the file.
+    tree; `raw_names` are the other names of the trees, as in the file. `readings`: not for
+    points.
     """
 
     units: dict[str, str]
@@ -57,6 +58,7 @@ class Template:
     searched: str | None
     search: Search | None
     raw_names: tuple[str, ...]
+    readings: bool = False
 
 
 def marks(text: str) -> set[str]:

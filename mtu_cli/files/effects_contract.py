@@ -76,6 +76,9 @@ class MemberTemplate(Contract):
     parameters: EffectParameters = Field(description="Name and unit")
     equations: EffectEquations = Field(description="mm; linear in the parameters")
     search: Searched = Field(default={}, description="A parameter that is searched")
+    readings: bool = Field(
+        default=False, description="Whether it is tested on readings of a component alone"
+    )
 
 
 class Family(Contract):

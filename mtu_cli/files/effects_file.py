@@ -149,7 +149,7 @@ def _loaded(family: Family, path: YamlPath, findings: Findings) -> LoadedFamily 
             form.parameters, form.equations, form.search, family.needs, family.over, findings, here
         )
         if template is not None:
-            templates.append(template)
+            templates.append(replace(template, readings=form.readings))
     if len(findings.problems) > before:
         return None
     line = findings.document.line_of(*path)

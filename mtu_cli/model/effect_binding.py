@@ -59,6 +59,8 @@ def of_members(
     family: LoadedFamily, template: Template, binding: Binding, data: TableData
 ) -> Iterator[Binding | str]:
     """Bindings of what the candidate's name leaves open; or the reason why there are none."""
+    if template.readings and data.table.component is None:
+        return
     used = {mark for text in (*template.raw_names, *template.forms) for mark in marks(text)}
     named = marks(family.name)
     columns = {"T": data.temperatures, "c": data.counts, "v": data.others}

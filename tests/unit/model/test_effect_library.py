@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +105,21 @@ def test_every_family_has_its_candidates(library: EffectLibrary) -> None:
     for candidate in found.values():
         assert candidate.says
         assert "{" not in candidate.says + (candidate.separates or "") + candidate.name
+
+
+def test_a_growth_from_the_zero_of_an_axis_is_for_readings_alone(library: EffectLibrary) -> None:
+    def from_zero(own: ResidualTable) -> list[bool]:
+        grows = by_name(candidates(own, library))["thermal-growth-x"]
+        forms = [parse(next(iter(member.equations.values()))) for member in grows.members]
+        at = {"growth": 1.0, "x": 0.0}
+        return [evaluate(form, dict.fromkeys(names(form), 27.0) | at) == 0.0 for form in forms]
+
+    assert not any(from_zero(PLANE))
+    axis = readings_table()
+    warm = {"T_bed_degC": 20.0 + np.array([0.1, 1.3, 2.0, 2.6, 3.3, 3.5])[:, None]}
+    found = from_zero(replace(axis, covariates={**axis.covariates, **warm}))
+    assert any(found)
+    assert not all(found)
 
 
 def test_with_z_all_of_them_for_z_too(library: EffectLibrary) -> None:

@@ -1,0 +1,53 @@
+"""`mtu close-loop` on the readings of an axis whose scale grows from its zero as it warms up."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_runner import done, mtu
+
+MACHINE = """schema: mtu/machine/1
+name: axis
+components:
+  pos: {of: x, unit: um}
+equations: {Ex: pos}
+"""
+TARGETS = (0, 50, 110, 170, 240, 300, 345, 400)
+
+
+def read(folder: Path, seed: int, growth: float) -> None:
+    """Six passes there and back, a reading a minute, of an axis that grows by `growth` um/m/K from
+    x = 0; the line and 0.8 um from pass to pass are not known.
+    """
+    rng = np.random.default_rng(seed)
+    rows, minute = ["component,position_mm,pass,direction,error,unit,time_min,T_x_degC"], 0
+    for number in range(1, 7):
+        of_pass = rng.normal(0, 0.8)
+        for x, way in [(x, "forward") for x in TARGETS] + [(x, "reverse") for x in TARGETS[::-1]]:
+            minute += 1
+            warm = 6 * (1 - np.exp(-minute / 40)) + rng.normal(0, 0.05)
+            error = 2 + 0.03 * x + of_pass + 1e-3 * growth * x * warm + rng.normal(0, 0.6)
+            rows.append(f"pos,{x},{number},{way},{error:.2f},um,{minute},{20 + warm:.2f}")
+    (folder / "laser.csv").write_text("\n".join(rows) + "\n", "utf-8")
+    (folder / "machine.yaml").write_text(MACHINE, "utf-8")
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_scale_that_grows_from_zero_is_named(seed: int, tmp_path: Path) -> None:
+    """About the middle it is a growth and a drift, of which neither shows without the other."""
+    read(tmp_path, seed, 11.0)
+    done(mtu("close-loop", "-m", "machine.yaml", "--laser", "laser.csv", "-o", "o.json",
+             "--write-machine", "m.yaml", cwd=tmp_path))  # fmt: skip
+    found = json.loads((tmp_path / "o.json").read_text("utf-8"))["results"]
+    assert found["verdict"] in ("named", "class")
+    effect = found["effects"][0]
+    assert effect["name"] == "thermal-growth-x"
+    growth = effect["parameters"]["growth"]
+    assert growth["unit"] == "um/m/K"
+    assert abs(growth["value"] - 11.0) < 4 * growth["u"]
+    assert growth["u"] < 1.0
+    before, after = (found[key]["rms_um"] for key in ("before", "after"))
+    assert after < 0.5 * before
