@@ -13,7 +13,7 @@ from mtu_cli.analyses.close_loop.result import (
     Judged,
     TableResult,
 )
-from mtu_cli.analyses.close_loop.shown import pitch_is_open
+from mtu_cli.analyses.close_loop.shown import is_nameless, pitch_is_open
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import significant
 from mtu_cli.units import PARAMETER_UNITS, UNITS, Unit
@@ -80,10 +80,7 @@ def class_of(effect: FoundEffect) -> tuple[str, ...]:
 
 def nearly_alone(effect: FoundEffect) -> bool:
     """Whether it holds nearly all of the posterior, beside drifts and fields without a name."""
-    others = class_of(effect)[1:]
-    return effect.posterior > LIKELY and all(
-        name.startswith((f"{DRIFT}-", f"{FIELD}-")) for name in others
-    )
+    return effect.posterior > LIKELY and all(map(is_nameless, class_of(effect)[1:]))
 
 
 def titled(effect: FoundEffect) -> str:

@@ -41,6 +41,11 @@ def pitch_is_open(effect: FoundEffect) -> bool:
     return bool(effect.alike) and effect.covariate is None
 
 
+def is_nameless(name: str) -> bool:
+    """Whether a member of a class is a drift or a field without a name."""
+    return name.startswith((f"{DRIFT}-", f"{FIELD}-"))
+
+
 def should_be_told(effect: FoundEffect) -> bool:
     """Whether the data would have told the effects of a class apart, if one of them were alone.
 
@@ -48,7 +53,7 @@ def should_be_told(effect: FoundEffect) -> bool:
     """
     if effect.experiment is None or effect.experiment.now_d < APART:
         return False
-    return not any(name.startswith((f"{DRIFT}-", f"{FIELD}-")) for name in effect.class_names)
+    return not any(map(is_nameless, effect.class_names))
 
 
 def effect_rms(effect: FoundEffect, item: TableResult) -> float:

@@ -117,8 +117,16 @@ def test_a_growth_from_the_zero_of_an_axis_is_for_readings_alone(library: Effect
     assert not any(from_zero(PLANE))
     axis = readings_table()
     warm = {"T_bed_degC": 20.0 + np.array([0.1, 1.3, 2.0, 2.6, 3.3, 3.5])[:, None]}
-    found = from_zero(replace(axis, covariates={**axis.covariates, **warm}))
+    own = replace(axis, covariates={**axis.covariates, **warm})
+    found = from_zero(own)
     assert any(found)
+    # Cell by cell x (T - 20), and the same from the day's mean.
+    T, x = warm["T_bed_degC"], own.places[..., 0]
+    grows = by_name(candidates(own, library))["thermal-growth-x"]
+    told = [column(m, 0, 0, own) for m, zero in zip(grows.members, found, strict=True) if zero]
+    for T0 in (20.0, T.mean()):
+        plain = (T - T0) * x
+        assert any(np.allclose(item, plain, rtol=1e-9, atol=1e-9) for item in told)
     assert not all(found)
 
 
