@@ -79,14 +79,17 @@ def null(
     reversal: Floats | None = None,
     common: Floats | None = None,
     dof: float = np.inf,
+    part_dof: float = np.inf,
 ) -> NullModel:
-    """A null model; `part` is the covariance of a part's coordinates."""
+    """A null model; `part` is the covariance of a part's coordinates, known with `part_dof`."""
     n = len(part)
     return NullModel(
         interaction=interaction,
         column=column,
         reversal=np.zeros(len(interaction)) if reversal is None else reversal,
         part=part,
+        with_noise=part + np.diag(np.repeat(interaction, 1 + strata.lines)),
+        part_dof=part_dof,
         common=np.zeros((n, 0)) if common is None else common,
         predicted_part=np.zeros((n, n)),
         model_dof=dof,

@@ -9,13 +9,13 @@ coefficients are uncertain along directions that they share with the columns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loop_frame import Frame
-from mtu_cli.stats.strata import Strata
+from mtu_cli.stats.strata import Strata, Stratum
 
 TRUST = 3.0
 """Degrees of freedom that the predicted scatter of parts counts for beside the measured one."""
@@ -49,15 +49,19 @@ class NullModel:
     """`interaction`, `column`, `reversal` (A,) variances of one entry of the table, of a column
     effect, and of what differs between the two directions of approach of a column;
     `part` ((1 + k) A,) x2 the covariance of the part's coordinates, offset first, then the k
-    smooth directions, axis by axis; `predicted_part` what the model says of it; `common`
-    (A (1 + k), K) the factor of the coefficients' covariance along them, times P; `model_dof`
-    the degrees of freedom that the model's own figures were estimated with.
+    smooth directions, axis by axis; `with_noise` the same with the noise of an entry in it, as
+    estimated with `part_dof` degrees of freedom, also where it is less than that noise;
+    `predicted_part` what the model says of it; `common` (A (1 + k), K) the factor of the
+    coefficients' covariance along them, times P; `model_dof` the degrees of freedom that the
+    model's own figures were estimated with.
     """
 
     interaction: FloatArray
     column: FloatArray
     reversal: FloatArray
     part: FloatArray
+    with_noise: FloatArray
+    part_dof: float
     common: FloatArray
     predicted_part: FloatArray
     model_dof: float
@@ -114,7 +118,8 @@ def null_of(frame: Frame, y: FloatArray, dof: FloatArray, known: KnownScatter) -
     aim = wanted
     for step in range(CORRECTIONS):
         rng = np.random.default_rng(step)
-        drawn, _ = draw(frame, model, DRAWS, rng)
+        # Of the estimates as they are: how uncertain they are does not bias a mean square.
+        drawn, _ = draw(frame, replace(model, part_dof=np.inf), DRAWS, rng)
         got = mean_squares(strata, drawn, dof)
         aim = MeanSquares(
             interaction=aim.interaction * _ratio(wanted.interaction, got.interaction),
@@ -139,16 +144,19 @@ def _components(strata: Strata, squares: MeanSquares, known: KnownScatter) -> Nu
         # One part: its entries scatter as the columns do, and no two can be told apart.
         interaction = np.where(np.isfinite(squares.rest), squares.rest, 0.0)
     noise = np.repeat(interaction, 1 + k)
-    excess = known.part
+    excess, part_dof = known.part, known.dof
     if P > 1:
-        excess = squares.part - np.diag(noise)
+        excess, part_dof = squares.part - np.diag(noise), P - 1.0
         if known.part.any() and P <= FEW_PARTS:
-            excess = ((P - 1) * excess + TRUST * known.part) / (P - 1 + TRUST)
+            part_dof += TRUST
+            excess = ((P - 1) * excess + TRUST * known.part) / part_dof
     return NullModel(
         interaction=interaction,
         column=_column_variance(strata, squares.rest, interaction, "column"),
         reversal=_column_variance(strata, squares.turned, interaction, "reversal"),
         part=_psd(excess, noise),
+        with_noise=excess + np.diag(noise),
+        part_dof=part_dof,
         common=known.common,
         predicted_part=known.part,
         model_dof=known.dof,
@@ -219,14 +227,18 @@ def draw(
     parts = parts.reshape(samples, P, A, 1 + k)
     common = common.reshape(samples, A, 1 + k)
     y = rng.standard_normal((samples, strata.size))
+    (apart,) = rng.spawn(1)
     grand = rng.standard_normal((samples, A)) * np.sqrt(model.interaction + P * model.column)
     grand += parts[:, -1, :, 0] + common[:, :, 0]
     for stratum in strata.all:
         a, own = stratum.axis, y[:, stratum.slice]
         if stratum.kind in ("column", "reversal"):
-            own *= np.sqrt(model.interaction[a] + P * model.of_columns(stratum.kind, a))
-            lead = list(stratum.lead)
-            own[:, : len(lead)] += parts[:, -1, a, lead] + common[:, a, lead]
+            lead, variance = list(stratum.lead), P * model.of_columns(stratum.kind, a)
+            own[:, len(lead) :] *= np.sqrt(model.interaction[a] + variance)
+            of_parts = np.sqrt(model.interaction[a]) * own[:, : len(lead)] + parts[:, -1, a, lead]
+            of_columns = np.sqrt(variance) * apart.standard_normal(of_parts.shape)
+            own[:, : len(lead)] = of_columns + common[:, a, lead]
+            own[:, : len(lead)] += _of_true_scatter(model, stratum, k, of_parts, apart)
         else:
             own *= np.sqrt(model.interaction[a])
         if stratum.kind in ("part", "line"):
@@ -236,6 +248,28 @@ def draw(
         return y, grand
     tables = strata.tables(y) + grand[:, None, None, :]
     return frame.coordinates(tables)
+
+
+def _of_true_scatter(
+    model: NullModel, stratum: Stratum, k: int, of_parts: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """What all parts have in common along smooth directions, `of_parts` (B, b) drawn with its
+    estimated covariance S, with covariances that may be the true one.
+
+    Given S of n degrees of freedom the mean has Student's t of n - b + 1, that is, for X of
+    chi^2, n/X S (Anderson, Introduction to Multivariate Statistical Analysis, 2003, 5.2); in no
+    direction less than the noise of an entry, which is known.
+    """
+    lead, n = np.array(stratum.lead, int), model.part_dof
+    noise = model.interaction[stratum.axis]
+    if not len(lead) or noise <= 0 or not np.isfinite(n):
+        return of_parts
+    place = stratum.axis * (1 + k) + lead
+    sizes, turn = np.linalg.eigh(model.with_noise[np.ix_(place, place)] / noise)
+    X = rng.chisquare(max(n - len(lead) + 1, 1.0), len(of_parts))[:, None]
+    ratio = np.maximum(sizes * n / X, 1.0) / np.maximum(sizes, 1.0)
+    found: FloatArray = (of_parts @ turn * np.sqrt(ratio)) @ turn.T
+    return found
 
 
 def _root(covariance: FloatArray) -> FloatArray:

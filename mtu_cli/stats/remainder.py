@@ -177,7 +177,7 @@ def scatter_p(
     `LARGEST` times what one entry does: less than that is ordinary (fixed errors of single
     holes, setting up). Where the machine's own scatter from pass to pass is known, `predicted`
     (A,) the variance of a part's coordinate by it with `predicted_dof` degrees of freedom,
-    parts are held against that. F tests, Bonferroni over the axes.
+    parts are held against that (inf: against nothing). F tests, Bonferroni over the axes.
     """
     P, H, A = strata.shape
     p: list[float] = [1.0]

@@ -18,14 +18,14 @@ equations: {Ex: pos}
 TARGETS = (0, 50, 110, 170, 240, 300, 345, 400)
 
 
-def read(folder: Path, seed: int, growth: float) -> None:
+def read(folder: Path, seed: int, growth: float, scatter: float = 0.8) -> None:
     """Six passes there and back, a reading a minute, of an axis that grows by `growth` um/m/K from
-    x = 0; the line and 0.8 um from pass to pass are not known.
+    x = 0; the line and `scatter` um from pass to pass are not known.
     """
     rng = np.random.default_rng(seed)
     rows, minute = ["component,position_mm,pass,direction,error,unit,time_min,T_x_degC"], 0
     for number in range(1, 7):
-        of_pass = rng.normal(0, 0.8)
+        of_pass = rng.normal(0, scatter)
         for x, way in [(x, "forward") for x in TARGETS] + [(x, "reverse") for x in TARGETS[::-1]]:
             minute += 1
             warm = 6 * (1 - np.exp(-minute / 40)) + rng.normal(0, 0.05)
@@ -51,3 +51,21 @@ def test_a_scale_that_grows_from_zero_is_named(seed: int, tmp_path: Path) -> Non
     assert growth["u"] < 1.0
     before, after = (found[key]["rms_um"] for key in ("before", "after"))
     assert after < 0.5 * before
+
+
+def test_scatter_from_pass_to_pass_is_in_the_model_however_large(tmp_path: Path) -> None:
+    """It is told, and no alarm; against what was known before it is one."""
+    read(tmp_path, 3, 0.0)
+    before = ("-m", "machine.yaml", "--laser", "laser.csv")
+    done(mtu("fit-components", *before, "-o", "before.json", cwd=tmp_path))
+    read(tmp_path, 4, 0.0, 12.0)
+    done(mtu("close-loop", *before, "-o", "o.json", cwd=tmp_path))
+    report = json.loads((tmp_path / "o.json").read_text("utf-8"))
+    assert report["results"]["verdict"] == "none"
+    (told,) = [w["message"] for w in report["warnings"] if w["code"] == "passes-apart"]
+    assert "the passes of pos stand" in told
+    done(mtu("close-loop", *before, "-c", "before.json", "-o", "c.json", cwd=tmp_path))
+    report = json.loads((tmp_path / "c.json").read_text("utf-8"))
+    assert report["results"]["verdict"] == "unexplained"
+    fired = [c["name"] for c in report["results"]["unexplained"]["checks"] if c["fired"]]
+    assert fired == ["part-variance"]

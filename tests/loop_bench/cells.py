@@ -29,10 +29,13 @@ from loop_bench.commands import commanded
 from loop_bench.days import FOLDS, THIRDS, BenchDay
 from loop_bench.intervals import covers
 from loop_bench.judge import diagnosed, held_out_after
+from loop_bench.laser_runs import RUN_FAMILIES, clean_run, laser_run
 
-Measure = Literal["null", "library", "misshapen", "outside", "pairs", "command"]
+Measure = Literal[
+    "null", "library", "misshapen", "outside", "pairs", "command", "laser-clean", "laser"
+]
 Record = dict[str, Any]
-NULLS, OTHERS, COMMANDS = 5000, 500, 40
+NULLS, OTHERS, COMMANDS, CLEAN_RUNS = 5000, 500, 40, 2000
 SCATTERS = ("rotation-scatter", "operation-scatter")
 """Families that say nothing of the mean: nothing to gain on held-out parts."""
 TELLABLE = 4.0
@@ -55,6 +58,8 @@ class Cell:
         if self.measure == "null":
             return f"null-{self.noise}"
         only = f"-{self.families[0]}" if len(self.families) == 1 else ""
+        if self.measure == "laser-clean":
+            return self.measure
         return f"{self.measure}{only}-{self.amplitude:g}"
 
 
@@ -73,6 +78,8 @@ CELLS: tuple[Cell, ...] = (
     ),
     Cell(measure="pairs", count=OTHERS, amplitude=1.0, families=FAMILIES),
     *(Cell(measure="null", count=NULLS, noise=noise) for noise in NOISES),
+    Cell(measure="laser-clean", count=CLEAN_RUNS),
+    Cell(measure="laser", count=OTHERS, amplitude=1.0, families=RUN_FAMILIES),
     Cell(measure="command", count=COMMANDS, amplitude=1.0, families=FAMILIES),
 )
 MAKERS: dict[Measure, Callable[..., Truth]] = {
@@ -87,6 +94,12 @@ def record(bench: BenchDay, cell: Cell, base: int, index: int) -> Record:
     """Data set `index` of a cell: drawn, judged, and what the table needs of it."""
     kind = ord(bench.day.kind)
     rng = np.random.default_rng([base, zlib.crc32(cell.name.encode()), kind, index])
+    if cell.measure == "laser-clean":
+        return {"index": index, "day": bench.day.seed, **clean_run(bench.day.kind, rng)}
+    if cell.measure == "laser":
+        family = cell.families[index % len(cell.families)]
+        told = laser_run(bench.day.kind, rng, family)
+        return {"index": index, "day": bench.day.seed, **told}
     truths = _truths(bench, cell, rng, index)
     if cell.measure == "command":
         told = {"index": index, "day": bench.day.seed, **_true(bench, truths)}

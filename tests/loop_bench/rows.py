@@ -80,6 +80,7 @@ def rows(drawn: Drawn, kind: Kind) -> Iterator[Row]:
     yield row("  and no check fired", quiet)
     times = [r["ms"] for r in of("null-normal") if not r["gross"]]
     yield row("ms a diagnosis after calibration (median, 5-95 %)", median(times))
+    yield from (row(*item) for item in _of_readings(of("laser-clean"), of("laser-1")))
     commands = of("command-1")
     right = share(right_first(r) for r in detected(commands))
     yield row("by the command: right name first, 1 sigma", right)
@@ -150,6 +151,22 @@ def _outside(outside: Mapping[str, Sequence[Record]]) -> Iterator[tuple[str, Fig
         yield f"  {name}", share((bool(r["lone"]) for r in own), None, (0.0, 0.0))
     yield "outside the library, `named`, 1 sigma", share(map(_as_named, every))
     yield "  with one name", share(_as_named(r) and len(r["names"]) == 1 for r in every)
+
+
+def _of_readings(
+    clean: Sequence[Record], planted: Sequence[Record]
+) -> Iterator[tuple[str, Figure]]:
+    alarms = share((r["alarm"] for r in clean), (0.03, 0.07), (0.04, 0.06))
+    yield "false alarms, laser runs of one axis", alarms
+    found = detected(planted)
+    yield "laser runs: detected, 1 sigma", share(bool(r["names"]) for r in planted)
+    holds = share((class_holds(r) for r in found), (0.95, 1.0), (0.97, 1.0))
+    yield "  class holds the truth, given detection", holds
+    wrong = share((lone_wrong(r) for r in planted), (0.0, 0.01), (0.0, 0.005))
+    yield "  wrong single name", wrong
+    yield "  right name first, given detection", share(map(right_first, found))
+    judged = [r["covers"] for r in planted if r["covers"] is not None]
+    yield "  95 % intervals cover", share(judged, (0.93, 0.97), (0.94, 0.96))
 
 
 def _as_named(record: Record) -> bool:

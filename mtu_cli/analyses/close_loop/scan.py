@@ -40,7 +40,7 @@ class Scan:
     `offsets`, then the drawn checks; `scatters` and the variance checks have p of their own.
 
     `names` are those of all candidates: mean, offset, scatter; `least` (S,) the variance of
-    rounding.
+    rounding. `parts_scatter`: the model has scatter of parts, how large is not known before.
     """
 
     frame: Frame
@@ -57,6 +57,7 @@ class Scan:
     directions: FloatArray
     predicted_dof: float
     least: FloatArray
+    parts_scatter: bool = False
 
     @property
     def tested(self) -> int:
@@ -170,7 +171,8 @@ def evidence(
         found = ratios(own, whole[None], len(scan.columns))
         statistics[:, : len(scan.columns)] = found.ratio
     strata = scan.frame.strata
-    predicted = np.diag(scan.null.predicted_part)[:: 1 + strata.lines]
+    of_model = np.diag(scan.null.predicted_part)[:: 1 + strata.lines]
+    predicted = of_model + (np.inf if scan.parts_scatter else 0.0)
     variances = scatter_p(strata, left, pack.dof, predicted, scan.predicted_dof)
     p = np.array([*scatters, *variances])
     closed = -np.log(np.maximum(p, 1e-300))

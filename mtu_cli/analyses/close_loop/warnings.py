@@ -15,12 +15,15 @@ from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.model.settings import Warned
+from mtu_cli.units import UNITS
 
 FEW_PARTS = 5
 FEWEST_ENTRIES = 4
 ALL = 0.999
 MOST_NAMED = 6
 MOST_ALIKE = 4
+APART = 2.0
+"""Scatter of passes over that of single readings from which on it is told."""
 PLACE_DIGITS = 3
 SPARE_PLACES = 3
 """Places beyond what an effect takes from which on a searched value is more than a guess."""
@@ -100,6 +103,7 @@ def _of_table(result: TableResult) -> list[Warned]:
         more = f" and {beyond} more" if beyond > 0 else ""
         text = f"far off whatever the rest does, and set aside: {names}{more}"
         found.append(Warned(code="outliers-set-aside", message=text))
+    found += _passes_apart(result)
     for effect in result.effects:
         if effect.alike:
             found.append(Warned(code="searched-not-told", message=_alike(effect, of)))
@@ -115,6 +119,27 @@ def _of_table(result: TableResult) -> list[Warned]:
         text = "more than half of the cells were not measured: the search has little power"
         found.append(Warned(code="sparse-table", message=text))
     return found
+
+
+def _passes_apart(result: TableResult) -> list[Warned]:
+    """That passes of readings stand far apart, which no check holds against the model: scatter
+    from pass to pass is part of it, however large.
+    """
+    table, noise = result.table, result.floor
+    if table.component is None or table.of_part.any() or not noise or len(table.parts) < 2:
+        return []
+    left = np.where(table.there, (table.errors - result.explained)[..., 0], np.nan)
+    levels = np.nanmean(left - np.nanmean(left, axis=0), axis=1)
+    apart = math.sqrt(max(float(np.var(levels, ddof=1)) - noise**2 / left.shape[1], 0.0))
+    if apart <= APART * noise:
+        return []
+    unit = UNITS[table.unit].to_internal
+    text = (
+        f"the passes of {table.component} stand {apart / unit:.2g} {table.unit} apart (standard "
+        f"deviation), single readings scatter by {noise / unit:.2g} {table.unit}: the model takes "
+        "it as scatter from pass to pass, whatever makes it"
+    )
+    return [Warned(code="passes-apart", message=text)]
 
 
 def _odd_names(tables: Sequence[ResidualTable]) -> list[Warned]:

@@ -11,6 +11,7 @@ from loop_bench.cells import CELLS, Cell, Measure, Record, record
 from loop_bench.days import FOLDS, THIRDS, BenchDay
 from loop_bench.figures import binomial, class_holds, exact_pair, flagged, right_first
 from loop_bench.judge import diagnosed, held_out_after
+from loop_bench.laser_runs import clean_run
 from loop_bench.pieces import DAYS, indices
 from scipy import stats
 from shop_day import Noise, blocks, effect, interleaved, measure, oracle_held_out
@@ -47,6 +48,12 @@ def test_false_alarms_are_as_rare_as_stated() -> None:
     total = NULLS * len(drawn)
     least, most = stats.binom.ppf(5e-4, total, 0.03), stats.binom.ppf(1 - 5e-4, total, 0.07)
     assert least <= alarms <= most
+
+
+def test_clean_laser_runs_raise_as_few_alarms() -> None:
+    count = 40
+    drawn = [clean_run("A", np.random.default_rng([SEED, i])) for i in range(count)]
+    assert sum(found["alarm"] for found in drawn) <= stats.binom.ppf(1 - 5e-4, count, 0.07)
 
 
 TOLD = ("backlash", "scale", "squareness", "abbe", "radial", "thermal-growth", "feature-outlier",

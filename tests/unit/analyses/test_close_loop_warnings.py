@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from close_loop_examples import effect, on_table
+from close_loop_examples import effect, on_component, on_table
 from effect_tables import table
 
-from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.warnings import loop_warnings
+from mtu_cli.units import UM
 
 
 def wave(**changed: object) -> FoundEffect:
@@ -73,3 +74,22 @@ def test_a_search_that_stopped_is_told_where_more_would_pass() -> None:
         "the search stopped at 2 causes, and more would pass (--max-effects)"
     ]
     assert " 1 cause," in messages(1, stopped=True)[0]
+
+
+def test_passes_far_apart_are_told_where_their_scatter_was_not_known() -> None:
+    base = on_component(verdict="none")
+    level = np.array([9.0, -9.0, 3.0, -3.0, 6.0, -6.0])[:, None, None] * UM
+
+    def messages(of: TableResult) -> list[str]:
+        return [w.message for w in loop_warnings([of], 9) if w.code == "passes-apart"]
+
+    assert messages(base) == []
+    far = replace(base.table, errors=base.table.errors + level)
+    (text,) = messages(replace(base, table=far))
+    # sqrt(252 / 5 um^2) = 7.1 um of the levels alone; the noise is 3 um.
+    assert "the passes of dx_x stand 7" in text
+    assert "single readings scatter by 3.6 um" in text
+    known = replace(far, of_part=np.full((1, *far.errors.shape[1:], 1), 0.01))
+    assert messages(replace(base, table=known)) == []
+    # What an effect explains of it is not scatter.
+    assert messages(replace(base, table=far, explained=base.explained + level)) == []

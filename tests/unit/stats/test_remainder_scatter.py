@@ -81,6 +81,8 @@ def test_parts_are_held_against_the_machines_own_scatter_where_it_is_known() -> 
     assert (judged(y[:100], np.full(2, 3.0), np.inf)[:, 1] < 0.01).mean() > 0.9
     # Far below the prediction nothing is said.
     assert judged(y[:1], np.full(2, 300.0), np.inf)[0, 1] == 1.0
+    # Nor where the model has scatter of parts that no one knows the size of.
+    assert judged(100 * y[:1], np.full(2, np.inf), np.inf)[0, 1] == 1.0
 
 
 def test_tables_without_scatter_or_too_small_say_nothing() -> None:
