@@ -65,7 +65,8 @@ class Layout:
         x, middle = self.position, self.position.mean()
         if family == "step":
             return np.asarray(self.passes > rng.integers(2, self.passes.max() - 1), float)
-        phase, pitch = rng.uniform(0, 2 * np.pi), np.exp(rng.uniform(np.log(4.5), np.log(40.0)))
+        # Shorter than three targets a wave is what single targets may have.
+        phase, pitch = rng.uniform(0, 2 * np.pi), np.ptp(x) * rng.uniform(0.3, 0.5)
         settling = np.exp(rng.uniform(np.log(24.0), np.log(120.0)))
         found: dict[str, Floats] = {
             "backlash": self.direction.astype(float),
@@ -107,13 +108,13 @@ class Layout:
 
 
 def layout(rng: np.random.Generator, *, planted: bool) -> Layout:
-    """5 to 10 passes over 8 to 14 uneven targets, there and back or (one run in four) there alone,
-    a reading in 0.3 to 2 min, while the axis warms up by 2 to 8 K; one run in four has gaps.
+    """5 to 10 passes over 8 to 14 uneven targets, there and back or (one clean run in four) there
+    alone, a reading in 0.3 to 2 min, while the axis warms up by 2 to 8 K; one run in four has gaps.
     """
     passes, targets = int(rng.integers(5, 11)), int(rng.integers(8, 15))
     even = np.linspace(0, 400, targets)
     one = np.sort(np.round(even + rng.uniform(-0.3, 0.3, targets) * 400 / targets))
-    back = one[::-1] if rng.random() < 0.75 else one[:0]
+    back = one[::-1] if rng.random() < 0.75 or planted else one[:0]
     n = passes * (targets + len(back))
     minutes = np.arange(1.0, n + 1) * float(rng.uniform(0.3, 2.0))
     warm = rng.uniform(2, 8) * (1 - np.exp(-minutes / rng.uniform(20, 90)))

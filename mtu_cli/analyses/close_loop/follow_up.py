@@ -58,10 +58,12 @@ def _others(log: FurtherParts, wanted: Wanted) -> Iterator[FollowUp]:
     points = log.table.component is None
     directions = [n for n in log.columns if n in used and n in ("dir_x", "dir_y", "dir_z")]
     if directions and points:
+        # Where it runs both ways already, half of the parts are reversed: more of them may tell.
+        both = any(np.ptp(log.columns[name], axis=0).any() for name in directions)
         yield log.made(
             "reverse",
             "run the program in the reverse direction",
-            "reverse the program's direction",
+            "" if both else "reverse the program's direction",
             changed={name: -log.rows(name, log.last) for name in directions},
         )
     if points and used & set(log.counts) and (log.sequence_is_tool or used & _tools(log)):

@@ -39,6 +39,18 @@ def plans(**wanted: object) -> dict[str, FollowUp]:
     return {plan.name: plan for plan in follow_ups(shop(), own)}
 
 
+def test_a_program_that_runs_both_ways_is_not_to_be_reversed_on_half_of_the_parts() -> None:
+    base = shop()
+    one_way = {"dir_x": np.ones((1, H)), "dir_y": np.ones((1, H))}
+    turns = {"dir_x": np.where(np.arange(P) % 2, 1.0, -1.0)[:, None] * np.ones((P, H))}
+    own = Wanted(used=("dir_x", "dir_y"), pitches={})
+    for directions, phrase in ((one_way, "reverse the program's direction"), (turns, "")):
+        made = replace(base, covariates={**base.covariates, **one_way, **directions})
+        (plan,) = (plan for plan in follow_ups(made, own) if plan.name == "reverse")
+        assert plan.fits == phrase
+        assert plan.words == "run the program in the reverse direction"
+
+
 def new(plan: FollowUp, name: str) -> np.ndarray:
     return np.broadcast_to(plan.values[name], (P + K, H))[P:]
 
