@@ -142,7 +142,9 @@ class _Reader:
         if estimate is None:
             return self._fitted(shown, errors[:, 0], found), warned
         made = self._made(errors, shown, found.common, self._by_direction(found.of_part))
-        return replace(made, pass_dof=estimate.pass_dof or np.inf), warned
+        scatters = bool(np.any(estimate.pass_covariance))
+        made = replace(made, pass_dof=estimate.pass_dof or np.inf, scatter_known=scatters)
+        return made, warned
 
     def _fitted(
         self,
@@ -159,9 +161,8 @@ class _Reader:
         nothing = np.zeros((1, len(self.layout.columns), 1, 0))
         common = nothing if found is None else found.common
         of_part = nothing if found is None else self._by_direction(found.of_part)
-        return replace(
-            self._made(fit.residuals[:, None], shown, common, of_part), fitted_degree=degree
-        )
+        made = self._made(fit.residuals[:, None], shown, common, of_part)
+        return replace(made, fitted_degree=degree, scatter_known=False)
 
     def _made(
         self,

@@ -66,6 +66,8 @@ class ResidualTable:
     gave (-1: none). `pass_dof` are the degrees of freedom that D was estimated with; `travel`
     the ends of the machine's axes, mm, where they are known; `resolution` (A,) the step, mm, that
     measured coordinates were rounded to, 0 where there is none (empty: none is known).
+    `scatter_known`: false where the model has scatter of parts (passes) of a size that nothing
+    told before.
     """
 
     axes: tuple[str, ...]
@@ -88,6 +90,7 @@ class ResidualTable:
     pass_dof: float = np.inf
     travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     resolution: tuple[float, ...] = ()
+    scatter_known: bool = True
 
     @property
     def there(self) -> NDArray[np.bool_]:

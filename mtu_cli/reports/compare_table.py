@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from rich.text import Text
 
 from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
@@ -13,7 +14,7 @@ from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
 
 SHOWN = 40
-"""Features listed one by one; more are summed up only."""
+"""Features listed one by one; of more those that are not consistent, the clearest first."""
 
 
 def table(result: CompareResult, digits: int = 2) -> list[object]:
@@ -21,9 +22,25 @@ def table(result: CompareResult, digits: int = 2) -> list[object]:
     sheets: list[object] = [_words(result), _summary_sheet(result)]
     if result.lengths is not None:
         sheets.append(_sheet("Lengths", result.lengths, digits))
-    if len(result.features.labels) <= SHOWN:
-        sheets.append(_sheet("Features", result.features, digits))
+    few = len(result.features.labels) <= SHOWN
+    sheets += [_sheet("Features", result.features, digits)] if few else _odd(result, digits)
     return sheets
+
+
+def _odd(result: CompareResult, digits: int) -> list[object]:
+    """Of many features those with a fault; nothing where there is none."""
+    found = result.features
+    faults = np.array(
+        [found.verdicts[i] not in (None, "consistent") for i in range(len(found.labels))]
+    )
+    p = np.fmin(found.p_bias, found.p_scatter)
+    order = [int(i) for i in np.argsort(p, kind="stable") if faults[i]]
+    if not order:
+        return []
+    shown, beyond = order[:SHOWN], len(order) - SHOWN
+    more = f"; {beyond} more such" if beyond > 0 else ""
+    told = f"those that are not consistent, the clearest first{more}: all are in the report (-o)"
+    return [_sheet("Features", found, digits, (shown, told))]
 
 
 def _kinds(result: CompareResult) -> list[tuple[str, Summary]]:
@@ -97,7 +114,11 @@ def _shown(found: Range | None) -> str:
     return f"{significant(found.least)} to {significant(found.largest)}"
 
 
-def _sheet(title: str, found: Compared, digits: int) -> Sheet:
+def _sheet(
+    title: str, found: Compared, digits: int, only: tuple[list[int], str] | None = None
+) -> Sheet:
+    """All items, or `only` these, with a note on them."""
+    items, told = only or (list(range(len(found.labels))), "")
     columns = [
         Column(title="item\n", text=True, folds=True),
         Column(title="predicted\num"),
@@ -109,13 +130,14 @@ def _sheet(title: str, found: Compared, digits: int) -> Sheet:
         Column(title="p of\nscatter"),
         Column(title="verdict\n", text=True, folds=True),
     ]
-    rows = [_row(found, i, digits) for i in range(len(found.labels))]
+    rows = [_row(found, i, digits) for i in items]
     note = (
         "predicted, measured: mean ± u of one future part (in anova ± is the u of the mean); "
         "bias ± its u; E_n = bias/(k u of the bias); p: how often chance alone gives such a bias, "
         "or scatter, somewhere among all items (Holm)"
     )
-    return Sheet(title=title, columns=columns, rows=rows, notes=[note])
+    notes = [told, note] if told else [note]
+    return Sheet(title=title, columns=columns, rows=rows, notes=notes)
 
 
 def _row(found: Compared, i: int, digits: int) -> Sequence[str]:

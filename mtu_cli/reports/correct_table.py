@@ -65,7 +65,7 @@ def _sizes(title: str, items: tuple[Size, ...], digits: int) -> Sheet:
     against = "calibrated diameter" if rounds else "nominal length"
     notes = [
         f"before, after: measured minus {against}, after ± its u; "
-        "reduction: 100 (1 - |after|/|before|)"
+        "reduction: 100 (1 - |after|/|before|), where before is more than that u"
     ]
     if rounds:
         notes.append("u and 95 % with the calibration's; form: range of radial residuals")
@@ -125,7 +125,8 @@ def _row(item: Size, digits: int, *, rounds: bool, warm: bool) -> list[str]:
         _rounded(before, u, digits),
         plus_minus(after, u, digits),
         interval(low, high, u, digits),
-        fixed(item.reduction_percent, 1),
+        # Where there was nothing to reduce, a share of it says nothing: -580 % of half a um.
+        MISSING if abs(before) <= u else fixed(item.reduction_percent, 1),
     ]
     return [*row, _form(item)] if rounds else row
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.stats.estimated_scatter import scattered
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.strata import Strata, Stratum
@@ -66,6 +67,12 @@ class NullModel:
     predicted_part: FloatArray
     model_dof: float
 
+    def as_estimated(self) -> NullModel:
+        """The same with the scatter of parts taken for known: for second moments of what is drawn,
+        which the tails of an estimate do not have.
+        """
+        return replace(self, part_dof=np.inf)
+
     def of_columns(self, kind: str, axis: int) -> float:
         """Variance of a column effect in a stratum of kind column or reversal."""
         return float((self.column if kind == "column" else self.reversal)[axis])
@@ -112,14 +119,14 @@ def null_of(frame: Frame, y: FloatArray, dof: FloatArray, known: KnownScatter) -
     """
     strata = frame.strata
     wanted = mean_squares(strata, y[None], dof)
-    model = _components(strata, wanted, known)
+    told = _told(frame)
+    model = _components(strata, wanted, known, told)
     if frame.completion.complete and frame.freeing is None:
         return model
     aim = wanted
     for step in range(CORRECTIONS):
         rng = np.random.default_rng(step)
-        # Of the estimates as they are: how uncertain they are does not bias a mean square.
-        drawn, _ = draw(frame, replace(model, part_dof=np.inf), DRAWS, rng)
+        drawn, _ = draw(frame, model.as_estimated(), DRAWS, rng)
         got = mean_squares(strata, drawn, dof)
         aim = MeanSquares(
             interaction=aim.interaction * _ratio(wanted.interaction, got.interaction),
@@ -127,8 +134,16 @@ def null_of(frame: Frame, y: FloatArray, dof: FloatArray, known: KnownScatter) -
             turned=aim.turned * _ratio(wanted.turned, got.turned),
             part=aim.part + wanted.part - got.part,
         )
-        model = _components(strata, aim, known)
+        model = _components(strata, aim, known, told)
     return model
+
+
+def _told(frame: Frame) -> int:
+    """How many parts tell their lines along the smooth directions."""
+    rows = frame.completion.rows
+    if frame.completion.complete or rows.shape[1] == 1:
+        return len(rows)
+    return int(rows[:, 1:, 1:].any(axis=(1, 2)).sum())
 
 
 def _ratio(wanted: FloatArray, got: FloatArray) -> FloatArray:
@@ -136,7 +151,8 @@ def _ratio(wanted: FloatArray, got: FloatArray) -> FloatArray:
     return found
 
 
-def _components(strata: Strata, squares: MeanSquares, known: KnownScatter) -> NullModel:
+def _components(strata: Strata, squares: MeanSquares, known: KnownScatter, told: int) -> NullModel:
+    """The components that mean squares tell, the scatter of parts by `told` of them."""
     P = strata.shape[0]
     k = strata.lines
     interaction = np.where(np.isfinite(squares.interaction), squares.interaction, 0.0)
@@ -146,10 +162,11 @@ def _components(strata: Strata, squares: MeanSquares, known: KnownScatter) -> Nu
     noise = np.repeat(interaction, 1 + k)
     excess, part_dof = known.part, known.dof
     if P > 1:
-        excess, part_dof = squares.part - np.diag(noise), P - 1.0
+        excess, part_dof = squares.part - np.diag(noise), max(told - 1.0, 1.0)
         if known.part.any() and P <= FEW_PARTS:
-            part_dof += TRUST
-            excess = ((P - 1) * excess + TRUST * known.part) / part_dof
+            trust = min(TRUST, known.dof)
+            excess = ((P - 1) * excess + trust * known.part) / (P - 1 + trust)
+            part_dof += trust
     return NullModel(
         interaction=interaction,
         column=_column_variance(strata, squares.rest, interaction, "column"),
@@ -227,7 +244,8 @@ def draw(
     parts = parts.reshape(samples, P, A, 1 + k)
     common = common.reshape(samples, A, 1 + k)
     y = rng.standard_normal((samples, strata.size))
-    (apart,) = rng.spawn(1)
+    # A stream of its own: what scatter is not known moves no other draw.
+    (of_scatter,) = rng.spawn(1)
     grand = rng.standard_normal((samples, A)) * np.sqrt(model.interaction + P * model.column)
     grand += parts[:, -1, :, 0] + common[:, :, 0]
     for stratum in strata.all:
@@ -236,9 +254,9 @@ def draw(
             lead, variance = list(stratum.lead), P * model.of_columns(stratum.kind, a)
             own[:, len(lead) :] *= np.sqrt(model.interaction[a] + variance)
             of_parts = np.sqrt(model.interaction[a]) * own[:, : len(lead)] + parts[:, -1, a, lead]
-            of_columns = np.sqrt(variance) * apart.standard_normal(of_parts.shape)
+            of_columns = np.sqrt(variance) * of_scatter.standard_normal(of_parts.shape)
             own[:, : len(lead)] = of_columns + common[:, a, lead]
-            own[:, : len(lead)] += _of_true_scatter(model, stratum, k, of_parts, apart)
+            own[:, : len(lead)] += _about_the_truth(model, stratum, k, of_parts, of_scatter)
         else:
             own *= np.sqrt(model.interaction[a])
         if stratum.kind in ("part", "line"):
@@ -250,26 +268,16 @@ def draw(
     return frame.coordinates(tables)
 
 
-def _of_true_scatter(
+def _about_the_truth(
     model: NullModel, stratum: Stratum, k: int, of_parts: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
-    """What all parts have in common along smooth directions, `of_parts` (B, b) drawn with its
-    estimated covariance S, with covariances that may be the true one.
-
-    Given S of n degrees of freedom the mean has Student's t of n - b + 1, that is, for X of
-    chi^2, n/X S (Anderson, Introduction to Multivariate Statistical Analysis, 2003, 5.2); in no
-    direction less than the noise of an entry, which is known.
-    """
-    lead, n = np.array(stratum.lead, int), model.part_dof
+    """`of_parts` (B, b), drawn with the estimated scatter of parts, as it does about the true."""
     noise = model.interaction[stratum.axis]
-    if not len(lead) or noise <= 0 or not np.isfinite(n):
+    if not stratum.lead or noise <= 0 or not np.isfinite(model.part_dof):
         return of_parts
-    place = stratum.axis * (1 + k) + lead
-    sizes, turn = np.linalg.eigh(model.with_noise[np.ix_(place, place)] / noise)
-    X = rng.chisquare(max(n - len(lead) + 1, 1.0), len(of_parts))[:, None]
-    ratio = np.maximum(sizes * n / X, 1.0) / np.maximum(sizes, 1.0)
-    found: FloatArray = (of_parts @ turn * np.sqrt(ratio)) @ turn.T
-    return found
+    place = stratum.axis * (1 + k) + np.array(stratum.lead, int)
+    S = model.with_noise[np.ix_(place, place)] / noise
+    return scattered(of_parts, S, model.part_dof, rng)
 
 
 def _root(covariance: FloatArray) -> FloatArray:

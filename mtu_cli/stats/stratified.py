@@ -16,8 +16,10 @@ FEWEST = 1.0
 """Degrees of freedom that a stratum is judged by at least."""
 LEAST = 1e-12
 """Share of a stratum's squares below which what is left of them is rounding."""
-FEWEST_BESIDE = 2.0
-"""Degrees of freedom that a stratum needs beside the columns in it to be judged by itself alone."""
+FEWEST_BESIDE = 5.0
+"""Degrees of freedom that a stratum needs beside the columns in it to be judged by itself alone:
+of fewer its mean square is by chance a hundredth of what lies in it, and effects are found there.
+"""
 HELD = 1e-20
 """Share of a column's square below which a stratum does not hold it."""
 
@@ -100,8 +102,8 @@ def _bounded(
 ) -> FloatArray:
     """Weights (S,) no larger than strata with so few degrees of freedom `beside` their columns can
     have: where none are, not above those of the `null`, of which nothing was taken out, for
-    the columns fit them whatever their variance; where fewer than two are, not above the weight
-    of what lies `within`, as a part's mean scatters no less than its entries.
+    the columns fit them whatever their variance; where fewer than `FEWEST_BESIDE` are, not above
+    the weight of what lies `within`, as a part's mean scatters no less than its entries.
     """
     found: FloatArray = np.where(beside < 1.0, np.minimum(w, null), w)
     if within is None:

@@ -94,6 +94,11 @@ def record(bench: BenchDay, cell: Cell, base: int, index: int) -> Record:
     """Data set `index` of a cell: drawn, judged, and what the table needs of it."""
     kind = ord(bench.day.kind)
     rng = np.random.default_rng([base, zlib.crc32(cell.name.encode()), kind, index])
+    if cell.measure.startswith("laser"):
+        # No day stands behind a run: it has one of its own.
+        rng = np.random.default_rng(
+            [base, zlib.crc32(cell.name.encode()), kind, bench.day.seed, index]
+        )
     if cell.measure == "laser-clean":
         return {"index": index, "day": bench.day.seed, **clean_run(bench.day.kind, rng)}
     if cell.measure == "laser":

@@ -40,7 +40,7 @@ PARAMETERS = {
 }
 """Those that mean the same in every form that the library has of the family."""
 RUN_FAMILIES = (*PARAMETERS, "cyclic", "curvature", "warm-up", "step")
-SCATTER = {False: (0.3, 3.0), True: (0.1, 0.5)}
+SCATTER = {False: (0.3, 3.0), True: (0.1, 2.0)}
 """Of passes over that of readings: of clean runs, and of those with an effect, some of which lie in
 whole passes.
 """
@@ -209,6 +209,8 @@ def _covers(effect: FoundEffect, family: str | None, size: float) -> bool | None
     parameters have no true value.
     """
     if family not in PARAMETERS or effect.family != family:
+        return None
+    if family == "trend" and effect.covariate != "sequence":
         return None
     names = [name for name, *_ in effect.parameters]
     low, high, _ = effect.intervals[names.index(PARAMETERS[family])]

@@ -47,11 +47,13 @@ class Plan:
 def folder_of(tuning: bool) -> Path:
     """Where pieces are kept: apart for every state of the code that draws and judges them."""
     code = hashlib.sha256()
-    ours = ("analyses/close_loop/*.py", "model/effect*", "model/residual*.py", "stats/*.py")
+    ours = ("analyses/close_loop/*.py", "model/effect*", "model/re[as]*.py", "stats/*.py",
+            "model/fit.py", "model/estimat*.py")  # fmt: skip
     package = Path(mtu_cli.__file__).parent
     files = [path for pattern in ours for path in package.glob(pattern)]
     files += Path(__file__).parent.glob("[cdijl]*.py")
     files += (Path(__file__).parents[1] / "shop_day").glob("*.py")
+    files.append(Path(__file__).parents[1] / "model_examples.py")
     for path in sorted(files):
         code.update(path.read_bytes())
     state = code.hexdigest()[:12]

@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mtu_cli.analyses.close_loop.estimate import drawn_covariance, estimate, raw_design
+from mtu_cli.analyses.close_loop.few_parts import with_scatter_of_parts
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.model.effect_library import Member
@@ -78,6 +79,8 @@ def added(
         for _ in range(2):
             left = prepared.with_null_of(prepared.y - raw_design(scan, columns) @ fit.beta)
             fit = estimate(left.scan, prepared.y, columns)
+        if not rough:
+            fit = with_scatter_of_parts(left.scan, columns, fit)
     first = len(scan.columns)
     offsets = [
         scan.offsets[step.index - first]

@@ -64,6 +64,20 @@ def _design(
     return whitened(scan.frame.strata, scan.whitening, whole)
 
 
+def of_coordinates(scan: Scan, members: Sequence[MemberColumns], weights: FloatArray) -> FloatArray:
+    """(N, k): beta, at these weights (S,), is its transpose times the coordinates."""
+    strata = scan.frame.strata
+    k = sum(len(member) for member in members)
+    X = _design(scan, members)
+    w = np.concatenate(
+        [np.full(s.size, weight) for s, weight in zip(strata.all, weights, strict=True)]
+    )
+    rows = shortened(np.sqrt(w)[:, None] * X)
+    C = least_squares(rows, np.zeros(len(rows))).unscaled_covariance[:k]
+    # beta = C X'W H y with the whitening H: applied to the k columns, not to all that is drawn.
+    return whitened(strata, scan.whitening.transpose(0, 2, 1), w[:, None] * (X @ C.T))
+
+
 def drawn_covariance(
     scan: Scan, members: Sequence[MemberColumns], weights: FloatArray, seed: int | None
 ) -> FloatArray:
@@ -74,22 +88,14 @@ def drawn_covariance(
     uncertainty, coordinates are correlated: the weights are then not the inverse covariance.
     """
     strata = scan.frame.strata
-    k = sum(len(member) for member in members)
-    X = _design(scan, members)
-    w = np.concatenate(
-        [np.full(s.size, weight) for s, weight in zip(strata.all, weights, strict=True)]
-    )
-    rows = shortened(np.sqrt(w)[:, None] * X)
-    C = least_squares(rows, np.zeros(len(rows))).unscaled_covariance[:k]
-    # beta = C X'W H y with the whitening H: applied to the k columns, not to all that is drawn.
-    of_drawn = whitened(strata, scan.whitening.transpose(0, 2, 1), w[:, None] * (X @ C.T))
+    of_drawn = of_coordinates(scan, members, weights)
     most = FEWEST_DRAWN if seed is None else DRAWN
     samples = int(np.clip(MOST_ENTRIES // max(strata.size, 1), FEWEST_DRAWN, most))
     batch = max(1, BATCH_ENTRIES // max(strata.size, 1))
     rng = stream(seed or 0, 6, 1)
     found = []
     for first in range(0, samples, batch):
-        y, grand = draw(scan.frame, scan.null, min(batch, samples - first), rng)
+        y, grand = draw(scan.frame, scan.null.as_estimated(), min(batch, samples - first), rng)
         found.append(np.concatenate([y @ of_drawn, grand], axis=1))
     drawn = np.concatenate(found)
     covariance: FloatArray = drawn.T @ drawn / len(drawn)

@@ -182,9 +182,7 @@ def _scan(
         directions=scatter_directions(table, strata),
         predicted_dof=known.dof,
         least=_of_rounding(table, strata),
-        # Readings have scatter from pass to pass in their model; before they are fitted, or where
-        # the fit before had too few passes, no one knows how large it is.
-        parts_scatter=table.component is not None and not known.part.any(),
+        parts_scatter=not table.scatter_known,
     )
     return scan, ordered
 

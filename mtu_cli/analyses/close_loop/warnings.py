@@ -15,6 +15,7 @@ from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.model.settings import Warned
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
 
 FEW_PARTS = 5
@@ -126,11 +127,14 @@ def _passes_apart(result: TableResult) -> list[Warned]:
     from pass to pass is part of it, however large.
     """
     table, noise = result.table, result.floor
-    if table.component is None or table.of_part.any() or not noise or len(table.parts) < 2:
+    if table.scatter_known or not noise or len(table.parts) < 2:
         return []
     left = np.where(table.there, (table.errors - result.explained)[..., 0], np.nan)
-    levels = np.nanmean(left - np.nanmean(left, axis=0), axis=1)
-    apart = math.sqrt(max(float(np.var(levels, ddof=1)) - noise**2 / left.shape[1], 0.0))
+    left -= np.nanmean(left, axis=0)
+    # A pass has a level of its own in each direction.
+    sign = np.broadcast_to(table.covariates.get(f"dir_{table.axes[0]}", 0.0), left.shape)[0]
+    squares = [_of_levels(left[:, sign == own], noise) for own in np.unique(sign)]
+    apart = math.sqrt(max(float(np.mean(squares)), 0.0))
     if apart <= APART * noise:
         return []
     unit = UNITS[table.unit].to_internal
@@ -140,6 +144,15 @@ def _passes_apart(result: TableResult) -> list[Warned]:
         "it as scatter from pass to pass, whatever makes it"
     )
     return [Warned(code="passes-apart", message=text)]
+
+
+def _of_levels(left: FloatArray, noise: float) -> float:
+    """Variance of the passes' means, of entries (P, H) that scatter by `noise`."""
+    count = np.isfinite(left).sum(axis=1)
+    levels = np.nansum(left, axis=1)[count > 0] / count[count > 0]
+    if len(levels) < 2:
+        return 0.0
+    return float(np.var(levels, ddof=1) - noise**2 * np.mean(1 / count[count > 0]))
 
 
 def _odd_names(tables: Sequence[ResidualTable]) -> list[Warned]:

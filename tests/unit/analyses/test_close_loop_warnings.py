@@ -77,19 +77,34 @@ def test_a_search_that_stopped_is_told_where_more_would_pass() -> None:
 
 
 def test_passes_far_apart_are_told_where_their_scatter_was_not_known() -> None:
-    base = on_component(verdict="none")
-    level = np.array([9.0, -9.0, 3.0, -3.0, 6.0, -6.0])[:, None, None] * UM
+    known = on_component(verdict="none")
+    base = replace(known, table=replace(known.table, scatter_known=False))
+    level = np.array([12.0, -12.0, 4.0, -4.0, 8.0, -8.0])[:, None, None] * UM
 
     def messages(of: TableResult) -> list[str]:
         return [w.message for w in loop_warnings([of], 9) if w.code == "passes-apart"]
 
+    def apart(text: str) -> float:
+        return float(text.removeprefix("the passes of dx_x stand ").split()[0])
+
     assert messages(base) == []
     far = replace(base.table, errors=base.table.errors + level)
     (text,) = messages(replace(base, table=far))
-    # sqrt(252 / 5 um^2) = 7.1 um of the levels alone; the noise is 3 um.
-    assert "the passes of dx_x stand 7" in text
+    # sqrt(448 / 5 um^2) = 9.5 um of the levels alone; the floor of the example is 3.6 um.
+    assert apart(text) == pytest.approx(9.5, abs=1.0)
     assert "single readings scatter by 3.6 um" in text
-    known = replace(far, of_part=np.full((1, *far.errors.shape[1:], 1), 0.01))
-    assert messages(replace(base, table=known)) == []
+    # The level of each direction scatters by itself: against each other they are as far.
+    assert far.covariates["dir_x"].shape[0] == 1
+    opposite = replace(
+        base.table, errors=base.table.errors + level * far.covariates["dir_x"][..., None]
+    )
+    (turned,) = messages(replace(base, table=opposite))
+    assert apart(turned) == pytest.approx(9.5, abs=1.0)
+    # Three quarters of a pass were not read.
+    gap = far.errors.copy()
+    gap[2, 3:] = np.nan
+    short = replace(far, errors=gap, repeats=np.where(np.isfinite(gap[..., 0]), 3, 0))
+    assert apart(messages(replace(base, table=short))[0]) == pytest.approx(9.5, abs=1.0)
+    assert messages(replace(base, table=replace(far, scatter_known=True))) == []
     # What an effect explains of it is not scatter.
     assert messages(replace(base, table=far, explained=base.explained + level)) == []

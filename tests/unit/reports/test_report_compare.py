@@ -268,8 +268,38 @@ def test_tables_fit(two: CompareResult) -> None:
     text = plain_text(table(two))
     assert max(map(len, text.splitlines())) <= 100
     assert text.index("Predicted against measured") < text.index("Lengths")
-    assert "Features" not in text
+    # Of many features, those with a fault alone; of few, all.
+    faults = [i for i, said in enumerate(two.features.verdicts) if said != "consistent"]
+    listed = text[text.index("Features") :]
+    assert sum(line.startswith(("drilled", "milled")) for line in listed.splitlines()) == len(
+        faults
+    )
+    consistent = with_features(two, decreed(two.features))
+    assert "Features" not in plain_text(table(consistent))
     assert "Features" in plain_text(table(result_of(ring()[:3])))
+
+
+def test_of_many_features_those_with_a_fault_are_listed_the_clearest_first(
+    two: CompareResult,
+) -> None:
+    count = len(two.features.labels)
+    faulty = (7, 3, 20)
+    p = np.ones(count)
+    p[list(faulty)] = (1e-6, 0.01, 1e-3)
+    decided = replace(
+        decreed(two.features, biased=faulty), p_bias=p, p_scatter=np.full(count, np.nan)
+    )
+    text = plain_text(table(with_features(two, decided)))
+    listed = text[text.index("Features") :]
+    labels = [" ".join(word for word in two.features.labels[i] if word) for i in (7, 20, 3)]
+    places = [listed.index(label) for label in labels]
+    assert places == sorted(places)
+    assert listed.count("biased") == len(faulty)
+    assert "those that are not consistent, the clearest first: all are in the report" in listed
+    many = replace(decided, p_bias=np.linspace(0.001, 0.04, count))
+    every = decreed(many, biased=tuple(range(count)))
+    text = plain_text(table(with_features(two, every)))
+    assert f"{count - 40} more such" in text
 
 
 def test_arrows_are_the_errors_at_the_nominal_places_on_one_scale(two: CompareResult) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from crossed_tables import Floats, made, nothing_known, null, sizes, whole_frame
-from scipy.stats import binom, f, kstest
+import pytest
+from crossed_tables import Floats, frame_of, made, nothing_known, null, sizes, whole_frame
+from scipy.stats import binom, kstest
 
-from mtu_cli.stats.loop_null import NullModel, draw, null_of, whitening_of
+from mtu_cli.stats.loop_null import KnownScatter, NullModel, draw, null_of, whitening_of
 from mtu_cli.stats.strata import Strata
 
 STRATA = made(6, 10, 1)
@@ -27,36 +28,10 @@ def leading(strata: Strata, y: Floats) -> Floats:
 
 
 def squared(model: NullModel, y: Floats) -> Floats:
-    """Their whitened squared length over the number of directions, (B,)."""
+    """Of the first direction beside the other, the squared estimate over its variance, (B,)."""
     W = whitening_of(STRATA, model)[0]
-    return np.asarray(((leading(STRATA, y) @ W.T) ** 2).sum(axis=1) / LEAD)
-
-
-def test_what_parts_have_in_common_follows_hotellings_distribution() -> None:
-    n = 5.0
-    model = null(STRATA, interaction=NOISE, column=NO_COLUMN, part=LIVELY, part_dof=n)
-    y, _ = draw(whole_frame(STRATA), model, 4000, np.random.default_rng(2))
-    left = n - LEAD + 1
-    assert kstest(squared(model, y) * left / n, f(LEAD, left).cdf).pvalue > 1e-3
-    known = null(STRATA, interaction=NOISE, column=NO_COLUMN, part=LIVELY)
-    y, _ = draw(whole_frame(STRATA), known, 4000, np.random.default_rng(2))
-    assert kstest(squared(known, y) * LEAD, "chi2", args=(LEAD,)).pvalue > 1e-3
-
-
-def test_scatter_below_the_noise_leaves_the_noise() -> None:
-    """Nothing makes it less, and little is it ever more."""
-    nothing = np.zeros((3, 3))
-    y = {}
-    for share in (1.0, 1e-6):
-        model = null(STRATA, interaction=NOISE, column=NO_COLUMN, part=nothing, part_dof=5.0)
-        model.with_noise[:] = share * np.eye(3)
-        y[share], _ = draw(whole_frame(STRATA), model, 4000, np.random.default_rng(3))
-    one, other = (leading(STRATA, y[share]) for share in (1.0, 1e-6))
-    assert (np.abs(one) >= np.abs(other) - 1e-12).all()
-    # 5/X > 1 where chi^2 of 4 degrees of freedom is below 5: 71.3 %.
-    more = int((np.abs(one) > np.abs(other) * (1 + 1e-9)).all(axis=1).sum())
-    assert binom.ppf(1e-4, 4000, 0.7127) <= more <= binom.ppf(1 - 1e-4, 4000, 0.7127)
-    assert kstest(other.ravel(), "norm").pvalue > 1e-3
+    own = leading(STRATA, y) @ W.T
+    return np.asarray((own @ W[:, 0]) ** 2 / (W[:, 0] @ W[:, 0]))
 
 
 def test_what_a_few_parts_have_in_common_passes_as_often_as_stated() -> None:
@@ -68,9 +43,46 @@ def test_what_a_few_parts_have_in_common_passes_as_often_as_stated() -> None:
     hits = {0.05: 0, 0.01: 0}
     for own in tables:
         model = null_of(frame, own, dof, nothing_known(STRATA))
+        assert model.part_dof == 5.0
         drawn, _ = draw(frame, model, 399, rng)
         above = int((squared(model, drawn) >= squared(model, own[None])[0]).sum())
         for level in hits:
             hits[level] += (above + 1) / 400 <= level
     for level, found in hits.items():
         assert binom.ppf(1e-4, count, level) <= found <= binom.ppf(1 - 1e-4, count, level)
+
+
+def test_known_scatter_has_no_tails_and_moves_no_other_draw() -> None:
+    own = null(STRATA, interaction=NOISE, column=NO_COLUMN, part=LIVELY, part_dof=5.0)
+    few, _ = draw(whole_frame(STRATA), own, 4000, np.random.default_rng(2))
+    known, _ = draw(whole_frame(STRATA), own.as_estimated(), 4000, np.random.default_rng(2))
+    assert kstest(squared(own, known), "chi2", args=(1,)).pvalue > 1e-3
+    assert kstest(squared(own, few), "chi2", args=(1,)).pvalue < 1e-6
+    column = STRATA.find("column", 0)
+    assert column is not None
+    rest = np.delete(np.arange(STRATA.size), np.arange(column.start, column.start + LEAD))
+    np.testing.assert_array_equal(few[:, rest], known[:, rest])
+
+
+def test_parts_that_do_not_tell_their_lines_do_not_count() -> None:
+    there = np.ones((6, 10), bool)
+    there[1, 3:] = there[4, 2:] = False
+    frame = frame_of(STRATA, there)
+    rng = np.random.default_rng(5)
+    y, _ = frame.coordinates(np.where(there[:, :, None], rng.normal(size=(6, 10, 1)), 0.0))
+    model = null_of(frame, y, sizes(STRATA, int((~there).sum())), nothing_known(STRATA))
+    assert model.part_dof == 3.0
+
+
+@pytest.mark.parametrize(("dof", "trust"), [(1.0, 1.0), (3.0, 3.0), (np.inf, 3.0)])
+def test_a_prediction_counts_for_no_more_than_it_knows(dof: float, trust: float) -> None:
+    frame, rng = whole_frame(STRATA), np.random.default_rng(6)
+    y, _ = frame.coordinates(rng.normal(size=(6, 10, 1)))
+    known = KnownScatter(np.diag([9.0, 4.0, 1.0]), np.zeros((3, 0)), dof)
+    model = null_of(frame, y, sizes(STRATA), known)
+    assert model.part_dof == 5.0 + trust
+    alone = null_of(frame, y, sizes(STRATA), nothing_known(STRATA))
+    mixed = (5 * alone.with_noise + trust * (known.part + alone.interaction * np.eye(3))) / (
+        5 + trust
+    )
+    np.testing.assert_allclose(model.with_noise, mixed, rtol=1e-9)
