@@ -19,10 +19,11 @@ SIGNS = {1: "+", -1: "-", 0: ""}
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingLayout:
     """`passes` in order of time, `columns` named by target and direction, whose sign is
-    `direction` (H,).
+    `direction` (H,). `paired`: each pass ran one way, and one there is a row with one back.
     """
 
     passes: tuple[str, ...]
+    paired: bool
     columns: tuple[str, ...]
     direction: IntArray
     cells: Cells
@@ -37,24 +38,51 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
     """
     keys, code = _passes(readings, rows, of)
     order = _in_time(readings, rows, keys, code)
-    place = np.empty(len(keys), np.int64)
-    place[order] = np.arange(len(keys))
-    names = _pass_names(readings, keys)
-    target, labels = _targets(readings, rows, of, name)
     sign = np.zeros(len(rows), np.int64) if of is None else readings.direction[rows].astype(int)
+    row = _rows_of_passes(keys, order, _ways(code, sign, len(keys)))
+    names = _pass_names(readings, keys)
+    count = int(row.max(initial=-1)) + 1
+    target, labels = _targets(readings, rows, of, name)
     # Forward first, as the passes of a fit are.
     columns, column = np.unique(target * 3 + (1 - sign), return_inverse=True)
     signs = 1 - columns % 3
     several = len(np.unique(signs)) > 1
     return ReadingLayout(
-        passes=tuple(names[i] for i in order.tolist()),
+        passes=tuple("/".join(names[i] for i in order if row[i] == r) for r in range(count)),
+        paired=count < len(keys),
         columns=tuple(
             f"{labels[k // 3]} {SIGNS[int(sign)]}".rstrip() if several else labels[k // 3]
             for k, sign in zip(columns.tolist(), signs, strict=True)
         ),
         direction=signs,
-        cells=cells_of(place[code], column.reshape(-1), len(keys), len(columns)),
+        cells=cells_of(row[code], column.reshape(-1), count, len(columns)),
     )
+
+
+def _ways(code: IntArray, sign: IntArray, count: int) -> IntArray | None:
+    """The direction (m,) of each pass; None where one runs both ways, or in none that is told."""
+    least, most = np.full(count, 2), np.full(count, -2)
+    np.minimum.at(least, code, sign)
+    np.maximum.at(most, code, sign)
+    return least if (least == most).all() and least.all() else None
+
+
+def _rows_of_passes(keys: IntArray, order: IntArray, ways: IntArray | None) -> IntArray:
+    """The row (m,) of each pass (file, number) of the table, in their `order`.
+
+    Where every pass runs one way only, the n-th there and the n-th back of a file are one row: no
+    entry of a row would stand in columns of the other direction, and what differs between the
+    directions could not be told from what differs between passes.
+    """
+    first = np.empty(len(keys), np.int64)
+    first[order] = np.arange(len(keys))
+    if ways is not None:
+        for file in np.unique(keys[:, 0]):
+            own = [i for i in order if keys[i, 0] == file]
+            there, back = ([i for i in own if ways[i] == sign] for sign in (1, -1))
+            for a, b in zip(there, back, strict=False):
+                first[a] = first[b] = min(first[a], first[b])
+    return np.unique(first, return_inverse=True)[1].reshape(-1)
 
 
 def _passes(readings: Readings, rows: IntArray, of: str | None) -> tuple[IntArray, IntArray]:

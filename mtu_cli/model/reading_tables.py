@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
 
 Found = tuple[ResidualTable, list[Warned]]
+SHOWN = 3
+"""Pairs of passes that are told one by one."""
 
 
 def reading_tables(
@@ -127,7 +129,7 @@ class _Reader:
         estimate = estimates.components.get(self.name)
         drift, told = self._drift(estimates.thermal.get(self.name), columns)
         said, left_out = effects_on_readings(self.machine, self.name, self._places(), columns)
-        warned = [*self._instruments(), *gaps, *told, *left_out]
+        warned = [*self._instruments(), *self._paired(), *gaps, *told, *left_out]
         if estimate is None and drift is None:
             return self._fitted(shown, self.readings.error[self.rows] - said), warned
         model = _alone(self.name, self.of or AXES[0], estimate, drift)
@@ -243,6 +245,16 @@ class _Reader:
             "drift with temperature stays in them"
         )
         return None, [Warned(code="drift-not-removed", message=text)]
+
+    def _paired(self) -> list[Warned]:
+        if not self.layout.paired:
+            return []
+        text = (
+            f"each pass of {self.name} runs one way: one there and one back are judged as one pass "
+            f"({', '.join(self.layout.passes[:SHOWN])}"
+            f"{' and so on' if len(self.layout.passes) > SHOWN else ''})"
+        )
+        return [Warned(code="passes-paired", message=text)]
 
     def _instruments(self) -> list[Warned]:
         roles = dict.fromkeys(self.readings.roles[i] for i in self.readings.file_index[self.rows])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import pitch_is_open, should_be_told, things
-from mtu_cli.analyses.close_loop.warnings import FREES
+from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
 from mtu_cli.reports.close_loop_effects import (
     Sentence,
     effect_text,
@@ -41,6 +41,10 @@ NO_DISTANCE = 0.05
 """Standard deviations below which rivals are the same in the data so far."""
 ROUNDING = 1e-7
 """Share of the figure beside it below which an error is gone, but for the rounding of numbers."""
+HOPELESS = 100.0
+"""Times the rms of the errors beyond which an effect would be found only in name."""
+STRONG, LONE = 5.0, 0.9
+"""log Bayes factor and posterior from which on an effect that is not proven is told."""
 COPY = " is a copy of "
 """What the note of a candidate says of a column that is."""
 
@@ -183,21 +187,40 @@ def _hinted(said: Sentence, item: TableResult) -> str:
 def _none(item: TableResult, alpha: float) -> str:
     unit = item.table.unit
     rms, floor = _together(item, item.before.rms, item.floor)
+    likely = _likely(item)
     said = [
         f"Nothing undeclared was found (at {100 * alpha:g} % false alarms in all): "
-        f"the rms of {rms} {unit} is scatter"
-        + (f", repeatability is {floor} {unit}." if item.floor is not None else ".")
+        f"the rms of {rms} {unit} {'may be' if likely else 'is'} scatter"
+        + (f", repeatability is {floor} {unit}." if item.floor is not None else "."),
+        *likely,
     ]
-    known = [c for c in item.candidates if c.minimum_detectable is not None]
+    told = [c for c in item.candidates if c.minimum_detectable is not None]
+    known = [c for c in told if (c.minimum_detectable or 0.0) <= HOPELESS * item.before.rms]
     if known:
         low = min(known, key=lambda c: c.minimum_detectable or 0.0)
         high = max(known, key=lambda c: c.minimum_detectable or 0.0)
         small, large = (significant(size_of(item, c.minimum_detectable)) for c in (low, high))
         said.append(
             f"Four times in five, an effect of {small} {unit} rms ({low.name}) "
-            f"to {large} {unit} ({high.name}) would have been found."
+            f"to {large} {unit} ({high.name}) would have been found"
+            + (f"; {len(told) - len(known)} more hardly." if len(told) > len(known) else ".")
         )
     return " ".join(said)
+
+
+def _likely(item: TableResult) -> list[str]:
+    """What fits by far the best where parts are too few to prove it."""
+    count, best = len(item.table.parts), ranked(item)
+    if not 1 < count < FEW_PARTS or not best:
+        return []
+    first = best[0]
+    if (first.log_bayes_factor or 0.0) < STRONG or (first.posterior or 0.0) < LONE:
+        return []
+    row, _ = things(item)
+    return [
+        f"{first.name} fits best by far, but {count} {plural(row)} cannot prove it "
+        f"(p {p_value(first.p_familywise or 1.0)}): {plural(row)} may scatter that much. Take more."
+    ]
 
 
 def _before_after(item: TableResult) -> str:

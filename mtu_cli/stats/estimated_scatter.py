@@ -21,17 +21,20 @@ def scattered(drawn: FloatArray, S: FloatArray, n: float, rng: np.random.Generat
     `n` degrees of freedom that is not the true one.
 
     S is in units of the noise of an entry: in no direction the truth is below 1. Where n < b there
-    are directions that S does not see: they may scatter as the one that it sees most.
+    are directions that S does not see: all are taken to scatter alike, which S tells with n b
+    degrees of freedom.
     """
     b = len(S)
     sizes, turn = np.linalg.eigh(S)
     seen = np.maximum(sizes, 1.0)
     if n < b:
-        sizes = np.full(b, sizes[-1])
-    factor = n / rng.chisquare(max(n - b + 1, 1.0), (len(drawn), 1))
-    if b > 1:
+        sizes = np.full(b, sizes.mean())
+        factor = n * b / rng.chisquare(n * b, (len(drawn), 1))
+    else:
+        factor = n / rng.chisquare(n - b + 1, (len(drawn), 1))
+    if 1 < b <= n:
         adjusted = rng.chisquare(b - 1, factor.shape)
-        factor *= 1 + adjusted / rng.chisquare(max(n - b + 2, 1.0), factor.shape)
+        factor *= 1 + adjusted / rng.chisquare(n - b + 2, factor.shape)
     ratio = np.maximum(sizes * factor, 1.0) / seen
     found: FloatArray = (drawn @ turn * np.sqrt(ratio)) @ turn.T
     return found

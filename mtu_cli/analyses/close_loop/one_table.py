@@ -45,6 +45,7 @@ from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loop_null import entry_variance
+from mtu_cli.stats.profile_ratio import NEVER
 from mtu_cli.stats.side_by_side import SideBySide
 
 SAMPLES = 1999
@@ -236,6 +237,8 @@ def _judged(first: Searched, candidates: Sequence[Candidate], alpha: float) -> t
     judged = []
     for candidate in candidates:
         i = index.get(candidate.name)
+        if i is not None and found.log_bayes[i] <= NEVER:
+            i = None
         seen = i is not None
         reason = candidate.unavailable or (None if seen else "this data cannot tell it apart")
         judged.append(
@@ -246,7 +249,7 @@ def _judged(first: Searched, candidates: Sequence[Candidate], alpha: float) -> t
                 p_familywise=float(found.p[i]) if i is not None else None,
                 log_bayes_factor=float(found.log_bayes[i]) if i is not None else None,
                 posterior=float(found.posterior[i]) if i is not None else None,
-                minimum_detectable=smallest.get(candidate.name),
+                minimum_detectable=smallest.get(candidate.name) if seen else None,
                 unavailable=reason,
                 notes=candidate.notes,
             )

@@ -258,3 +258,30 @@ def test_a_known_machine_gives_what_its_model_gives(tmp_path: Path) -> None:
         second, _ = reading_tables(own, known, found)
         for one, other in zip(first, second, strict=True):
             np.testing.assert_array_equal(one.errors, other.errors)
+
+
+def test_passes_that_run_one_way_are_judged_in_pairs(tmp_path: Path) -> None:
+    """Numbered one there, one back, they are the same table as there and back in one pass."""
+    together = readings([run(4)])
+    apart = replace(
+        together, pass_number=2 * together.pass_number - (together.direction > 0).astype(int)
+    )
+    (one,), quiet = reading_tables(machine(tmp_path), None, together)
+    (pairs,), told = reading_tables(machine(tmp_path), None, apart)
+    assert pairs.parts == ("1/2", "3/4", "5/6", "7/8")
+    assert pairs.features == one.features
+    np.testing.assert_array_equal(pairs.errors, one.errors)
+    np.testing.assert_array_equal(pairs.covariates["sequence"], one.covariates["sequence"])
+    assert not [w for w in quiet if w.code == "passes-paired"]
+    (warned,) = [w.message for w in told if w.code == "passes-paired"]
+    assert "each pass of px runs one way" in warned
+    assert "(1/2, 3/4, 5/6 and so on)" in warned
+    # Otherwise numbered: the n-th there with the n-th back; and one pass more of one way.
+    order = np.array([0, 2, 1, 3, 4])[apart.pass_number - 1 - 4 * ((apart.pass_number - 1) // 4)]
+    shuffled = replace(apart, pass_number=order + 4 * ((apart.pass_number - 1) // 4))
+    assert only(reading_tables(machine(tmp_path), None, shuffled)).parts[0] == "0/2"
+    short = permuted(apart, np.flatnonzero(apart.pass_number < 8))
+    assert only(reading_tables(machine(tmp_path), None, short)).parts == ("1/2", "3/4", "5/6", "7")
+    # Of one pass both ways it is no habit.
+    mixed = replace(apart, pass_number=np.where(apart.pass_number < 3, 1, apart.pass_number))
+    assert len(only(reading_tables(machine(tmp_path), None, mixed)).parts) == 7

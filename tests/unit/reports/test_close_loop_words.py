@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from close_loop_examples import ambiguous, effect, named, on_table, result, scores
+from close_loop_examples import ambiguous, effect, named, on_component, on_table, result, scores
 
 from mtu_cli.analyses.close_loop.fixed_point import fixed_points
 from mtu_cli.analyses.close_loop.result import (
@@ -355,3 +355,35 @@ def test_the_document_keeps_both_effects_and_adds_where_they_cancel() -> None:
     )
     (point,) = document(grown(weak, DRIFTS))["fixed_points"]
     assert (point["at_mm"]["interval95"], point["told"]) == (None, False)
+
+
+def test_what_few_passes_cannot_prove_is_told_and_not_called_scatter() -> None:
+    base = on_component(verdict="none")
+    likely = tuple(
+        replace(c, log_bayes_factor=20.0, posterior=0.99, p_familywise=0.12)
+        if c.name == "backlash-x"
+        else replace(c, posterior=0.001)
+        for c in base.candidates
+    )
+    few = replace(base.table, parts=("1", "2"))
+    text = verdict_text(replace(base, table=few, candidates=likely), result(base))
+    assert "may be scatter" in text
+    assert "backlash-x fits best by far, but 2 passes cannot prove it (p 0.12)" in text
+    weak = tuple(replace(c, log_bayes_factor=1.0) for c in likely)
+    for other in (
+        replace(base, candidates=likely),
+        replace(base, table=few, candidates=weak),
+    ):
+        text = verdict_text(other, result(base))
+        assert "is scatter" in text
+        assert "cannot prove" not in text
+
+
+def test_sizes_that_no_error_has_are_not_told_as_what_would_have_been_found() -> None:
+    base = on_component(verdict="none")
+    absurd = tuple(
+        replace(c, minimum_detectable=5.0) if c.name == "cyclic-x" else c for c in base.candidates
+    )
+    text = verdict_text(replace(base, candidates=absurd), result(base))
+    assert "5000" not in text
+    assert "would have been found; 1 more hardly." in text
