@@ -17,7 +17,7 @@ from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number
 from mtu_cli.model.effect_parameters import all_together
 from mtu_cli.model.estimates import Estimates
-from mtu_cli.model.fit import MachineFit, estimates_from_fit
+from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS
@@ -227,6 +227,7 @@ def _components(
     from mtu_cli.reports.document import envelope
 
     earlier = known.estimates.effects
+    known = _less_effects(inputs, known, extended)
     effects = all_together(extended.machine, earlier, extended.parameters, joint)
     results, warnings = _results(inputs, known)
     if effects is not None:
@@ -240,6 +241,15 @@ def _components(
             warnings=warnings,
         )
     )
+
+
+def _less_effects(inputs: Inputs, known: Known, extended: ExtendedMachine) -> Known:
+    """What was fitted to readings, fitted to what the effects that were found leave of them."""
+    readings = inputs.readings
+    if known.fit is None or readings is None:
+        return known
+    fit = fit_machine(extended.machine, readings)
+    return Known(estimates=estimates_from_fit(inputs.machine, fit), fit=fit)
 
 
 def _results(inputs: Inputs, known: Known) -> tuple[dict[str, Any], list[Warned]]:

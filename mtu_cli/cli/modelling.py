@@ -87,7 +87,8 @@ def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Warn
         return estimates_from_fit(machine, None), None, []
     fit = fit_machine(machine, readings)
     estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
-    return estimates, fit, [*reading_doubts(machine, readings), *scatter_warnings(fit)]
+    doubts = [*reading_doubts(machine, readings), *fit.warnings, *scatter_warnings(fit)]
+    return estimates, fit, doubts
 
 
 def _not_needed(name: str, model: MachineModel) -> str:

@@ -27,6 +27,7 @@ from mtu_cli.model.estimates import (
 )
 from mtu_cli.model.estimation import ComponentFit, fit_component
 from mtu_cli.model.joint import shared_passes
+from mtu_cli.model.reading_rest import without_effects
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
@@ -37,14 +38,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineFit:
-    """Every component that readings were given for, and the groups that share passes."""
+    """Every component that readings were given for, and the groups that share passes; `warnings`
+    of effects that could not be taken off the readings.
+    """
 
     components: dict[str, ComponentFit]
     joint: tuple[JointPasses, ...]
+    warnings: tuple[Warned, ...] = ()
 
 
 def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
-    """Fits every component that was read.
+    """Fits every component that was read, to the readings less the machine's effects that were
+    found in readings of it.
 
     Raises InputError naming every component of the machine that has neither readings nor
     coefficients.
@@ -64,12 +69,13 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     ]
     if missing:
         raise InputError(_drift_instead(readings) or missing)
+    left, warned = without_effects(machine, readings)
     fits = {
-        name: fit_component(readings, name, component)
+        name: fit_component(left, name, component)
         for name, component in components.items()
         if name in read
     }
-    return MachineFit(components=fits, joint=shared_passes(fits))
+    return MachineFit(components=fits, joint=shared_passes(fits), warnings=warned)
 
 
 def _drift_instead(readings: Readings) -> list[Problem]:

@@ -33,7 +33,7 @@ def scatter_warnings(fit: MachineFit) -> list[Warned]:
 
 def fit_warnings(fit: MachineFit) -> list[Warned]:
     """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement."""
-    warnings = [*scatter_warnings(fit), *_too_well(fit)]
+    warnings = [*fit.warnings, *scatter_warnings(fit), *_too_well(fit)]
     kinds: list[tuple[str, Callable[[InstrumentFit], float | None], Message]] = [
         ("reversal", lambda f: f.reversal.p if f.reversal else None, _reversal),
         ("passes-drift", lambda f: f.trend.p if f.trend else None, _trend),

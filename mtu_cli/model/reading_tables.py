@@ -13,6 +13,7 @@ from mtu_cli.model.covariate_gaps import rows_without_gaps
 from mtu_cli.model.estimates import ComponentEstimate, Estimates
 from mtu_cli.model.fit import from_machine_file
 from mtu_cli.model.machine_model import AXES, MachineModel, Term, polynomial_term
+from mtu_cli.model.reading_columns import reading_columns, reading_places
 from mtu_cli.model.reading_effects import effects_on_readings
 from mtu_cli.model.reading_layout import ReadingLayout, reading_layout
 from mtu_cli.model.residual_cells import IntArray, filled
@@ -203,26 +204,10 @@ class _Reader:
         return np.concatenate(apart, axis=3)
 
     def _places(self) -> FloatArray:
-        """Places (n, 3) mm: the positions along the axis, nan beside it."""
-        places = np.full((len(self.rows), 3), np.nan)
-        if self.of is not None:
-            places[:, AXES.index(self.of)] = self.readings.position_mm[self.rows]
-        return places
+        return reading_places(self.readings, self.rows, self.of)
 
     def _columns(self) -> dict[str, np.ndarray]:
-        """Columns of the readings (n,) by their names in equations; `sequence` counts passes."""
-        found: dict[str, np.ndarray] = {"sequence": self.layout.cells.part + 1.0}
-        sign = self.readings.direction[self.rows].astype(np.float64)
-        if self.of is not None and sign.any():
-            found[f"dir_{self.of}"] = np.where(sign == 0, np.nan, sign)
-        times = self.readings.time_min[self.rows]
-        if not np.isnan(times).all():
-            found[TIME] = times
-        for name, column in self.readings.covariates.items():
-            own = column[self.rows]
-            if own.dtype == object or not np.isnan(own).all():
-                found.setdefault(name, own)
-        return found
+        return reading_columns(self.readings, self.rows, self.layout, self.of)
 
     def _drift(
         self, drift: ThermalEstimate | None, columns: dict[str, np.ndarray]

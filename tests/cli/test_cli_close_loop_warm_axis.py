@@ -69,3 +69,33 @@ def test_scatter_from_pass_to_pass_is_in_the_model_however_large(tmp_path: Path)
     assert report["results"]["verdict"] == "unexplained"
     fired = [c["name"] for c in report["results"]["unexplained"]["checks"] if c["fired"]]
     assert fired == ["part-variance"]
+
+
+def test_what_was_found_in_readings_is_no_scatter_of_them_any_more(tmp_path: Path) -> None:
+    """The axis with its growth declared is as certain as one that does not grow: neither its
+    coefficients nor its passes hold the growth again, by readings or by the report.
+    """
+    read(tmp_path, 1, 0.0)
+    laser = ("--laser", "laser.csv")
+    done(mtu("fit-components", "-m", "machine.yaml", *laser, "-o", "quiet.json", cwd=tmp_path))
+    read(tmp_path, 1, 11.0)
+    done(mtu("close-loop", "-m", "machine.yaml", *laser, "--write-machine", "m.yaml",
+             "--write-components", "c.json", cwd=tmp_path))  # fmt: skip
+    done(mtu("fit-components", "-m", "machine.yaml", *laser, "-o", "before.json", cwd=tmp_path))
+    done(mtu("fit-components", "-m", "m.yaml", *laser, "-o", "after.json", cwd=tmp_path))
+    quiet, before, after, written = (
+        json.loads((tmp_path / f"{name}.json").read_text("utf-8"))["results"]["components"]["pos"]
+        for name in ("quiet", "before", "after", "c")
+    )
+    assert after == written
+    scatter = [item["s_pass"] for item in (quiet, before, after)]
+    assert scatter[1] > 5 * scatter[0]
+    assert scatter[2] < 1.5 * scatter[0]
+    # Without its temperatures the readings hold the growth still, and that is said.
+    text = (tmp_path / "laser.csv").read_text("utf-8").splitlines()
+    bare = [line.rsplit(",", 1)[0] for line in text]
+    (tmp_path / "laser.csv").write_text("\n".join(bare) + "\n", "utf-8")
+    done(mtu("fit-components", "-m", "m.yaml", *laser, "-o", "bare.json", cwd=tmp_path))
+    report = json.loads((tmp_path / "bare.json").read_text("utf-8"))
+    (told,) = [w["message"] for w in report["warnings"] if w["code"] == "effect-not-removed"]
+    assert "they have no column T_x_degC" in told
