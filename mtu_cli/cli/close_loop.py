@@ -21,6 +21,7 @@ from mtu_cli.model.fit import (
     fit_machine,
     machine_warnings,
 )
+from mtu_cli.model.reading_doubts import scale_doubts
 from mtu_cli.model.reading_tables import reading_tables
 from mtu_cli.model.residual_table import ResidualTable, residual_table
 from mtu_cli.model.settings import Settings, Warned
@@ -118,7 +119,7 @@ def _tables(
             expected="--cmm FILE, or --lbb or --laser FILE, or a study that names one",
         )
     machine = inputs.machine
-    warnings = not_told_warnings(machine)
+    warnings = [*not_told_warnings(machine), *scale_doubts(machine, readings)]
     report = inputs.components
     if report is not None:
         before = estimates_from_report(machine, report)

@@ -31,6 +31,8 @@ SMALL_MM = 5e-5
 """No machine has errors that are all smaller, where any is seen."""
 NARROW = 1e-3
 """Share of a travel that metres taken for mm would cover at most."""
+WIDE = 1.02
+"""Times its travel that positions of an axis may span: ends are stated to a few mm."""
 SHOWN = 6
 
 
@@ -39,8 +41,7 @@ def reading_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
     positions that look like another unit, and positions that are not used.
     """
     components = machine.machine.components
-    found = [Warned(code=item.code, message=item.message) for item in readings.notes]
-    found += _scales(readings, components, machine.machine.travels)
+    found = scale_doubts(machine, readings)
     alone = [text for name in readings.components for text in _alone(readings, name, components)]
     if alone:
         more = f"; and {len(alone) - SHOWN} more" if len(alone) > SHOWN else ""
@@ -49,10 +50,16 @@ def reading_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
     return found
 
 
+def scale_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
+    """Of the same, those of whole columns: a search for effects finds single readings itself."""
+    found = [Warned(code=item.code, message=item.message) for item in readings.notes]
+    return found + list(_scales(readings, machine.machine.components, machine.machine.travels))
+
+
 def _scales(
     readings: Readings, components: Mapping[str, Any], travels: Travels
 ) -> Iterator[Warned]:
-    large, narrow = [], []
+    large, narrow, wide = [], [], []
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         unit = UNITS[components[name].unit]
@@ -64,12 +71,20 @@ def _scales(
         axis = components[name].of
         if axis in travels:
             low, high = sorted(travels[axis])
-            if 0 < float(np.ptp(readings.position_mm[rows])) < NARROW * (high - low):
+            span = float(np.ptp(positions))
+            if 0 < span < NARROW * (high - low):
                 narrow.append(name)
+            if span > WIDE * (high - low):
+                wide.append(f"{name} {span:.4g} mm (travel of {axis}: {high - low:.4g} mm)")
     if large:
         text = f"large errors for a machine: {', '.join(large)}; are they in the unit they state?"
         yield Warned(code="readings-large", message=text)
     yield from _small(readings, components)
+    if wide:
+        text = (
+            f"positions from end to end lie farther apart than the axis travels: {', '.join(wide)}"
+        )
+        yield Warned(code="positions-wide", message=text)
     if narrow:
         text = (
             f"the positions of {', '.join(narrow)} lie within a thousandth of the travel that the "

@@ -73,7 +73,15 @@ def things(item: TableResult) -> tuple[str, str]:
     return ("part", "feature") if item.table.component is None else ("pass", "position")
 
 
+WAYS = {"+": "forward", "-": "in reverse"}
+
+
 def entry_text(gross: Gross, item: TableResult) -> str:
     """Which entry of the table it is."""
     row, column = things(item)
-    return f"{column} {gross.feature} of {row} {gross.part}"
+    feature = gross.feature
+    if item.table.component is not None:
+        # Readings of both directions have it as a sign behind the position.
+        place, _, sign = feature.partition(" ")
+        feature = f"{place} {WAYS[sign]}" if sign in WAYS else feature
+    return f"{column} {feature} of {row} {gross.part}"

@@ -9,6 +9,7 @@ import pytest
 from close_loop_examples import effect, on_component, on_table
 from effect_tables import table
 
+from mtu_cli.analyses.close_loop.gross import Gross
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.warnings import loop_warnings
 from mtu_cli.units import UM
@@ -108,3 +109,11 @@ def test_passes_far_apart_are_told_where_their_scatter_was_not_known() -> None:
     assert messages(replace(base, table=replace(far, scatter_known=True))) == []
     # What an effect explains of it is not scatter.
     assert messages(replace(base, table=far, explained=base.explained + level)) == []
+
+
+def test_an_outlying_reading_is_told_with_its_direction_in_words() -> None:
+    base = on_component(verdict="none")
+    gross = Gross(part="2", feature="150 -", deviation=(0.02,), score=9.0)
+    found = loop_warnings([replace(base, gross=(gross,))], 9)
+    (text,) = [w.message for w in found if w.code == "outliers-set-aside"]
+    assert text.endswith("position 150 in reverse of pass 2")

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from machine_trials import Drift, machine, read_machine
-from model_examples import loaded
+from model_examples import Segment, loaded, readings
 
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.reading_doubts import _groups, _medians, reading_doubts
+from mtu_cli.model.reading_doubts import _groups, _medians, reading_doubts, scale_doubts
 
 FAR = 12.0
 """Standard deviations of repeatability beyond all doubt: 8 is the limit, 1 to 2 is its scatter."""
@@ -148,3 +148,25 @@ def test_errors_that_look_like_mm_marked_as_um(tmp_path: Path) -> None:
     assert reading_doubts(known, replace(given, error=np.where(lengths, 0, given.error))) == []
     one = given.code == given.components.index("dx_x")
     assert reading_doubts(known, replace(given, error=np.where(one, 1e-3, 1) * given.error)) == []
+
+
+def test_positions_that_lie_farther_apart_than_the_axis_travels_are_asked_about(
+    tmp_path: Path,
+) -> None:
+    known = loaded(
+        tmp_path,
+        "axes: {x: {travel_mm: [0, 600]}}\ncomponents: {px: {of: x, unit: um}}\n"
+        "equations: {Ex: px}\n",
+    )
+    rng = np.random.default_rng(4)
+
+    def told(last: float, start: float = 0.0) -> list[str]:
+        position = start + np.tile(np.append(np.linspace(0, 500, 9), last), 4)
+        error = 1e-3 * rng.normal(size=len(position))
+        given = readings([Segment(name="px", position=position, error=error, role="laser")])
+        return [w.message for w in scale_doubts(known, given) if w.code == "positions-wide"]
+
+    # A laser may have its zero anywhere.
+    assert told(600.0) == told(600.0, 900.0) == told(610.0) == []
+    (text,) = told(720.0)
+    assert text.endswith("px 720 mm (travel of x: 600 mm)")
