@@ -128,8 +128,9 @@ def _beside(target: Path, ending: str) -> Path:
 def _write_temporary(item: _Pending, content: bytes) -> None:
     temporary = _beside(item.target, "tmp")
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_BINARY", 0)
-    descriptor = os.open(temporary, flags, 0o666)
+    # Known before it is there: whoever interrupts in between leaves no file behind.
     item.temporary = temporary
+    descriptor = os.open(temporary, flags, 0o666)
     with os.fdopen(descriptor, "wb") as stream:
         stream.write(content)
         stream.flush()
@@ -145,12 +146,11 @@ def _replace(item: _Pending) -> None:
     if item.temporary is None:
         raise MtuError(f"no temporary file for {item.path}")
     if item.target.exists():
-        backup = _beside(item.target, "bak")
+        item.backup = _beside(item.target, "bak")
         try:
-            os.link(item.target, backup)
+            os.link(item.target, item.backup)
         except OSError:
-            shutil.copy2(item.target, backup)
-        item.backup = backup
+            shutil.copy2(item.target, item.backup)
     os.replace(item.temporary, item.target)
     item.placed = True
 

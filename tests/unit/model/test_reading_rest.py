@@ -1,0 +1,78 @@
+"""Readings less what declared effects say of them, against the effect's equation by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_examples import Segment, loaded, readings
+
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.readings import Readings
+from mtu_cli.model.fit import fit_machine
+from mtu_cli.model.reading_rest import without_effects
+
+MACHINE = """
+axes: {x: {travel_mm: [0, 400]}}
+components:
+  px: {of: x, unit: um}
+  py: {of: y, unit: um}
+equations: {Ex: px, Ey: py}
+effects:
+- name: thermal-growth-x
+  family: thermal-growth
+  equations: {Ex: growth*x*(T_x_degC - 20)}
+  parameters: {growth: {value: 11, u: 0.2, unit: um/m/K}}
+  covariance: [[0.04]]
+  found: {component: FOUND}
+"""
+GROWTH = 11e-6
+
+
+def run() -> Readings:
+    rng = np.random.default_rng(1)
+    position = np.tile(np.linspace(0.0, 400.0, 9), 5)
+    passes = np.repeat(np.arange(5) + 1, 9)
+    both = [
+        Segment(name=name, position=position, error=1e-3 * rng.normal(size=45), passes=passes)
+        for name in ("px", "py")
+    ]
+    found = readings(both)
+    return replace(found, covariates={"T_x_degC": 20 + rng.uniform(0, 6, 90)})
+
+
+def declared(folder: Path, component: str) -> LoadedMachine:
+    return loaded(folder, MACHINE.replace("FOUND", component))
+
+
+def test_what_was_found_in_a_component_goes_from_its_readings_alone(tmp_path: Path) -> None:
+    given = run()
+    left, warned = without_effects(declared(tmp_path, "px"), given)
+    warm = given.covariates["T_x_degC"].astype(float) - 20
+    said = np.where(given.code == 0, GROWTH * given.position_mm * warm, 0.0)
+    np.testing.assert_allclose(left.error, given.error - said, atol=1e-15)
+    assert not warned
+    # And so it is fitted: by the line of what is left.
+    fit = fit_machine(declared(tmp_path, "px"), given)
+    line = np.polynomial.polynomial.polyfit(given.position_mm[:45], left.error[:45], 1)
+    found = fit.components["px"].estimate.coefficients
+    assert np.asarray(found)[1] == pytest.approx(line[1], rel=0.05)
+    assert fit.warnings == ()
+
+
+def test_readings_that_lack_the_column_are_left_and_told(tmp_path: Path) -> None:
+    given = replace(run(), covariates={})
+    left, warned = without_effects(declared(tmp_path, "px"), given)
+    np.testing.assert_array_equal(left.error, given.error)
+    (told,) = warned
+    assert told.code == "effect-not-removed"
+    assert "thermal-growth-x is not taken off the readings of px" in told.message
+    assert fit_machine(declared(tmp_path, "px"), given).warnings == warned
+
+
+def test_effects_of_other_components_leave_readings_as_they_are(tmp_path: Path) -> None:
+    given = run()
+    text = MACHINE.replace("found: {component: FOUND}", "found: {by: hand}")
+    assert without_effects(loaded(tmp_path, text), given) == (given, ())
