@@ -48,7 +48,7 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
     signs = 1 - columns % 3
     several = len(np.unique(signs)) > 1
     return ReadingLayout(
-        passes=tuple("/".join(names[i] for i in order if row[i] == r) for r in range(count)),
+        passes=_row_names(names, order, row, count),
         paired=count < len(keys),
         columns=tuple(
             f"{labels[k // 3]} {SIGNS[int(sign)]}".rstrip() if several else labels[k // 3]
@@ -57,6 +57,14 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
         direction=signs,
         cells=cells_of(row[code], column.reshape(-1), count, len(columns)),
     )
+
+
+def _row_names(names: list[str], order: IntArray, row: IntArray, count: int) -> tuple[str, ...]:
+    """The passes of each row, in one go: every reading may be a pass of its own."""
+    found: list[list[str]] = [[] for _ in range(count)]
+    for i in order.tolist():
+        found[row[i]].append(names[i])
+    return tuple(map("/".join, found))
 
 
 def _ways(code: IntArray, sign: IntArray, count: int) -> IntArray | None:
