@@ -10,6 +10,8 @@ EXIT_INPUT = 2
 EXIT_GATE = 3
 
 SHOWN_PROBLEMS = 20
+SHOWN_ALIKE = 3
+"""Problems with the same fault that are shown; of more, one where the cells are equal."""
 LONGEST_PATH = 200
 LONGEST_WORDS = 500
 """Characters of a problem's parts; only names that are no names reach them."""
@@ -70,10 +72,39 @@ class InputError(MtuError):
         super().__init__(str(self))
 
     def __str__(self) -> str:
-        shown = [str(problem) for problem in self.problems[:SHOWN_PROBLEMS]]
-        if len(self.problems) > SHOWN_PROBLEMS:
-            shown.append(f"... and {len(self.problems) - SHOWN_PROBLEMS} more")
+        lines = _told_once(self.problems)
+        shown = [f"{problem}{_more(problem, n)}" for problem, n in lines[:SHOWN_PROBLEMS]]
+        if left := sum(1 + n for _, n in lines[SHOWN_PROBLEMS:]):
+            shown.append(f"... and {left} more")
         return "\n".join(shown)
+
+
+def _told_once(problems: Sequence[Problem]) -> list[tuple[Problem, int]]:
+    """The problems to be shown, each with the number of others that it stands for: one fault of a
+    whole column is not told a row at a time.
+    """
+    alike: dict[tuple[object, ...], list[int]] = {}
+    last, own = None, []
+    for i, p in enumerate(problems):
+        # One object may stand for millions of cells.
+        if p is not last:
+            own = alike.setdefault((p.what, p.file, p.line, p.path, p.column, p.expected), [])
+        own.append(i)
+        last = p
+    stands_for: dict[int, int] = {}
+    for own in alike.values():
+        equal = len(own) > SHOWN_ALIKE and len({problems[i].value for i in own}) == 1
+        few = own[: 1 if equal else SHOWN_ALIKE]
+        stands_for |= dict.fromkeys(few, 0)
+        stands_for[few[-1]] = len(own) - len(few)
+    return [(problems[i], stands_for[i]) for i in sorted(stands_for)]
+
+
+def _more(problem: Problem, count: int) -> str:
+    if not count:
+        return ""
+    rows = "" if problem.row is None else " rows" if count > 1 else " row"
+    return f" (and {count} more{rows})"
 
 
 def _in_file_order(problems: Iterable[Problem]) -> list[Problem]:

@@ -58,6 +58,40 @@ def test_every_problem_is_kept_and_twenty_are_shown() -> None:
     assert lines[SHOWN_PROBLEMS:] == ["... and 3 more"]
 
 
+def test_one_fault_of_many_rows_is_told_once() -> None:
+    """With equal cells by the first row, with others by three; lines of YAML stay apart."""
+    equal = [
+        Problem(what="unknown unit", file="a.csv", column="unit", value="furlong", row=row)
+        for row in range(2, 92)
+    ]
+    assert str(InputError(equal)).splitlines() == [
+        "a.csv, row 2, column 'unit': unknown unit: 'furlong' (and 89 more rows)"
+    ]
+    assert len(str(InputError(equal[:3])).splitlines()) == 3
+    other = [Problem(what="not a number", file="a.csv", value=f"1,{i}", row=i) for i in range(2, 9)]
+    mixed = str(InputError([*equal, *other])).splitlines()
+    assert mixed == [
+        "a.csv, row 2, column 'unit': unknown unit: 'furlong' (and 89 more rows)",
+        "a.csv, row 2: not a number: '1,2'",
+        "a.csv, row 3: not a number: '1,3'",
+        "a.csv, row 4: not a number: '1,4' (and 4 more rows)",
+    ]
+    yaml = [Problem(what="is missing", file="m.yaml", line=line) for line in (3, 4)]
+    assert len(str(InputError(yaml)).splitlines()) == 2
+
+
+def test_what_is_beyond_twenty_lines_is_counted_by_rows() -> None:
+    many = [
+        Problem(what="empty", file="a.csv", column=f"c{i}", row=row)
+        for i in range(23)
+        for row in (2, 3, 4, 5)
+    ]
+    lines = str(InputError(many)).splitlines()
+    assert len(lines) == SHOWN_PROBLEMS + 1
+    assert all(line.endswith("(and 3 more rows)") for line in lines[:-1])
+    assert lines[-1] == "... and 12 more"
+
+
 def test_problems_stand_in_the_order_of_their_file() -> None:
     at = {"a 9": ("a", 9), "b 4": ("b", 4), "none": ("a", None), "a 2": ("a", 2), "b 3": ("b", 3)}
     problems = [Problem(what=what, file=file, line=line) for what, (file, line) in at.items()]
@@ -68,7 +102,7 @@ def test_problems_stand_in_the_order_of_their_file() -> None:
 
 
 def test_twenty_problems_leave_nothing_to_count() -> None:
-    assert "more" not in str(InputError([Problem(what="fault")] * SHOWN_PROBLEMS))
+    assert "more" not in str(InputError(Problem(what=f"fault {i}") for i in range(SHOWN_PROBLEMS)))
 
 
 def test_fault_is_an_input_error_with_one_problem() -> None:

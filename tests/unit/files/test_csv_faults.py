@@ -197,11 +197,20 @@ def test_all_bad_cells_are_collected_and_counted(tmp_path: Path) -> None:
         ", row 8, column 'size'",
     ]
     many = LISTED_PROBLEMS + 5000
-    (tmp_path / "m.csv").write_text("name,value\n" + "a,x\n" * many)
+    rows = "".join(f"a,x{i}\n" for i in range(many))
+    (tmp_path / "m.csv").write_text("name,value\n" + rows)
     with pytest.raises(InputError) as caught:
         read_table(tmp_path / "m.csv", "lbb", SPEC)
     assert len(caught.value.problems) == many
-    assert f"... and {many - 20} more" in str(caught.value)
+    assert str(caught.value).splitlines() == [
+        *(
+            f"m.csv, row {i + 2}, column 'value': not a number: 'x{i}'; expected a number"
+            for i in (0, 1)
+        ),
+        "m.csv, row 4, column 'value': not a number: 'x2'; expected a number "
+        f"(and {LISTED_PROBLEMS - 3} more rows)",
+        "m.csv: a further bad cell (and 4999 more)",
+    ]
 
 
 def test_short_rows_are_not_filled(tmp_path: Path) -> None:
