@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -12,10 +12,8 @@ import numpy as np
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.model.estimates import ComponentEstimate, from_centre
 from mtu_cli.model.instruments import combine
-from mtu_cli.stats.family import significant
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray, PassFit, fit_passes
-from mtu_cli.stats.pass_pairs import paired_reversal, shared_scatter
 from mtu_cli.stats.pass_tests import (
     FTest,
     Shift,
@@ -38,10 +36,9 @@ PassKey = tuple[int, int, int]
 class InstrumentFit:
     """One component as one instrument read it; arrays in mm, rad and the readings' order.
 
-    `keys` are the (file, pass, direction) of the passes of `each_way`, in its order, `group` the
-    pass of every reading; `order` (G,) is the sequence in time of the passes of `fit`. That is
-    `each_way`, or takes a pass there and back as one. The tests on the passes are made when they
-    are first asked for: predictions need none of them.
+    `keys` are the (file, pass, direction) of the fit's passes, in its order; `order` (G,) is
+    their sequence in time. The tests on the passes are made when they are first asked for:
+    predictions need none of them.
     """
 
     role: str
@@ -55,17 +52,6 @@ class InstrumentFit:
     ends: FloatArray
     setups: tuple[str, ...]
     fit: PassFit
-    each_way: PassFit
-
-    @property
-    def there_and_back(self) -> bool:
-        """Whether both directions of a pass count as one."""
-        return self.fit is not self.each_way
-
-    @cached_property
-    def alike(self) -> FTest | None:
-        """Whether both directions of a pass differ alike from other passes."""
-        return shared_scatter(self.each_way, _runs(self.keys))
 
     @cached_property
     def scatter(self) -> FTest | None:
@@ -74,14 +60,12 @@ class InstrumentFit:
 
     @cached_property
     def trend(self) -> Shift | None:
-        """The drift a pass of `fit`."""
+        """The drift a pass."""
         return pass_trend(self.fit, self.order)
 
     @cached_property
     def reversal(self) -> Shift | None:
         """The mean reversal value."""
-        if self.there_and_back:
-            return paired_reversal(self.each_way, _runs(self.keys))
         return reversal(self.fit)
 
     @cached_property
@@ -105,15 +89,12 @@ class ComponentFit:
     agreement_p: float | None
 
 
-def fit_component(
-    readings: Readings, name: str, component: Any, there_and_back: Collection[str] = ()
-) -> ComponentFit:
+def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit:
     """Fits one component from all its readings.
 
     `component` is the machine file's entry: `of`, `unit`, `degree`. Readings of several
     instruments (ball bar, laser) are fitted apart, each with its own variances, and combined
-    by generalised least squares with the inverse of their covariances as weights. Those of
-    the instruments `there_and_back` have passes of both directions.
+    by generalised least squares with the inverse of their covariances as weights.
 
     Raises InputError for one of several instruments whose readings show no scatter.
     """
@@ -122,7 +103,7 @@ def fit_component(
     unit = UNITS[component.unit]
     roles = np.array(readings.roles)[readings.file_index[rows]]
     fits = tuple(
-        _fit_instrument(readings, rows[roles == role], role, component, role in there_and_back)
+        _fit_instrument(readings, rows[roles == role], role, component)
         for role in dict.fromkeys(roles.tolist())
     )
     estimates = [_estimate(name, component, unit, fit) for fit in fits]
@@ -132,15 +113,6 @@ def fit_component(
     return ComponentFit(
         name=name, unit=unit, instruments=fits, estimate=estimate, agreement_p=agreement
     )
-
-
-def alike(fits: Mapping[str, ComponentFit]) -> dict[tuple[str, str], float]:
-    """(component, instrument) whose passes differ from each other alike in both directions, and p
-    of that, as far as it holds out among all.
-    """
-    found = [(name, item) for name, fit in fits.items() for item in fit.instruments]
-    tested = {(name, item.role): item.alike.p for name, item in found if item.alike}
-    return significant(tested)
 
 
 def _check_weights(
@@ -164,29 +136,19 @@ def _check_weights(
         raise InputError(problems)
 
 
-def _fit_instrument(
-    readings: Readings, rows: IntArray, role: str, component: Any, there_and_back: bool
-) -> InstrumentFit:
+def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: Any) -> InstrumentFit:
     position = readings.position_mm[rows].astype(np.float64)
     if component.of is None:
         position = np.zeros(len(rows))
     error = readings.error[rows]
     direction = readings.direction[rows].astype(np.float64)
     group, keys = _passes(readings, rows, component.of is None)
-    each_way = fit_passes(error, position, component.degree, group, direction)
+    fit = fit_passes(error, position, component.degree, group, direction)
     order, starts, ends, setups = _pass_times(readings, rows, group, len(keys))
-    fit, times = each_way, order
-    if there_and_back and group is not None and {1, -1} <= {key[2] for key in keys}:
-        runs = _runs(keys)
-        both = fit_passes(error, position, component.degree, runs[group], direction)
-        if both.separated:
-            fit, times = both, _first_of(runs, order)
     if fit.separated:
         # Passes that broke off early do not take part in what compares passes.
-        times = times[fit.groups]
-    if each_way.separated:
-        kept = each_way.groups
-        starts, ends = starts[kept], ends[kept]
+        kept = fit.groups
+        order, starts, ends = order[kept], starts[kept], ends[kept]
         keys = tuple(keys[g] for g in kept)
         setups = tuple(setups[g] for g in kept)
     return InstrumentFit(
@@ -196,26 +158,12 @@ def _fit_instrument(
         direction=direction,
         group=group,
         keys=keys,
-        order=times,
+        order=order,
         starts=starts,
         ends=ends,
         setups=setups,
         fit=fit,
-        each_way=each_way,
     )
-
-
-def _first_of(runs: IntArray, order: FloatArray) -> FloatArray:
-    """The first of `order` (G,) of each run."""
-    first = np.full(int(runs.max()) + 1, np.inf)
-    np.minimum.at(first, runs, order)
-    return first
-
-
-def _runs(keys: Sequence[PassKey]) -> IntArray:
-    """The run (file, pass) of each pass, numbered from 0 in their order."""
-    numbers = {key: i for i, key in enumerate(dict.fromkeys(key[:2] for key in keys))}
-    return np.array([numbers[key[:2]] for key in keys], dtype=np.int64)
 
 
 def _passes(

@@ -25,7 +25,7 @@ from mtu_cli.model.estimates import (
     from_centre,
     known_component,
 )
-from mtu_cli.model.estimation import ComponentFit, alike, fit_component
+from mtu_cli.model.estimation import ComponentFit, fit_component
 from mtu_cli.model.joint import shared_passes
 from mtu_cli.model.reading_rest import without_effects
 from mtu_cli.model.settings import Warned
@@ -70,10 +70,11 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     if missing:
         raise InputError(_drift_instead(readings) or missing)
     left, warned = without_effects(machine, readings)
-    own = {name: component for name, component in components.items() if name in read}
-    fits = {name: fit_component(left, name, component) for name, component in own.items()}
-    if roles := {role for _, role in alike(fits)}:
-        fits = {name: fit_component(left, name, own[name], roles) for name in own}
+    fits = {
+        name: fit_component(left, name, component)
+        for name, component in components.items()
+        if name in read
+    }
     return MachineFit(components=fits, joint=shared_passes(fits), warnings=warned)
 
 

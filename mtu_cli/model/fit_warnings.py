@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from statistics import median
 
-from mtu_cli.model.estimation import InstrumentFit, alike
+from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.model.settings import Warned
-from mtu_cli.stats.family import FAMILY_RATE, significant
 from mtu_cli.units import LENGTH, Unit
+
+FAMILY_RATE = 0.05
+"""Chance of any false warning of one kind over all components of a machine (Bonferroni)."""
 
 SCATTERS = 1e-12
 """Less, in mm or rad, is rounding: the readings do not scatter."""
@@ -19,6 +21,11 @@ FEWEST_OTHERS = 3
 LARGER_UNIT = {"nm": "um", "um": "mm", "urad": "mrad", "mrad": "rad", "arcsec": "deg"}
 
 
+def significant(p_values: dict[str, float]) -> dict[str, float]:
+    """The tests that hold out among all of their kind, at a family-wise rate of 5 %."""
+    return {name: p for name, p in p_values.items() if p * len(p_values) <= FAMILY_RATE}
+
+
 def scatter_warnings(fit: MachineFit) -> list[Warned]:
     """That readings do not give all of the scatter: what is predicted from them has less of it."""
     return [*_not_separated(fit), *_without_scatter(fit)]
@@ -26,7 +33,7 @@ def scatter_warnings(fit: MachineFit) -> list[Warned]:
 
 def fit_warnings(fit: MachineFit) -> list[Warned]:
     """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement."""
-    warnings = [*fit.warnings, *scatter_warnings(fit), *_there_and_back(fit), *_too_well(fit)]
+    warnings = [*fit.warnings, *scatter_warnings(fit), *_too_well(fit)]
     kinds: list[tuple[str, Callable[[InstrumentFit], float | None], Message]] = [
         ("reversal", lambda f: f.reversal.p if f.reversal else None, _reversal),
         ("passes-drift", lambda f: f.trend.p if f.trend else None, _trend),
@@ -98,20 +105,6 @@ def _without_scatter(fit: MachineFit) -> list[Warned]:
     ]
 
 
-def _there_and_back(fit: MachineFit) -> list[Warned]:
-    """That passes are fewer than they look: both directions of one are not read independently."""
-    found = [f"{name} (p = {p:.1g})" for (name, _), p in alike(fit.components).items()]
-    if not found:
-        return []
-    return [
-        Warned(
-            code="directions-alike",
-            message=f"the passes of {', '.join(found)} differ from each other alike in both "
-            "directions, as by warming up: forward and reverse of a pass count as one pass",
-        )
-    ]
-
-
 def _too_well(fit: MachineFit) -> list[Warned]:
     """Components that repeat so much better than all others that their unit is asked about."""
     found = []
@@ -149,9 +142,8 @@ def _reversal(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
 
 def _trend(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
     value = found.trend.value / unit.to_internal if found.trend else 0.0
-    once = "a pass there and back" if found.there_and_back else "a pass"
     return (
-        f"{name} drifts by {value:.2g} {unit.name} {once} (p = {p:.1g}): its passes are not "
+        f"{name} drifts by {value:.2g} {unit.name} a pass (p = {p:.1g}): its passes are not "
         "exchangeable, the next part may lie beyond what they span"
     )
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import LeastSquares, least_squares
-from mtu_cli.stats.pass_lines import between_passes, both_ways, own_lines
+from mtu_cli.stats.pass_lines import between_passes, own_lines
 from mtu_cli.stats.positive_part import positive_part
 
 FloatArray = NDArray[np.float64]
@@ -88,10 +88,10 @@ def fit_passes(
     """Fits one component; all arrays are (n,), in internal units and mm.
 
     `group` is the pass of each reading (None: passes are not known), `direction` is +1, -1
-    or 0 (not given). With three passes or more direction is a fixed effect of their
-    coefficients, so that reversal does not enter D; passes of both directions have it within.
-    Without an axis, give degree 0. Where the passes differ in what no pass determines by itself
-    (single readings along an axis), D is not separated.
+    or 0 (not given) and constant within a pass. With three passes or more direction is a
+    fixed effect of their coefficients, so that reversal does not enter D. Without an axis,
+    give degree 0. Where the passes differ in what no pass determines by itself (single
+    readings along an axis), D is not separated.
     """
     plain = least_squares(polynomial(position, degree), y)
     center = float(position.mean())
@@ -109,8 +109,7 @@ class _PassDesign:
     Passes that broke off early have no slope of their own: they count in the coefficients
     and their covariance, but say nothing of how slopes scatter. `codes` (n,) are the passes of
     all readings, `rows` (n,) the readings of passes that tell; `own` (rows,) number those
-    passes, `ids` and `sign` (G,) are theirs, `fixed` (G, 1 or 2) the columns of direction;
-    `within` (n, 0 or q) are those of passes that were read both ways.
+    passes, `ids` and `sign` (G,) are theirs, `fixed` (G, 1 or 2) the columns of direction.
     """
 
     X: FloatArray
@@ -121,7 +120,6 @@ class _PassDesign:
     ids: IntArray
     sign: FloatArray
     fixed: FloatArray
-    within: FloatArray
 
     @property
     def dof_between(self) -> int:
@@ -130,11 +128,9 @@ class _PassDesign:
 
     @property
     def common(self) -> FloatArray:
-        """What all passes have in common, of the readings of those that tell: higher powers, and
-        the way of the move where a pass was read both ways.
-        """
-        columns: FloatArray = np.column_stack([self.X[:, self.Z.shape[1] :], self.within])
-        return columns[self.rows]
+        """Powers (rows,) that all passes have in common, of the readings of those that tell."""
+        columns: FloatArray = self.X[self.rows, self.Z.shape[1] :]
+        return columns
 
 
 def _pass_design(
@@ -149,24 +145,18 @@ def _pass_design(
     rows = whole[codes]
     own = (np.cumsum(whole) - 1)[codes[rows]]
     ids = ids[whole]
-    Z = polynomial(position - center, q - 1)
     sign = np.zeros(len(ids))
-    within = np.zeros((len(Z), 0))
     if direction is not None:
-        if both_ways(direction, codes):
-            within = Z * direction[:, None] / 2
-        else:
-            sign[own] = direction[rows]
+        sign[own] = direction[rows]
     return _PassDesign(
         X=polynomial(position, degree),
-        Z=Z,
+        Z=polynomial(position - center, q - 1),
         codes=codes,
         rows=rows,
         own=own,
         ids=ids.astype(np.int64),
         sign=sign,
         fixed=_direction_columns(sign),
-        within=within,
     )
 
 

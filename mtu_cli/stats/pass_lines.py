@@ -108,14 +108,6 @@ def lines_by_pass(
     return np.stack([level - middle * slope, slope], axis=1), rest
 
 
-def both_ways(direction: FloatArray, codes: IntArray) -> bool:
-    """Whether a pass holds readings of more than one direction."""
-    low, high = np.full(codes.max() + 1, np.inf), np.full(codes.max() + 1, -np.inf)
-    np.minimum.at(low, codes, direction)
-    np.maximum.at(high, codes, direction)
-    return bool((low < high).any())
-
-
 def between_passes(
     stage: OwnLines, fixed: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray] | None:

@@ -38,8 +38,7 @@ class Shift:
     dof: int
 
 
-def f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest | None:
-    """Of two independent mean squares; None without degrees of freedom or scatter to compare."""
+def _f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest | None:
     from scipy.special import fdtrc
 
     if df1 < 1 or df2 < 1 or denominator <= 0:
@@ -48,8 +47,7 @@ def f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest | 
     return FTest(F=F, p=float(fdtrc(df1, df2, F)), df_numerator=df1, df_denominator=df2)
 
 
-def shift(value: float, u: float, dof: int) -> Shift | None:
-    """A value against its standard uncertainty by Student's t; None where that is 0."""
+def _shift(value: float, u: float, dof: int) -> Shift | None:
     from scipy.special import stdtr
 
     if dof < 1 or u <= 0:
@@ -66,7 +64,7 @@ def pass_scatter(fit: PassFit) -> FTest | None:
     df = fit.pooled_dof - fit.within_dof
     if not fit.separated or fit.within_dof < 1 or df < 1:
         return None
-    return f_test((fit.pooled_rss - fit.within_rss) / df, fit.s2, df, fit.within_dof)
+    return _f_test((fit.pooled_rss - fit.within_rss) / df, fit.s2, df, fit.within_dof)
 
 
 def pass_trend(fit: PassFit, order: FloatArray) -> Shift | None:
@@ -87,7 +85,7 @@ def pass_trend(fit: PassFit, order: FloatArray) -> Shift | None:
     if line.rank < len(columns) or line.dof < 1:
         return None
     u = float(np.sqrt(line.s2 * line.unscaled_covariance[-1, -1]))
-    return shift(float(line.coefficients[-1]), u, line.dof)
+    return _shift(float(line.coefficients[-1]), u, line.dof)
 
 
 def reversal(fit: PassFit) -> Shift | None:
@@ -102,7 +100,7 @@ def reversal(fit: PassFit) -> Shift | None:
     level = fit.pass_coefficients[:, 0]
     value = float(level[forward].mean() - level[reverse].mean())
     count = 1 / forward.sum() + 1 / reverse.sum()
-    return shift(value, float(np.sqrt(fit.between[0, 0] * count)), fit.pass_dof)
+    return _shift(value, float(np.sqrt(fit.between[0, 0] * count)), fit.pass_dof)
 
 
 def lack_of_fit(
@@ -132,7 +130,7 @@ def lack_of_fit(
     rounding = len(y) * float(ROUNDING * np.abs(y).max()) ** 2
     if df_pure < 1 or means[0] <= rounding:
         return None
-    return f_test((line[0] - means[0]) / max(df_lack, 1), means[0] / df_pure, df_lack, df_pure)
+    return _f_test((line[0] - means[0]) / max(df_lack, 1), means[0] / df_pure, df_lack, df_pure)
 
 
 def _fit_rank(X: FloatArray, y: FloatArray) -> tuple[float, int]:

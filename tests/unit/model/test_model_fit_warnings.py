@@ -14,12 +14,10 @@ from scipy import stats
 
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.fit import MachineFit, fit_machine
-from mtu_cli.model.fit_warnings import fit_warnings
-from mtu_cli.stats.family import significant
+from mtu_cli.model.fit_warnings import fit_warnings, significant
 
 MACHINES = 250
 KINDS = ("reversal", "passes-drift", "lack-of-fit")
-RARE = (*KINDS, "directions-alike")
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +32,9 @@ def test_clean_machines_are_warned_of_as_rarely_as_stated(clean: list[MachineFit
     found = Counter(code for fit in clean for code in {item.code for item in fit_warnings(fit)})
     high = stats.binom(MACHINES, 0.05).ppf(1 - 1e-4)
     low = stats.binom(MACHINES, 0.05).ppf(1e-4)
-    for kind in RARE:
+    for kind in KINDS:
         assert low <= found[kind] <= high, kind
-    assert set(found) <= set(RARE)
+    assert set(found) <= set(KINDS)
 
 
 @pytest.mark.parametrize("name", ["dx_x", "ez_y"])
@@ -91,10 +89,7 @@ def test_the_stated_amounts_are_those_planted(tmp_path: Path) -> None:
         item = fit.components["dx_x"].instruments[0]
         shift = item.reversal if what == "reversal" else item.trend
         assert shift is not None
-        # What drifts from pass to pass drifts alike both ways: two steps a pass there and back.
-        steps = 1 + (what == "passes-drift")
-        assert item.there_and_back == (what == "passes-drift")
-        assert abs(shift.value / 1e-3 - steps * wanted) < 4 * shift.u / 1e-3
+        assert abs(shift.value / 1e-3 - wanted) < 4 * shift.u / 1e-3
 
 
 def test_bonferroni() -> None:
@@ -161,33 +156,3 @@ def test_a_component_that_repeats_too_well_is_asked_about(
     assert message.endswith(f"are its errors {words}")
     assert small(1e-2) == []
     assert small(0) == []
-
-
-def test_passes_that_drift_alike_there_and_back_count_once(tmp_path: Path) -> None:
-    """The reversal is told by the difference within passes, however far apart these are."""
-    known = machine(tmp_path)
-    given = read_machine(np.random.default_rng(6), Drift(10.0, there_and_back=True))
-    fit = fit_machine(known, planted(given, "dx_x", "reversal"))
-    warned = {item.code: item.message for item in fit_warnings(fit)}
-    assert "dx_x (p = " in warned["directions-alike"]
-    assert warned["directions-alike"].endswith("forward and reverse of a pass count as one pass")
-    assert warned["reversal"].startswith("dx_x reverses by ")
-    (item,) = fit.components["dx_x"].instruments
-    # Repeatability of 0.8 um, eight readings a pass, five passes each way.
-    assert item.reversal is not None
-    assert abs(item.reversal.value - 6e-3) < 4 * item.reversal.u
-    assert item.reversal.u == pytest.approx(0.8e-3 * (2 / 40) ** 0.5, rel=1.2)
-    assert (item.reversal.dof, item.fit.n_passes, item.each_way.n_passes) == (4, 5, 10)
-    for name in COMPONENTS:
-        estimate = fit.components[name].estimate
-        assert (estimate.n_passes, estimate.pass_dof) == (5, 4.0), name
-    assert [(group.n_passes, group.pass_dof) for group in fit.joint] == [(5, 4.0)]
-
-
-def test_passes_of_their_own_each_way_are_fitted_as_they_were(clean: list[MachineFit]) -> None:
-    """Where nothing says that directions are alike there is one fit, of every pass each way."""
-    told = [{w.code for w in fit_warnings(fit)} for fit in clean]
-    for fit, codes in zip(clean, told, strict=True):
-        whole = [fit.components[name].instruments[0].there_and_back for name in COMPONENTS]
-        assert whole == [("directions-alike" in codes)] * len(COMPONENTS)
-        assert not fit.components["axy"].instruments[0].there_and_back
