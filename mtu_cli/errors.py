@@ -5,13 +5,16 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 EXIT_INPUT = 2
 EXIT_GATE = 3
 
 SHOWN_PROBLEMS = 20
 SHOWN_ALIKE = 3
-"""Problems with the same fault that are shown; of more, one where the cells are equal."""
+"""Equal problems of so many rows are shown one by one, those of more by the first."""
+SHOWN_ROWS = 6
+"""Rows, or runs of rows, that a problem shown by its first is told to be in."""
 LONGEST_PATH = 200
 LONGEST_WORDS = 500
 """Characters of a problem's parts; only names that are no names reach them."""
@@ -73,38 +76,44 @@ class InputError(MtuError):
 
     def __str__(self) -> str:
         lines = _told_once(self.problems)
-        shown = [f"{problem}{_more(problem, n)}" for problem, n in lines[:SHOWN_PROBLEMS]]
-        if left := sum(1 + n for _, n in lines[SHOWN_PROBLEMS:]):
+        shown = [f"{problem}{_others(others)}" for problem, others in lines[:SHOWN_PROBLEMS]]
+        if left := sum(1 + len(others) for _, others in lines[SHOWN_PROBLEMS:]):
             shown.append(f"... and {left} more")
         return "\n".join(shown)
 
 
-def _told_once(problems: Sequence[Problem]) -> list[tuple[Problem, int]]:
-    """The problems to be shown, each with the number of others that it stands for: one fault of a
-    whole column is not told a row at a time.
+def _told_once(problems: Sequence[Problem]) -> list[tuple[Problem, list[Problem]]]:
+    """The problems to be shown, each with those that differ from it in the row alone: one fault of
+    a whole column is not told a row at a time.
     """
     alike: dict[tuple[object, ...], list[int]] = {}
-    last, own = None, []
+    own: list[int] = []
     for i, p in enumerate(problems):
         # One object may stand for millions of cells.
-        if p is not last:
-            own = alike.setdefault((p.what, p.file, p.line, p.path, p.column, p.expected), [])
+        if i == 0 or p is not problems[i - 1]:
+            key = (p.what, p.file, p.line, p.path, p.column, p.value, p.expected)
+            own = alike.setdefault(key, [])
         own.append(i)
-        last = p
-    stands_for: dict[int, int] = {}
+    shown: dict[int, list[int]] = {}
     for own in alike.values():
-        equal = len(own) > SHOWN_ALIKE and len({problems[i].value for i in own}) == 1
-        few = own[: 1 if equal else SHOWN_ALIKE]
-        stands_for |= dict.fromkeys(few, 0)
-        stands_for[few[-1]] = len(own) - len(few)
-    return [(problems[i], stands_for[i]) for i in sorted(stands_for)]
+        few = own if len(own) <= SHOWN_ALIKE else own[:1]
+        shown |= {i: [] for i in few} | {few[-1]: own[len(few) :]}
+    return [(problems[i], [problems[j] for j in shown[i]]) for i in sorted(shown)]
 
 
-def _more(problem: Problem, count: int) -> str:
-    if not count:
+def _others(alike: Sequence[Problem]) -> str:
+    """Where the same stands again, such as `` (and rows 3 to 91)``."""
+    if not alike:
         return ""
-    rows = "" if problem.row is None else " rows" if count > 1 else " row"
-    return f" (and {count} more{rows})"
+    rows = [problem.row for problem in alike if problem.row is not None]
+    if len(rows) < len(alike):
+        return f" (and {len(alike)} more)"
+    starts = [i for i, row in enumerate(rows) if i == 0 or row != rows[i - 1] + 1]
+    if len(starts) > SHOWN_ROWS:
+        return f" (and {len(rows)} more rows, up to row {rows[-1]})"
+    runs = [rows[a:b] for a, b in pairwise([*starts, len(rows)])]
+    told = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
+    return f" (and rows {', '.join(told)})"
 
 
 def _in_file_order(problems: Iterable[Problem]) -> list[Problem]:

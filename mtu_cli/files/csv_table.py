@@ -178,6 +178,8 @@ class ProblemList:
         if self.listed:
             files = list(dict.fromkeys(problem.file for problem in self.listed))
             ordered = sorted(self.listed, key=lambda p: (files.index(p.file), p.row or 0))
-            rest = Problem(what="a further bad cell", file=ordered[0].file)
+            rest = Problem(
+                what=f"a bad cell beyond the first {LISTED_PROBLEMS}", file=ordered[0].file
+            )
             # One shared entry a further cell: the count is right and costs next to nothing.
             raise InputError([*ordered, *[rest] * self.uncounted])

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import pytest
 
 from mtu_cli.errors import (
@@ -58,37 +60,48 @@ def test_every_problem_is_kept_and_twenty_are_shown() -> None:
     assert lines[SHOWN_PROBLEMS:] == ["... and 3 more"]
 
 
-def test_one_fault_of_many_rows_is_told_once() -> None:
-    """With equal cells by the first row, with others by three; lines of YAML stay apart."""
-    equal = [
-        Problem(what="unknown unit", file="a.csv", column="unit", value="furlong", row=row)
-        for row in range(2, 92)
+def same(rows: Iterable[int], value: str = "furlong") -> list[Problem]:
+    return [
+        Problem(what="unknown unit", file="a.csv", column="unit", value=value, row=row)
+        for row in rows
     ]
-    assert str(InputError(equal)).splitlines() == [
-        "a.csv, row 2, column 'unit': unknown unit: 'furlong' (and 89 more rows)"
+
+
+@pytest.mark.parametrize(
+    ("rows", "others"),
+    [
+        (range(2, 92), " (and rows 3 to 91)"),
+        ([2, 13, 39, 75], " (and rows 13, 39, 75)"),
+        ([2, 3, 4, 9, 20, 21], " (and rows 3 to 4, 9, 20 to 21)"),
+        (range(2, 40, 2), " (and 18 more rows, up to row 38)"),
+    ],
+)
+def test_one_fault_of_many_rows_is_told_once(rows: Sequence[int], others: str) -> None:
+    line = "a.csv, row 2, column 'unit': unknown unit: 'furlong'"
+    assert str(InputError(same(rows))) == line + others
+
+
+def test_what_differs_is_told_apart() -> None:
+    """Three rows, cells with another value, and lines of a YAML file."""
+    assert len(str(InputError(same((2, 3, 9)))).splitlines()) == 3
+    two = [*same((2, 3, 4)), *same(range(5, 9), "ell"), *same((9,), "span")]
+    assert [line.split(": ", 2)[-1] for line in str(InputError(two)).splitlines()] == [
+        *["'furlong'"] * 3,
+        "'ell' (and rows 6 to 8)",
+        "'span'",
     ]
-    assert len(str(InputError(equal[:3])).splitlines()) == 3
-    other = [Problem(what="not a number", file="a.csv", value=f"1,{i}", row=i) for i in range(2, 9)]
-    mixed = str(InputError([*equal, *other])).splitlines()
-    assert mixed == [
-        "a.csv, row 2, column 'unit': unknown unit: 'furlong' (and 89 more rows)",
-        "a.csv, row 2: not a number: '1,2'",
-        "a.csv, row 3: not a number: '1,3'",
-        "a.csv, row 4: not a number: '1,4' (and 4 more rows)",
-    ]
-    yaml = [Problem(what="is missing", file="m.yaml", line=line) for line in (3, 4)]
-    assert len(str(InputError(yaml)).splitlines()) == 2
+    mixed = [*same((2, 4, 6)), *same((3, 5), "ell")]
+    rows = [line.split(",")[1] for line in str(InputError(mixed)).splitlines()]
+    assert rows == [f" row {row}" for row in range(2, 7)]
+    yaml = [Problem(what="is missing", file="m.yaml", line=line) for line in range(3, 9)]
+    assert len(str(InputError(yaml)).splitlines()) == 6
 
 
 def test_what_is_beyond_twenty_lines_is_counted_by_rows() -> None:
-    many = [
-        Problem(what="empty", file="a.csv", column=f"c{i}", row=row)
-        for i in range(23)
-        for row in (2, 3, 4, 5)
-    ]
+    many = [problem for i in range(23) for problem in same(range(2, 6), f"unit{i}")]
     lines = str(InputError(many)).splitlines()
     assert len(lines) == SHOWN_PROBLEMS + 1
-    assert all(line.endswith("(and 3 more rows)") for line in lines[:-1])
+    assert all(line.endswith(" (and rows 3 to 5)") for line in lines[:-1])
     assert lines[-1] == "... and 12 more"
 
 

@@ -197,19 +197,14 @@ def test_all_bad_cells_are_collected_and_counted(tmp_path: Path) -> None:
         ", row 8, column 'size'",
     ]
     many = LISTED_PROBLEMS + 5000
-    rows = "".join(f"a,x{i}\n" for i in range(many))
-    (tmp_path / "m.csv").write_text("name,value\n" + rows)
+    (tmp_path / "m.csv").write_text("name,value\n" + "a,x\n" * many)
     with pytest.raises(InputError) as caught:
         read_table(tmp_path / "m.csv", "lbb", SPEC)
     assert len(caught.value.problems) == many
     assert str(caught.value).splitlines() == [
-        *(
-            f"m.csv, row {i + 2}, column 'value': not a number: 'x{i}'; expected a number"
-            for i in (0, 1)
-        ),
-        "m.csv, row 4, column 'value': not a number: 'x2'; expected a number "
-        f"(and {LISTED_PROBLEMS - 3} more rows)",
-        "m.csv: a further bad cell (and 4999 more)",
+        "m.csv, row 2, column 'value': not a number: 'x'; expected a number "
+        f"(and rows 3 to {LISTED_PROBLEMS + 1})",
+        f"m.csv: a bad cell beyond the first {LISTED_PROBLEMS} (and 4999 more)",
     ]
 
 
