@@ -37,7 +37,8 @@ class InstrumentFit:
     """One component as one instrument read it; arrays in mm, rad and the readings' order.
 
     `keys` are the (file, pass, direction) of the fit's passes, in its order; `order` (G,) is
-    their sequence in time. The tests on the passes are made when they are first asked for:
+    their sequence in time. `read` are those of all passes, as `group` numbers them; the fit leaves
+    out what broke off early. The tests on the passes are made when they are first asked for:
     predictions need none of them.
     """
 
@@ -47,6 +48,7 @@ class InstrumentFit:
     direction: FloatArray
     group: IntArray | None
     keys: tuple[PassKey, ...]
+    read: tuple[PassKey, ...]
     order: FloatArray
     starts: FloatArray
     ends: FloatArray
@@ -142,7 +144,8 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
         position = np.zeros(len(rows))
     error = readings.error[rows]
     direction = readings.direction[rows].astype(np.float64)
-    group, keys = _passes(readings, rows, component.of is None)
+    group, read = _passes(readings, rows, component.of is None)
+    keys = read
     fit = fit_passes(error, position, component.degree, group, direction)
     order, starts, ends, setups = _pass_times(readings, rows, group, len(keys))
     if fit.separated:
@@ -158,6 +161,7 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
         direction=direction,
         group=group,
         keys=keys,
+        read=read,
         order=order,
         starts=starts,
         ends=ends,

@@ -79,7 +79,7 @@ def _colours(fit: MachineFit) -> dict[int, Any]:
 
 
 def _pass_numbers(item: InstrumentFit) -> list[int]:
-    return sorted({key[1] for key in item.keys})
+    return sorted({key[1] for key in item.read})
 
 
 def _readings(
@@ -90,7 +90,7 @@ def _readings(
     colours: dict[int, Any],
 ) -> None:
     group = np.zeros(len(item.error), np.int64) if item.group is None else item.group
-    keys = [key[1:] for key in item.keys] if item.group is not None else [(1, 0)]
+    keys = [key[1:] for key in item.read] if item.group is not None else [(1, 0)]
     numbers = sorted({number for number, _ in keys})
     for g, (number, sign) in enumerate(keys):
         inside = group == g
@@ -166,7 +166,7 @@ def _legend(fit: MachineFit, k: float) -> list[Any]:
     from matplotlib.patches import Patch
 
     instruments = [item for found in fit.components.values() for item in found.instruments]
-    signs = {key[-1] for item in instruments for key in item.keys or ((0, 1, 0),)}
+    signs = {key[-1] for item in instruments for key in item.read or ((0, 1, 0),)}
     words = {1: "forward", -1: "reverse", 0: "reading"}
     handles: list[Any] = [
         Line2D([], [], marker=MARKERS[0][sign], linestyle="", color=figures.GREY, label=words[sign])

@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from model_examples import Segment, loaded, readings
 from report_examples import SAYS, SETTINGS, Example, example
 
+from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.reports import arrows, fit_components, labels, lengths, orthogonality, predict_points
 from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.fitted import passes_read
 from mtu_cli.reports.tables import plain_text
 
 CASES: dict[str, dict[str, Any]] = {
@@ -187,3 +190,31 @@ def test_band_is_that_of_a_future_reading(paper: Example) -> None:
     estimate = paper.estimates.components["dx_x"]
     variance = estimate.covariance[0, 0] + estimate.pass_covariance[0, 0] + estimate.s_repeat**2
     assert edges.max() - edges.min() == pytest.approx(4 * np.sqrt(variance) * 1000, rel=1e-9)
+
+
+def test_a_pass_that_broke_off_keeps_its_place_and_all_are_drawn(tmp_path: Path) -> None:
+    """Pass 2 forward has two readings of eight: the fit leaves it out, the picture does not."""
+    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
+    place, rng = np.linspace(0.0, 350.0, 8), np.random.default_rng(1)
+    position = np.tile(place, 8)
+    number, way = np.repeat(np.arange(8) // 2 + 1, 8), np.repeat([1, -1] * 4, 8)
+    kept = (number != 2) | (way < 0) | (position < 60)
+    segment = Segment(
+        name="a",
+        position=position[kept],
+        error=1e-3 * (number + 0.1 * rng.normal(size=64))[kept],
+        passes=number[kept],
+        direction=way[kept],
+    )
+    fit = fit_machine(known, readings([segment]))
+    (item,) = fit.components["a"].instruments
+    assert (item.fit.n_passes, len(item.keys), passes_read(item)) == (7, 7, 8)
+    page = fit_components.figure(fit, estimates_from_fit(known, fit), 2.0)
+    lines = [line for line in page.axes[0].lines if line.get_marker() in "<>"]
+    assert [line.get_marker() for line in lines] == [">", "<"] * 4
+    assert [len(line.get_xdata()) for line in lines] == [8, 8, 2, 8, 8, 8, 8, 8]
+    # Each at its own height, which is its number.
+    assert [round(float(np.mean(line.get_ydata()))) for line in lines] == [1, 1, 2, 2, 3, 3, 4, 4]
+    colours = [line.get_color() for line in lines]
+    assert colours[0::2] == colours[1::2]
+    assert len(set(colours)) == 4
