@@ -210,7 +210,7 @@ def test_a_pass_that_broke_off_keeps_its_place_and_all_are_drawn(tmp_path: Path)
     (item,) = fit.components["a"].instruments
     assert (item.fit.n_passes, len(item.keys), passes_read(item)) == (7, 7, 8)
     page = fit_components.figure(fit, estimates_from_fit(known, fit), 2.0)
-    lines = [line for line in page.axes[0].lines if line.get_marker() in "<>"]
+    lines: list[Any] = [line for line in page.axes[0].lines if line.get_marker() in ("<", ">")]
     assert [line.get_marker() for line in lines] == [">", "<"] * 4
     assert [len(line.get_xdata()) for line in lines] == [8, 8, 2, 8, 8, 8, 8, 8]
     # Each at its own height, which is its number.
