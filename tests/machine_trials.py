@@ -74,10 +74,13 @@ def machine(folder: object) -> LoadedMachine:
 
 @dataclass(frozen=True)
 class Drift:
-    """How passes scatter: `size` times the table's, all components alike if `common`."""
+    """How passes scatter: `size` times the table's, all components alike if `common`; a pass there
+    and the one back alike if `there_and_back`.
+    """
 
     size: float
     common: bool = False
+    there_and_back: bool = False
 
 
 def pass_states(rng: np.random.Generator, drift: Drift, n: int) -> dict[str, FloatArray]:
@@ -94,7 +97,9 @@ def pass_states(rng: np.random.Generator, drift: Drift, n: int) -> dict[str, Flo
 def read_machine(rng: np.random.Generator, drift: Drift, passes: int = 5) -> Readings:
     """Ball-bar readings of one machine: `passes` forward and as many in reverse."""
     names, error = (*COMPONENTS, "axy"), []
-    states = pass_states(rng, drift, 2 * passes)
+    states = pass_states(rng, drift, passes if drift.there_and_back else 2 * passes)
+    if drift.there_and_back:
+        states = {name: np.repeat(state, 2, axis=0) for name, state in states.items()}
     for name, (_, b0, b1, repeat, _, _) in COMPONENTS.items():
         level, slope = states[name].T[:, :, None]
         y = b0 + b1 * POSITIONS + level + slope * (POSITIONS - CENTRE)

@@ -7,9 +7,10 @@ from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine, machine_warnings
-from mtu_cli.model.fit_warnings import fit_warnings, significant
+from mtu_cli.model.fit_warnings import fit_warnings
 from mtu_cli.model.reading_doubts import reading_doubts
 from mtu_cli.model.settings import Settings
+from mtu_cli.stats.family import significant
 
 GATES = ("drift",)
 

@@ -14,6 +14,7 @@ from mtu_cli.model.estimates import ComponentEstimate, from_centre
 from mtu_cli.model.instruments import combine
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray, PassFit, fit_passes
+from mtu_cli.stats.pass_pairs import SharedScatter, shared_scatter
 from mtu_cli.stats.pass_tests import (
     FTest,
     Shift,
@@ -69,6 +70,16 @@ class InstrumentFit:
     def reversal(self) -> Shift | None:
         """The mean reversal value."""
         return reversal(self.fit)
+
+    @cached_property
+    def alike(self) -> SharedScatter | None:
+        """Whether both directions of a pass differ alike from other passes."""
+        runs: dict[tuple[int, int, str], int] = {}
+        setups = self.setups or ("",) * len(self.keys)
+        for (file, number, _), setup in zip(self.keys, setups, strict=True):
+            runs.setdefault((file, number, setup), len(runs))
+        own = [runs[*key[:2], setup] for key, setup in zip(self.keys, setups, strict=True)]
+        return shared_scatter(self.fit, np.array(own, dtype=np.int64))
 
     @cached_property
     def lack_of_fit(self) -> FTest | None:

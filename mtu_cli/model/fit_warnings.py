@@ -8,10 +8,8 @@ from statistics import median
 from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.model.settings import Warned
+from mtu_cli.stats.family import FAMILY_RATE, significant
 from mtu_cli.units import LENGTH, Unit
-
-FAMILY_RATE = 0.05
-"""Chance of any false warning of one kind over all components of a machine (Bonferroni)."""
 
 SCATTERS = 1e-12
 """Less, in mm or rad, is rounding: the readings do not scatter."""
@@ -19,11 +17,6 @@ TOO_WELL = 1 / 300
 """Components of a machine differ less in repeatability; units differ by 1000."""
 FEWEST_OTHERS = 3
 LARGER_UNIT = {"nm": "um", "um": "mm", "urad": "mrad", "mrad": "rad", "arcsec": "deg"}
-
-
-def significant(p_values: dict[str, float]) -> dict[str, float]:
-    """The tests that hold out among all of their kind, at a family-wise rate of 5 %."""
-    return {name: p for name, p in p_values.items() if p * len(p_values) <= FAMILY_RATE}
 
 
 def scatter_warnings(fit: MachineFit) -> list[Warned]:
@@ -38,6 +31,7 @@ def fit_warnings(fit: MachineFit) -> list[Warned]:
         ("reversal", lambda f: f.reversal.p if f.reversal else None, _reversal),
         ("passes-drift", lambda f: f.trend.p if f.trend else None, _trend),
         ("lack-of-fit", lambda f: f.lack_of_fit.p if f.lack_of_fit else None, _lack),
+        ("directions-alike", lambda f: f.alike.p if f.alike else None, _alike),
     ]
     for code, p_of, message in kinds:
         tested: dict[str, float] = {}
@@ -152,4 +146,13 @@ def _lack(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
     return (
         f"{name} is not a polynomial of the degree that the machine gives it (p = {p:.1g}): "
         "raise its degree, or look at the picture (--plot)"
+    )
+
+
+def _alike(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
+    more = found.alike.understated if found.alike else 1.0
+    return (
+        f"the passes of {name} by {found.role} differ from each other alike in both directions "
+        f"(p = {p:.1g}): forward and reverse of a pass tell little more than one, u of the "
+        f"coefficients is up to {more:.1f} times what is said, that of the reversal less"
     )

@@ -9,13 +9,13 @@ import numpy as np
 from mtu_cli.model.estimates import ComponentEstimate, Estimates
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
-from mtu_cli.model.fit_warnings import FAMILY_RATE
-from mtu_cli.model.fit_warnings import significant as holding_out
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.fitted import pass_covariance, single_instrument
 from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
 from mtu_cli.reports.observability import observability
 from mtu_cli.reports.tables import Column, Sheet
+from mtu_cli.stats.family import FAMILY_RATE
+from mtu_cli.stats.family import significant as holding_out
 from mtu_cli.stats.pass_tests import FTest, Shift
 
 MM_PER_M = 1000.0

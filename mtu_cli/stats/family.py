@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TypeVar
+
 import numpy as np
 
 from mtu_cli.stats.least_squares import FloatArray
+
+FAMILY_RATE = 0.05
+"""False alarms of all tests of one kind together."""
+Key = TypeVar("Key")
+
+
+def significant(p_values: Mapping[Key, float]) -> dict[Key, float]:
+    """The tests that hold out among all of their kind, at the family-wise rate (Bonferroni)."""
+    return {key: p for key, p in p_values.items() if p * len(p_values) <= FAMILY_RATE}
 
 
 def holm(p: FloatArray) -> FloatArray:

@@ -38,7 +38,8 @@ class Shift:
     dof: int
 
 
-def _f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest | None:
+def f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest | None:
+    """Of two independent mean squares; None without degrees of freedom or scatter to compare."""
     from scipy.special import fdtrc
 
     if df1 < 1 or df2 < 1 or denominator <= 0:
@@ -64,7 +65,7 @@ def pass_scatter(fit: PassFit) -> FTest | None:
     df = fit.pooled_dof - fit.within_dof
     if not fit.separated or fit.within_dof < 1 or df < 1:
         return None
-    return _f_test((fit.pooled_rss - fit.within_rss) / df, fit.s2, df, fit.within_dof)
+    return f_test((fit.pooled_rss - fit.within_rss) / df, fit.s2, df, fit.within_dof)
 
 
 def pass_trend(fit: PassFit, order: FloatArray) -> Shift | None:
@@ -130,7 +131,7 @@ def lack_of_fit(
     rounding = len(y) * float(ROUNDING * np.abs(y).max()) ** 2
     if df_pure < 1 or means[0] <= rounding:
         return None
-    return _f_test((line[0] - means[0]) / max(df_lack, 1), means[0] / df_pure, df_lack, df_pure)
+    return f_test((line[0] - means[0]) / max(df_lack, 1), means[0] / df_pure, df_lack, df_pure)
 
 
 def _fit_rank(X: FloatArray, y: FloatArray) -> tuple[float, int]:

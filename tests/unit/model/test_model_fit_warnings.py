@@ -14,10 +14,12 @@ from scipy import stats
 
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.fit import MachineFit, fit_machine
-from mtu_cli.model.fit_warnings import fit_warnings, significant
+from mtu_cli.model.fit_warnings import fit_warnings
+from mtu_cli.stats.family import significant
 
 MACHINES = 250
 KINDS = ("reversal", "passes-drift", "lack-of-fit")
+RARE = (*KINDS, "directions-alike")
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +34,9 @@ def test_clean_machines_are_warned_of_as_rarely_as_stated(clean: list[MachineFit
     found = Counter(code for fit in clean for code in {item.code for item in fit_warnings(fit)})
     high = stats.binom(MACHINES, 0.05).ppf(1 - 1e-4)
     low = stats.binom(MACHINES, 0.05).ppf(1e-4)
-    for kind in KINDS:
+    for kind in RARE:
         assert low <= found[kind] <= high, kind
-    assert set(found) <= set(KINDS)
+    assert set(found) <= set(RARE)
 
 
 @pytest.mark.parametrize("name", ["dx_x", "ez_y"])
@@ -156,3 +158,18 @@ def test_a_component_that_repeats_too_well_is_asked_about(
     assert message.endswith(f"are its errors {words}")
     assert small(1e-2) == []
     assert small(0) == []
+
+
+def test_passes_alike_there_and_back_are_warned_of(tmp_path: Path) -> None:
+    """Forward and reverse of a pass hold together: u counts ten passes where there are five."""
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(6), Drift(10.0, there_and_back=True))
+    fit = fit_machine(known, given)
+    found = [w.message for w in fit_warnings(fit) if w.code == "directions-alike"]
+    assert len(found) == len(COMPONENTS)
+    assert found[0].startswith("the passes of dx_x by lbb differ from each other alike in both")
+    assert "u of the coefficients is up to 1.4 times what is said" in found[0]
+    # In another set-up a pass of the same number is another pass.
+    labels = np.array(["there", "back"], object)[(given.direction < 0).astype(int)]
+    apart = fit_machine(known, replace(given, covariates={"setup": labels}))
+    assert all(fit.instruments[0].alike is None for fit in apart.components.values())
