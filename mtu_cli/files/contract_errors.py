@@ -151,6 +151,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _NUMBER = r"[+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
 _WITH_UNIT = re.compile(_NUMBER + r"\s*+[A-Za-zµμ°%\"'/].*", re.DOTALL)
 _PLAIN = re.compile(_NUMBER)
+_OTHER_DIGIT = re.compile(r"[^\D0-9]")
 _OTHER_BASE = re.compile(r"[+-]?0(?:[xX][0-9a-fA-F]++|[bB][01]++|[oO][0-7]++)")
 
 
@@ -161,7 +162,7 @@ def number_expectation(text: str, wanted: str = "a number") -> str:
         return f"{wanted}, without quotes"
     if _OTHER_BASE.fullmatch(text):
         return f"{wanted} in decimal digits"
-    if any(sign.isdecimal() and not sign.isascii() for sign in text):
+    if not text.isascii() and _OTHER_DIGIT.search(text):
         return f"{wanted} in the digits 0 to 9"
     if _DECIMAL_COMMA.fullmatch(text):
         return f"{wanted} with a decimal point"

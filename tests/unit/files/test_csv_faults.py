@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from mtu_cli.errors import InputError
 from mtu_cli.files import csv_file
+from mtu_cli.files.contract_errors import number_expectation
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_table import LISTED_PROBLEMS, Table, TableSpec
 from mtu_cli.files.csv_text import CELL_LIMIT
@@ -254,3 +256,12 @@ def test_covariates_are_numbers_texts_or_faults(tmp_path: Path) -> None:
         "row 3, column 'c': not finite: 'inf'" in faults(tmp_path, head + "a,1,1,1\na,2,inf,2\n")[0]
     )
     assert "row 2, column 'T_a_degC': not a number: 'x'" in faults(tmp_path, head + "a,1,1,x\n")[0]
+
+
+def test_digits_of_other_scripts_are_told_apart_from_other_signs() -> None:
+    signs = [chr(i) for i in range(0x80, sys.maxunicode + 1) if chr(i).isdecimal()]
+    assert len(signs) > 500
+    for sign in signs:
+        assert number_expectation(f"1{sign}5").endswith("in the digits 0 to 9"), hex(ord(sign))
+    for other in ("\u00b2", "\u00bd", "\u2160", "\u00e9", "\u4e00"):
+        assert number_expectation(f"1{other}5") == "a number"
