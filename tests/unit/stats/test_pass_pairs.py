@@ -53,6 +53,11 @@ def test_alike_is_the_analysis_of_variance_with_runs_as_blocks() -> None:
     found = shared_scatter(each_way(design, y), runs_of(design))
     assert found is not None
     assert pytest.approx(float(wanted["F"]), rel=1e-8) == found.test.F
+    # By levels and slopes of the passes, one after the other: 2 var(m)/(var(m) + var(h)).
+    lines = plain_passes(design, y).lines
+    m, h = (lines[0::2] + lines[1::2]) / 2, (lines[0::2] - lines[1::2]) / 2
+    shares = [np.var(m[:, i]) / (np.var(m[:, i]) + np.var(h[:, i])) for i in (0, 1)]
+    assert found.understated == pytest.approx((2 * max(shares)) ** 0.5, rel=1e-7)
     # The smaller of two, of level and slope.
     assert found.p == pytest.approx(2 * float(wanted["PR(>F)"]), rel=1e-7)
     assert (found.test.df_numerator, found.test.df_denominator) == (5, 5)
