@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,6 +19,8 @@ SHOWN_ROWS = 6
 LONGEST_PATH = 200
 LONGEST_WORDS = 500
 """Characters of a problem's parts; only names that are no names reach them."""
+_LONG_NAME = re.compile(r"([^\s'\",;]{57})[^\s'\",;]{244,}")
+"""More characters than a file's name has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,6 +152,11 @@ def reason(error: Exception) -> str:
 def shorten(text: str, width: int = 60) -> str:
     """Text cut to `width` characters, so that one message stays one line."""
     return text if len(text) <= width else text[: width - 3] + "..."
+
+
+def cut_names(text: str) -> str:
+    """Text in which names of hundreds of characters without a blank are cut, as `shorten` does."""
+    return _LONG_NAME.sub(r"\1...", text)
 
 
 def printable(text: str) -> str:

@@ -16,7 +16,7 @@ from mtu_cli.cli.parameters import FAIL_IF
 from mtu_cli.cli.progress import LateBar
 from mtu_cli.cli.settings import read_settings
 from mtu_cli.cli.streams import write_bytes
-from mtu_cli.errors import EXIT_GATE
+from mtu_cli.errors import EXIT_GATE, cut_names
 from mtu_cli.model.settings import Settings, Warned
 
 if TYPE_CHECKING:
@@ -139,4 +139,4 @@ def show(tables: Iterable[object]) -> None:
 def warning_lines(warnings: Iterable[Warned]) -> list[str]:
     """Warnings as lines for standard error, each once; those for the report alone left out."""
     shown = ((item.code, item.message) for item in warnings if not item.report_only)
-    return [f"warning: {message} [{code}]" for code, message in dict.fromkeys(shown)]
+    return [f"warning: {cut_names(message)} [{code}]" for code, message in dict.fromkeys(shown)]

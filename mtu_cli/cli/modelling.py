@@ -23,7 +23,7 @@ from mtu_cli.model.fit import (
     fit_machine,
     machine_warnings,
 )
-from mtu_cli.model.fit_warnings import scatter_warnings
+from mtu_cli.model.fit_warnings import limit_warnings, limits_of, scatter_warnings
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.reading_doubts import reading_doubts
 from mtu_cli.model.settings import Warned
@@ -61,6 +61,7 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
         model = build_model(machine, replace(estimates, thermal=thermal))
     except InputError as error:
         raise InputError(_shortened(error.problems, inputs)) from None
+    warnings += _limits(inputs, fit, model)
     _expand(inputs.at, model.covariates())
     unused = [name for name in inputs.at if name not in model.covariates()]
     warnings += [
@@ -89,6 +90,24 @@ def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Warn
     estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
     doubts = [*reading_doubts(machine, readings), *fit.warnings, *scatter_warnings(fit)]
     return estimates, fit, doubts
+
+
+def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list[Warned]:
+    """What limits the truth of u of a part, from the fit or as the report of it tells."""
+    used = {term.estimate.name for term in model.terms}
+    report = inputs.components
+    if report is None:
+        return [] if fit is None else limits_of(limit_warnings(fit), used)
+    entries = report.document.get("warnings")
+    told = [
+        Warned(code=str(item.get("code")), message=str(item.get("message")))
+        for item in (entries if isinstance(entries, list) else ())
+        if isinstance(item, dict)
+    ]
+    return [
+        replace(item, message=f"{report.source.shown}: {item.message}")
+        for item in limits_of(told, used)
+    ]
 
 
 def _not_needed(name: str, model: MachineModel) -> str:

@@ -56,6 +56,7 @@ class ReportedComponent(BaseModel):
     s_repeat: Deviation
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
+    half_difference_mean_square: Matrix | None = None
     pass_center_mm: float
     pass_dof: NonNegative | None
     repeat_dof: NonNegative | None
@@ -71,6 +72,7 @@ class ReportedGroup(BaseModel):
     widths: list[int]
     coefficient_covariance: Matrix
     pass_covariance: Matrix
+    half_difference_mean_square: Matrix | None = None
     pass_dof: NonNegative
     n_passes: int | None
 
@@ -163,6 +165,8 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
     wanted.append(("pass_covariance_moment", item.pass_covariance_moment, q))
     if item.covariance_independent is not None:
         wanted.append(("covariance_independent", item.covariance_independent, k))
+    if item.half_difference_mean_square is not None:
+        wanted.append(("half_difference_mean_square", item.half_difference_mean_square, q))
     problems = []
     for key, matrix, size in wanted:
         # The moment estimate is a difference of mean squares: negative where passes hardly differ.
@@ -227,8 +231,10 @@ def _group_problems(
     matrices = (group.pass_covariance, group.coefficient_covariance)
     if group.pass_dof == 0 and any(map(any_estimated, matrices)):
         problems.append(no_dof(source, f"{path}.pass_dof", PASSES, known=False))
-    for key in ("coefficient_covariance", "pass_covariance"):
+    for key in ("coefficient_covariance", "pass_covariance", "half_difference_mean_square"):
         matrix = getattr(group, key)
+        if matrix is None:
+            continue
         what = covariance_fault(matrix, size, difference=key == "pass_covariance")
         if what is not None:
             problems.append(Problem(what=what, file=source.shown, path=f"{path}.{key}"))

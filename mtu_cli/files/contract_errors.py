@@ -20,6 +20,15 @@ if TYPE_CHECKING:
 
 OTHER_KEYS = {"s_pass": "pass_covariance"}
 """Keys by the names that tables give what they hold."""
+DISTRIBUTIONS = {
+    "rectangular": ("uniform", "flat", "box", "rectangle", "rect"),
+    "normal": ("gaussian", "gauss", "bell"),
+    "arcsine": ("u-shaped", "u-shape", "ushaped", "arcsin", "arc-sine", "sine", "sinusoidal"),
+    "t": ("student", "student-t", "students-t", "student's t", "t-distribution"),
+    "triangular": ("triangle", "tri"),
+    "trapezoidal": ("trapezoid", "trapeze"),
+}
+"""Distributions by what else they are called; `-` stands for blanks and underscores too."""
 _EXPECTED = {
     "float_type": "a number",
     "int_type": "a whole number",
@@ -133,7 +142,20 @@ def _literal(item: ErrorDetails) -> tuple[str, str]:
     allowed = re.findall(r"'([^']*)'", str(item.get("ctx", {}).get("expected", "")))
     what = "unknown key" if item["loc"][-1:] == ("[key]",) else "unknown value"
     near = closest(str(item["input"]), allowed)
+    if item["loc"][-1:] == ("distribution",):
+        # Another name is no slip of the most alike: `uniform` is not meant to be `normal`.
+        meant = _distribution(str(item["input"]))
+        near = near if meant is None else meant if meant in allowed else None
     return what, f"did you mean {near!r}?" if near else f"one of: {', '.join(allowed)}"
+
+
+def _distribution(text: str) -> str | None:
+    """The distribution that goes by another name, None where `text` is none of those known."""
+    word = re.sub(r"[\s_-]+", "-", text.strip().casefold())
+    words = {
+        re.sub(r"\s", "-", other): name for name, own in DISTRIBUTIONS.items() for other in own
+    }
+    return words.get(word) or words.get(word.removesuffix("-distribution"))
 
 
 def _expected(item: ErrorDetails) -> str:

@@ -43,6 +43,12 @@ def is_not_finite(cell: str, decimal: Decimal = ".") -> bool:
     return _NOT_FINITE.fullmatch(cell.strip()) is not None
 
 
+def overflows(cell: str, decimal: Decimal = ".") -> bool:
+    """Whether a cell is a number, but one too large to be held."""
+    value = number(cell, decimal)
+    return value is not None and math.isinf(value)
+
+
 def is_text(cell: str, decimal: Decimal = ".") -> bool:
     """Whether a cell is neither empty nor a number nor one of the ways to write nan."""
     cell = cell.strip()

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 
 from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.files.column_lengths import deviation_along, in_other_unit, renaming
 from mtu_cli.files.column_words import by_common_word, meant_by, plain
 from mtu_cli.files.csv_mistaken import refuse_other_table
 from mtu_cli.files.csv_table import TableSpec
@@ -26,6 +27,7 @@ OTHER_WORDS = {
 """What other programs call a column, in lower case with underscores."""
 UNIT = "_mm"
 """Other programs leave it out."""
+COORDINATES = ("x_mm", "y_mm", "z_mm")
 _IN_MM = re.compile(r"[ _]*(?:[\[(] *mm *[\])]|in_mm|[/.] *mm)$", re.IGNORECASE)
 NUMBER = ("no", "nr", "number", "id")
 NUMBERED = ("part", "feature", "cycle", "pass", "repeat", "sequence")
@@ -82,6 +84,10 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
     }
     lengths = [name for name in known.values() if name.endswith(UNIT)]
     bare = {_folded(name.removesuffix(UNIT)): name for name in lengths}
+    # A z in um beside x and y in mm is a column of its own, beside x and y in um it is not.
+    missing = [name for name in wanted if name not in header and name.endswith(UNIT)]
+    foreign = any(in_other_unit(other, missing) for other in header if missing)
+    converted = [name for name in lengths if foreign or name not in COORDINATES]
     shut = {b for a, b in spec.exclusive if a in header} | {
         a for a, b in spec.exclusive if b in header
     }
@@ -90,13 +96,15 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
         name = _meant(other, known) or bare.get(_folded(_IN_MM.sub("", other)))
         if name is None and (by_words := meant_by(other)) in known.values():
             name = by_words
+        if name is None:
+            name = in_other_unit(other, converted)
         if other and not spec.named(other) and name is not None and name not in shut:
             yield Problem(
                 what=f"the column {other!r} would not be read as {name!r}",
                 file=text.source.shown,
                 row=text.header_row,
                 column=other,
-                expected=f"rename {other!r} to {name!r}, or to a name of its own",
+                expected=f"{renaming(other, name)}, or to a name of its own",
             )
 
 
@@ -127,8 +135,23 @@ def missing_column(
 ) -> Problem:
     """The Problem of a column that is not there, with the one that was probably meant."""
     others = [other for other in header if other and not spec.named(other)]
-    near = closest(name, others) or _by_another_word(name, others) or by_common_word(name, others)
-    hint = f"rename {near!r} to {name!r}" if near else f"a column {name!r} in {', '.join(header)}"
+    axis = name[0] if name in COORDINATES else None
+    along = {other: deviation_along(other) for other in others} if axis else {}
+    others = [other for other in others if not along.get(other)]
+    near = next((other for other in others if in_other_unit(other, (name,))), None)
+    near = (
+        near
+        or closest(name, others)
+        or _by_another_word(name, others)
+        or by_common_word(name, others)
+    )
+    if near is not None:
+        hint = renaming(near, name)
+    elif own := [other for other, of in along.items() if of == axis]:
+        hint = f"a column {name!r} with the measured coordinate, nominal plus deviation, in mm "
+        hint += f"({own[0]!r} looks like the deviation)"
+    else:
+        hint = f"a column {name!r} (the columns are {', '.join(header)})"
     return Problem(what=f"the column {name!r} is missing", file=shown, row=row, expected=hint)
 
 

@@ -6,7 +6,7 @@ import csv
 import re
 from array import array
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING
 
 from mtu_cli.errors import Problem
@@ -18,9 +18,11 @@ from mtu_cli.files.csv_cells import (
     is_text,
     microseconds,
     number,
+    overflows,
 )
 from mtu_cli.files.csv_table import (
     LARGEST_INTEGER,
+    LARGEST_READING,
     WHOLE,
     Columns,
     ProblemList,
@@ -90,6 +92,9 @@ def _broken(text: CsvText, row: int, reason: str) -> Problem:
     elif "field larger" in reason:
         what = f"a cell has more than {CELL_LIMIT} characters"
         expected = 'a closing " where a quote was opened'
+        line = next(islice(lines_from(text.content, text.body), row - text.body_row, None), "")
+        if '"' not in line:
+            expected = "a table of numbers and names"
     return _problem(text, row, None, what, None, expected)
 
 
@@ -149,14 +154,19 @@ class _NumberStore(_Store):
     def __init__(self, name: str, text: CsvText, spec: TableSpec, problems: ProblemList) -> None:
         super().__init__(name, text, spec, problems)
         self.expected = spec.says.get(name)
-        self.largest = LARGEST_INTEGER if name in WHOLE and name in spec.numbers else float("inf")
+        self.whole = name in WHOLE and name in spec.numbers
+        self.largest = LARGEST_INTEGER if self.whole else float("inf")
+        measured = name in spec.numbers and name != "time_min"
+        self.at_most = f"at most {LARGEST_READING:g} in size" if measured else "a smaller number"
         self.values = array("d")
 
     def add(self, row: int, cell: str) -> None:
         decimal = self.text.decimal
         value = number(cell, decimal)
         if value is None or value - value != 0:
-            if cell.strip():
+            if overflows(cell, decimal):
+                self._too_large(row, cell)
+            elif cell.strip():
                 what = "not finite" if is_not_finite(cell, decimal) else "not a number"
                 expected = self.expected or expectation(cell, decimal)
                 if self.name == "time_min" and _DATE.match(cell):
@@ -166,10 +176,15 @@ class _NumberStore(_Store):
                 self.fault(row, "empty cell", None, self.expected or "a number")
             value = float("nan")
         elif abs(value) > self.largest:
-            expected = f"a whole number, at most {self.largest:.0f} in size"
-            self.fault(row, "too large", cell, expected)
+            self._too_large(row, cell)
             value = float("nan")
         self.values.append(value)
+
+    def _too_large(self, row: int, cell: str) -> None:
+        expected = self.expected or self.at_most
+        if self.whole:
+            expected = f"a whole number, at most {self.largest:.0f} in size"
+        self.fault(row, "too large", cell, expected)
 
     def finish(self, columns: Columns) -> None:
         import numpy as np
@@ -243,7 +258,9 @@ class _CovariateStore(_TextStore):
             super().finish(columns)
             return
         for row, cell in self.unfinite:
-            self.fault(row, "not finite", cell, "a finite number, or an empty cell")
+            large = overflows(cell, self.text.decimal)
+            what, expected = ("too large", "smaller") if large else ("not finite", "finite")
+            self.fault(row, what, cell, f"a {expected} number, or an empty cell")
         known = np.array([*(np.nan if v is None else v for v in values), np.nan], np.float64)
         columns.numbers[self.name] = known[np.array(self.codes, np.int32)]
 

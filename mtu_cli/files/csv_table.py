@@ -18,6 +18,8 @@ Kind = Literal["number", "text", "time", "covariate"]
 LISTED_PROBLEMS = 10_000
 WHOLE = ("pass", "repeat", "sequence")
 """Columns of whole numbers where a contract names them."""
+LARGEST_READING = 1e12
+"""Beyond it no cell is a measurement, and squares would overflow."""
 LARGEST_INTEGER = 2.0**53 - 1.0
 """2^53 and 2^53 + 1 are not told apart as they are read, nor are whole numbers beyond."""
 

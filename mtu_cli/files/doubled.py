@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.errors import Problem
+from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import ProblemList, Table
 from mtu_cli.files.row_marks import all_distinct, row_marks
 
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
     Texts = NDArray[np.object_]
 
 _BLOCK = 1 << 16
+FEWEST_PASTED = 8
+"""Of fewer readings of a component each may have come twice by chance."""
+FEWEST_DIFFERENT = 4
+"""Of fewer different ones, too."""
 
 
 def told_apart(table: Table, number: str) -> bool:
@@ -95,28 +100,100 @@ def copied_files(marks: Sequence[NDArray[np.uint64]], fewest: int) -> list[tuple
     return found
 
 
-def check_doubled_rows(table: Table, problems: ProblemList) -> None:
-    """Rows equal to an earlier one in every column, for tables that tell repeats apart."""
+def equal_rows(table: Table) -> list[tuple[int, int]]:
+    """(row, earlier) of each row equal to an earlier one in every column, the first of its kind;
+    both count from 0.
+    """
     if not table.sound:
         # Cells that differ may look alike by what stands for them.
-        return
+        return []
     keys = [_key(table, name) for name in table.header]
     mixed = row_marks(keys)
     ordered = np.sort(mixed)
     repeated = ordered[1:][ordered[1:] == ordered[:-1]]
     if not len(repeated):
-        return
-    suspects = np.flatnonzero(np.isin(mixed, repeated))
+        return []
+    found = []
     first: dict[tuple[object, ...], int] = {}
-    for index in suspects.tolist():
+    for index in np.flatnonzero(np.isin(mixed, repeated)).tolist():
         cells = tuple(None if key[index] != key[index] else key[index].item() for key in keys)
         earlier = first.setdefault(cells, index)
         if earlier != index:
-            problems.add(
-                Problem(
-                    what=f"the same as row {table.rows[earlier]} in every column",
-                    file=table.source.shown,
-                    row=int(table.rows[index]),
-                    expected="each reading once",
-                )
+            found.append((index, earlier))
+    return found
+
+
+def check_doubled_rows(table: Table, problems: ProblemList) -> None:
+    """Rows equal to an earlier one in every column, for tables that tell repeats apart."""
+    _refuse(table, equal_rows(table), problems)
+
+
+def check_equal_readings(table: Table, problems: ProblemList) -> list[tuple[int, int]]:
+    """The `equal_rows` of readings that tell repeats apart: instruments with a coarse display give
+    them honestly, but not twice in one instant, nor of a whole component in one file.
+    """
+    if not tells_repeats_apart(table):
+        return []
+    equal = equal_rows(table)
+    if not {*table.columns.numbers, *table.columns.times}.isdisjoint(("time", "time_min")):
+        _refuse(table, equal, problems)
+    elif equal:
+        _refuse_pasted(table, np.array(equal), problems)
+    return equal
+
+
+def equal_notes(
+    tables: Sequence[Table], equal: Sequence[Sequence[tuple[int, int]]]
+) -> tuple[Notice, ...]:
+    """The one warning of the `equal` rows of all tables that were read nevertheless."""
+    found = [(table, own) for table, own in zip(tables, equal, strict=True) if own]
+    if not found:
+        return ()
+    table, ((later, earlier), *_) = found[0]
+    number = sum(len(own) for _, own in found)
+    what = "1 reading is" if number == 1 else f"{number} readings are"
+    text = (
+        f"{table.source.shown}, row {table.rows[later]}: the same as row {table.rows[earlier]} in "
+        f"every column; {what} equal to an earlier one of the same file: read as repeats; remove "
+        "them where they were pasted twice"
+    )
+    return (Notice(code="readings-equal", message=text),)
+
+
+def _refuse(table: Table, equal: Sequence[tuple[int, int]], problems: ProblemList) -> None:
+    for index, earlier in equal:
+        problems.add(
+            Problem(
+                what=f"the same as row {table.rows[earlier]} in every column",
+                file=table.source.shown,
+                row=int(table.rows[index]),
+                expected="each reading once",
             )
+        )
+
+
+def _refuse_pasted(table: Table, equal: Ints, problems: ProblemList) -> None:
+    """A problem of every component all of whose rows stand equally often, more than once."""
+    column = table.columns.texts["component"]
+    times = np.ones(len(table), np.int64)
+    np.add.at(times, equal[:, 1], 1)
+    times[equal[:, 0]] = 0
+    for code, label in enumerate(column.labels):
+        rows = np.flatnonzero(column.codes == code)
+        counts = times[rows][times[rows] > 0]
+        often = int(counts.min(initial=len(table)))
+        # Some values that come again and again are those of a coarse display.
+        few = len(rows) < FEWEST_PASTED or len(counts) < FEWEST_DIFFERENT
+        if few or often < 2 or (counts != often).any():
+            continue
+        stand = "stands twice" if often == 2 else f"stands {often} times"
+        which = f"each of the {len(counts)} readings"
+        later = equal[np.isin(equal[:, 0], rows), 0].min()
+        problems.add(
+            Problem(
+                what=f"{which} of {label!r} {stand}, as in a table that was pasted again",
+                file=table.source.shown,
+                row=int(table.rows[later]),
+                expected="each reading once",
+            )
+        )

@@ -11,6 +11,7 @@ import numpy as np
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_table import LARGEST_INTEGER, ProblemList, Table, TableSpec, cell_text
+from mtu_cli.files.csv_table import LARGEST_READING as LARGEST_READING
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 from mtu_cli.files.source import Source
 
@@ -25,7 +26,6 @@ MINUTE = 60_000_000
 SMALL_INTEGER = 1e6
 FEW = 30_000
 """Codes and whole numbers up to these have 4 bytes, and products of two of them still fit."""
-LARGEST_READING = 1e12
 LONGEST_MIN = 5.3e7
 """A century; minutes since 1970 are fewer, seconds more."""
 IN_MINUTES = f"minutes, at most a century ({LONGEST_MIN:g}) from the start; seconds divided by 60"

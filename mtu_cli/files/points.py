@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import Problem, did_you_mean
+from mtu_cli.errors import Problem, did_you_mean, shorten
 from mtu_cli.files import doubled, joined
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
@@ -25,6 +25,7 @@ Place = tuple[float, float, float | None]
 
 AXES = ("x", "y", "z")
 NOMINAL_TOLERANCE_MM = 1e-6
+SHOWN_FEATURES = 3
 
 SPEC = TableSpec(
     required=("part", "feature", "x_mm", "y_mm"),
@@ -242,11 +243,19 @@ def _report_unknown(table: Table, nominal: NDArray[np.float64], problems: Proble
     column = table.columns.texts["feature"]
     codes, first = np.unique(column.codes[unknown], return_index=True)
     rows = np.flatnonzero(unknown)[first]
-    for code, index in zip(codes, rows, strict=True):
-        expected = "the feature in a part file (--part), or nominal_x_mm and nominal_y_mm"
-        expected += _meant(table)
+    names = [column.labels[code] for code in codes[np.argsort(rows)]]
+    one, first_row = len(names) == 1, int(rows.min())
+    expected = "the feature" if one else "them"
+    expected += " in a part file (--part), or nominal_x_mm and nominal_y_mm" + _meant(table)
+    if one:
         what = "no nominal place is known for the feature"
-        problems.add(table.problem(int(index), "feature", what, column.labels[code], expected))
+        problems.add(table.problem(first_row, "feature", what, names[0], expected))
+        return
+    shown = ", ".join(map(shorten, names[:SHOWN_FEATURES]))
+    left = len(names) - SHOWN_FEATURES
+    more = f" and {left} more" if left > 0 else ""
+    what = f"no nominal place is known of {len(names)} features: {shown}{more}"
+    problems.add(table.problem(first_row, "feature", what, "", expected))
 
 
 def _meant(table: Table) -> str:

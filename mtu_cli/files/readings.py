@@ -15,10 +15,10 @@ from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_header import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.drift_cells import ROLE, check_drift, refuse_as_drift, refuse_drift
+from mtu_cli.files.drift_notes import drift_notes
 from mtu_cli.files.reading_cells import Travels
 from mtu_cli.files.reading_sizes import check_sizes, check_units
 from mtu_cli.files.row_marks import row_marks
-from mtu_cli.files.sensor_faults import sensor_notes
 from mtu_cli.files.source import Source
 from mtu_cli.files.unused_positions import unused_positions
 from mtu_cli.units import UNITS, dimension_name
@@ -73,7 +73,8 @@ class Readings:
     time of all files where those are dates, nan where not given; `covariates` are floats
     (nan where not given) or texts ("" where not given); `row` counts as a text editor in the
     file `sources[file_index[i]]`, whose role is `roles[file_index[i]]`. Arrays may be
-    read-only. `notes` say what a fit does not use, and which sensors look odd.
+    read-only. `notes` say what a fit does not use, which readings are equal, and what of
+    drifts looks odd: sensors, times, the name of a column.
     """
 
     components: tuple[str, ...]
@@ -119,8 +120,7 @@ def read_readings(
     tables = joined.read_tables(files, SPEC, problems)
     for table in tables:
         check_cells(table, components, problems)
-        if doubled.tells_repeats_apart(table):
-            doubled.check_doubled_rows(table, problems)
+    equal = [doubled.check_equal_readings(table, problems) for table in tables]
     if problems.listed:
         refuse_as_drift(tables, components, problems)
         joined.integers(tables, "pass", problems)
@@ -137,7 +137,8 @@ def read_readings(
         sized = [table for table in tables if known is not None or table.source.role == ROLE]
         check_sizes(sized, components, travels or {}, problems)
     problems.raise_if_any()
-    return replace(readings, notes=readings.notes + unused_positions(tables, known or {}))
+    notes = (*unused_positions(tables, known or {}), *doubled.equal_notes(tables, equal))
+    return replace(readings, notes=readings.notes + notes)
 
 
 def check_cells(
@@ -239,7 +240,7 @@ def assemble(
         row=np.concatenate([table.rows for table in tables]),
         sources=tuple(table.source for table in tables),
         roles=tuple(table.source.role for table in tables),
-        notes=tuple(sensor_notes([table for table in tables if table.source.role == ROLE])),
+        notes=tuple(drift_notes([table for table in tables if table.source.role == ROLE])),
     )
 
 

@@ -21,6 +21,7 @@ from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.csv_text import CsvText
 from mtu_cli.files.doubled import copied_files, lasting_marks, tells_repeats_apart
 from mtu_cli.files.drift_cells import ROLE
+from mtu_cli.files.drift_notes import OUT_OF_ORDER
 from mtu_cli.files.in_order import in_order
 from mtu_cli.files.reading_cells import Travels
 from mtu_cli.files.reading_sizes import may_be_mistaken
@@ -86,6 +87,7 @@ class ReadingsStream(Iterator[Readings]):
         self._cycles = _Labels(())
         self._blocks = self._all()
         self._sources: tuple[Source, ...] = ()
+        self._out_of_order: set[int] = set()
 
     def __next__(self) -> Readings:
         return next(self._blocks)
@@ -96,11 +98,17 @@ class ReadingsStream(Iterator[Readings]):
         return self._sources
 
     def _all(self) -> Iterator[Readings]:
+        """All blocks; the last waits for what the files as a whole tell, which goes with it."""
         done = 0
+        held = None
         try:
             for block in self._sound():
-                yield block
-                done += len(block)
+                if held is not None:
+                    yield held
+                    done += len(held)
+                held = block
+            if held is not None:
+                yield held
         except (Suspect, InputError, OSError):
             whole = read_readings(self._files, self._machine, for_fit=False, travels=self._travels)
             self._sources = whole.sources
@@ -140,8 +148,14 @@ class ReadingsStream(Iterator[Readings]):
         minutes = found.time_min
         if times is not None and known.earliest is not None:
             minutes = (times.microseconds - known.earliest) / joined.MINUTE
+        # Of times out of order each block knows other rows: one row of a file is enough.
+        told = index in self._out_of_order
+        notes = tuple(n for n in found.notes if not (told and n.code == OUT_OF_ORDER))
+        if any(note.code == OUT_OF_ORDER for note in notes):
+            self._out_of_order.add(index)
         return replace(
             self._recoded(found, found),
+            notes=notes,
             time_min=minutes,
             covariates=joined.covariates([table], known.covariates, known.texts),
             file_index=np.broadcast_to(np.int64(index), len(table)),

@@ -46,16 +46,16 @@ def read_from(document: Any, roles: Collection[str]) -> frozenset[str]:
 
 
 def not_a_report(source: Source, document: Any, expected: str) -> InputError:
-    """The fault of a document of another `schema`."""
-    return InputError(
-        Problem(
-            what="is not a components report",
-            file=source.shown,
-            path="schema",
-            value=str(schema_of(document)),
-            expected=expected,
+    """The fault of a document of another `schema`, or of none."""
+    found, what = schema_of(document), "is not a components report"
+    if found is None:
+        lacks = "the key 'schema' is missing" if isinstance(document, dict) else "it holds no keys"
+        problem = Problem(what=f"{what}: {lacks}", file=source.shown, expected=expected)
+    else:
+        problem = Problem(
+            what=what, file=source.shown, path="schema", value=found, expected=expected
         )
-    )
+    return InputError(problem)
 
 
 def validated(source: Source, document: Any, model: type[M], command: str) -> M:

@@ -117,8 +117,9 @@ def _cells(table: Table, name: str) -> _Cells | None:
     apart = {code: limit for code, (limit, _) in CODES.items() if low <= code <= high}
     if NO_ANSWER not in apart and not high - low > min(apart.values(), default=STEP_K):
         return None
-    order, run = _in_time(table)
-    values, minutes = values[order], _times(table)
+    minutes = times_of(table)
+    order, run = in_runs(table, minutes)
+    values = values[order]
     minutes = None if minutes is None else np.asarray(minutes[order], np.float64)
     told: dict[int, str] = {}
     usual: dict[str, None] = {}
@@ -146,12 +147,11 @@ def _often(hit: Bools, run: Ints) -> Bools:
     return found
 
 
-def _in_time(table: Table) -> tuple[Ints, Ints]:
-    """Rows in the order of their times within each component, position and cycle, and the number
-    of that run in this order, (n,) each.
+def in_runs(table: Table, times: Floats | None) -> tuple[Ints, Ints]:
+    """Rows in the order of their `times`, or else of the file, within each component, position and
+    cycle, and the number of that run in this order, (n,) each.
     """
     n, columns = len(table), table.columns
-    times = _times(table)
     keys: list[NDArray[Any]] = [np.arange(n), np.zeros(n) if times is None else times]
     for name in ("cycle", "position_mm", "component"):
         if name in columns.texts:
@@ -165,7 +165,7 @@ def _in_time(table: Table) -> tuple[Ints, Ints]:
     return order, np.cumsum(changed)
 
 
-def _times(table: Table) -> NDArray[np.float64] | None:
+def times_of(table: Table) -> NDArray[np.float64] | None:
     """Minutes of each row, None where no times are given."""
     if "time" in table.columns.times:
         return table.columns.times["time"].microseconds / 60e6

@@ -23,6 +23,7 @@ MATRICES: dict[str, tuple[Place, ...]] = {
     "coefficient_covariance": (JOINT,),
     "pass_covariance": (COMPONENT, FITTED, JOINT),
     "pass_covariance_moment": (FITTED,),
+    "half_difference_mean_square": (FITTED, JOINT),
 }
 """Where covariance matrices stand, by their key."""
 FREE: dict[str, tuple[Place, ...]] = {

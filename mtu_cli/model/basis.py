@@ -10,8 +10,7 @@ import numpy as np
 from mtu_cli.errors import fault
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.lag import farthest_at_once, lag_of_moments
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import polynomial
+from mtu_cli.stats.least_squares import FloatArray, polynomial
 
 Covariates = Mapping[str, FloatArray | float]
 TIME = "time_min"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mtu_cli.model.estimates import JointPasses, between_passes
+from mtu_cli.model.estimates import JointPasses, between_passes, from_mean
 from mtu_cli.model.machine_model import MachineModel, Term
 from mtu_cli.model.variance import Block
 from mtu_cli.stats.least_squares import FloatArray
@@ -62,6 +62,7 @@ def _own_block(term: Term, G: FloatArray, lever: FloatArray) -> Block:
         repeat_dof=(estimate.repeat_dof,),
         between=between_passes(estimate),
         n_passes=estimate.n_passes or 0,
+        half_differences=estimate.half_differences,
     )
 
 
@@ -72,10 +73,12 @@ def _joint_block(group: JointPasses, inside: Sequence[int], own: Sequence[Block]
         slice(int(end) - block.G.shape[1], int(end)) for block, end in zip(own, ends, strict=True)
     )
     C = group.covariance[np.ix_(inside, inside)]
-    between = None
+    between, halves = None, group.half_differences
+    if halves is not None:
+        halves = halves[np.ix_(inside, inside)]
     if group.n_passes is not None and all(block.between is not None for block in own):
-        # Between components C is S/n of their level and slope, whatever their degree.
-        between = group.n_passes * C
+        # Between components C is of their level and slope alone, whatever their degree.
+        between = from_mean(C, group.n_passes, halves)
         for part, block in zip(columns, own, strict=True):
             between[part, part] = block.between
     return Block(
@@ -89,4 +92,5 @@ def _joint_block(group: JointPasses, inside: Sequence[int], own: Sequence[Block]
         repeat_dof=tuple(block.repeat_dof[0] for block in own),
         between=between,
         n_passes=group.n_passes or 0,
+        half_differences=halves,
     )

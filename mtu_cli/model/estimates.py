@@ -23,7 +23,9 @@ class ComponentEstimate:
     clipping it would make every interval too wide where the passes hardly differ.
     `pass_dof` and `repeat_dof` belong to the mean squares behind them (inf: known exactly;
     pass_dof 0: one mean square, with `repeat_dof`, stands behind all of them). `n_passes` is
-    given where C is the between-pass mean square over that number.
+    given where C is the between-pass mean square over that number. `half_differences` (k, k) is
+    the mean square S_h of runs there and back, S = S_m + S_h and C = S_m/runs (see
+    `stats.pass_pairs`); None where all passes count as independent.
     `independent_covariance` and `independent_s` are the paper's s^2 (X'X)^-1 and s.
     `position_range` in mm is that of the readings; None where none were fitted, or without `of`.
     """
@@ -41,6 +43,7 @@ class ComponentEstimate:
     independent_covariance: FloatArray | None = None
     independent_s: float | None = None
     position_range: tuple[float, float] | None = None
+    half_differences: FloatArray | None = None
 
     @property
     def degree(self) -> int:
@@ -52,8 +55,8 @@ class ComponentEstimate:
 class JointPasses:
     """Components that were read in the same passes, or parameters estimated together.
 
-    `covariance` and `pass_covariance` (K, K) replace the components' own blocks; K counts
-    their coefficients (`widths` of them each) in the order of `components`.
+    `covariance`, `pass_covariance` and `half_differences` (K, K) replace the components' own; K
+    counts their coefficients (`widths` of them each) in the order of `components`.
     """
 
     components: tuple[str, ...]
@@ -62,6 +65,7 @@ class JointPasses:
     pass_covariance: FloatArray
     pass_dof: float
     n_passes: int | None
+    half_differences: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +120,8 @@ def to_centre(center: float, D: FloatArray) -> FloatArray:
 def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
     """S (k, k), the mean square between passes that C and D come from; None without one.
 
-    Up to degree 1 every coefficient is the mean of the passes' own, so that S = n C. Powers
+    Up to degree 1 every coefficient is the mean of the passes' own, so that S = n C, or
+    n C/2 + S_h of runs there and back. Powers
     that the passes have in common are known from within passes: then S = D + s_repeat^2 M,
     where M = n (P'X'X P)^-1 is the error of a pass's own level and slope, P their columns,
     and (P'X'X P)^-1 is the Schur complement of those powers in (X'X)^-1.
@@ -127,7 +132,7 @@ def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
     k = len(C)
     q = 1 if k == 1 or not D[1, 1] else 2
     if q == k:
-        return estimate.n_passes * C
+        return from_mean(C, estimate.n_passes, estimate.half_differences)
     S = D.copy()
     if estimate.independent_covariance is not None and s:
         inverse = estimate.independent_covariance / s**2
@@ -136,6 +141,11 @@ def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
         M = R[:q, :q] - R[:q, q:] @ np.linalg.lstsq(R[q:, q:], R[q:, :q], rcond=None)[0]
         S[:q, :q] += estimate.s_repeat**2 * estimate.n_passes * M * np.outer(scale, scale)[:q, :q]
     return S
+
+
+def from_mean(C: FloatArray, n: int, halves: FloatArray | None) -> FloatArray:
+    """S (k, k), the mean square between n passes whose mean has the covariance C."""
+    return n * C if halves is None else n / 2 * C + halves
 
 
 def known_component(

@@ -12,9 +12,9 @@ import numpy as np
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.model.estimates import ComponentEstimate, from_centre
 from mtu_cli.model.instruments import combine
+from mtu_cli.model.runs import runs_of, ways
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray, PassFit, fit_passes
-from mtu_cli.stats.pass_pairs import SharedScatter, shared_scatter
 from mtu_cli.stats.pass_tests import (
     FTest,
     Shift,
@@ -69,17 +69,7 @@ class InstrumentFit:
     @cached_property
     def reversal(self) -> Shift | None:
         """The mean reversal value."""
-        return reversal(self.fit)
-
-    @cached_property
-    def alike(self) -> SharedScatter | None:
-        """Whether both directions of a pass differ alike from other passes."""
-        runs: dict[tuple[int, int, str], int] = {}
-        setups = self.setups or ("",) * len(self.keys)
-        for (file, number, _), setup in zip(self.keys, setups, strict=True):
-            runs.setdefault((file, number, setup), len(runs))
-        own = [runs[*key[:2], setup] for key, setup in zip(self.keys, setups, strict=True)]
-        return shared_scatter(self.fit, np.array(own, dtype=np.int64))
+        return reversal(self.fit, self.order)
 
     @cached_property
     def lack_of_fit(self) -> FTest | None:
@@ -157,8 +147,9 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
     direction = readings.direction[rows].astype(np.float64)
     group, read = _passes(readings, rows, component.of is None)
     keys = read
-    fit = fit_passes(error, position, component.degree, group, direction)
     order, starts, ends, setups = _pass_times(readings, rows, group, len(keys))
+    runs = None if group is None else _runs(keys, order, setups)[group]
+    fit = fit_passes(error, position, component.degree, group, direction, runs)
     if fit.separated:
         # Passes that broke off early do not take part in what compares passes.
         kept = fit.groups
@@ -207,10 +198,27 @@ def _passes(
     return group, tuple((file, number, -sign) for file, number, sign in ordered[new].tolist())
 
 
+def _runs(keys: tuple[PassKey, ...], order: FloatArray, setups: tuple[str, ...]) -> IntArray:
+    """The run there and back of each pass (G,); two passes of a run are of one set-up."""
+    files, numbers, signs = np.array(keys, dtype=np.int64).reshape(-1, 3).T
+    passes, code = np.unique(np.column_stack([files, numbers]), axis=0, return_inverse=True)
+    code = code.reshape(-1)
+    first = np.full(len(passes), np.inf)
+    np.minimum.at(first, code, order)
+    in_time = np.argsort(first, kind="stable")
+    run = runs_of(passes, in_time, ways(code, signs, len(passes)))[code]
+    _, label = np.unique(np.array(setups, dtype=object), return_inverse=True)
+    both = np.column_stack([run, label.reshape(-1)])
+    return np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
+
+
 def _pass_times(
     readings: Readings, rows: IntArray, group: IntArray | None, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[str, ...]]:
-    """Order in time, first and last time, and set-up of every pass."""
+    """Order in time, first and last time, and set-up of every pass.
+
+    Without times a pass goes forward first: the order of rows is not to matter.
+    """
     starts, ends = np.full(count, np.inf), np.full(count, -np.inf)
     if group is None:
         return np.zeros(0), starts, ends, ()
@@ -233,6 +241,7 @@ def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> Co
     k = len(fit.plain.coefficients)
     T = from_centre(fit.center, k, len(fit.D))
     D = T @ fit.D_moment @ T.T
+    halves = None if fit.half_differences is None else T @ fit.half_differences @ T.T
     low, high = float(found.position.min()), float(found.position.max())
     return ComponentEstimate(
         name=name,
@@ -248,4 +257,5 @@ def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> Co
         independent_covariance=fit.plain.s2 * fit.plain.unscaled_covariance,
         independent_s=float(np.sqrt(fit.plain.s2)),
         position_range=None if component.of is None else (low, high),
+        half_differences=None if halves is None else (halves + halves.T) / 2,
     )

@@ -219,7 +219,12 @@ def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:
         independent_covariance=None if independent is None else np.asarray(independent) * f**2,
         independent_s=None if item.s is None else item.s * f,
         position_range=item.position_range_mm,
+        half_differences=_scaled(item.half_difference_mean_square, T * f),
     )
+
+
+def _scaled(matrix: list[list[float]] | None, T: FloatArray) -> FloatArray | None:
+    return None if matrix is None else T @ np.asarray(matrix, float) @ T.T
 
 
 def _joint(group: ReportedGroup, found: dict[str, ComponentEstimate]) -> JointPasses:
@@ -236,6 +241,7 @@ def _joint(group: ReportedGroup, found: dict[str, ComponentEstimate]) -> JointPa
         pass_covariance=np.asarray(group.pass_covariance, float) * np.outer(f, f),
         pass_dof=group.pass_dof,
         n_passes=group.n_passes,
+        half_differences=_scaled(group.half_difference_mean_square, np.diag(f)),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container, Iterable
 from statistics import median
 
 from mtu_cli.model.estimation import InstrumentFit
@@ -17,6 +17,10 @@ TOO_WELL = 1 / 300
 """Components of a machine differ less in repeatability; units differ by 1000."""
 FEWEST_OTHERS = 3
 LARGER_UNIT = {"nm": "um", "um": "mm", "urad": "mrad", "mrad": "rad", "arcsec": "deg"}
+LIMITS = ("reversal", "passes-drift", "instruments-disagree")
+"""Warnings of what u of a part holds nothing of. A misfit is among its repeatability."""
+DISAGREE = "the instruments disagree on "
+"""Other warnings of LIMITS begin with the component."""
 
 
 def scatter_warnings(fit: MachineFit) -> list[Warned]:
@@ -26,14 +30,34 @@ def scatter_warnings(fit: MachineFit) -> list[Warned]:
 
 def fit_warnings(fit: MachineFit) -> list[Warned]:
     """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement."""
-    warnings = [*fit.warnings, *scatter_warnings(fit), *_too_well(fit)]
-    kinds: list[tuple[str, Callable[[InstrumentFit], float | None], Message]] = [
-        ("reversal", lambda f: f.reversal.p if f.reversal else None, _reversal),
-        ("passes-drift", lambda f: f.trend.p if f.trend else None, _trend),
-        ("lack-of-fit", lambda f: f.lack_of_fit.p if f.lack_of_fit else None, _lack),
-        ("directions-alike", lambda f: f.alike.p if f.alike else None, _alike),
+    return [
+        *fit.warnings,
+        *scatter_warnings(fit),
+        *_too_well(fit),
+        *_significant(fit, ("reversal", "passes-drift", "lack-of-fit")),
+        *_disagreeing(fit),
     ]
-    for code, p_of, message in kinds:
+
+
+def limit_warnings(fit: MachineFit) -> list[Warned]:
+    """What limits the truth of u of a part (LIMITS), of all components that were read."""
+    return [*_significant(fit, ("reversal", "passes-drift")), *_disagreeing(fit)]
+
+
+def limits_of(warnings: Iterable[Warned], used: Container[str]) -> list[Warned]:
+    """Those of the warnings of a fit that are LIMITS of one of the components `used`, once each."""
+    return [
+        item
+        for item in dict.fromkeys(warnings)
+        if item.code in LIMITS and item.message.removeprefix(DISAGREE).partition(" ")[0] in used
+    ]
+
+
+def _significant(fit: MachineFit, codes: Iterable[str]) -> list[Warned]:
+    """Of each kind of test on the passes those that hold out among all of it."""
+    warnings = []
+    for code in codes:
+        p_of, message = TESTS[code]
         tested: dict[str, float] = {}
         where: dict[str, tuple[str, Unit, InstrumentFit]] = {}
         for name, component in fit.components.items():
@@ -47,20 +71,20 @@ def fit_warnings(fit: MachineFit) -> list[Warned]:
             Warned(code=code, message=message(*where[key], p))
             for key, p in significant(tested).items()
         ]
-    warnings += [
+    return warnings
+
+
+def _disagreeing(fit: MachineFit) -> list[Warned]:
+    return [
         Warned(
             code="instruments-disagree",
-            message=f"the instruments disagree on {name} (p = {component.agreement_p:.2g}): "
+            message=f"{DISAGREE}{name} (p = {component.agreement_p:.2g}): "
             "the combined line is too sure of itself",
         )
         for name, component in fit.components.items()
         if component.agreement_p is not None
         and component.agreement_p * len(fit.components) <= FAMILY_RATE
     ]
-    return warnings
-
-
-Message = Callable[[str, Unit, InstrumentFit, float], str]
 
 
 def _not_separated(fit: MachineFit) -> list[Warned]:
@@ -149,10 +173,11 @@ def _lack(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
     )
 
 
-def _alike(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
-    more = found.alike.understated if found.alike else 1.0
-    return (
-        f"the passes of {name} by {found.role} differ from each other alike in both directions "
-        f"(p = {p:.1g}): forward and reverse of a pass tell little more than one, u of the "
-        f"coefficients is up to {more:.1f} times what is said, that of the reversal less"
-    )
+Message = Callable[[str, Unit, InstrumentFit, float], str]
+
+TESTS: dict[str, tuple[Callable[[InstrumentFit], float | None], Message]] = {
+    "reversal": (lambda f: f.reversal.p if f.reversal else None, _reversal),
+    "passes-drift": (lambda f: f.trend.p if f.trend else None, _trend),
+    "lack-of-fit": (lambda f: f.lack_of_fit.p if f.lack_of_fit else None, _lack),
+}
+"""By code: p of an instrument's readings (None: not tested), and what is said."""

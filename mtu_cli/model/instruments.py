@@ -128,7 +128,8 @@ def _sources(item: ComponentEstimate) -> list[tuple[FloatArray, float]]:
     S = between_passes(item)
     if S is None or item.n_passes is None:
         return [(item.covariance, item.pass_dof or item.repeat_dof)]
-    of_passes = S / item.n_passes
+    halves = item.half_differences
+    of_passes = (S if halves is None else 2 * (S - halves)) / item.n_passes
     return [(of_passes, item.pass_dof), (item.covariance - of_passes, item.repeat_dof)]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from mtu_cli.model.estimates import JointPasses, from_centre
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.pass_pairs import covariance_in_runs
 from mtu_cli.stats.positive_part import as_covariance
 
 
@@ -55,22 +56,31 @@ def _joint(group: Sequence[ComponentFit]) -> JointPasses:
     widths = tuple(len(fit.plain.coefficients) for fit in fits)
     T = _block([from_centre(f.center, w, len(f.D)) for f, w in zip(fits, widths, strict=True)])
     deviations = np.column_stack([fit.deviations for fit in fits])
-    dof = fits[0].pass_dof
     n = fits[0].n_passes
-    S = deviations.T @ deviations / dof
+    S = deviations.T @ deviations / fits[0].divisor
     inside = _block([np.ones_like(fit.D) for fit in fits]) > 0
     off = np.where(inside, 0.0, S)
     D = _block([fit.D_moment for fit in fits]) + off
-    C = _block([item.estimate.covariance for item in group]) + (T @ off @ T.T) / n
-    of_passes = T @ D @ T.T
+    # All were read in the same passes: their runs are the same, too.
+    pairs = fits[0].pairs
+    K = 2 * len(pairs) / n * covariance_in_runs(deviations, pairs, S)
+    off_runs = np.where(inside, 0.0, K)
+    C = _block([item.estimate.covariance for item in group]) + (T @ (off + off_runs) @ T.T) / n
+    own = [fit.half_differences for fit in fits if fit.half_differences is not None]
+    halves = _block(own) + (off - off_runs) / 2 if own else None
     return JointPasses(
         components=tuple(item.name for item in group),
         widths=widths,
         covariance=as_covariance(C),
-        pass_covariance=(of_passes + of_passes.T) / 2,
-        pass_dof=float(dof),
+        pass_covariance=_symmetric(T @ D @ T.T),
+        pass_dof=float(fits[0].pass_dof),
         n_passes=n,
+        half_differences=None if halves is None else as_covariance(T @ halves @ T.T),
     )
+
+
+def _symmetric(M: FloatArray) -> FloatArray:
+    return (M + M.T) / 2
 
 
 def _block(parts: Sequence[FloatArray]) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.residual_cells import Cells, IntArray, cells_of
+from mtu_cli.model.runs import runs_of, ways
 from mtu_cli.stats.least_squares import FloatArray
 
 SAME = 1e-4
@@ -39,7 +40,7 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
     keys, code = _passes(readings, rows, of)
     order = _in_time(readings, rows, keys, code)
     sign = np.zeros(len(rows), np.int64) if of is None else readings.direction[rows].astype(int)
-    row = _rows_of_passes(keys, order, _ways(code, sign, len(keys)))
+    row = runs_of(keys, order, ways(code, sign, len(keys)))
     names = _pass_names(readings, keys)
     count = int(row.max(initial=-1)) + 1
     target, labels = _targets(readings, rows, of, name)
@@ -65,32 +66,6 @@ def _row_names(names: list[str], order: IntArray, row: IntArray, count: int) -> 
     for i in order.tolist():
         found[row[i]].append(names[i])
     return tuple(map("/".join, found))
-
-
-def _ways(code: IntArray, sign: IntArray, count: int) -> IntArray | None:
-    """The direction (m,) of each pass; None where one runs both ways, or in none that is told."""
-    least, most = np.full(count, 2), np.full(count, -2)
-    np.minimum.at(least, code, sign)
-    np.maximum.at(most, code, sign)
-    return least if (least == most).all() and least.all() else None
-
-
-def _rows_of_passes(keys: IntArray, order: IntArray, ways: IntArray | None) -> IntArray:
-    """The row (m,) of each pass (file, number) of the table, in their `order`.
-
-    Where every pass runs one way only, the n-th there and the n-th back of a file are one row: no
-    entry of a row would stand in columns of the other direction, and what differs between the
-    directions could not be told from what differs between passes.
-    """
-    first = np.empty(len(keys), np.int64)
-    first[order] = np.arange(len(keys))
-    if ways is not None:
-        for file in np.unique(keys[:, 0]):
-            own = [i for i in order if keys[i, 0] == file]
-            there, back = ([i for i in own if ways[i] == sign] for sign in (1, -1))
-            for a, b in zip(there, back, strict=False):
-                first[a] = first[b] = min(first[a], first[b])
-    return np.unique(first, return_inverse=True)[1].reshape(-1)
 
 
 def _passes(readings: Readings, rows: IntArray, of: str | None) -> tuple[IntArray, IntArray]:

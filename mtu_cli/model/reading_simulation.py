@@ -10,8 +10,7 @@ import numpy as np
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import polynomial
+from mtu_cli.stats.least_squares import FloatArray, polynomial
 from mtu_cli.stats.streams import normal_draw, stream
 
 IntArray = np.ndarray

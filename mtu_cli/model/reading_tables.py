@@ -10,7 +10,7 @@ import numpy as np
 from mtu_cli.language import parse
 from mtu_cli.model.basis import TIME, ThermalBasis
 from mtu_cli.model.covariate_gaps import rows_without_gaps
-from mtu_cli.model.estimates import ComponentEstimate, Estimates
+from mtu_cli.model.estimates import ComponentEstimate, Estimates, between_passes
 from mtu_cli.model.fit import from_machine_file
 from mtu_cli.model.machine_model import AXES, MachineModel, Term, polynomial_term
 from mtu_cli.model.reading_columns import reading_columns, reading_places
@@ -25,8 +25,8 @@ from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.model.thermal_estimates import thermal_from_machine_file
 from mtu_cli.model.thermal_terms import leftover_estimate, temperature_estimate
-from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.mixed import polynomial
+from mtu_cli.model.variance import drawable_passes
+from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
 from mtu_cli.units import ANGLE, UNITS
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def reading_tables(
     Effects of the machine that were found in readings of a component are taken off, too.
 
     A pass takes the place of a part, a target and direction that of a feature. Forward and
-    reverse of a pass draw their D independently, as the fit takes them.
+    reverse of a pass share what the fit found them to share of D, the rest each draws anew.
 
     Raises InputError for cells of a sensor that no sensor of a machine reads.
     """
@@ -133,7 +133,9 @@ class _Reader:
         warned = [*self._instruments(), *self._paired(), *gaps, *told, *left_out]
         if estimate is None and drift is None:
             return self._fitted(shown, self.readings.error[self.rows] - said), warned
-        model = _alone(self.name, self.of or AXES[0], estimate, drift)
+        axis = self.of or AXES[0]
+        own, both = (None, None) if estimate is None else _shared_by_directions(estimate)
+        model = _alone(self.name, axis, own, drift)
         values: Values = {
             name: columns[name]
             for name in (*model.covariates(), *((TIME,) if drift is not None else ()))
@@ -144,7 +146,12 @@ class _Reader:
         errors = (self.readings.error[self.rows] - said)[:, None] - found.predicted
         if estimate is None:
             return self._fitted(shown, errors[:, 0], found), warned
-        made = self._made(errors, shown, found.common, self._by_direction(found.of_part))
+        of_part = self._by_direction(found.of_part)
+        if both is not None:
+            shared = _alone(self.name, axis, both, None)
+            of_runs = cell_model(shared, self._places(), {}, self.layout.cells, {}).of_part
+            of_part = np.concatenate([of_part, of_runs], axis=3)
+        made = self._made(errors, shown, found.common, of_part)
         scatters = bool(np.any(estimate.pass_covariance))
         made = replace(made, pass_dof=estimate.pass_dof or np.inf, scatter_known=scatters)
         return made, warned
@@ -247,6 +254,27 @@ class _Reader:
             return []
         text = f"{self.name} was read by {' and '.join(roles)}: their passes stand in one table"
         return [Warned(code="instruments-together", message=text)]
+
+
+def _shared_by_directions(
+    estimate: ComponentEstimate,
+) -> tuple[ComponentEstimate, ComponentEstimate | None]:
+    """The estimate with what forward and reverse of a run do not share of D, and an error of zero
+    with what they do, K = S_m - S_h (`stats.pass_pairs`).
+    """
+    S, halves = between_passes(estimate), estimate.half_differences
+    if S is None or halves is None:
+        return estimate, None
+    C, D = estimate.covariance, estimate.pass_covariance
+    K = drawable_passes(S - 2 * halves, C)
+    own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
+    nothing = np.zeros_like(C)
+    return own, replace(
+        estimate,
+        coefficients=np.zeros_like(estimate.coefficients),
+        covariance=nothing,
+        pass_covariance=K,
+    )
 
 
 def _alone(

@@ -77,8 +77,7 @@ def through_positions(positions: FloatArray, values: FloatArray, degree: int) ->
 
     With fewer powers than positions the least-squares polynomial.
     """
-    from mtu_cli.stats.least_squares import least_squares
-    from mtu_cli.stats.mixed import polynomial
+    from mtu_cli.stats.least_squares import least_squares, polynomial
 
     X = polynomial(positions, degree)
     return np.column_stack([least_squares(X, column).coefficients for column in values.T])

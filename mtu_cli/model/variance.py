@@ -18,7 +18,8 @@ class Block:
     `C`, `D` (k, k); `noise` (rows, c) holds lever arms times s_repeat of its c components,
     `columns` their coefficients among the k, `repeat_dof` the degrees of freedom of their
     s_repeat. `between` (k, k) is the mean square S between `n_passes` passes that C and D come
-    from; None, 0 where they do not come from one.
+    from; None, 0 where they do not come from one. `half_differences` (k, k) is S_h, the part of
+    S that is of runs there and back (`stats.pass_pairs`); None where passes are independent.
     """
 
     names: tuple[str, ...]
@@ -31,6 +32,7 @@ class Block:
     repeat_dof: tuple[float, ...]
     between: FloatArray | None = None
     n_passes: int = 0
+    half_differences: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,10 +88,9 @@ def block_variance(block: Block, A: FloatArray | None, axes: int) -> tuple[Float
     g = block.G + 0.0 if A is None else A @ block.G
     of_C, of_D = _quadratic(g, block.C), _quadratic(g, block.D)
     visits = [_visits(column, A, axes) for column in block.noise.T]
-    dof = np.array([block.pass_dof, *block.repeat_dof])
     if block.between is not None:
-        split, of_mean, of_part = _of_mean_squares(block, block.between, g, visits)
-        return split, MeanSquares(of_mean=of_mean, of_part=of_part, dof=dof)
+        return _of_mean_squares(block, block.between, g, visits)
+    dof = np.array([block.pass_dof, *block.repeat_dof])
     noise: FloatArray = np.sum(visits, axis=0)
     # A pooled moment estimate of D may be negative where passes hardly differ; what passes
     # and visits add together is not.
@@ -115,7 +116,7 @@ def _visits(column: FloatArray, A: FloatArray | None, axes: int) -> FloatArray:
 
 def _of_mean_squares(
     block: Block, between: FloatArray, g: FloatArray, visits: list[FloatArray]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, MeanSquares]:
     """With the mean square S of n passes, E S = D + s^2 M, the variance is
 
         g'(C + D)g + s^2 w = (1 + 1/n) g'S g + s^2 (w - g'M g) + s^2 q,
@@ -124,6 +125,9 @@ def _of_mean_squares(
     and s^2 q are of the coefficients. Where w is less than g'M g the second term is negative;
     its s^2 is then kept to what S leaves room for, D being no less than 0: g'S g (1/n +
     w/g'M g) with the degrees of freedom of the passes.
+
+    Of runs there and back S is S_m + S_h, two mean squares of the same degrees of freedom, and the
+    mean over n passes has the variance 2 S_m/n.
     """
     n = block.n_passes
     of_C, of_D, S = (_quadratic(g, matrix) for matrix in (block.C, block.D, between))
@@ -131,13 +135,30 @@ def _of_mean_squares(
     capped = (of_D < 0) & (noise < S - of_D)
     room = np.divide(S, S - of_D, out=np.ones_like(S), where=capped)
     split = np.array([of_C, np.where(capped, 0.0, of_D), room * noise])
-    of_mean, of_part = [S / n], [np.where(capped, room * noise, S)]
+    passes = np.where(capped, room * noise, S)
+    of_all, of_mean, of_part = between, [S / n], [passes]
+    if block.half_differences is not None:
+        of_all = 2 * (between - block.half_differences)
+        share = _share(_quadratic(g, block.half_differences), S)
+        of_mean = [2 * (1 - share) * S / n, np.zeros_like(S)]
+        of_part = [(1 - share) * passes, share * passes]
+    dof = [block.pass_dof] * len(of_mean)
     for columns, own in zip(block.columns, visits, strict=True):
         inside = (columns, columns)
-        of_mean.append(_quadratic(g[:, columns], block.C[inside] - between[inside] / n))
+        of_mean.append(_quadratic(g[:, columns], block.C[inside] - of_all[inside] / n))
         beyond = _quadratic(g[:, columns], block.D[inside] - between[inside]) + own
         of_part.append(np.where(capped, 0.0, beyond))
-    return split, np.array(of_mean), np.array(of_part)
+    squares = MeanSquares(
+        of_mean=np.array(of_mean),
+        of_part=np.array(of_part),
+        dof=np.array([*dof, *block.repeat_dof]),
+    )
+    return split, squares
+
+
+def _share(part: FloatArray, whole: FloatArray) -> FloatArray:
+    found: FloatArray = np.divide(part, whole, out=np.zeros_like(whole), where=whole > 0)
+    return found.clip(0.0, 1.0)
 
 
 def joined(parts: Sequence[MeanSquares]) -> MeanSquares:

@@ -22,6 +22,7 @@ FINE = 400
 NAMED = 16
 """More categories are drawn by their numbers."""
 DIRECTION = "dir_"
+TOGETHER = "all effects together"
 
 Mask = NDArray[np.bool_]
 
@@ -42,7 +43,8 @@ class Series:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curve:
     """A panel; `names` are those of categories 0, 1, ... on its horizontal axis, `ticks` the
-    only values there; an `example` is one of many curves that fit as well.
+    only values there; an `example` is one of many curves that fit as well; `line` says what the
+    lines are where that is not the effect of the title alone.
     """
 
     title: str
@@ -52,6 +54,7 @@ class Curve:
     names: tuple[str, ...] = ()
     ticks: tuple[float, ...] = ()
     example: bool = False
+    line: str = ""
 
 
 def curves(item: TableResult) -> list[Curve]:
@@ -176,9 +179,13 @@ def _label(name: str) -> str:
 
 
 def _ylabel(axis: str, item: TableResult) -> str:
-    own = item.table.component or f"E{axis}"
     less = " (other effects taken out)" if len(item.effects) > 1 else ""
-    return f"residual {own}{less}, {item.table.unit}"
+    return f"residual{_of_axis([axis], item)}{less}, {item.table.unit}"
+
+
+def _of_axis(axes: Sequence[str], item: TableResult) -> str:
+    """The name of what is drawn, where it is one: beside several the legend has their names."""
+    return f" {item.table.component or f'E{axes[0]}'}" if len(axes) == 1 else ""
 
 
 def _of_choice(effect: FoundEffect, item: TableResult) -> Curve:
@@ -220,7 +227,8 @@ def _by_category(item: TableResult, title: str, over: str, effect: FoundEffect |
     return Curve(
         title=title,
         xlabel=over if named else f"{over}, in order",
-        ylabel=f"residual, {table.unit}",
+        ylabel=f"residual{_of_axis(axes, item)}, {table.unit}",
         series=tuple(series),
         names=tuple(labels) if named else (),
+        line=TOGETHER if drawn and len(item.effects) > 1 else "",
     )

@@ -36,6 +36,8 @@ def draw_curve(panel: Axes, curve: Curve) -> None:
 
     panel.axhline(0.0, color=figures.GREY, linewidth=0.9)
     several = len(curve.series) > 1
+    # Of several series each has a line of its own colour.
+    lines = [(curve.line, figures.INK if several else figures.ORANGE)] if curve.line else []
     for series, colour in zip(curve.series, SERIES, strict=False):
         _draw_series(panel, series, colour, labelled=several, example=curve.example)
     if curve.ticks:
@@ -52,23 +54,29 @@ def draw_curve(panel: Axes, curve: Curve) -> None:
     panel.set_title(cut(curve.title, NAMED))
     panel.set_xlabel(curve.xlabel)
     panel.set_ylabel(curve.ylabel)
-    if several:
-        _legend_above(panel, curve.series)
+    if several or lines:
+        _legend_above(panel, lines)
 
 
 def _crowded(names: tuple[str, ...]) -> bool:
     return sum(map(len, names)) + len(names) > CHARACTERS
 
 
-def _legend_above(panel: Axes, series: Sequence[Series]) -> None:
-    """The series by name, in rows of their own above the data."""
-    beside = sum(len(one.name) + HANDLE for one in series) <= CHARACTERS
-    rows = 1 if beside else len(series)
+def _legend_above(panel: Axes, lines: Sequence[tuple[str, str]]) -> None:
+    """The series by name, and what their lines are, in rows of their own above the data."""
+    from matplotlib.lines import Line2D
+
+    handles, names = panel.get_legend_handles_labels()
+    handles += [Line2D([], [], color=colour, linewidth=1.8) for _, colour in lines]
+    names += [name for name, _ in lines]
+    beside = sum(len(name) + HANDLE for name in names) <= CHARACTERS
+    rows = 1 if beside else len(names)
     low, high = panel.get_ylim()
     panel.set_ylim(low, high + (ROW * rows + ROW / 2) * (high - low))
-    columns = len(series) if beside else 1
+    columns = len(names) if beside else 1
     # Its width must not push the panels apart.
-    panel.legend(loc="upper left", ncols=columns, borderaxespad=0.2).set_in_layout(False)
+    drawn = panel.legend(handles, names, loc="upper left", ncols=columns, borderaxespad=0.2)
+    drawn.set_in_layout(False)
 
 
 def _draw_series(

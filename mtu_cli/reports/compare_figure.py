@@ -221,7 +221,7 @@ def _intervals(page: Figure | SubFigure, result: CompareResult, kinds: list[_Lis
     panels = page.subplots(len(kinds), 1, height_ratios=heights, squeeze=False)[:, 0]
     for panel, kind in zip(panels, kinds, strict=True):
         _draw(panel, kind, result.coverage_factor)
-    panels[-1].set_xlabel("actual minus nominal, um")
+        panel.set_xlabel("actual minus nominal, um")
     handles, names = panels[0].get_legend_handles_labels()
     page.legend(handles, names, loc="outside lower center", ncols=2)
 

@@ -5,9 +5,12 @@ unit/mm, ..., covariances in products of these. `n_passes` is the number of pass
 the between-pass mean square was averaged: null where there is none (one pass, several
 instruments, a component of the machine file); `passes_read` counts the passes of the
 readings. `pass_covariance` is for people, `pass_covariance_moment` for predictions: the same
-before its negative part, if any, was set to zero. `dof`, `r2` and the tests at the top are of
-the one instrument that read the component; with several they stand in `instruments`.
-`pass_dof` and `repeat_dof` null are infinite. Null tests are explained in `observability`.
+before its negative part, if any, was set to zero. `half_difference_mean_square` is the part of
+the between-pass mean square that is of runs there and back, as `pass_covariance` stands: null
+where all passes count as independent; `pass_dof` then counts runs. `dof`, `r2`
+and the tests at the top are of the one instrument that read the component; with several they
+stand in `instruments`. `pass_dof` and `repeat_dof` null are infinite. Null tests are explained
+in `observability`.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from mtu_cli.reports.document import finite, listed, matrix
 from mtu_cli.reports.fit_figure import figure
 from mtu_cli.reports.fit_table import table
 from mtu_cli.reports.fitted import (
+    half_differences,
     pass_center,
     pass_covariance,
     pass_covariance_moment,
@@ -81,6 +85,7 @@ def _component(
     instruments = () if found is None else found.instruments
     f = estimate.unit.to_internal
     D = pass_covariance(estimate, found) / f**2
+    halves = half_differences(estimate, found)
     return {
         "of": estimate.of,
         "unit": estimate.unit.name,
@@ -100,6 +105,7 @@ def _component(
         "s_repeat": _in(estimate.s_repeat, f),
         "pass_covariance": matrix(D),
         "pass_covariance_moment": matrix(pass_covariance_moment(estimate, found) / f**2),
+        "half_difference_mean_square": None if halves is None else matrix(halves / f**2),
         "pass_center_mm": pass_center(found),
         "s_pass": finite(float(np.sqrt(D[0, 0]))),
         "pass_dof": finite(estimate.pass_dof),
@@ -187,6 +193,9 @@ def _joint(fit: MachineFit, estimates: Estimates, group: JointPasses) -> dict[st
         "widths": list(group.widths),
         "coefficient_covariance": matrix(group.covariance / units),
         "pass_covariance": matrix(group.pass_covariance / units),
+        "half_difference_mean_square": None
+        if group.half_differences is None
+        else matrix(group.half_differences / units),
         "correlation_of": names,
         "correlation": matrix(correlation),
         "pass_dof": finite(group.pass_dof),

@@ -13,18 +13,20 @@ from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.reports import figures
 from mtu_cli.reports.labels import cut
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import polynomial
+from mtu_cli.stats.least_squares import FloatArray, polynomial
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 COLUMNS = 3
+NARROW = 4
+"""Columns of the legend below fewer panels."""
 TITLE = 36
 """Characters above a panel."""
 MARKERS = ({1: ">", -1: "<", 0: "o"}, {1: "^", -1: "v", 0: "s"})
-"""By instrument (first, others) and direction."""
+"""By instrument (the machine's first, others) and direction."""
+WORDS = {1: "forward", -1: "reverse", 0: "reading"}
 
 
 @figures.styled
@@ -45,16 +47,19 @@ def figure(
     page = figures.blank(3.4 * max(columns, 2), 2.15 * rows + 0.6)
     panels = page.subplots(rows, columns, squeeze=False).ravel()
     ranges = _ranges(components)
-    colours = _colours(fit)
+    colours, markers = _colours(fit), _markers(fit)
     for panel, (name, estimate) in zip(panels, components.items(), strict=False):
         found = fit.components.get(name)
-        for i, item in enumerate(() if found is None else found.instruments):
-            _readings(panel, item, estimate, MARKERS[min(i, 1)], colours)
+        for item in () if found is None else found.instruments:
+            _readings(panel, item, estimate, markers[item.role], colours)
         _band(panel, estimate, found, ranges, coverage_factor)
         _label(panel, name, estimate, (says or {}).get(name), stated=found is None)
     for panel in panels[len(components) :]:
         panel.set_axis_off()
-    page.legend(handles=_legend(fit, coverage_factor), loc="outside lower center", ncols=8)
+    handles = _legend(fit, coverage_factor)
+    page.legend(
+        handles=handles, loc="outside lower center", ncols=8 if columns == COLUMNS else NARROW
+    )
     return page
 
 
@@ -72,10 +77,19 @@ def _colours(fit: MachineFit) -> dict[int, Any]:
     """A colour a pass number, early ones dark, late ones light: a drift shows as a gradient."""
     from matplotlib import colormaps
 
-    instruments = [item for found in fit.components.values() for item in found.instruments]
-    numbers = sorted({1, *(number for item in instruments for number in _pass_numbers(item))})
+    numbers = sorted({1, *(number for item in _instruments(fit) for number in _pass_numbers(item))})
     last = max(len(numbers) - 1, 1)
     return {n: colormaps["viridis"](0.05 + 0.8 * i / last) for i, n in enumerate(numbers)}
+
+
+def _instruments(fit: MachineFit) -> list[InstrumentFit]:
+    return [item for found in fit.components.values() for item in found.instruments]
+
+
+def _markers(fit: MachineFit) -> dict[str, dict[int, str]]:
+    """By role, whatever components it read: one instrument has the same marks in every panel."""
+    roles = dict.fromkeys(item.role for item in _instruments(fit))
+    return {role: MARKERS[min(i, 1)] for i, role in enumerate(roles)}
 
 
 def _pass_numbers(item: InstrumentFit) -> list[int]:
@@ -165,27 +179,25 @@ def _legend(fit: MachineFit, k: float) -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    instruments = [item for found in fit.components.values() for item in found.instruments]
-    signs = {key[-1] for item in instruments for key in item.read or ((0, 1, 0),)}
-    words = {1: "forward", -1: "reverse", 0: "reading"}
+    markers = _markers(fit)
+    drawn = {
+        (item.role, key[-1]) for item in _instruments(fit) for key in item.read or ((0, 1, 0),)
+    }
     handles: list[Any] = [
-        Line2D([], [], marker=MARKERS[0][sign], linestyle="", color=figures.GREY, label=words[sign])
-        for sign in (1, -1, 0)
-        if sign in signs
-    ]
+        Line2D(
+            [], [], marker=marker, linestyle="", color=figures.GREY,
+            label=WORDS[sign] if len(markers) == 1 else f"{role}, {WORDS[sign]}",
+        )
+        for role, own in markers.items()
+        for sign, marker in own.items()
+        if (role, sign) in drawn
+    ]  # fmt: skip
     colours = _colours(fit)
     if len(colours) > 1:
         handles += [
             Line2D([], [], marker="o", linestyle="", color=colours[n], label=f"pass {n}")
             for n in (min(colours), max(colours))
         ]
-    roles = list(dict.fromkeys(item.role for item in instruments))
-    if len(roles) > 1:
-        handles.append(
-            Line2D(
-                [], [], marker="^", linestyle="", color=figures.GREY, label=f"second: {roles[1]}"
-            )
-        )
     handles += [
         Line2D([], [], color=figures.INK, label="fit"),
         Patch(color=figures.PALE, label=f"one future reading, ± {k:g} u"),

@@ -48,6 +48,16 @@ def pass_covariance_moment(estimate: ComponentEstimate, found: ComponentFit | No
     return to_centre(pass_center(found), estimate.pass_covariance)
 
 
+def half_differences(estimate: ComponentEstimate, found: ComponentFit | None) -> FloatArray | None:
+    """The mean square S_h (q, q) of runs there and back at `pass_center`; None without runs."""
+    one = single_instrument(found)
+    if one is not None:
+        own = one.fit.half_differences
+        return None if own is None else _padded(own, estimate)
+    halves = estimate.half_differences
+    return None if halves is None else to_centre(pass_center(found), halves)
+
+
 def _padded(D: FloatArray, estimate: ComponentEstimate) -> FloatArray:
     """Where some pass has one position only the level varies from pass to pass, not the slope."""
     q = min(2, len(estimate.coefficients))

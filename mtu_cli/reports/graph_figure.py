@@ -121,8 +121,7 @@ def swept(result: Sweep) -> Figure:
         label = ", ".join(f"{n} {v:g}" for n, v in zip(rest, key, strict=True)) or None
         _dots(panel, result, points, first, factor, colour, label)
     panel.set_xlabel(first)
-    name = str(result.output)
-    short = cut(name, NAME)
+    short = cut(str(result.output), NAME)
     panel.set_ylabel(f"chance that {short} is 1" if result.chance else f"u of {short}, {unit}")
     if not result.chance:
         # A jump that no trial saw has u 0 and no standard error.
@@ -135,6 +134,8 @@ def swept(result: Sweep) -> Figure:
             for name, value in result.formula.coefficients.items()
         )
         panel.set_title(f"{result.formula.form}\n{numbers}", fontweight="normal")
+    what = f"Chance that {short} is 1" if result.chance else f"Uncertainty of {short}"
+    page.suptitle(f"{what} over {first}", x=0.012, ha="left", fontsize=10.5, fontweight="bold")
     if rest:
         _legend(panel)
     return page

@@ -11,10 +11,19 @@ from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.graph_convergence import BOUNDS, chance_text, not_converged, one_sided
-from mtu_cli.reports.numbers import PLAIN_DIGITS, p_value, significant, with_u
+from mtu_cli.reports.numbers import (
+    PLAIN_DIGITS,
+    decimal_exponent,
+    fixed,
+    p_value,
+    significant,
+    with_u,
+)
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
 
+MOST_DECIMALS = 4
+"""Of a column of means; of less u each row has its own."""
 UNLIKELY = 0.01
 """Below this probability the formula's errors are not the Monte Carlo's alone."""
 
@@ -141,6 +150,7 @@ def _chances(result: Sweep) -> tuple[list[Column], list[list[str]]]:
 
 def _uncertainties(result: Sweep, digits: int) -> tuple[list[Column], list[list[str]]]:
     factor, unit = _shown(result)
+    u = [item.u * factor for item in result.grid]
     columns = [
         Column(title=f"mean less nominal\n{unit}"),
         Column(title=f"u\n{unit}"),
@@ -148,17 +158,27 @@ def _uncertainties(result: Sweep, digits: int) -> tuple[list[Column], list[list[
         Column(title=f"formula\n{unit}"),
         Column(title="error\n%"),
     ]
+    means = _in_one_place([item.deviation * factor for item in result.grid], u, digits)
     cells = [
         [
-            with_u(item.deviation * factor, item.u * factor, digits)[0],
+            mean,
             significant(item.u * factor, 4),
             significant(item.first_order_u * factor, 4),
             significant(item.formula_u * factor, 4),
             significant(item.error_percent),
         ]
-        for item in result.grid
+        for item, mean in zip(result.grid, means, strict=True)
     ]
     return columns, cells
+
+
+def _in_one_place(values: Sequence[float], u: Sequence[float], digits: int) -> list[str]:
+    """Values of one column: all to the last place of the least u but 0, where it is readable."""
+    known = [own for own in u if math.isfinite(own) and own > 0]
+    last = min((decimal_exponent(own, digits) for own in known), default=0) - digits + 1
+    if not known or not -MOST_DECIMALS <= last < 0:
+        return [with_u(value, own, digits)[0] for value, own in zip(values, u, strict=True)]
+    return [fixed(value, -last) for value in values]
 
 
 def _shown(result: Sweep) -> tuple[float, str]:

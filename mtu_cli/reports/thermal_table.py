@@ -29,6 +29,8 @@ POSITIONS = 6
 WITH_U = 4
 """Positions beside which the gradients' uncertainties find room."""
 DEGREES = 6
+NO_LAG = "lagged, no lag found"
+"""The model of who asked for lags, where none is worth it."""
 SENSOR_LEGEND = (
     "± is one standard uncertainty; its part: root mean square of what the sensor adds to the "
     "modelled drift (parts of sensors that move together may cancel); lag: time constant; VIF: how "
@@ -55,7 +57,7 @@ def _summary(fit: ThermalFit, items: Sequence[ComponentDrift]) -> Sheet:
     columns = [
         Column(title="component\n", text=True, folds=True),
         Column(title="unit\n", text=True),
-        Column(title="model\n", text=True),
+        Column(title="model\n", text=True, folds=True),
         Column(title="degree\n"),
         Column(title="sensors\n", text=True, folds=True),
         Column(title="fitted rms\nwithout → with"),
@@ -75,6 +77,12 @@ def _summary(fit: ThermalFit, items: Sequence[ComponentDrift]) -> Sheet:
             grouped.setdefault(nothing_held_out(item), []).append(item.name)
     notes += [f"{listed(names, 12)}: no held-out figure: {why}" for why, names in grouped.items()]
     notes += _in_blocks(items)
+    lagless = [item.name for item in items if item.without_lag]
+    if lagless:
+        notes.append(
+            f"{listed(lagless, 12)}: {NO_LAG}: none lowers the held-out error enough, so that the "
+            "model is ridge (its name in the report)"
+        )
     without = [item.name for item in items if not item.estimate.sensors]
     if without:
         notes.append(f"{listed(without, 12)}: no sensor explains the drift")
@@ -106,7 +114,13 @@ def _summary_row(item: ComponentDrift) -> list[str]:
     if names:
         more = ", ..." if len(names) > IMPORTANT else ""
         sensors += f": {', '.join(_short(name) for name in names[:IMPORTANT])}{more}"
-    row = [item.name, unit, item.model, str(item.estimate.degree), sensors]
+    row = [
+        item.name,
+        unit,
+        NO_LAG if item.without_lag else item.model,
+        str(item.estimate.degree),
+        sensors,
+    ]
     row.append(change(item.rms_before, item.rms_after, size))
     found = item.held_out
     if found is None:
@@ -146,6 +160,11 @@ def _candidates(items: Sequence[ComponentDrift]) -> Sheet:
         "root mean square over cycles held out of fit and choice; * chosen, on the scores within "
         "the other cycles: it need not be the smallest here; -: not tried in every fold"
     ]
+    if any("" in row[3:] for row in rows):
+        notes[0] += (
+            "; empty: not tried (lags are sought only at the degrees that suit them best; the "
+            "highest degree is the number of positions less one)"
+        )
     if len(degrees) > DEGREES:
         notes.append(f"degrees above {degrees[DEGREES - 1]}: -o FILE")
     return Sheet(title="Models tried", columns=columns, rows=rows, notes=notes)
@@ -153,7 +172,8 @@ def _candidates(items: Sequence[ComponentDrift]) -> Sheet:
 
 def _candidate(item: ComponentDrift, model: str, degree: int) -> str:
     tried = [x for x in item.candidates if (x.model, x.degree) == (model, degree)]
-    chosen = (item.model, item.estimate.degree) == (model, degree)
+    kind = "lagged" if item.without_lag else item.model
+    chosen = (kind, item.estimate.degree) == (model, degree)
     size = shown_in(item.unit)[1]
     shown = [MISSING if x.held_out is None else significant(x.held_out / size, 3) for x in tried]
     return ", ".join(shown) + ("*" if chosen and shown else "")

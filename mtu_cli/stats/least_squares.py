@@ -168,3 +168,8 @@ def _orthogonalised(
 def _length(columns: FloatArray) -> FloatArray:
     found: FloatArray = np.sqrt(np.einsum("...nm,...nm->...m", columns, columns))
     return found
+
+
+def polynomial(position: FloatArray, degree: int) -> FloatArray:
+    """Design rows [1, p, ..., p^degree], shape (n, degree + 1)."""
+    return np.vander(position, degree + 1, increasing=True)

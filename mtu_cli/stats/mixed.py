@@ -5,10 +5,10 @@ The model of one error component read in G passes is
     y_gi = x_i' b + z_i' d_g + e_gi,    d_g ~ N(0, D),    e_gi ~ N(0, s_repeat^2),
 
 with x = [1, p, p^2, ...] and z = [1, p - c], c the mean position. D is the pass-to-pass
-covariance, s_repeat the repeatability. It is estimated from mean squares, whose
-distributions are known exactly on a balanced design: within passes (nu_w degrees of
-freedom) and between the passes' own coefficients (nu_b). See Searle, Casella & McCulloch,
-Variance Components (1992), ch. 4, for the moment equations.
+covariance, K that of the two passes of a run there and back, s_repeat the repeatability. They
+are estimated from mean squares, whose distributions are known exactly on a balanced design:
+within passes (nu_w degrees of freedom) and between the passes' own coefficients (nu_b). See
+Searle, Casella & McCulloch, Variance Components (1992), ch. 4, for the moment equations.
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.least_squares import LeastSquares, least_squares
+from mtu_cli.stats.least_squares import LeastSquares, least_squares, polynomial
+from mtu_cli.stats.pass_design import PassDesign, pass_design
 from mtu_cli.stats.pass_lines import between_passes, own_lines
+from mtu_cli.stats.pass_pairs import covariance_in_runs, half_differences
 from mtu_cli.stats.positive_part import positive_part
 
 FloatArray = NDArray[np.float64]
@@ -29,8 +31,6 @@ ROUNDING = 1e-12
 """Share of the terms of a sum below which it is what rounding left of them."""
 FEW_PASSES = 3
 """Below so many degrees of freedom between passes D is never taken as negative."""
-OWN_SLOPE_SPAN = 0.3
-"""A pass over less than this share of the measured range has no slope of its own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,9 +42,12 @@ class PassFit:
     (q, q) the pass-to-pass covariance at `center`, `s2` the repeatability variance. `D_moment`
     is D before its negative part is set to zero, the unbiased moment estimate. `between` (q, q)
     is the mean square of the passes' own coefficients with `pass_dof` degrees of freedom,
-    `within_dof` belongs to `s2`.
+    `within_dof` belongs to `s2`. `pairs` (P, 2) are the passes there and back of P runs, of which
+    `half_differences` (q, q) is the mean square S_h (see `pass_pairs`), None of fewer than two:
+    the units that were repeated are then the runs.
     `pass_coefficients` (G, q) are the passes' own intercepts (at the centre) and slopes,
-    `deviations` (G, q) the same less their mean by direction. `separated` is False where the
+    `deviations` (G, q) the same less their mean by direction, `divisor` what the sum of their
+    squares is divided by for `between`. `separated` is False where the
     data cannot tell D from s2.
     `pooled_rss` with `pooled_dof` is the residual sum of squares of one line a direction.
     """
@@ -64,6 +67,9 @@ class PassFit:
     group_direction: FloatArray
     pass_coefficients: FloatArray
     deviations: FloatArray
+    divisor: int
+    pairs: IntArray
+    half_differences: FloatArray | None
     pooled_rss: float
     pooled_dof: int
 
@@ -73,22 +79,19 @@ class PassFit:
         return len(self.groups)
 
 
-def polynomial(position: FloatArray, degree: int) -> FloatArray:
-    """Design rows [1, p, ..., p^degree], shape (n, degree + 1)."""
-    return np.vander(position, degree + 1, increasing=True)
-
-
 def fit_passes(
     y: FloatArray,
     position: FloatArray,
     degree: int,
     group: IntArray | None = None,
     direction: FloatArray | None = None,
+    runs: IntArray | None = None,
 ) -> PassFit:
     """Fits one component; all arrays are (n,), in internal units and mm.
 
     `group` is the pass of each reading (None: passes are not known), `direction` is +1, -1
-    or 0 (not given) and constant within a pass. With three passes or more direction is a
+    or 0 (not given), `runs` the run there and back that it is of (None: all passes are
+    independent); both are constant within a pass. With three passes or more direction is a
     fixed effect of their coefficients, so that reversal does not enter D. Without an axis,
     give degree 0. Where the passes differ in what no pass determines by itself (single
     readings along an axis), D is not separated.
@@ -97,76 +100,17 @@ def fit_passes(
     center = float(position.mean())
     if group is None:
         return _single(plain, center)
-    design = _pass_design(position, center, degree, group, direction)
+    design = pass_design(position, center, degree, group, direction, runs)
     found = _separated(y, design, plain, center) if design.dof_between > 0 else None
     return _single(plain, center, design) if found is None else found
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _PassDesign:
-    """Columns X (n, k) and Z (n, q) of all readings, and the passes that tell of all of Z.
-
-    Passes that broke off early have no slope of their own: they count in the coefficients
-    and their covariance, but say nothing of how slopes scatter. `codes` (n,) are the passes of
-    all readings, `rows` (n,) the readings of passes that tell; `own` (rows,) number those
-    passes, `ids` and `sign` (G,) are theirs, `fixed` (G, 1 or 2) the columns of direction.
-    """
-
-    X: FloatArray
-    Z: FloatArray
-    codes: IntArray
-    rows: NDArray[np.bool_]
-    own: IntArray
-    ids: IntArray
-    sign: FloatArray
-    fixed: FloatArray
-
-    @property
-    def dof_between(self) -> int:
-        """Degrees of freedom of the scatter between the passes that tell."""
-        return len(self.ids) - int(self.fixed.shape[1])
-
-    @property
-    def common(self) -> FloatArray:
-        """Powers (rows,) that all passes have in common, of the readings of those that tell."""
-        columns: FloatArray = self.X[self.rows, self.Z.shape[1] :]
-        return columns
-
-
-def _pass_design(
-    position: FloatArray,
-    center: float,
-    degree: int,
-    group: IntArray,
-    direction: FloatArray | None,
-) -> _PassDesign:
-    ids, codes = np.unique(group, return_inverse=True)
-    q, whole = _random_columns(position, codes, len(ids), degree)
-    rows = whole[codes]
-    own = (np.cumsum(whole) - 1)[codes[rows]]
-    ids = ids[whole]
-    sign = np.zeros(len(ids))
-    if direction is not None:
-        sign[own] = direction[rows]
-    return _PassDesign(
-        X=polynomial(position, degree),
-        Z=polynomial(position - center, q - 1),
-        codes=codes,
-        rows=rows,
-        own=own,
-        ids=ids.astype(np.int64),
-        sign=sign,
-        fixed=_direction_columns(sign),
-    )
-
-
 def _separated(
-    y: FloatArray, design: _PassDesign, plain: LeastSquares, center: float
+    y: FloatArray, design: PassDesign, plain: LeastSquares, center: float
 ) -> PassFit | None:
     """Pass-to-pass scatter told from repeatability; None where the readings cannot."""
-    stage = own_lines(
-        y[design.rows], design.Z[design.rows], design.common, design.own, len(design.ids)
-    )
+    rows, G = design.rows, len(design.ids)
+    stage = own_lines(y[rows], design.Z[rows], design.common, design.own, G)
     found = between_passes(stage, design.fixed)
     if found is None:
         return None
@@ -174,12 +118,13 @@ def _separated(
     D = positive_part(between, of_repeatability, stage.s2)
     # Two or three passes may agree by chance far better than repeatability allows; the
     # coefficients are then no surer than repeatability alone would leave them.
-    few = design.dof_between < FEW_PASSES
-    moment = D if few else between - stage.s2 * of_repeatability
+    within = stage.s2 * of_repeatability
+    moment = D if design.dof_between < FEW_PASSES else between - within
+    K = covariance_in_runs(deviations, design.pairs, between)
     pooled = _line_a_direction(y, design)
     return PassFit(
         plain=plain,
-        covariance=_coefficient_covariance(plain, design, stage.s2, (moment, D)),
+        covariance=_coefficient_covariance(plain, design, stage.s2, (moment, D), K),
         center=center,
         s2=stage.s2,
         D=D,
@@ -193,18 +138,21 @@ def _separated(
         group_direction=design.sign,
         pass_coefficients=stage.coefficients,
         deviations=deviations,
+        divisor=G - design.fixed.shape[1],
+        pairs=design.pairs,
+        half_differences=half_differences(moment + within, K, design.pairs, G),
         pooled_rss=pooled.rss,
         pooled_dof=pooled.dof,
     )
 
 
-def _line_a_direction(y: FloatArray, design: _PassDesign) -> LeastSquares:
+def _line_a_direction(y: FloatArray, design: PassDesign) -> LeastSquares:
     """The fit that takes all passes of one direction as one."""
     lines = [design.Z[design.rows] * column[design.own, None] for column in design.fixed.T]
     return least_squares(np.column_stack([*lines, design.common]), y[design.rows])
 
 
-def _single(plain: LeastSquares, center: float, design: _PassDesign | None = None) -> PassFit:
+def _single(plain: LeastSquares, center: float, design: PassDesign | None = None) -> PassFit:
     """One pass, or none known: all scatter counts as repeatability."""
     q = min(2, len(plain.coefficients))
     empty = np.zeros((0, q))
@@ -224,40 +172,25 @@ def _single(plain: LeastSquares, center: float, design: _PassDesign | None = Non
         group_direction=np.zeros(0) if design is None else design.sign,
         pass_coefficients=empty,
         deviations=empty,
+        divisor=0,
+        pairs=np.zeros((0, 2), np.int64),
+        half_differences=None,
         pooled_rss=plain.rss,
         pooled_dof=plain.dof,
     )
 
 
-def _random_columns(
-    position: FloatArray, codes: IntArray, G: int, degree: int
-) -> tuple[int, NDArray[np.bool_]]:
-    """Random columns q, and which passes (G,) can tell of them.
-
-    Intercept and slope where most passes, three or more, span enough of the range.
-    """
-    low, high = np.full(G, np.inf), np.full(G, -np.inf)
-    np.minimum.at(low, codes, position)
-    np.maximum.at(high, codes, position)
-    spans = high - low > OWN_SLOPE_SPAN * float(np.ptp(position))
-    if degree >= 1 and (spans.all() or (spans.sum() >= 3 and spans.mean() > 0.5)):
-        return 2, spans
-    return 1, np.ones(G, bool)
-
-
-def _direction_columns(sign: FloatArray) -> FloatArray:
-    """Fixed columns of the passes: 1, and +-1/2 by direction where both were read."""
-    ones = np.ones((len(sign), 1))
-    both = (sign > 0).any() and (sign < 0).any()
-    return np.column_stack([ones, sign / 2]) if both and len(sign) > 2 else ones
-
-
 def _coefficient_covariance(
-    plain: LeastSquares, design: _PassDesign, s2: float, choices: tuple[FloatArray, FloatArray]
+    plain: LeastSquares,
+    design: PassDesign,
+    s2: float,
+    choices: tuple[FloatArray, FloatArray],
+    K: FloatArray,
 ) -> FloatArray:
-    """Covariance of plain least squares under V = s2 I + Z D Z' by pass.
+    """Covariance of plain least squares under V = s2 I + Z D Z' by pass, Z K Z' within a run.
 
-    (X'X)^-1 X' V X (X'X)^-1; on a balanced design this is the between mean square over G.
+    (X'X)^-1 X' V X (X'X)^-1; on a balanced design this is the between mean square over G, or that
+    of the runs' means over their number.
     The first choice, the unclipped D, keeps it unbiased; the second, the clipped one, stands
     in only where the result is not a covariance.
     """
@@ -268,8 +201,10 @@ def _coefficient_covariance(
         for other in range(Z.shape[1]):
             cross[:, column, other] = np.bincount(codes, X[:, column] * Z[:, other])
     A = inverse @ cross
+    there, back = A[design.all_pairs.T]
+    of_runs = 2 * np.einsum("gij,jk,glk->il", there, K, back)
     for D in choices:
-        total: FloatArray = s2 * inverse + np.einsum("gij,jk,glk->il", A, D, A)
+        total: FloatArray = s2 * inverse + np.einsum("gij,jk,glk->il", A, D, A) + of_runs
         total = (total + total.T) / 2
         sizes = s2 * np.diag(inverse) + np.einsum("gij,jk,gik->i", *map(np.abs, (A, D, A)))
         # What the passes do not scatter in is 0, not the rounding of sums that cancel.

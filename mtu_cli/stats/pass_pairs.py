@@ -1,75 +1,77 @@
-"""Passes there and back: whether both directions of a run scatter alike.
+"""Passes there and back: what the two passes of one run share.
 
-What the two passes of one run have in common is what they have not to do with the direction: the
-axis was as warm both times. With forward coefficients f_r and reverse ones g_r of P runs,
+The axis is as warm on its way back as it was on its way there. With f_r there and g_r back, the
+deviations of level and slope of run r = 1 .. P from the mean of their direction,
 
-    m_r = (f_r + g_r)/2,    h_r = (f_r - g_r)/2,
+    m_r = (f_r + g_r)/2,    h_r = (f_r - g_r)/2
 
-m and h are uncorrelated, and of one variance where nothing is shared; h holds the reversal.
+have mean squares S_m and S_h of P - 1 degrees of freedom each, which are independent. Then
+S = S_m + S_h is the mean square of single passes, K = S_m - S_h the covariance of the two of a
+run, S_m/P that of the mean of all, whose passes are independent only where K = 0 (the split-plot
+analysis with runs as whole plots: Box, Hunter & Hunter, Statistics for Experimenters, 9.1).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from numpy.typing import NDArray
 
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import IntArray, PassFit
-from mtu_cli.stats.pass_tests import FTest, f_test
+from mtu_cli.stats.positive_part import positive_part
 
-FEWEST_RUNS = 3
-"""Two runs may agree by chance in anything."""
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+FEWEST_RUNS = 2
+"""One run has nothing to differ from."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SharedScatter:
-    """p that passes there and back differ from others alike by chance, by `test` of level or slope.
+def pairs_of(runs: IntArray, sign: FloatArray) -> IntArray:
+    """(P, 2) the pass there and the pass back of every run that has one of each.
 
-    `understated`: u of the mean of all passes is so many times that of independent ones, by the
-    larger of level and slope, and sqrt(2) where all is shared.
+    `runs` (G,) number the run of each pass, `sign` (G,) is its direction; of several passes one
+    way the last there and the first back are taken.
     """
-
-    test: FTest
-    p: float
-    understated: float
-
-
-def shared_scatter(fit: PassFit, runs: IntArray) -> SharedScatter | None:
-    """Do both directions of a run differ alike from other runs? None where that cannot be told.
-
-    `runs` (G,) number the run of each pass of `fit`; those read one way only do not count.
-    F = var(m)/var(h) with P - 1 and P - 1 degrees of freedom, that of blocks in a two-way analysis
-    of variance with runs as blocks and the directions as treatments (Box, Hunter & Hunter,
-    Statistics for Experimenters, 4.2); of level and slope that which has the smaller p, times
-    their number.
-    """
-    halves = _halves(fit, runs)
-    if halves is None:
-        return None
-    df = len(halves[0]) - 1
-    of_mean, of_half = (np.var(part, axis=0, ddof=1) for part in halves)
-    tests = [f_test(float(a), float(b), df, df) for a, b in zip(of_mean, of_half, strict=True)]
-    told = [test for test in tests if test is not None]
-    if not told:
-        return None
-    best = min(told, key=lambda test: test.p)
-    # Each way is m + h or m - h: taken as independent, their mean has half of var(m) + var(h).
-    of_pass = of_mean + of_half
-    share = np.divide(of_mean, of_pass, out=np.full_like(of_pass, 0.5), where=of_pass > 0)
-    understated = float(np.sqrt(2 * share.max()))
-    return SharedScatter(test=best, p=min(1.0, len(told) * best.p), understated=understated)
-
-
-def _halves(fit: PassFit, runs: IntArray) -> tuple[FloatArray, FloatArray] | None:
-    """m and h (P, q) of the runs read once there and once back; None of too few."""
-    if not fit.separated:
-        return None
-    sign = fit.group_direction
     order = np.lexsort([-sign, runs])
     first, second = order[:-1], order[1:]
-    pairs = (runs[first] == runs[second]) & (sign[first] > 0) & (sign[second] < 0)
-    if pairs.sum() < FEWEST_RUNS:
+    both = (runs[first] == runs[second]) & (sign[first] > 0) & (sign[second] < 0)
+    found: IntArray = np.column_stack([first[both], second[both]]).astype(np.int64)
+    return found
+
+
+def units_dof(G: int, pairs: IntArray, columns: int) -> int:
+    """Degrees of freedom between G passes less `columns` of directions, runs being the units."""
+    if len(pairs) < FEWEST_RUNS:
+        return G - columns
+    return min(G - columns, G - len(pairs) - 1)
+
+
+def covariance_in_runs(deviations: FloatArray, pairs: IntArray, between: FloatArray) -> FloatArray:
+    """K (q, q), the covariance of the passes there and back of a run, from their `deviations`
+    (G, q) and the mean square S = `between` of all; 0 of fewer than two runs.
+
+    Where some passes have no fellow S is not of the same passes: K then stays within -S and S.
+    """
+    q = deviations.shape[1]
+    if len(pairs) < FEWEST_RUNS:
+        return np.zeros((q, q))
+    there, back = (own - own.mean(axis=0) for own in (deviations[way] for way in pairs.T))
+    product = there.T @ back / (len(pairs) - 1)
+    K: FloatArray = (product + product.T) / 2
+    if 2 * len(pairs) == len(deviations):
+        return K
+    if not np.diag(between).all():
+        return np.zeros((q, q))
+    K = 2 * positive_part((between + K) / 2, between) - between
+    less: FloatArray = 2 * positive_part((between - K) / 2, between)
+    return between - less
+
+
+def half_differences(S: FloatArray, K: FloatArray, pairs: IntArray, G: int) -> FloatArray | None:
+    """S_h (q, q) of the mean square S between G passes; None of fewer than two runs.
+
+    Passes without a fellow have no covariance: over all of them it is so much less.
+    """
+    if len(pairs) < FEWEST_RUNS:
         return None
-    there, back = fit.pass_coefficients[first[pairs]], fit.pass_coefficients[second[pairs]]
-    return (there + back) / 2, (there - back) / 2
+    found: FloatArray = (S - 2 * len(pairs) / G * K) / 2
+    return found

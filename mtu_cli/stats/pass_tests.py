@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.mixed import IntArray, PassFit, polynomial
+from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
+from mtu_cli.stats.mixed import IntArray, PassFit
 from mtu_cli.stats.pass_lines import ROUNDING, lines_by_pass
+from mtu_cli.stats.pass_pairs import FEWEST_RUNS
 
 MAX_POSITIONS = 400
 """More distinct positions than this count as a continuous run, without replicates."""
@@ -72,36 +73,65 @@ def pass_trend(fit: PassFit, order: FloatArray) -> Shift | None:
     """Drift a pass of the level at the mean position, direction taken out.
 
     `order` (G,) is the sequence of the passes in time. A trend means that passes are not
-    exchangeable, which D and every interval built on it assume.
+    exchangeable, which D and every interval built on it assume. Passes there and back of a run
+    are one unit, their mean.
     """
     if not fit.separated or fit.pass_dof < 2:
         return None
-    level = fit.deviations[:, 0]
-    columns = [np.ones(len(order))]
-    if (fit.group_direction > 0).any() and (fit.group_direction < 0).any():
-        columns.append(fit.group_direction)
-    ranks = np.argsort(np.argsort(order, kind="stable"), kind="stable").astype(float)
-    columns.append(ranks - ranks.mean())
-    line = least_squares(np.column_stack(columns), level)
-    if line.rank < len(columns) or line.dof < 1:
+    unit = np.arange(fit.n_passes)
+    if len(fit.pairs) >= FEWEST_RUNS:
+        unit[fit.pairs[:, 1]] = fit.pairs[:, 0]
+    unit = np.unique(unit, return_inverse=True)[1]
+    columns = np.column_stack([fit.deviations[:, 0], fit.group_direction, _ranks(order)])
+    means = lines_by_pass(columns, np.ones((len(unit), 1)), unit, int(unit.max()) + 1)[0][:, 0]
+    level, sign, rank = means.T
+    fixed = [np.ones(len(level)), *([sign] if np.ptp(sign) > 0 else [])]
+    line = least_squares(np.column_stack([*fixed, rank - rank.mean()]), level)
+    if line.rank < len(line.coefficients) or line.dof < 1:
         return None
     u = float(np.sqrt(line.s2 * line.unscaled_covariance[-1, -1]))
     return _shift(float(line.coefficients[-1]), u, line.dof)
 
 
-def reversal(fit: PassFit) -> Shift | None:
+def _ranks(order: FloatArray) -> FloatArray:
+    return np.argsort(np.argsort(order, kind="stable"), kind="stable").astype(np.float64)
+
+
+def reversal(fit: PassFit, order: FloatArray) -> Shift | None:
     """Mean reversal value (forward minus reverse, ISO 230-2) at the mean position.
 
-    Judged against pass-to-pass scatter: the passes are the units that were repeated. None
-    with two passes, whose only difference is the reversal itself.
+    Of runs there and back it is the mean of their own differences 2 h_r, less what a steady drift
+    b of the runs' means m_r makes of them, whose passes are d apart in `order` (G,):
+
+        2 h + b d,    u^2 = 4 S_h/P + d^2 S_m/sum (t_r - t)^2,    P - 1 degrees of freedom,
+
+    where S_m holds the drift itself: of runs that share all their scatter u is too large.
+    Without runs it is judged against pass-to-pass scatter: the passes are the units that were
+    repeated. None with two passes, whose only difference is the reversal itself.
     """
     forward, reverse = fit.group_direction > 0, fit.group_direction < 0
     if not fit.separated or not forward.any() or not reverse.any() or fit.n_passes < 3:
         return None
     level = fit.pass_coefficients[:, 0]
+    if len(fit.pairs) >= FEWEST_RUNS:
+        return _reversal_of_runs(level[fit.pairs], _ranks(order)[fit.pairs])
     value = float(level[forward].mean() - level[reverse].mean())
     count = 1 / forward.sum() + 1 / reverse.sum()
     return _shift(value, float(np.sqrt(fit.between[0, 0] * count)), fit.pass_dof)
+
+
+def _reversal_of_runs(level: FloatArray, rank: FloatArray) -> Shift | None:
+    """From levels and places in time (P, 2) of the passes there and back."""
+    P = len(level)
+    mean, time = level.mean(axis=1), rank.mean(axis=1) - rank.mean()
+    twice = level[:, 0] - level[:, 1]
+    spread = float(time @ time)
+    apart = float(np.mean(rank[:, 1] - rank[:, 0]))
+    drift, of_drift = 0.0, 0.0
+    if spread > 0:
+        drift, of_drift = float(time @ mean) / spread, float(np.var(mean, ddof=1)) / spread
+    u2 = float(np.var(twice, ddof=1)) / P + apart**2 * of_drift
+    return _shift(float(twice.mean()) + drift * apart, float(np.sqrt(u2)), P - 1)
 
 
 def lack_of_fit(

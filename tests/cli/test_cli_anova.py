@@ -120,7 +120,7 @@ def test_a_study_names_its_files(measured: Path, tmp_path: Path) -> None:
 def test_without_a_part_file_the_nominals_come_from_the_csv(measured: Path, tmp_path: Path) -> None:
     one = mtu("anova", "--cmm", measured)
     assert one.returncode == 2
-    assert "row 4, column 'feature': no nominal place is known for the feature: '1'" in one.stderr
+    assert "row 4, column 'feature': no nominal place is known of 24 features: 1" in one.stderr
     plate = tmp_path / "plate.csv"
     plate.write_text(
         "part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,diameter_mm\n"

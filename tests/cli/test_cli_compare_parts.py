@@ -23,6 +23,16 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Rows:
     return rows_of(path.read_text())
 
 
+@pytest.fixture(scope="module")
+def well_known(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small study with its machine read in seven runs: three tell little of scatter."""
+    work = prepared(tmp_path_factory.mktemp("known"))
+    done(mtu("simulate", SMALL, "--seed", 7, "--passes", 7, "--positions", "0:200:5",
+             "--write-lbb", work / "more.csv", "-q"))  # fmt: skip
+    (work / "more.csv").replace(work / "lbb.csv")
+    return work
+
+
 def moved(rows: Rows, shift_mm: Callable[[dict[str, str]], float]) -> Rows:
     return [row | {"x_mm": repr(float(row["x_mm"]) + shift_mm(row))} for row in rows]
 
@@ -34,12 +44,24 @@ GATED: dict[str, Callable[[dict[str, str]], float]] = {
 
 
 @pytest.mark.parametrize("kind", GATED)
-def test_a_gate_is_met_by_what_it_names_alone(parts: Rows, kind: str, tmp_path: Path) -> None:
+def test_a_gate_is_met_by_what_it_names_alone(
+    parts: Rows, well_known: Path, kind: str, tmp_path: Path
+) -> None:
     """50 um in x alone, the same for all parts or to and fro: y stays as it was foretold."""
     path = write(tmp_path / "cmm.csv", moved(parts, GATED[kind]))
     for gate in GATED:
         met = kind == gate
-        call = ("compare", SMALL, "--cmm", path, "--fail-if", gate, "-q", "-o", tmp_path / gate)
+        call = (
+            "compare",
+            well_known,
+            "--cmm",
+            path,
+            "--fail-if",
+            gate,
+            "-q",
+            "-o",
+            tmp_path / gate,
+        )
         result = done(mtu(*call), 3 if met else 0)
         assert result.stderr.startswith(f"mtu: gate {gate}: A x, B x, ") == met
         assert met or result.stderr == ""
@@ -62,9 +84,11 @@ def test_numbered_repeats_beside_others_in_either_order(parts: Rows, tmp_path: P
         assert (one["measured"]["parts"], one["measured"]["n"]) == (8, 32)
 
 
-def test_parts_without_z_are_turned_without_a_murmur(parts: Rows, tmp_path: Path) -> None:
+def test_parts_without_z_are_turned_without_a_murmur(
+    parts: Rows, well_known: Path, tmp_path: Path
+) -> None:
     path = write(tmp_path / "cmm.csv", parts)
-    call = ("compare", SMALL, "--cmm", path, "--datum", "offset,rotation", "-q")
+    call = ("compare", well_known, "--cmm", path, "--datum", "offset,rotation", "-q")
     assert done(mtu(*call)).stderr == ""
 
 
@@ -118,22 +142,22 @@ def test_nothing_in_common_with_the_machine_is_refused(parts: Rows, tmp_path: Pa
 
 
 def test_one_part_is_judged_and_meets_both_gates_where_it_is_off(
-    parts: Rows, tmp_path: Path
+    parts: Rows, well_known: Path, tmp_path: Path
 ) -> None:
     """50 um of one part: bias or scatter, nobody can say."""
     one = [row for row in parts if row["part"] == "1"]
     calm = write(tmp_path / "calm.csv", one)
     off = write(tmp_path / "off.csv", moved(one, lambda _: 0.05))
     for gate in GATED:
-        done(mtu("compare", SMALL, "--cmm", calm, "--fail-if", gate, "-q"))
-        met = done(mtu("compare", SMALL, "--cmm", off, "--fail-if", gate, "-q"), 3)
+        done(mtu("compare", well_known, "--cmm", calm, "--fail-if", gate, "-q"))
+        met = done(mtu("compare", well_known, "--cmm", off, "--fail-if", gate, "-q"), 3)
         assert met.stderr.splitlines()[-1].startswith(f"mtu: gate {gate}: A x, B x, C x, ")
-    result = done(mtu("compare", SMALL, "--cmm", off))
+    result = done(mtu("compare", well_known, "--cmm", off))
     text = " ".join(result.stdout.split())
     assert "inconsistent: the mean is off by" in text
     assert "bias or scatter: too few parts to tell (5 of 10)" in text
     assert "[one-part]" in result.stderr
-    found = report("compare", SMALL, "--cmm", off)["results"]
+    found = report("compare", well_known, "--cmm", off)["results"]
     x = [item for item in found["features"] if item["axis"] == "x"]
     assert {item["verdict"] for item in x} == {"inconsistent"}
     assert {item["biased"] for item in x} == {None}
@@ -151,8 +175,10 @@ def test_a_gate_that_nothing_can_be_tested_for_is_refused(parts: Rows, tmp_path:
     assert found["results"]["summary"]["features"][0]["verdict_text"] == "features: not tested"
 
 
-def test_names_in_any_script_are_drawn_in_silence(parts: Rows, tmp_path: Path) -> None:
-    work = prepared(tmp_path / "work")
+def test_names_in_any_script_are_drawn_in_silence(
+    parts: Rows, well_known: Path, tmp_path: Path
+) -> None:
+    work = prepared(tmp_path / "work", well_known)
     text = (work / "part.yaml").read_text()
     for old, new in (("A: {", "\u7a74: {"), ("[A,", "[\u7a74,"), ("from: A,", "from: \u7a74,")):
         text = text.replace(old, new)

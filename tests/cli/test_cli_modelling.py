@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -106,3 +107,41 @@ def test_coefficients_are_asked_about_where_nothing_wins_over_them(work: Path) -
     assert large("fit-components", lbb=rest)
     assert large("lengths", components=report)
     assert large("close-loop", lbb=rest, components=report)
+
+
+def drifting(path: Path) -> None:
+    """Six passes of dx_x there and back in place of its own, 10 um further each."""
+    lines = [x for x in path.read_text().splitlines() if x[:4] not in ("dx_x", "# --", "# Sy")]
+    for number in range(1, 7):
+        for way, sign in (("forward", 1), ("reverse", -1)):
+            for place in (0, 50, 100, 150, 200):
+                error = 10 * number + 0.1 * sign * (place * number % 7)
+                lines.append(f"dx_x,{place},{number},{way},{error},um")
+    path.write_text("\n".join(lines) + "\n")
+
+
+def told(code: str, **files: object) -> list[str]:
+    """What lengths, or any prediction, says of a code."""
+    inputs = Inputs(Options("lengths", {"machine": Path("machine.yaml"), **files}))
+    return [item.message for item in modelled(inputs).warnings if item.code == code]
+
+
+def test_what_limits_u_comes_with_predictions_too(work: Path) -> None:
+    """From readings and from a report of their fit alike, of what the equations use."""
+    readings, report = {"lbb": [Path("lbb.csv")]}, {"components": [Path("c.json")]}
+    assert told("passes-drift", **readings) == []
+    drifting(work / "lbb.csv")
+    assert large("fit-components", "passes-drift", **readings)
+    (own,) = told("passes-drift", **readings)
+    assert own.startswith("dx_x drifts by ")
+    assert told("passes-drift", **report) == [f"c.json: {own}"]
+    # A report that says it twice, and what is no warning of a fit.
+    document = json.loads((work / "c.json").read_text())
+    for entry in ({}, "drift", {"code": 1, "message": None}, *document["warnings"]):
+        document["warnings"].append(entry)
+    (work / "c.json").write_text(json.dumps(document))
+    assert told("passes-drift", **report) == [f"c.json: {own}"]
+    (work / "c.json").write_text(json.dumps(document | {"warnings": None}))
+    assert told("passes-drift", **report) == []
+    edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
+    assert told("passes-drift", **readings) == []

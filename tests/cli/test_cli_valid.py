@@ -131,7 +131,8 @@ def test_options_win_over_the_study(tmp_path: Path) -> None:
     assert [item["id"] for item in found["results"]["lengths"]] == ["A-B", "A-E"]
     assert own["settings"] | {"coverage_factor": 3.0, "seed": 5} == found["settings"]
     before, after = own["results"]["lengths"][1], found["results"]["lengths"][1]
-    assert after["U_um"] == 3 * after["u_um"]
+    # Both are rounded once from millimetres.
+    assert after["U_um"] == pytest.approx(3 * after["u_um"], rel=1e-15)
     assert (before["u_um"], before["error_um"]) == (after["u_um"], after["error_um"])
 
 

@@ -4,16 +4,19 @@ from collections.abc import Iterable, Sequence
 
 import pytest
 
+from mtu_cli.cli.execute import warning_lines
 from mtu_cli.errors import (
     SHOWN_PROBLEMS,
     InputError,
     MtuError,
     Problem,
     closest,
+    cut_names,
     did_you_mean,
     fault,
     shorten,
 )
+from mtu_cli.model.settings import Warned
 
 
 @pytest.mark.parametrize(
@@ -152,3 +155,16 @@ def test_did_you_mean() -> None:
     assert did_you_mean("qqq", ["dx_x", "ez_y"]) == "one of: dx_x, ez_y"
     assert did_you_mean("qqq", many) == "one of: " + ", ".join(many[:12]) + ", ..."
     assert did_you_mean("qqq", []) == "none is known here"
+
+
+def test_long_names_are_cut_and_what_stands_around_them_is_kept() -> None:
+    text = f"part '{'z' * 100_000}' was not measured at P1; see {'a' * 250}.csv"
+    assert cut_names(text) == f"part '{'z' * 57}...' was not measured at P1; see {'a' * 250}.csv"
+    assert cut_names("many short words " * 100) == "many short words " * 100
+
+
+def test_a_warning_of_a_part_with_a_long_name_stays_short() -> None:
+    (line,) = warning_lines(
+        [Warned(code="empty-cells", message=f"part '{'z' * 100_000}' is short")]
+    )
+    assert line == f"warning: part '{'z' * 57}...' is short [empty-cells]"

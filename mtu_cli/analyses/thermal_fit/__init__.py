@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.choice import choose, group_shares
+from mtu_cli.analyses.thermal_fit.choice import choose, group_shares, lags_sought
 from mtu_cli.analyses.thermal_fit.columns import Library, Rows, library
 from mtu_cli.analyses.thermal_fit.enough import check_fitted, check_least
 from mtu_cli.analyses.thermal_fit.evidence import (
@@ -143,6 +143,7 @@ def _component(
         at_positions=_gradients(lib, model),
         intercepts=tuple((lib.positions[p], a) for p, a in found.intercepts.items()),
         curves=_curves(lib, rest),
+        without_lag=method == "lagged" and lags_sought(lib) and not any(spec.lags),
     )
     return drift, rest
 

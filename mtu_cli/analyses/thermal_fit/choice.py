@@ -119,6 +119,11 @@ def choose(lib: Library, blocks: Blocks, method: str) -> tuple[Scored, tuple[Sco
     return _simplest([item for item in tried if item.kind == best.kind], folds), tuple(tried)
 
 
+def lags_sought(lib: Library) -> bool:
+    """Whether there are lags to choose from, and cycles to choose them by."""
+    return bool(lib.groups) and len(lib.time_constants) > 1 and len(lib.blocks) > 1
+
+
 def ordinary(lib: Library) -> Spec:
     """Ordinary least squares on all sensors, at every position apart."""
     return Spec(kind="ridge", degree=lib.most_degree, lags=(0,) * len(lib.groups))

@@ -12,8 +12,7 @@ import numpy as np
 from mtu_cli.analyses.thermal_fit.series import Series
 from mtu_cli.stats.compressed import Compressed, compress, together
 from mtu_cli.stats.lag import lag_of_moments
-from mtu_cli.stats.least_squares import FloatArray, LeastSquares
-from mtu_cli.stats.mixed import polynomial
+from mtu_cli.stats.least_squares import FloatArray, LeastSquares, polynomial
 
 ALIKE = 0.999
 """Correlation from which on two sensors are one to any fit (Valdes et al.)."""

@@ -77,6 +77,7 @@ class ComponentDrift:
     for all; `condition` and `vif` (by sensor, None: infinite) of the standardised sensors of
     the model; `shares` (by sensor) the root mean square of its part of the modelled drift;
     `at_positions` (position, {sensor: mm or rad per degC}) the model at observed positions.
+    `without_lag`: lags were asked for and sought, and none was worth it; the `model` is ridge.
     """
 
     name: str
@@ -100,6 +101,7 @@ class ComponentDrift:
     at_positions: tuple[tuple[float | None, dict[str, float]], ...]
     intercepts: tuple[tuple[float | None, float], ...]
     curves: tuple[Curve, ...]
+    without_lag: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -47,8 +47,7 @@ def component_warnings(
                 "single coefficients are not to be read on their own",
             )
         )
-    if method in ("auto", "lagged") and len(lib.time_constants) < 2:
-        found.append(("no-lags", f"models with lags are not tried: {_no_lags(series)}"))
+    found += _of_lags(series, lib, drift, method)
     if len(drift.positions) == 1 and drift.estimate.of is not None:
         found.append(
             (
@@ -58,10 +57,6 @@ def component_warnings(
             )
         )
     found += _of_reference(drift)
-    if method == "lagged" and len(lib.time_constants) > 1 and len(lib.cycles) < 2:
-        found.append(
-            ("no-lags", "lags are chosen on held-out cycles, and there is one: the model is ridge")
-        )
     found += _of_files(series)
     if not drift.estimate.sensors:
         why = "the readings do not differ, r2 cannot be had: " if series.still else ""
@@ -95,6 +90,25 @@ def _of_files(series: Series) -> Iterator[tuple[str, str]]:
             "cycle-in-two-files",
             f"{what} stands in {' and '.join(sorted(names))} and counts as one warm-up or "
             "cool-down: different ones need different names in the column 'cycle'",
+        )
+
+
+def _of_lags(
+    series: Series, lib: Library, drift: ComponentDrift, method: str
+) -> Iterator[tuple[str, str]]:
+    """Why a model has no lags where they were asked for."""
+    if method in ("auto", "lagged") and len(lib.time_constants) < 2:
+        yield "no-lags", f"models with lags are not tried: {_no_lags(series)}"
+    elif method == "lagged" and len(lib.cycles) < 2:
+        yield (
+            "no-lags",
+            "lags are chosen on held-out cycles, and there is one: the model is ridge",
+        )
+    if drift.without_lag:
+        yield (
+            "no-lag-found",
+            "lagged, but no lag was found: no time constant lowers the held-out error enough, "
+            "the model is ridge on the sensors as they were read",
         )
 
 

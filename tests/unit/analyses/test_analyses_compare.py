@@ -78,11 +78,11 @@ def test_false_alarms_of_few_parts(parts: int) -> None:
     assert alarms / runs < 0.05 + 3.3 * np.sqrt(0.05 * 0.95 / runs)
 
 
-def test_faults_are_found_with_five_passes_and_the_scatter_not_judged_with_two() -> None:
+def test_faults_are_found_with_seven_runs_and_the_scatter_not_judged_with_two() -> None:
     _, truth, part = study()
     off = made(truth, part, 1, offset=0.02)
     loose = made(truth, part, 2, extra=0.04)
-    model = fitted(5, 7)
+    model = fitted(7, 7)
     biased = compare(model, part, off, Settings()).features
     x = [i for i, label in enumerate(biased.labels) if label[2] == "x"]
     assert all(biased.biased[i] for i in x)

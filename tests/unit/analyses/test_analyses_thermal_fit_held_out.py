@@ -169,12 +169,12 @@ def test_false_alarms_where_readings_follow_each_other() -> None:
     assert rate < 0.10 + 4 * np.sqrt(0.1 * 0.9 / draws)
 
 
-def lagged_plan(constants: Sequence[float], seed: int) -> Readings:
-    """Drift of lagged temperatures, 96 readings two minutes apart in each of four cycles."""
+def lagged_plan(constants: Sequence[float], seed: int, cycles: int = 4) -> Readings:
+    """Drift of lagged temperatures, 96 readings two minutes apart in each of the cycles."""
     rng = np.random.default_rng(seed)
     count = len(constants)
     gradients = np.array([2.0, -1.5, 1.0])[:count]
-    plan = Plan(gradients=gradients[None], n=96, cycles=4)
+    plan = Plan(gradients=gradients[None], n=96, cycles=cycles)
     runs = []
     for c, T in enumerate(plan.temperatures(rng)):
         time = plan.time(c)
@@ -218,6 +218,30 @@ def test_no_lag_is_found_where_there_is_none() -> None:
     drift = one(lagged_plan((0.0, 0.0, 0.0), 35), "lagged")
     assert (drift.estimate.time_constants == 0).all()
     assert drift.model == "ridge"
+
+
+@pytest.mark.parametrize(
+    ("method", "lag", "cycles", "told"),
+    [
+        ("lagged", 0.0, 4, True),
+        ("lagged", 0.0, 2, True),
+        ("lagged", 0.0, 1, False),
+        ("lagged", 32.0, 4, False),
+        ("ridge", 0.0, 4, False),
+        ("auto", 0.0, 4, False),
+    ],
+)
+def test_who_asks_for_lags_is_told_that_none_is_found(
+    method: str, lag: float, cycles: int, told: bool
+) -> None:
+    found = lagged_plan((lag,), 35, cycles)
+    result = thermal_fit([found], {"p": ("x", "um")}, reference=REFERENCE, method=method)
+    drift = result.components["p"]
+    assert drift.without_lag is told
+    messages = [item.message for item in result.warnings if item.code == "no-lag-found"]
+    assert len(messages) == told
+    assert all("p: lagged, but no lag was found" in text for text in messages)
+    assert drift.model == ("lagged" if lag else drift.model)
 
 
 def test_cycles_that_each_count_from_0() -> None:

@@ -24,6 +24,18 @@ def faults(text: str) -> list[str]:
     return [str(problem) for problem in raised.value.problems]
 
 
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("uniform", "rectangular"), ("Gaussian", "normal"), ("gauss", "normal"),
+     ("u-shaped", "arcsine"), ("U shaped", "arcsine"), ("arcsin", "arcsine"), ("student", "t"),
+     ("Student's t", "t"), ("triangle", "triangular"), ("uniform distribution", "rectangular"),
+     ("trapezoid", "trapezoidal"), ("Normal", "normal"), ("rectanglar", "rectangular")],
+)  # fmt: skip
+def test_a_distribution_by_another_name(name: str, meant: str) -> None:
+    (found,) = faults(SUM + f'  a: {{value: 1, half_width: 1, distribution: "{name}"}}\n')
+    assert found.endswith(f"unknown value: {name!r}; did you mean {meant!r}?")
+
+
 def quantity(entry: str) -> InputQuantity:
     """The input `a` of a sum."""
     found = input_quantities(loaded(SUM + f"  a: {entry}\n"))

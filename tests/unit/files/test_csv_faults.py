@@ -56,7 +56,13 @@ def names(read: Table, column: str = "name") -> list[str]:
             [", row 1: the column 'value' is missing; expected rename 'val' to 'va"],
         ),
         ("Name,value\na,1\n", [", row 1: the column 'name' is missing; expected rename 'Name' to"]),
-        ("x,y\na,1\n", ["column 'name' is missing; expected a column 'name' in x, y", "'value'"]),
+        (
+            "x,y\na,1\n",
+            [
+                "column 'name' is missing; expected a column 'name' (the columns are x, y)",
+                "'value'",
+            ],
+        ),
         ("name,value,,size,\na,1,,,\n", ["column 3 has no name; expected a name", "column 5 has"]),
         ("#\nname,value,c,value\n", [", row 2, column 'value': the column stands twice, as colu"]),
         ("name\tvalue\na\t1\n", ["the columns are separated by tabs: 'name\\tvalue'; expected co"]),
@@ -94,7 +100,8 @@ def test_faulty_headers(tmp_path: Path, content: str, words: list[str]) -> None:
         ("a,nan,2", ", row 3, column 'value': not finite: 'nan'; expected a finite number"),
         ("a,NA,2", ", row 3, column 'value': not a number: 'NA'; expected a number"),
         ("a,-Inf,2", "not finite: '-Inf'; expected a finite number"),
-        ("a,1e999,2", "not finite: '1e999'; expected a finite number"),
+        ("a,1e999,2", "too large: '1e999'; expected at most 1e+12 in size"),
+        (f"a,{'7' * 5000},2", "too large: '777777"),
         ("a,True,2", "not a number: 'True'; expected a number"),
         ("a,1_000,2", "not a number: '1_000'; expected a number"),
         ("a,0x10,2", "not a number: '0x10'; expected a number in decimal digits"),
@@ -110,6 +117,24 @@ def test_faulty_rows(tmp_path: Path, row: str, words: str) -> None:
     found = faults(tmp_path, f"name,value,size\na,1,2\n{row}\n")
     assert len(found) == 1
     assert words in found[0]
+
+
+def test_a_covariate_that_is_too_large(tmp_path: Path) -> None:
+    (found,) = faults(tmp_path, "name,value,size,load\na,1,2,3\na,1,2,-1e400\n")
+    words = "row 3, column 'load': too large: '-1e400'; expected a smaller number, or an empty cell"
+    assert words in found
+    assert "nan'; expected a finite" in faults(tmp_path, "name,value,load\na,1,1\na,1,nan\n")[-1]
+
+
+@pytest.mark.parametrize(
+    ("cell", "expected"),
+    [("x" * 200_000, "a table of numbers and names"), ('"' + "x" * 200_000, "a closing")],
+)
+def test_a_cell_without_end_is_not_always_an_open_quote(
+    tmp_path: Path, cell: str, expected: str
+) -> None:
+    (found,) = faults(tmp_path, f'name,value,size\n"a\nb",1,2\n{cell},1,2\n')
+    assert found.startswith(", row 4: a cell has more than 131072 characters; expected " + expected)
 
 
 @pytest.mark.parametrize("separator", [",", ";"])

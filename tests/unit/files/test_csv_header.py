@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -100,6 +101,50 @@ def test_an_optional_column_is_not_lost_by_its_spelling(
     (line,) = refused(tmp_path, f"part,feature,x_mm,y_mm,{column}")
     assert f"column {column!r}" in line
     assert f"rename {column!r} to {name!r}" in line
+
+
+@pytest.mark.parametrize(
+    ("unit", "how"),
+    [("_um", "divide {} by 1000"), (" [\u00b5m]", "divide {} by 1000"),
+     ("_in_um", "divide {} by 1000"), ("_nm", "divide {} by 1000000"),
+     ("_in", "multiply {} by 25.4"), (" (inch)", "multiply {} by 25.4"),
+     ("_m", "multiply {} by 1000"), (" / cm", "multiply {} by 10")],
+)  # fmt: skip
+def test_a_column_in_another_unit_is_to_be_converted(unit: str, how: str, tmp_path: Path) -> None:
+    pairs = {"x": "x_mm", "Y": "y_mm", "nominal_x": "nominal_x_mm", "Nominal Y": "nominal_y_mm",
+             "Z": "z_mm"}  # fmt: skip
+    given = [bare + unit for bare in pairs]
+    lines = refused(tmp_path, ",".join(["part", "feature", *given]), "P,A,1,1,1,1,1\n")
+    assert len(lines) == len(pairs)
+    for other, name in zip(given, pairs.values(), strict=True):
+        words = f"{how.format(repr(other))} and rename it to {name!r}"
+        assert sum(words in line for line in lines) == 1
+
+
+def test_positions_in_another_unit_too(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    for column in ("position_um", "Position [\u00b5m]"):
+        path.write_text(f"component,error,unit,{column}\ndx,1,um,5\n", "utf-8")
+        with pytest.raises(InputError, match=f"divide {re.escape(repr(column))} by 1000"):
+            read_table(path, "lbb", READINGS)
+
+
+@pytest.mark.parametrize("name", ["dev_{}", "d{}", "error {}", "{}_dev", "Abweichung {} [mm]",
+                                  "delta_{}_um", "{}_deviation_mm", "d{}_mm"])  # fmt: skip
+def test_deviations_are_not_the_coordinates_they_are_of(name: str, tmp_path: Path) -> None:
+    given = [name.format(axis) for axis in "xy"]
+    lines = refused(tmp_path, ",".join(["part", "feature", *given]), "P1,A,1,1\n")
+    assert [line.split("missing; ")[1] for line in lines] == [
+        f"expected a column '{axis}_mm' with the measured coordinate, nominal plus deviation, in "
+        f"mm ({other!r} looks like the deviation)"
+        for axis, other in zip("xy", given, strict=True)
+    ]
+
+
+def test_the_columns_that_there_are_are_told_as_such(tmp_path: Path) -> None:
+    lines = refused(tmp_path, "part,feature,y_mm,dir_x,vertex", "P1,A,1,1,1\n")
+    expected = "a column 'x_mm' (the columns are part, feature, y_mm, dir_x, vertex)"
+    assert lines[0].endswith(f"the column 'x_mm' is missing; expected {expected}")
 
 
 def test_readings_too(tmp_path: Path) -> None:

@@ -125,6 +125,26 @@ report: [Q]
     ]
 
 
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("uniform", "did you mean 'rectangular'?"),
+        ("gaussian", "did you mean 'normal'?"),
+        ("student", "expected one of: normal, rectangular, triangular"),
+    ],
+)
+def test_a_distribution_by_another_name(name: str, hint: str, tmp_path: Path) -> None:
+    text = f"""
+places:
+  P: {{kind: constant, value: 1, u: 0.1, distribution: {name}}}
+  Q: {{kind: constant}}
+transitions:
+  - {{do: ratio, in: [P, P], out: Q}}
+"""
+    told = [item for item in faults(tmp_path, text) if "distribution" in item]
+    assert told == [f"5: places.P.distribution: unknown value: {name!r}; {hint}"]
+
+
 def test_schema_for_editors() -> None:
     schema = json_schema("graph")
     assert set(schema["properties"]) == {

@@ -169,9 +169,16 @@ def test_two_of_a_kind_and_neither_kind(tmp_path: Path, monkeypatch: pytest.Monk
         "kind",
         "t2.json: a second thermal-fit report, beside t1.json; expected at most one of each kind",
         f"l.json: schema: is not a components report: 'mtu/lengths/1'; {kinds}",
-        f"x.json: schema: is not a components report: 'None'; {kinds}",
+        f"x.json: is not a components report: it holds no keys; {kinds}",
         "qqqqqq: no such file",
     ]
+
+
+def test_a_document_without_a_schema(tmp_path: Path) -> None:
+    (tmp_path / "e.json").write_text("{}")
+    with pytest.raises(InputError) as caught:
+        read_reports([tmp_path / "e.json"])
+    assert "is not a components report: the key 'schema' is missing; ex" in str(caught.value)
 
 
 def test_doubts_of_a_thermal_report(tmp_path: Path) -> None:

@@ -69,10 +69,17 @@ def test_nominal_columns_stand_in_for_a_part_file(tmp_path: Path) -> None:
     content = f"{HEAD},nominal_x_mm,nominal_y_mm,nominal_z_mm\na,f,1,2,1.5,2.5,3.5\n"
     found = read(tmp_path, content, features=None)
     assert found.nominal.tolist() == [[1.5, 2.5, 3.5]]
-    assert faults(tmp_path, f"{HEAD}\na,f,1,2\na,g,1,2\na,f,1,2\n", features=None) == [
-        f"p0.csv, row {row}, column 'feature': no nominal place is known for the feature: "
-        f"{name!r}; expected the feature in a part file (--part), or nominal_x_mm and nominal_y_mm"
-        for row, name in ((2, "f"), (3, "g"))
+    unknown = "p0.csv, row 2, column 'feature': no nominal place is known"
+    ends = "in a part file (--part), or nominal_x_mm and nominal_y_mm"
+    assert faults(tmp_path, f"{HEAD}\na,f,1,2\nb,f,1,2\n", features=None) == [
+        f"{unknown} for the feature: 'f'; expected the feature {ends}"
+    ]
+    assert faults(tmp_path, f"{HEAD}\na,f,1,2\na,e,1,2\na,f,1,2\n", features=None) == [
+        f"{unknown} of 2 features: f, e; expected them {ends}"
+    ]
+    rows = "".join(f"a,h{i},1,2\n" for i in range(15, 0, -1))
+    assert faults(tmp_path, f"{HEAD}\n{rows}", features=None) == [
+        f"{unknown} of 15 features: h15, h14, h13 and 12 more; expected them {ends}"
     ]
     assert (
         "the column 'nominal_y_mm' is missing"

@@ -172,16 +172,48 @@ def test_without_a_machine_any_component_is_read(tmp_path: Path) -> None:
 
 
 def test_equal_rows_are_one_reading_twice_where_passes_are_told_apart(tmp_path: Path) -> None:
+    """One instant has one reading; a pass may have several, which a coarse display makes equal."""
     rows = "dx_x,0,1,um,1\ndx_x,5,1,um,1\n\ndx_x,0,1.0,um,1\ndx_x,0,1,um,2\n"
-    assert faults(tmp_path, f"{HEAD},pass\n{rows}") == [
+    assert faults(tmp_path, f"{HEAD},time_min\n{rows}") == [
         "r0.csv, row 5: the same as row 2 in every column; expected each reading once"
     ]
-    assert len(read(tmp_path, f"{HEAD},other\n{rows}")) == 4
-    assert len(faults(tmp_path, f"{HEAD},time_min\n{rows}")) == 1
+    found = read(tmp_path, f"{HEAD},pass\n{rows}")
+    assert len(found) == 4
+    assert [(note.code, note.message) for note in found.notes] == [
+        (
+            "readings-equal",
+            "r0.csv, row 5: the same as row 2 in every column; 1 reading is equal to an earlier "
+            "one of the same file: read as repeats; remove them where they were pasted twice",
+        )
+    ]
+    found = read(tmp_path, f"{HEAD},other\n{rows}")
+    assert (len(found), found.notes) == (4, ())
     with_covariate = "dx_x,0,1,um,1,20.1\ndx_x,0,1,um,1,20.2\n"
     assert len(read(tmp_path, f"{HEAD},pass,T_a_degC\n{with_covariate}")) == 2
+    assert read(tmp_path, f"{HEAD},pass,T_a_degC\n{with_covariate}").notes == ()
     empty = "dx_x,0,1,um,1,\ndx_x,0,1,um,1,\n"
-    assert len(faults(tmp_path, f"{HEAD},pass,T_a_degC\n{empty}")) == 1
+    found = read(tmp_path, f"{HEAD},pass,T_a_degC\n{empty}", f"{HEAD},pass\n{rows}axy,1,1,deg,1\n")
+    assert ["2 readings are equal" in note.message for note in found.notes] == [True]
+
+
+def test_a_table_that_was_pasted_twice_is_refused(tmp_path: Path) -> None:
+    """Every row of a component stands equally often, whatever the others do."""
+    own = "".join(f"dx_x,{x},{x % 3},um,1\n" for x in range(4))
+    other = "ez_x,1,5,arcsec,1\nez_x,2,5,arcsec,1\n"
+    assert faults(tmp_path, f"{HEAD},pass\n{own}{other}{own}") == [
+        "r0.csv, row 8: each of the 4 readings of 'dx_x' stands twice, as in a table that was "
+        "pasted again; expected each reading once"
+    ]
+    (found,) = faults(tmp_path, f"{HEAD},pass\n{other}{own * 3}")
+    assert "row 8: each of the 4 readings of 'dx_x' stands 3 times" in found
+    once_more = "dx_x,9,1,um,1\n"
+    found_rows = read(tmp_path, f"{HEAD},pass\n{own}{own}{once_more}")
+    assert "4 readings are equal" in found_rows.notes[0].message
+    few = own.removesuffix("dx_x,3,0,um,1\n")
+    assert len(read(tmp_path, f"{HEAD},pass\n{few}{few}")) == 6
+    # A display that shows the same again and again.
+    steady = "axy,,5,arcsec,1\n" * 9
+    assert "8 readings are equal" in read(tmp_path, f"{HEAD},pass\n{steady}").notes[0].message
 
 
 def test_the_same_file_twice(tmp_path: Path) -> None:

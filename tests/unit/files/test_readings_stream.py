@@ -45,6 +45,7 @@ def table(head: str, *more: str) -> str:
 
 
 TIMED = table("time_min,cycle,T_a_degC,T_b_degC", "{i}", "c{h}", "20.{i}", "21.{h}")
+PASSES = table("pass", "{i}")
 LATE_TEXT = table("pass,note", "{i}", "{i}").replace("100,100\n", "100,a\n")
 SOUND = {
     "timed": [TIMED],
@@ -192,8 +193,9 @@ FAULTY = {
     "long-row": [TIMED.replace(",c1,20.99", ",c1,20.99,")],
     "doubled-row": [TIMED + "\n" + TIMED.splitlines()[7] + "\n"],
     "doubled-row-written-differently": [
-        table("pass,dir_x,note", "{i}", "", '"a,{i}"') + '\n"axy",0.0,0,arcsec,0.0,," a,0 "\n'
+        table("time_min,dir_x,note", "{i}", "", '"a,{i}"') + '\n"axy",0.0,0,arcsec,0.0,," a,0 "\n'
     ],
+    "pasted-twice": ["\n".join([PASSES, *PASSES.splitlines()[1:]])],
     "open-quote": [TIMED.replace("c1,20.70", '"c1,20.70')],
     "no-text": [TIMED.replace("c1,20.80", "c\0,20.80")],
     "not-finite-late": [NEARLY],
@@ -273,6 +275,31 @@ def test_a_few_equal_readings_of_two_files_are_no_copy(tmp_path: Path) -> None:
     lines = TIMED.splitlines()
     files = written(tmp_path, [TIMED, "\n".join([*lines[:1], *lines[5:8]])])
     assert sum(map(len, stream_readings(files, MACHINE))) == 123
+
+
+def test_equal_readings_are_told_of_with_the_last_block(tmp_path: Path, small_blocks: int) -> None:
+    """That rows are equal shows at the end of a file, when the blocks were given but for one."""
+    files = written(tmp_path, ["\n".join([PASSES, *PASSES.splitlines()[3:6]])])
+    whole = read_readings(files, MACHINE, for_fit=False)
+    blocks = list(stream_readings(files, MACHINE))
+    check_same(blocks, whole)
+    assert [note.code for block in blocks for note in block.notes] == ["readings-equal"]
+    assert "r0.csv, row 122: the same as row 4" in whole.notes[0].message
+    assert blocks[-1].notes == whole.notes
+
+
+def test_times_out_of_order_are_told_once_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(csv_stream, "_BLOCK", 2000)
+    monkeypatch.setattr(csv_stream, "_PIECE", 1000)
+    rows = [f"axy,,1.{i},arcsec,{-1 if i % 50 == 9 else i}" for i in range(500)]
+    files = written(tmp_path, ["\n".join([f"{HEAD},time_min", *rows])])
+    blocks = list(stream_readings(files, MACHINE))
+    assert len(blocks) > 3
+    (note,) = [note for block in blocks for note in block.notes]
+    assert note.code == "time-out-of-order"
+    assert "r0.csv, row 11, column 'time_min': -1 lies outside" in note.message
 
 
 def test_no_files(tmp_path: Path) -> None:

@@ -58,7 +58,9 @@ def test_passes_are_pairs_of_number_and_direction() -> None:
     found = fit(given).instruments[0]
     assert found.keys == ((0, 1, 1), (0, 1, -1), (0, 2, 1), (0, 2, -1), (0, 3, 1), (0, 3, -1))
     assert found.fit.n_passes == 6
-    assert found.fit.pass_dof == 4
+    # Three runs there and back are what was repeated.
+    assert found.fit.pass_dof == 2
+    assert found.fit.pairs.tolist() == [[0, 1], [2, 3], [4, 5]]
     error = given.error.reshape(6, 8)
     assert found.group is not None
     for g in range(6):

@@ -14,12 +14,11 @@ from scipy import stats
 
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.fit import MachineFit, fit_machine
-from mtu_cli.model.fit_warnings import fit_warnings
+from mtu_cli.model.fit_warnings import LIMITS, fit_warnings, limit_warnings, limits_of
 from mtu_cli.stats.family import significant
 
 MACHINES = 250
 KINDS = ("reversal", "passes-drift", "lack-of-fit")
-RARE = (*KINDS, "directions-alike")
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +33,9 @@ def test_clean_machines_are_warned_of_as_rarely_as_stated(clean: list[MachineFit
     found = Counter(code for fit in clean for code in {item.code for item in fit_warnings(fit)})
     high = stats.binom(MACHINES, 0.05).ppf(1 - 1e-4)
     low = stats.binom(MACHINES, 0.05).ppf(1e-4)
-    for kind in RARE:
+    for kind in KINDS:
         assert low <= found[kind] <= high, kind
-    assert set(found) <= set(RARE)
+    assert set(found) <= set(KINDS)
 
 
 @pytest.mark.parametrize("name", ["dx_x", "ez_y"])
@@ -160,16 +159,33 @@ def test_a_component_that_repeats_too_well_is_asked_about(
     assert small(0) == []
 
 
-def test_passes_alike_there_and_back_are_warned_of(tmp_path: Path) -> None:
-    """Forward and reverse of a pass hold together: u counts ten passes where there are five."""
-    known = machine(tmp_path)
-    given = read_machine(np.random.default_rng(6), Drift(10.0, there_and_back=True))
-    fit = fit_machine(known, given)
-    found = [w.message for w in fit_warnings(fit) if w.code == "directions-alike"]
-    assert len(found) == len(COMPONENTS)
-    assert found[0].startswith("the passes of dx_x by lbb differ from each other alike in both")
-    assert "u of the coefficients is up to 1.4 times what is said" in found[0]
-    # In another set-up a pass of the same number is another pass.
-    labels = np.array(["there", "back"], object)[(given.direction < 0).astype(int)]
-    apart = fit_machine(known, replace(given, covariates={"setup": labels}))
-    assert all(fit.instruments[0].alike is None for fit in apart.components.values())
+@pytest.mark.parametrize("what", KINDS)
+def test_what_u_of_a_part_holds_nothing_of_is_told_with_it(tmp_path: Path, what: str) -> None:
+    """A reversal and a drift of the passes are; a misfit is among the repeatability of u."""
+    given = planted(read_machine(np.random.default_rng(5), Drift(0.5)), "ez_y", what)
+    fit = fit_machine(machine(tmp_path), given)
+    found = [item for item in fit_warnings(fit) if item.code == what]
+    assert len(found) == 1
+    limits = limits_of([*limit_warnings(fit), *limit_warnings(fit)], COMPONENTS)
+    assert limits == ([] if what == "lack-of-fit" else found)
+    assert limits_of(fit_warnings(fit), COMPONENTS) == limits
+    assert limits_of(fit_warnings(fit), set(COMPONENTS) - {"ez_y"}) == []
+
+
+def test_instruments_that_disagree_are_told_of_their_component(tmp_path: Path) -> None:
+    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
+    rng, p = np.random.default_rng(8), np.linspace(0, 140, 8)
+
+    def read(role: str, shift: float) -> Segment:
+        error = 1e-3 * rng.standard_normal((6, 1)) + 1e-3 * rng.standard_normal((6, 8)) + shift
+        passes = np.repeat(np.arange(6), 8)
+        return Segment(
+            name="a", position=np.tile(p, 6), error=error.ravel(), passes=passes, role=role
+        )
+
+    fit = fit_machine(known, readings([read("lbb", 0.0), read("laser", 9e-3)]))
+    (found,) = limits_of(limit_warnings(fit), {"a"})
+    assert found.code == "instruments-disagree"
+    assert found.code in LIMITS
+    # Words of the message are no components of it.
+    assert limits_of(limit_warnings(fit), {"the", "on", "line"}) == []

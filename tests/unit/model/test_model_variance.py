@@ -237,14 +237,14 @@ def test_mean_squares_add_up_to_what_they_stand_behind(seed: int, joint: bool) -
 
 
 def test_what_passes_tell_has_their_degrees_of_freedom() -> None:
-    """Two passes each way, fitted: the coefficients have two degrees of freedom (the axis angle,
-    read once a pass, has one), whatever size the moment estimate of D came out at.
+    """Two runs there and back, fitted: the coefficients have one degree of freedom (so has the axis
+    angle, read once a pass), whatever size the moment estimate of D came out at.
     """
     prediction = predict(fitted(2, 3), ["a"], np.array([[75.0, 75.0, 127.0]]))
     squares = prediction.variance(np.eye(2)).squares
     behind_mean = squares.dof[(squares.of_mean > 1e-6 * squares.of_mean.sum(axis=0)).any(axis=1)]
-    assert set(behind_mean) == {1.0, 2.0}
-    few = squares.dof <= 2
+    assert set(behind_mean) == {1.0}
+    few = squares.dof <= 1
     assert (squares.of_part[few].sum(axis=0) > 0).all()
     # Repeatability alone is left for the others.
     assert squares.dof[~few].min() > 30

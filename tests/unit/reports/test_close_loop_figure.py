@@ -162,6 +162,26 @@ def test_of_two_effects_each_is_drawn_without_the_other() -> None:
     assert (y[-1] - y[0]) / (x[-1] - x[0]) == pytest.approx(1.5)
 
 
+def test_an_offset_beside_a_trend_says_what_its_line_is() -> None:
+    """Over the parts stands what both do: the line of a constant would not slope."""
+    offset = effect("offset-x", equations={"Ex": "shift"}, kind="offset",
+                    parameters=(("shift", "um", 2.0, 0.1),))  # fmt: skip
+    item = on_table("named", (offset, effect()))
+    curve = curves(item)[0]
+    assert (curve.ylabel, curve.line) == ("residual Ex, um", "all effects together")
+    panel = next(
+        panel for panel in figure(result(item)).axes if panel.get_title(loc="left") == "offset-x"
+    )
+    legend = panel.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["all effects together"]
+    (alone,) = curves(on_table("named", (offset,)))
+    assert (alone.ylabel, alone.line) == ("residual Ex, um", "")
+    (several, _) = curves(on_table("named", (replace(offset, axis=""), effect())))
+    assert several.ylabel == "residual, um"
+    assert len(several.series) > 1
+
+
 @pytest.mark.parametrize(
     ("equation", "xlabel", "names"),
     [

@@ -323,6 +323,12 @@ def test_arrows_are_the_errors_at_the_nominal_places_on_one_scale(two: CompareRe
     np.testing.assert_allclose(scales, scales[0], rtol=1e-12)
 
 
+def test_every_panel_of_intervals_names_its_axis(two: CompareResult) -> None:
+    below = [panel for panel in figure(two).axes if "of one part" in panel.get_title(loc="left")]
+    assert len(below) == 2
+    assert {panel.get_xlabel() for panel in below} == {"actual minus nominal, um"}
+
+
 def test_the_scale_arrow_is_as_long_as_it_says(two: CompareResult) -> None:
     page = figure(two)
     for panel, item in quivers(page):

@@ -218,3 +218,36 @@ def test_a_pass_that_broke_off_keeps_its_place_and_all_are_drawn(tmp_path: Path)
     colours = [line.get_color() for line in lines]
     assert colours[0::2] == colours[1::2]
     assert len(set(colours)) == 4
+
+
+def test_an_instrument_has_its_marks_in_every_panel(tmp_path: Path) -> None:
+    """One that alone read a component too: the legend names them by instrument."""
+    text = "components: {a: {of: x, unit: um}, q: {unit: arcsec}}\nequations: {Ex: a - y*q}\n"
+    known = loaded(tmp_path, text)
+    rng = np.random.default_rng(1)
+    number, way = np.repeat(np.arange(8) // 2 + 1, 8), np.repeat([1, -1] * 4, 8)
+    line = Segment(
+        name="a", position=np.tile(np.linspace(0.0, 350.0, 8), 8), error=1e-3 * rng.normal(size=64),
+        passes=number, direction=way, role="laser",
+    )  # fmt: skip
+    angle = Segment(
+        name="q", position=None, error=1e-6 * rng.normal(size=8), passes=number[::8],
+        direction=way[::8],
+    )  # fmt: skip
+
+    def drawn(*segments: Segment) -> tuple[list[set[Any]], dict[str, Any]]:
+        fit = fit_machine(known, readings(segments))
+        page = fit_components.figure(fit, estimates_from_fit(known, fit), 2.0)
+        marks = [{x.get_marker() for x in panel.lines} - {"None"} for panel in page.axes]
+        (legend,) = page.legends
+        handles: list[Any] = legend.legend_handles
+        return marks, {str(x.get_label()): x.get_marker() for x in handles if hasattr(x, "_marker")}
+
+    marks, named = drawn(line, angle)
+    assert marks[:2] == [{">", "<"}, {"^", "v"}]
+    assert named == named | {
+        "laser, forward": ">", "laser, reverse": "<", "lbb, forward": "^", "lbb, reverse": "v"
+    }  # fmt: skip
+    marks, named = drawn(replace(line, role="lbb"), angle)
+    assert marks[:2] == [{">", "<"}, {">", "<"}]
+    assert named == named | {"forward": ">", "reverse": "<"}

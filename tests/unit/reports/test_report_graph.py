@@ -198,6 +198,30 @@ def test_report_of_a_sweep() -> None:
     known = panel.get_legend()
     assert known is not None
     assert known.get_title().get_text() == ""
+    assert figure.get_suptitle() == "Uncertainty of P1.x over axis_um"
+    chance = replace(result, chance=True, formula=None)
+    assert graph_figure.swept(chance).get_suptitle() == "Chance that P1.x is 1 over axis_um"
+
+
+@pytest.mark.parametrize(
+    ("u", "means"),
+    [
+        ((0.79, 0.0, 1.58), ["0.00", "0.50", "0.50"]),
+        ((1.58, 15.8, 1.58), ["0.0", "0.5", "0.5"]),
+        # Without a common place that can be read, each has its own.
+        ((3e-7, 1.58, 1.58), ["4.00e-6", "0.5", "0.5"]),
+        ((158.0, 1580.0, 158.0), ["0", "0", "0"]),
+    ],
+)
+def test_means_of_a_sweep_have_one_last_place(u: tuple[float, ...], means: list[str]) -> None:
+    varied = {"axis_um": [1.0, 2.0, 3.0]}
+    result = sweep_graph(shipped("ball-centre"), Settings(trials=100), "P1.x", varied)
+    grid = tuple(
+        replace(item, u=1e-3 * own, mean=result.nominal + 1e-3 * mean, deviation=1e-3 * mean)
+        for item, own, mean in zip(result.grid, u, (4e-6, 0.5, 0.5), strict=True)
+    )
+    (sheet,) = graph_sweep.table(replace(result, grid=grid))
+    assert [row[1] for row in sheet.rows] == means
 
 
 def test_a_legend_of_many_lines_stands_beside_them() -> None:

@@ -194,6 +194,32 @@ def test_tables_say_what_was_gained_and_tried() -> None:
     assert flat.index("Thermal models") < flat.index("Models tried") < flat.index("pos_y: grad")
 
 
+def test_lags_that_were_asked_for_in_vain_are_told() -> None:
+    """The report keeps the model's own name; the table has the one that was asked for."""
+    found = cubic()
+    lagged = tuple(item for item in found.candidates if item.model == "lagged")
+    still = replace(found.estimate, time_constants=np.zeros(5))
+    item = replace(found, model="ridge", estimate=still, candidates=lagged[2:], without_lag=True)
+    text = plain_text(tables(example(item)))
+    assert max(map(len, text.splitlines())) <= 100
+    flat = " ".join(text.split())
+    assert "pos_y um lagged, no 3 " in flat
+    assert "pos_y: lagged, no lag found: none lowers the held-out error enough" in flat
+    assert "pos_y um lagged 2.10 0.305*" in flat
+    assert written(item)["pos_y"]["model"] == "ridge"
+    assert "no lag found" not in plain_text(tables(example()))
+
+
+def test_a_degree_that_was_not_tried_is_explained() -> None:
+    found = cubic()
+    some = tuple(x for x in found.candidates if x.model != "lagged" or x.degree == 3)
+    flat = " ".join(plain_text(tables(example(replace(found, candidates=some)))).split())
+    assert "pos_y um lagged 0.305*" in flat
+    assert "empty: not tried (lags are sought only at the degrees that suit them best" in flat
+    flat = " ".join(plain_text(tables(example(found))).split())
+    assert "empty: not tried" not in flat
+
+
 def test_columns_that_are_no_sensors_are_listed() -> None:
     found = replace(example(), not_used=("load", "operator"))
     flat = " ".join(plain_text(tables(found)).split())

@@ -1,4 +1,4 @@
-"""Whether passes there and back are alike: by statsmodels, and how often by chance."""
+"""Runs there and back: their mean squares by statsmodels, by dense matrices, and by simulation."""
 
 from __future__ import annotations
 
@@ -8,11 +8,20 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.typing import NDArray
-from pass_designs import DRIFT, NO_DRIFT, Design, balanced, drawn, plain_passes
-from scipy.stats import kstest
+from pass_designs import (
+    DRIFT,
+    NO_DRIFT,
+    PLACES,
+    Design,
+    balanced,
+    dense_covariance,
+    drawn,
+    plain_passes,
+)
+from scipy.special import stdtrit
 
 from mtu_cli.stats.mixed import PassFit, fit_passes
-from mtu_cli.stats.pass_pairs import shared_scatter
+from mtu_cli.stats.pass_pairs import covariance_in_runs, pairs_of, units_dof
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -23,125 +32,174 @@ with warnings.catch_warnings():
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+WARM = np.array([[9.0, 0.01], [0.01, 4e-4]])
 
-def runs_of(design: Design) -> IntArray:
-    """Run (G,) of each pass: two follow each other, there and back."""
-    found: IntArray = np.arange(design.n_passes) // 2
+
+def in_runs(design: Design) -> IntArray:
+    """The run (n,) of each reading: two passes follow each other, there and back."""
+    found: IntArray = design.group // 2
     return found
 
 
-def warm(design: Design, rng: np.random.Generator, size: float, slope: float = 0.0) -> FloatArray:
-    """What both directions of a run share at every reading: a level, and a slope."""
-    run = design.group // 2
-    level, steep = rng.normal(0, size, run.max() + 1), rng.normal(0, slope, run.max() + 1)
-    shared: FloatArray = level[run] + steep[run] * (design.position - design.position.mean())
-    return shared
-
-
 def each_way(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
-    return fit_passes(y, design.position, degree, design.group, design.direction)
+    runs = in_runs(design)
+    return fit_passes(y, design.position, degree, design.group, design.direction, runs)
 
 
-def test_alike_is_the_analysis_of_variance_with_runs_as_blocks() -> None:
-    """F and p of the runs in a two-way table of levels (run, direction), by statsmodels."""
+def warm(design: Design, rng: np.random.Generator, K: FloatArray) -> FloatArray:
+    """What both directions of a run share at every reading: a level and a slope of covariance K."""
+    run = in_runs(design)
+    shared = rng.multivariate_normal(np.zeros(2), K, size=int(run.max()) + 1)[run]
+    found: FloatArray = shared[:, 0] + shared[:, 1] * (design.position - design.position.mean())
+    return found
+
+
+def test_pairs_are_a_pass_there_and_one_back_of_a_run() -> None:
+    runs = np.array([4, 4, 2, 7, 7, 5, 2, 9])
+    sign = np.array([-1.0, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0, 0.0])
+    # Run 7 is forward twice, 5 and 9 are single.
+    assert pairs_of(runs, sign).tolist() == [[2, 6], [1, 0]]
+    assert pairs_of(np.zeros(0, np.int64), np.zeros(0)).shape == (0, 2)
+
+
+def test_runs_are_the_units_that_were_repeated() -> None:
+    five, one = np.zeros((5, 2), np.int64), np.zeros((1, 2), np.int64)
+    assert units_dof(10, five, 2) == 4
+    # Two more passes one way.
+    assert units_dof(12, five, 2) == 6
+    # One run alone has no fellow to differ from.
+    assert units_dof(5, one, 2) == 3
+
+
+def test_mean_squares_are_those_of_runs_as_blocks() -> None:
+    """Tables (run, direction) of levels, by statsmodels: 2 S_m of runs, 2 S_h of the rest."""
     design = balanced(12, both=True)
     rng = np.random.default_rng(1)
-    y = drawn(design, rng, 0.01 * DRIFT, reversal=4.0) + warm(design, rng, 1.0)
-    level = plain_passes(design, y).lines[:, 0]
-    frame = pd.DataFrame({"y": level, "run": runs_of(design), "way": np.arange(12) % 2})
-    wanted = anova_lm(ols("y ~ C(run) + C(way)", frame).fit()).loc["C(run)"]
-    found = shared_scatter(each_way(design, y), runs_of(design))
-    assert found is not None
-    assert pytest.approx(float(wanted["F"]), rel=1e-8) == found.test.F
-    # By levels and slopes of the passes, one after the other: 2 var(m)/(var(m) + var(h)).
-    lines = plain_passes(design, y).lines
-    m, h = (lines[0::2] + lines[1::2]) / 2, (lines[0::2] - lines[1::2]) / 2
-    shares = [np.var(m[:, i]) / (np.var(m[:, i]) + np.var(h[:, i])) for i in (0, 1)]
-    assert found.understated == pytest.approx((2 * max(shares)) ** 0.5, rel=1e-7)
-    # The smaller of two, of level and slope.
-    assert found.p == pytest.approx(2 * float(wanted["PR(>F)"]), rel=1e-7)
-    assert (found.test.df_numerator, found.test.df_denominator) == (5, 5)
+    y = drawn(design, rng, reversal=4.0) + warm(design, rng, WARM)
+    fit = each_way(design, y)
+    for i in (0, 1):
+        own = plain_passes(design, y).lines[:, i]
+        frame = pd.DataFrame({"y": own, "run": np.arange(12) // 2, "way": np.arange(12) % 2})
+        table = anova_lm(ols("y ~ C(run) + C(way)", frame).fit())["mean_sq"]
+        assert fit.half_differences is not None
+        assert fit.half_differences[i, i] == pytest.approx(table["Residual"] / 2, rel=1e-8)
+        of_runs = fit.between[i, i] - fit.half_differences[i, i]
+        assert of_runs == pytest.approx(table["C(run)"] / 2, rel=1e-8)
+    assert fit.pass_dof == 5
 
 
-def test_alike_slopes_are_found_too() -> None:
-    """An axis that grows as it warms: the passes' slopes go together, at the centre nothing."""
-    design = balanced(12, both=True)
-    rng = np.random.default_rng(2)
-    y = drawn(design, rng, NO_DRIFT) + warm(design, rng, 0.0, slope=0.05)
-    slopes = plain_passes(design, y).lines[:, 1]
-    m, h = (slopes[0::2] + slopes[1::2]) / 2, (slopes[0::2] - slopes[1::2]) / 2
-    found = shared_scatter(each_way(design, y), runs_of(design))
-    assert found is not None
-    assert pytest.approx(np.var(m) / np.var(h), rel=1e-7) == found.test.F
-    assert found.p < 1e-3
-
-
-def test_the_order_of_passes_does_not_matter_and_a_run_of_one_way_is_left_out() -> None:
+def test_the_mean_of_runs_by_hand() -> None:
+    """C is the covariance of the runs' own lines over their number, D what it was without runs."""
     design = balanced(10, both=True)
+    rng = np.random.default_rng(2)
+    y = drawn(design, rng, reversal=3.0) + warm(design, rng, WARM)
+    fit = each_way(design, y)
+    lines = plain_passes(design, y).lines
+    runs = (lines[0::2] + lines[1::2]) / 2
+    at_zero = np.array([[1.0, -PLACES.mean()], [0.0, 1.0]])
+    wanted = at_zero @ np.cov(runs.T) @ at_zero.T / 5
+    np.testing.assert_allclose(fit.covariance, wanted, rtol=1e-9)
+    alone = fit_passes(y, design.position, 1, design.group, design.direction)
+    np.testing.assert_array_equal(fit.D_moment, alone.D_moment)
+    np.testing.assert_array_equal(fit.plain.coefficients, alone.plain.coefficients)
+    assert alone.half_differences is None
+
+
+MISSING = {
+    "readings missing": balanced(10, both=True).without({(0, 5), (1, 1), (1, 2), (4, 0)}),
+    "one broke off": balanced(10, both=True).without({(3, i) for i in range(1, 8)}),
+    "a pass without fellow": balanced(11, both=True),
+}
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("name", MISSING)
+def test_unbalanced_runs_against_dense_matrices(name: str, degree: int) -> None:
+    """Every reading's covariance with every other written out: D within a pass, K within a run."""
+    design = MISSING[name]
+    rng = np.random.default_rng(3)
+    y = drawn(design, rng, 3 * DRIFT, reversal=3.0) + warm(design, rng, 0.3 * WARM)
+    fit = each_way(design, y, degree)
+    kept = fit.groups
+    runs, signs = kept // 2, fit.group_direction
+    both = [r for r in np.unique(runs) if (runs == r).sum() == 2]
+    place = [[np.flatnonzero((runs == r) & (signs == s))[0] for s in (1, -1)] for r in both]
+    there, back = (fit.pass_coefficients[[pair[i] for pair in place]] for i in (0, 1))
+    K = (there - there.mean(axis=0)).T @ (back - back.mean(axis=0)) / (len(both) - 1)
+    K = (K + K.T) / 2
+    # Nothing is cut here.
+    assert np.abs(np.linalg.eigvals(np.linalg.solve(fit.between, K))).max() < 1
+    c = design.position.mean()
+    X = np.stack([design.position**k for k in range(degree + 1)], axis=1)
+    Z = np.column_stack([np.ones(len(y)), design.position - c])
+    fellows = (in_runs(design)[:, None] == in_runs(design)) & (
+        design.group[:, None] != design.group
+    )
+    H = np.linalg.inv(X.T @ X) @ X.T
+    wanted = dense_covariance(design, degree, fit.s2, fit.D_moment)
+    wanted = wanted + H @ np.where(fellows, Z @ K @ Z.T, 0.0) @ H.T
+    scale = np.sqrt(np.diag(wanted))
+    scaled = np.outer(scale, scale)
+    np.testing.assert_allclose(fit.covariance / scaled, wanted / scaled, atol=1e-6)
+
+
+def test_the_covariance_in_runs_stays_within_that_of_passes() -> None:
+    """Of pairs that are fewer than the passes it is estimated from other passes than S."""
     rng = np.random.default_rng(4)
-    y = drawn(design, rng, reversal=3.0) + warm(design, rng, 5.0)
-    wanted = shared_scatter(each_way(design, y), runs_of(design))
-    backwards = shared_scatter(each_way(design, y), 9 - runs_of(design))
-    # An eleventh pass, forward alone.
-    longer = balanced(11, both=True)
-    more = np.concatenate([y, 100 + rng.normal(size=8)])
-    found = shared_scatter(each_way(longer, more), runs_of(longer))
-    for other in (backwards, found):
-        assert wanted is not None
-        assert other is not None
-        assert pytest.approx(wanted.test.F, rel=1e-9) == other.test.F
-        assert other.understated == pytest.approx(wanted.understated, rel=1e-9)
+    pairs = np.array([[0, 1], [2, 3], [4, 5]])
+    cut = 0
+    for _ in range(200):
+        deviations = rng.normal(size=(9, 2)) * [1.0, 1e-5]
+        deviations[1:6:2] = deviations[:6:2] * rng.choice([-1, 1])
+        deviations[6:] *= 0.3
+        S = deviations.T @ deviations / 7
+        K = covariance_in_runs(deviations, pairs, S)
+        unit = np.outer([1.0, 1e-5], [1.0, 1e-5])
+        for side in (S + K, S - K):
+            assert np.linalg.eigvalsh(side / unit).min() > -1e-9
+        there, back = (deviations[own] - deviations[own].mean(axis=0) for own in pairs.T)
+        plain = there.T @ back / 2
+        cut += not np.allclose((plain + plain.T) / 2, K, rtol=1e-9, atol=0)
+    assert cut > 20
 
 
-@pytest.mark.parametrize(("shared", "own"), [(5.0, 0.0), (2.0, 1.0), (0.0, 2.0)])
-def test_what_u_lacks_is_what_many_machines_scatter_more(shared: float, own: float) -> None:
-    """u of the level by passes taken as independent, against its scatter over 800 trials."""
-    design = balanced(20, both=True)
-    rng = np.random.default_rng(9)
-    D = np.diag([own**2, 0.0])
-    levels, stated, lacks = [], [], []
-    for _ in range(800):
-        y = drawn(design, rng, D, b=(0.0, 0.0)) + warm(design, rng, shared)
-        fit = each_way(design, y)
-        found = shared_scatter(fit, runs_of(design))
-        assert found is not None
-        middle = np.array([1.0, fit.center])
-        levels.append(middle @ fit.plain.coefficients)
-        stated.append(middle @ fit.covariance @ middle)
-        lacks.append(found.understated**2)
-    ratio = float(np.var(levels) / np.mean(stated))
-    # Nothing scatters but the level: what a slope would add to the larger is noise, of 9 degrees
-    # of freedom. Relative standard errors: of a variance of 800, and of the mean of lacks.
-    noise = (2 / 800 + np.var(lacks) / np.mean(lacks) ** 2 / 800) ** 0.5
-    assert ratio < np.mean(lacks) * (1 + 4 * noise)
-    if shared:
-        # The larger of level and slope is a little above that of the level.
-        assert ratio > 0.85 * np.mean(lacks) * (1 - 4 * noise)
-
-
-def test_what_two_runs_or_one_way_cannot_tell_is_none() -> None:
-    rng = np.random.default_rng(5)
-    few, one_way, by_chance = balanced(4, both=True), balanced(8), balanced(1)
-    for design in (few, one_way, by_chance):
-        fit = each_way(design, drawn(design, rng))
-        assert shared_scatter(fit, runs_of(design)) is None
+def test_passes_that_do_not_scatter_have_no_covariance() -> None:
+    nothing = np.zeros((7, 2))
+    pairs = np.array([[0, 1], [2, 3], [4, 5]])
+    assert not covariance_in_runs(nothing, pairs, np.zeros((2, 2))).any()
     level = balanced(6, both=True)
     exact = each_way(level, 3.0 + 0.0 * level.position)
-    assert shared_scatter(exact, runs_of(level)) is None
+    assert not exact.covariance.any()
 
 
-@pytest.mark.parametrize("D", [NO_DRIFT, DRIFT], ids=["no drift", "drift"])
-def test_p_values_are_uniform_where_directions_are_not_alike(D: FloatArray) -> None:
-    """The smaller of two independent p values p has P(2 p < c) = c - c^2/4, c below 1."""
+@pytest.mark.parametrize(
+    ("own", "shared"),
+    [(NO_DRIFT, NO_DRIFT), (DRIFT, NO_DRIFT), (NO_DRIFT, WARM), (0.3 * DRIFT, 0.3 * WARM)],
+    ids=["no drift", "own", "shared", "some of both"],
+)
+def test_intervals_cover_whatever_directions_share(own: FloatArray, shared: FloatArray) -> None:
+    """95 % intervals with t of pass_dof hold the truth in 95 % of 1000 simulated fits."""
     design = balanced(10, both=True)
-    rng = np.random.default_rng(6)
-    p = []
-    for _ in range(600):
-        found = shared_scatter(each_way(design, drawn(design, rng, D)), runs_of(design))
-        assert found is not None
-        p.append(found.p)
-    below = np.array(p)
-    # Level and slope are correlated where they drift, which only lowers the rate of small ones.
-    if D is NO_DRIFT:
-        assert kstest(1 - (1 - below[below < 1] / 2) ** 2, "uniform", (0, 0.75)).pvalue > 1e-3
-    assert abs(np.mean(below < 0.05) - 0.05) < 3 * (0.05 * 0.95 / 600) ** 0.5
+    rng = np.random.default_rng(31)
+    truth, at = np.array([3.0, -0.02]), np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 185.0]])
+    hits = np.zeros(3)
+    for _ in range(1000):
+        y = drawn(design, rng, own, reversal=3.0) + warm(design, rng, shared)
+        fit = each_way(design, y)
+        u = np.sqrt(np.einsum("ij,jk,ik->i", at, fit.covariance, at))
+        hits += np.abs(at @ (fit.plain.coefficients - truth)) <= stdtrit(fit.pass_dof, 0.975) * u
+    assert (np.abs(hits / 1000 - 0.95) < 3.3 * np.sqrt(0.95 * 0.05 / 1000)).all()
+
+
+def test_without_runs_the_shared_part_is_missed() -> None:
+    """Passes taken as independent that are not: 95 % intervals hold the truth in 84 to 88 %."""
+    design = balanced(10, both=True)
+    rng = np.random.default_rng(32)
+    hits = 0
+    for _ in range(1000):
+        y = drawn(design, rng, NO_DRIFT) + warm(design, rng, WARM)
+        fit = fit_passes(y, design.position, 1, design.group, design.direction)
+        u = np.sqrt(fit.covariance[1, 1])
+        hits += abs(fit.plain.coefficients[1] + 0.02) <= stdtrit(fit.pass_dof, 0.975) * u
+    # t with 4 degrees of freedom and u too small by sqrt(2): 95 % would be 84 to 88 %.
+    assert 800 < hits < 910

@@ -113,13 +113,101 @@ def test_reversal_is_forward_minus_reverse() -> None:
     y = drawn(design, np.random.default_rng(3), reversal=6.0)
     means = y.reshape(10, 8).mean(axis=1)
     wanted = ttest_ind(means[0::2], means[1::2])
-    found = reversal(fitted(design, y))
+    found = reversal(fitted(design, y), np.arange(10.0))
     assert found is not None
     assert found.value == pytest.approx(means[0::2].mean() - means[1::2].mean(), rel=1e-9)
     assert found.value > 0
     assert found.value / found.u == pytest.approx(wanted.statistic, rel=1e-8)
     assert found.p == pytest.approx(wanted.pvalue, rel=1e-7)
     assert found.dof == 8
+
+
+def in_runs(design: Design, y: FloatArray) -> PassFit:
+    """Two passes that follow each other are a run there and back."""
+    return fit_passes(y, design.position, 1, design.group, design.direction, design.group // 2)
+
+
+def shared_in_runs(design: Design, rng: np.random.Generator, size: float) -> FloatArray:
+    found: FloatArray = rng.normal(0, size, 20)[design.group // 2]
+    return found
+
+
+def test_of_runs_the_trend_is_that_of_their_means() -> None:
+    """Ordinary least squares of the runs' mean levels on their mean place, by statsmodels."""
+    design = balanced(12, both=True)
+    rng = np.random.default_rng(4)
+    y = drawn(design, rng, reversal=3.0) + shared_in_runs(design, rng, 2.0) + 0.4 * design.group
+    level = plain_passes(design, y).lines[:, 0]
+    middle = np.arange(12.0).reshape(6, 2).mean(axis=1)
+    wanted = OLS(level.reshape(6, 2).mean(axis=1), np.column_stack([np.ones(6), middle])).fit()
+    found = pass_trend(in_runs(design, y), np.arange(12.0))
+    assert found is not None
+    assert found.value == pytest.approx(wanted.params[1], rel=1e-8)
+    assert found.u == pytest.approx(wanted.bse[1], rel=1e-8)
+    assert found.dof == 4
+
+
+def test_of_runs_the_reversal_is_that_of_levels_less_a_steady_drift() -> None:
+    """Its value is the coefficient of direction beside order, by statsmodels; its u by hand."""
+    design = balanced(10, both=True)
+    rng = np.random.default_rng(5)
+    y = drawn(design, rng, reversal=6.0) + shared_in_runs(design, rng, 2.0) + 0.5 * design.group
+    level = plain_passes(design, y).lines[:, 0]
+    way = np.where(np.arange(10) % 2 == 0, 0.5, -0.5)
+    wanted = OLS(level, np.column_stack([np.ones(10), way, np.arange(10)])).fit()
+    found = reversal(in_runs(design, y), np.arange(10.0))
+    assert found is not None
+    assert found.value == pytest.approx(wanted.params[1], rel=1e-8)
+    m, h = (level[0::2] + level[1::2]) / 2, (level[0::2] - level[1::2]) / 2
+    # Runs are at -4, -2, 0, 2, 4: the sum of squares is 40.
+    u2 = 4 * np.var(h, ddof=1) / 5 + np.var(m, ddof=1) / 40
+    assert found.u == pytest.approx(u2**0.5, rel=1e-8)
+    assert found.dof == 4
+
+
+@pytest.mark.parametrize("back_first", [False, True])
+def test_a_steady_drift_is_no_reversal(back_first: bool) -> None:
+    """An axis that grows by the same from pass to pass: forward differs from reverse by it."""
+    design = balanced(10, both=True)
+    if back_first:
+        design = Design(design.position, design.group, -design.direction)
+    rng = np.random.default_rng(6)
+    alarms = 0
+    for _ in range(300):
+        y = drawn(design, rng, NO_DRIFT, s=0.3) + 5.0 * design.group
+        found = reversal(in_runs(design, y), np.arange(10.0))
+        assert found is not None
+        assert abs(found.value) < 0.5
+        alarms += found.p < 0.05
+    assert alarms == 0
+
+
+@pytest.mark.parametrize("passes", [2.0, 4.0, 8.0])
+def test_a_warm_up_is_no_reversal(passes: float) -> None:
+    """An axis that grows by 20 um, ever more slowly, with so many passes of a time constant."""
+    design = balanced(10, both=True)
+    rng = np.random.default_rng(7)
+    growth = 20 * (1 - np.exp(-design.group / passes))
+    alarms = 0
+    for _ in range(300):
+        found = reversal(in_runs(design, drawn(design, rng, NO_DRIFT) + growth), np.arange(10.0))
+        assert found is not None
+        alarms += found.p < 0.05
+    assert alarms < 300 * (0.05 + 3 * (0.05 * 0.95 / 300) ** 0.5)
+
+
+@pytest.mark.parametrize("shared", [0.0, 6.0])
+def test_a_reversal_is_found_whatever_runs_share(shared: float) -> None:
+    """3 um beside passes that scatter by 0.35 um: seen where runs are 6 um apart, too."""
+    design = balanced(10, both=True)
+    rng = np.random.default_rng(8)
+    found = 0
+    for _ in range(200):
+        y = drawn(design, rng, NO_DRIFT, reversal=3.0) + shared_in_runs(design, rng, shared)
+        shift = reversal(in_runs(design, y), np.arange(10.0))
+        assert shift is not None
+        found += shift.p < 0.05
+    assert found > (190 if shared == 0 else 100)
 
 
 def test_lack_of_fit_by_hand() -> None:
@@ -183,7 +271,7 @@ def null_p_values(name: str, D: float, degree: int) -> dict[str, FloatArray]:
         for test, result in {
             "scatter": pass_scatter(fit),
             "trend": pass_trend(fit, order),
-            "reversal": reversal(fit),
+            "reversal": reversal(fit, np.arange(float(fit.n_passes))),
             "lack of fit": lack_of_fit(y, design.position, degree, design.group),
         }.items():
             if result is not None:
@@ -222,12 +310,23 @@ def test_planted_effects_are_found() -> None:
     bow = 1.0 * ((design.position - 185.0) / 185.0) ** 2
     assert power([pass_scatter(fitted(design, y)) for y in drifting]) > 0.9
     assert power([pass_trend(fitted(design, y + 0.5 * design.group), order) for y in quiet]) > 0.9
-    assert power([reversal(fitted(design, y + design.direction)) for y in quiet]) > 0.9
+    assert (
+        power(
+            [
+                reversal(fitted(design, y + design.direction), np.arange(float(design.n_passes)))
+                for y in quiet
+            ]
+        )
+        > 0.9
+    )
     assert (
         power([lack_of_fit(y + 2 * bow, design.position, 1, design.group) for y in drifting]) > 0.9
     )
     assert power([pass_trend(fitted(design, y), order) for y in drifting]) < 0.1
-    assert power([reversal(fitted(design, y)) for y in drifting]) < 0.1
+    assert (
+        power([reversal(fitted(design, y), np.arange(float(design.n_passes))) for y in drifting])
+        < 0.1
+    )
 
 
 def test_drift_is_not_lack_of_fit() -> None:
@@ -249,7 +348,7 @@ def test_what_cannot_be_tested_is_none() -> None:
     fit = fitted(few, drawn(few, rng))
     assert pass_scatter(fit) is not None
     assert pass_trend(fit, np.arange(2.0)) is None
-    assert reversal(fit) is None
+    assert reversal(fit, np.arange(float(fit.n_passes))) is None
     y = rng.normal(size=8)
     assert lack_of_fit(y, PLACES, 1, None) is None
     assert lack_of_fit(y, np.repeat(PLACES[:2], 4), 1, None) is None

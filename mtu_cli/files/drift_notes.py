@@ -1,0 +1,117 @@
+"""What looks odd in drift readings as they are read: sensors, times, a column's name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.errors import closest
+from mtu_cli.files.contracts import Notice
+from mtu_cli.files.csv_table import cell_text
+from mtu_cli.files.sensor_faults import in_runs, sensor_notes, times_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mtu_cli.files.csv_table import Table
+
+    Floats = NDArray[np.float64]
+
+OUT_OF_ORDER = "time-out-of-order"
+MOST = 0.05
+"""Share of a cycle's rows beyond which times that do not ascend are in no order at all."""
+FEWEST = 5
+"""Rows of a component and position from which on their times show an order."""
+CYCLE = "cyc"
+"""How the name of a column begins that may be meant to tell cycles apart."""
+
+
+def drift_notes(tables: Sequence[Table]) -> Iterator[Notice]:
+    """All of it of tables of drift readings, or of blocks of them."""
+    yield from sensor_notes(tables)
+    for table in tables:
+        yield from _time_notes(table)
+        yield from _cycle_notes(table)
+
+
+def _cycle_notes(table: Table) -> Iterator[Notice]:
+    """Of a column that only its name keeps from telling cycles apart."""
+    if "cycle" in table.columns.texts:
+        return
+    near = closest("cycle", [n for n in table.covariates if n.casefold().startswith(CYCLE)])
+    if near is not None:
+        text = (
+            f"{table.source.shown}: no column 'cycle', so that no cycles are told apart: did you "
+            f"mean the column {near!r}? Rename it to 'cycle'"
+        )
+        yield Notice(code="no-cycles", message=text)
+
+
+def _time_notes(table: Table) -> Iterator[Notice]:
+    """Of single rows whose times lie outside those of their neighbours in the file."""
+    minutes = times_of(table)
+    if minutes is None:
+        return
+    order, run = in_runs(table, None)
+    values = minutes[order]
+    fell = np.flatnonzero((np.diff(values) < 0) & (run[1:] == run[:-1]))
+    if not len(fell):
+        return
+    cycles = table.columns.texts.get("cycle")
+    cycle = np.zeros(len(table), np.int64) if cycles is None else cycles.codes[order]
+    rows, falls = np.bincount(cycle), np.bincount(cycle[fell], minlength=int(cycle.max()) + 1)
+    ordered = falls <= MOST * rows
+    starts = np.flatnonzero(np.diff(run, prepend=-1))
+    ends = np.append(starts[1:], len(run))
+    found = []
+    for i in fell[ordered[cycle[fell]]].tolist():
+        own = int(np.searchsorted(starts, i, side="right")) - 1
+        at = _odd_one(values, i, int(starts[own]), int(ends[own]))
+        if at is None:
+            ordered[cycle[i]] = False
+        else:
+            near = [k for k in (at - 1, at + 1) if starts[own] <= k < ends[own]]
+            found.append((at, order[near].tolist()))
+    found = [(at, near) for at, near in found if ordered[cycle[at]]]
+    if found:
+        yield _out_of_order(table, [(int(order[at]), near) for at, near in found])
+
+
+def _odd_one(values: Floats, i: int, start: int, end: int) -> int | None:
+    """Which of the rows i and i + 1, between which the times of a run [start, end) fall, is the one
+    without which they ascend around it; None where neither is. Of both, the farther off.
+    """
+    if end - start < FEWEST:
+        return None
+    fits = []
+    for k in (i, i + 1):
+        near = [values[j] for j in (k - 1, k + 1) if start <= j < end]
+        around = [values[j] for j in (k - 2, k - 1, k + 1, k + 2) if start <= j < end]
+        if around == sorted(around):
+            fits.append((-abs(float(values[k] - np.mean(near))), k))
+    return min(fits)[1] if fits else None
+
+
+def _out_of_order(table: Table, found: Sequence[tuple[int, list[int]]]) -> Notice:
+    """The warning of rows and their neighbours, by the first."""
+    row, near = min(found)
+    column = "time" if "time" in table.columns.times else "time_min"
+    beside = " and ".join(f"{_shown(table, k)} (row {table.rows[k]})" for k in near)
+    more = len(found) - 1
+    others = f"; so do {more} more" if more > 1 else "; so does 1 more" if more else ""
+    text = (
+        f"{table.source.shown}, row {table.rows[row]}, column {column!r}: {_shown(table, row)} "
+        f"lies outside the times beside it, {beside}, in a file whose times ascend{others}: look "
+        "whether it is mistyped"
+    )
+    return Notice(code=OUT_OF_ORDER, message=text)
+
+
+def _shown(table: Table, index: int) -> str:
+    """The time of a row as the file gives it."""
+    dated = table.columns.times.get("time")
+    if dated is None:
+        return cell_text(float(table.columns.numbers["time_min"][index]))
+    return str(dated.microseconds[index].astype("datetime64[us]").astype("datetime64[ms]"))

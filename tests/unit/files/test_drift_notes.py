@@ -1,0 +1,89 @@
+"""Drift readings that look odd as they are read: times out of order, cycles under another name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mtu_cli.files.readings import read_readings
+from mtu_cli.files.readings_stream import stream_readings
+
+HEAD = "component,position_mm,cycle,time_min,error,unit,T_a_degC"
+
+
+def notes(tmp_path: Path, times: dict[str, list[object]], header: str = HEAD) -> list[str]:
+    """What is told of drifts at two positions, row by row in turn, the first of which has other
+    `times` than the second.
+    """
+    lines = [header]
+    for cycle, own in times.items():
+        for i, time in enumerate(own):
+            at = f"2024-05-03T{10 + i // 60}:{i % 60:02}" if isinstance(time, str) else 10 * i
+            lines += [
+                f"pz,0,{cycle},{time},1.{i},um,2{i % 5}",
+                f"pz,9,{cycle},{at},2.{i},um,20.{i}",
+            ]
+    path = tmp_path / "d.csv"
+    path.write_text("\n".join(lines) + "\n")
+    found = read_readings([(path, "drift")], None, for_fit=False).notes
+    streamed = [note for block in stream_readings([(path, "drift")], None) for note in block.notes]
+    assert tuple(streamed) == found
+    return [f"{note.code}: {note.message}" for note in found]
+
+
+def ascending(n: int = 20) -> list[object]:
+    return [10 * i for i in range(n)]
+
+
+@pytest.mark.parametrize(
+    ("index", "time", "beside"),
+    [(2, -500, [1, 3]), (5, 900, [4, 6]), (0, 900, [1]), (19, 5, [18]), (18, 900, [17, 19]),
+     (7, 95, [6, 8])],
+)  # fmt: skip
+def test_one_time_out_of_order_is_told(
+    index: int, time: int, beside: list[int], tmp_path: Path
+) -> None:
+    own = ascending()
+    own[index] = time
+    near = " and ".join(f"{10 * i} (row {42 + 2 * i})" for i in beside)
+    assert notes(tmp_path, {"a": ascending(), "b": own}) == [
+        f"time-out-of-order: d.csv, row {42 + 2 * index}, column 'time_min': {time} lies outside "
+        f"the times beside it, {near}, in a file whose times ascend: look whether it is mistyped"
+    ]
+
+
+def test_several_and_dates(tmp_path: Path) -> None:
+    own = ascending(40)
+    own[5], own[30] = 0, 999
+    (found,) = notes(tmp_path, {"a": own})
+    assert "row 12" in found
+    assert "in a file whose times ascend; so does 1 more: look" in found
+    dates: list[object] = [f"2024-05-03T10:{i:02}:00" for i in range(40)]
+    dates[7] = "2023-05-03T10:07:00"
+    (found,) = notes(tmp_path, {"a": dates}, HEAD.replace("time_min", "time"))
+    assert "row 16, column 'time': 2023-05-03T10:07:00.000 lies outside" in found
+
+
+def test_what_is_in_no_order_stays_silent(tmp_path: Path) -> None:
+    """Shuffled, descending, restarting times, too many slips, and rows too few to tell."""
+    shuffled = [(70 * i) % 200 + i / 100 for i in range(20)]
+    four = ascending(20)
+    for index in (2, 6, 10, 14):
+        four[index] = -1
+    restarting = [*ascending(10), *[i + 0.5 for i in ascending(10) if isinstance(i, int)]]
+    for own in (ascending(), shuffled, ascending()[::-1], four, restarting, [0] * 12, [0, 9, 5, 7]):
+        assert notes(tmp_path, {"a": [*own]}) == []
+
+
+@pytest.mark.parametrize(
+    ("column", "told"),
+    [("cyc", True), ("Cycl", True), ("cycle_s", True), ("cylinder", False), ("load", False)],
+)
+def test_a_column_that_may_be_the_cycle_is_named(column: str, told: bool, tmp_path: Path) -> None:
+    found = notes(tmp_path, {"1": ascending(), "2": ascending()}, HEAD.replace("cycle", column))
+    text = (
+        f"no-cycles: d.csv: no column 'cycle', so that no cycles are told apart: did you mean the "
+        f"column {column!r}? Rename it to 'cycle'"
+    )
+    assert found == [text] * told

@@ -1,0 +1,168 @@
+"""Runs there and back: who is a run, and what the two passes of one share, to the prediction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from machine_trials import Drift, machine, read_machine
+from model_examples import Segment, loaded, readings
+from numpy.typing import NDArray
+from reading_examples import only
+
+from mtu_cli.files.components_file import components_from
+from mtu_cli.files.source import Source
+from mtu_cli.model.estimates import Estimates
+from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
+from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.prediction import predict
+from mtu_cli.model.reading_tables import reading_tables
+from mtu_cli.model.runs import runs_of, ways
+from mtu_cli.reports.fit_components import document
+
+FloatArray = NDArray[np.float64]
+
+P = np.linspace(0.0, 90.0, 4)
+RUNS = 5
+MACHINE = """
+components: {a: {of: x, unit: mm}, b: {of: y, unit: mm}}
+equations: {Ex: a, Ey: b}
+"""
+
+
+def there_and_back(seed: int, *, one_way: bool = False, shared: float = 3.0) -> list[Segment]:
+    """Two components in the same runs: level and slope of each run, of each pass, and noise."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for name in "ab":
+        line = shared * rng.normal(size=(RUNS, 1, 2)) + rng.normal(size=(RUNS, 2, 2))
+        line[..., 1] *= 0.01
+        error = line[..., :1] + line[..., 1:] * (P - P.mean())
+        error = error + 0.5 * rng.standard_normal(error.shape) + [[2.0], [0.0]]
+        number = np.arange(2 * RUNS) if one_way else np.repeat(np.arange(RUNS), 2)
+        found.append(
+            Segment(
+                name=name,
+                position=np.tile(P, 2 * RUNS),
+                error=error.ravel(),
+                passes=np.repeat(number + 1, len(P)),
+                direction=np.tile(np.repeat([1, -1], len(P)), RUNS),
+            )
+        )
+    return found
+
+
+def test_passes_of_one_number_are_a_run() -> None:
+    keys = np.array([[0, 1], [0, 2], [1, 1]])
+    code = np.array([0, 0, 1, 1, 2, 2])
+    sign = np.array([1, -1, 1, -1, 1, -1])
+    assert ways(code, sign, 3) is None
+    assert runs_of(keys, np.arange(3), None).tolist() == [0, 1, 2]
+
+
+def test_passes_that_each_run_one_way_are_paired_in_their_order() -> None:
+    """The n-th there and the n-th back of a file; what is over stays alone."""
+    keys = np.array([[0, 1], [0, 2], [0, 3], [0, 4], [0, 5], [1, 1], [1, 2]])
+    sign = np.array([1, 1, -1, -1, 1, -1, 1])
+    way = ways(np.arange(7), sign, 7)
+    assert way is not None
+    assert runs_of(keys, np.arange(7), way).tolist() == [0, 1, 0, 1, 2, 3, 3]
+    # The other way round in time.
+    assert runs_of(keys, np.arange(7)[::-1], way).tolist() == [3, 2, 2, 1, 1, 0, 0]
+    # Of a pass without a direction nothing is told.
+    assert ways(np.arange(2), np.array([1, 0]), 2) is None
+
+
+@pytest.mark.parametrize("one_way", [False, True], ids=["one number", "a number each"])
+def test_a_prediction_by_hand(tmp_path: Path, one_way: bool) -> None:
+    """g'((1 + 1/P) S_m + S_h)g + s^2 (1 - M), S_m and S_h from the passes' lines by numpy."""
+    known = loaded(tmp_path, MACHINE)
+    given = there_and_back(1, one_way=one_way)
+    fit = fit_machine(known, readings(given))
+    model = build_model(known, estimates_from_fit(known, fit))
+    x, y = 30.0, 70.0
+    m, h, visits = [], [], []
+    for item, at in zip(given, (x, y), strict=True):
+        by_pass = item.error.reshape(2 * RUNS, len(P))
+        own = np.polyfit(P, by_pass.T, 1)[::-1]
+        rest = by_pass - (own[0][:, None] + own[1][:, None] * P)
+        s2 = np.sum(rest**2) / (2 * RUNS * (len(P) - 2))
+        line = (own[0] + own[1] * at).reshape(RUNS, 2)
+        m.append(line.mean(axis=1))
+        h.append((line[:, 0] - line[:, 1]) / 2)
+        M = 1 / len(P) + (at - P.mean()) ** 2 / np.sum((P - P.mean()) ** 2)
+        visits.append(s2 * (1 - M))
+    S_m, S_h = np.cov(m), np.cov(h)
+    found = predict(model, ["p"], np.array([[x, y, 0.0]]))
+    assert found.mean == pytest.approx([m[0].mean(), m[1].mean()])
+    wanted = (1 + 1 / RUNS) * S_m + S_h + np.diag(visits)
+    assert found.covariance == pytest.approx(wanted, rel=1e-9)
+    variance = found.variance(np.eye(2))
+    assert variance.total == pytest.approx(np.diag(wanted))
+    nu = 2 * RUNS * (len(P) - 2)
+    for i in range(2):
+        of_runs, of_ways = (1 + 1 / RUNS) * S_m[i, i], S_h[i, i]
+        spread = (of_runs**2 + of_ways**2) / (RUNS - 1) + visits[i] ** 2 / nu
+        assert variance.dof[i] == pytest.approx(wanted[i, i] ** 2 / spread)
+    assert variance.coefficients == pytest.approx(np.diag(S_m) / RUNS)
+    # The mean over future parts is known by the runs alone.
+    squares = variance.squares
+    assert squares.of_mean[0] == pytest.approx(np.diag(S_m) / RUNS)
+    assert np.abs(squares.of_mean[1:]).max() < 1e-12
+    assert fit.joint[0].pass_dof == RUNS - 1
+
+
+def test_a_setup_of_its_own_makes_a_pass_no_part_of_a_run(tmp_path: Path) -> None:
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(6), Drift(10.0, there_and_back=True))
+    labels = np.array(["there", "back"], object)[(given.direction < 0).astype(int)]
+    for setups, dof in (({}, 4), ({"setup": labels}, 8)):
+        fit = fit_machine(known, replace(given, covariates=setups))
+        for name, item in fit.components.items():
+            assert item.estimate.pass_dof == (4 if name == "axy" else dof)
+            assert (item.estimate.half_differences is not None) == (dof == 4 and name != "axy")
+
+
+def test_the_report_carries_what_runs_tell(tmp_path: Path) -> None:
+    """Read back, it gives the same prediction, its squares and their degrees of freedom."""
+    known = loaded(tmp_path, MACHINE.replace("of: y, unit: mm", "of: y, unit: um, degree: 2"))
+    fit = fit_machine(known, readings(there_and_back(2)))
+    own = estimates_from_fit(known, fit)
+    results = document("m", fit, own)
+    source = Source(role="components", path=tmp_path, shown="c.json", sha256="", rows=0)
+    report = components_from(source, {"schema": "mtu/fit-components/1", "results": results})
+    place, A = np.array([[30.0, 70.0, 0.0]]), np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -2.0]])
+    first, second = (
+        predict(build_model(known, estimates), ["p"], place).variance(A)
+        for estimates in (own, estimates_from_report(known, report))
+    )
+    assert second.total == pytest.approx(first.total, rel=1e-9)
+    assert second.dof == pytest.approx(first.dof, rel=1e-9)
+    np.testing.assert_allclose(second.squares.of_part, first.squares.of_part, rtol=1e-7, atol=1e-15)
+
+
+@pytest.mark.parametrize("shared", [3.0, 0.0])
+def test_further_readings_share_what_these_did(tmp_path: Path, shared: float) -> None:
+    """The table's factor: D within a direction, of the two of a run K where it is positive."""
+    known = loaded(tmp_path, MACHINE)
+    fit = fit_machine(known, readings(there_and_back(3, shared=shared)))
+    estimate = fit.components["a"].estimate
+    one = Estimates(components={"a": estimate})
+    table = only(reading_tables(known, one, readings(there_and_back(4)[:1])))
+    X = np.column_stack([np.ones(2 * len(P)), table.places[0, :, 0]])
+    way = table.covariates["dir_x"][0]
+    same = way[:, None] == way
+    R = table.of_part[0, :, 0]
+    found = R @ R.T
+    np.testing.assert_allclose(found[same], (X @ estimate.pass_covariance @ X.T)[same], rtol=1e-6)
+    lines = np.polyfit(P, there_and_back(3, shared=shared)[0].error.reshape(-1, len(P)).T, 1)[::-1]
+    there, back = lines[:, 0::2], lines[:, 1::2]
+    K = np.cov(there, back)[:2, 2:]
+    K = (K + K.T) / 2
+    if shared:
+        np.testing.assert_allclose(found[~same], (X @ K @ X.T)[~same], rtol=1e-6)
+    else:
+        # What is negative by chance is none.
+        assert (np.abs(found[~same]) <= np.abs(found[same]).max()).all()
