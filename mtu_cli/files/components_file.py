@@ -56,7 +56,7 @@ class ReportedComponent(BaseModel):
     s_repeat: Deviation
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
-    half_difference_mean_square: Matrix | None = None
+    half_difference_mean_square: list[list[float]] | None = None
     pass_center_mm: float
     pass_dof: NonNegative | None
     repeat_dof: NonNegative | None
@@ -72,7 +72,7 @@ class ReportedGroup(BaseModel):
     widths: list[int]
     coefficient_covariance: Matrix
     pass_covariance: Matrix
-    half_difference_mean_square: Matrix | None = None
+    half_difference_mean_square: list[list[float]] | None = None
     pass_dof: NonNegative
     n_passes: int | None
 

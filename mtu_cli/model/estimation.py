@@ -40,7 +40,7 @@ class InstrumentFit:
     `keys` are the (file, pass, direction) of the fit's passes, in its order; `order` (G,) is
     their sequence in time. `read` are those of all passes, as `group` numbers them; the fit leaves
     out what broke off early. The tests on the passes are made when they are first asked for:
-    predictions need none of them.
+    predictions need not all of them.
     """
 
     role: str
@@ -69,7 +69,8 @@ class InstrumentFit:
     @cached_property
     def reversal(self) -> Shift | None:
         """The mean reversal value."""
-        return reversal(self.fit, self.order)
+        timed = bool(np.isfinite(self.starts).all())
+        return reversal(self.fit, self.order, timed=timed)
 
     @cached_property
     def lack_of_fit(self) -> FTest | None:

@@ -43,6 +43,8 @@ def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
 def _share(a: InstrumentFit, b: InstrumentFit) -> bool:
     if a.role != b.role or [key[1:] for key in a.keys] != [key[1:] for key in b.keys]:
         return False
+    if not np.array_equal(a.fit.pairs, b.fit.pairs):
+        return False
     if any(a.setups) or any(b.setups):
         return a.setups == b.setups
     if np.isfinite(a.starts).all() and np.isfinite(b.starts).all():

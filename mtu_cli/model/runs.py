@@ -8,27 +8,42 @@ from numpy.typing import NDArray
 IntArray = NDArray[np.int64]
 
 
-def ways(code: IntArray, sign: IntArray, count: int) -> IntArray | None:
-    """The direction (m,) of each pass; None where one runs both ways, or in none that is told."""
+def ways(code: IntArray, sign: IntArray, count: int) -> IntArray:
+    """The direction (m,) of each pass; 0 where it runs both ways, or in none that is told."""
     least, most = np.full(count, 2), np.full(count, -2)
     np.minimum.at(least, code, sign)
     np.maximum.at(most, code, sign)
-    return least if (least == most).all() and least.all() else None
+    return np.where(least == most, least, 0)
 
 
-def runs_of(keys: IntArray, order: IntArray, way: IntArray | None) -> IntArray:
+def runs_of(keys: IntArray, order: IntArray, way: IntArray) -> IntArray:
     """The run (m,) of each pass (file, number) in `keys` (m, 2), in their `order` in time.
 
-    A pass that runs both ways is one. Where every pass runs one way only (`way`, see `ways`), the
-    n-th there and the n-th back of a file are one run: what differs between the directions could
-    not be told from what differs between passes.
+    A pass that runs both ways is one. Where every pass of a file runs one way only (`way`, see
+    `ways`), one there and one back are a run: what differs between the directions could not be
+    told from what differs between passes.
     """
     first = np.empty(len(keys), np.int64)
     first[order] = np.arange(len(keys))
-    if way is not None:
-        for file in np.unique(keys[:, 0]):
-            own = [i for i in order if keys[i, 0] == file]
-            there, back = ([i for i in own if way[i] == sign] for sign in (1, -1))
-            for a, b in zip(there, back, strict=False):
-                first[a] = first[b] = min(first[a], first[b])
+    for file in np.unique(keys[:, 0]):
+        own = order[keys[order, 0] == file]
+        if way[own].all():
+            for a, b in _fellows(way[own]):
+                first[own[b]] = first[own[a]]
     return np.unique(first, return_inverse=True)[1].reshape(-1)
+
+
+def _fellows(way: IntArray) -> list[tuple[int, int]]:
+    """Pairs of places (earlier, later) in a sequence of directions: neighbours that go opposite
+    ways, so that one that is missing leaves only its fellow alone; of all there before all back
+    the n-th of each.
+    """
+    turns = np.flatnonzero(way[1:] != way[:-1])
+    if len(turns) == 1:
+        middle = int(turns[0]) + 1
+        return [(i, middle + i) for i in range(min(middle, len(way) - middle))]
+    found: list[tuple[int, int]] = []
+    for i in turns.tolist():
+        if not found or found[-1][1] < i:
+            found.append((i, i + 1))
+    return found

@@ -116,8 +116,8 @@ def _separated(
         return None
     between, of_repeatability, deviations = found
     D = positive_part(between, of_repeatability, stage.s2)
-    # Two or three passes may agree by chance far better than repeatability allows; the
-    # coefficients are then no surer than repeatability alone would leave them.
+    # Two or three passes may agree by chance far better than repeatability allows: D is then not
+    # taken as negative. C of as few runs may be smaller still; their degrees of freedom say so.
     within = stage.s2 * of_repeatability
     moment = D if design.dof_between < FEW_PASSES else between - within
     K = covariance_in_runs(deviations, design.pairs, between)

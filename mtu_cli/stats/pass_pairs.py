@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.positive_part import positive_part
+from mtu_cli.stats.positive_part import as_covariance, positive_part
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -39,7 +39,11 @@ def pairs_of(runs: IntArray, sign: FloatArray) -> IntArray:
 
 
 def units_dof(G: int, pairs: IntArray, columns: int) -> int:
-    """Degrees of freedom between G passes less `columns` of directions, runs being the units."""
+    """Degrees of freedom between G passes less `columns` of directions, runs being the units; none
+    in a run alone.
+    """
+    if G == 2 * len(pairs) == 2:
+        return 0
     if len(pairs) < FEWEST_RUNS:
         return G - columns
     return min(G - columns, G - len(pairs) - 1)
@@ -57,21 +61,24 @@ def covariance_in_runs(deviations: FloatArray, pairs: IntArray, between: FloatAr
     there, back = (own - own.mean(axis=0) for own in (deviations[way] for way in pairs.T))
     product = there.T @ back / (len(pairs) - 1)
     K: FloatArray = (product + product.T) / 2
-    if 2 * len(pairs) == len(deviations):
-        return K
-    if not np.diag(between).all():
-        return np.zeros((q, q))
-    K = 2 * positive_part((between + K) / 2, between) - between
-    less: FloatArray = 2 * positive_part((between - K) / 2, between)
-    return between - less
+    return K if 2 * len(pairs) == len(deviations) else _within(K, between)
+
+
+def _within(K: FloatArray, S: FloatArray) -> FloatArray:
+    """K (q, q) cut to lie between -S and S."""
+    if not np.diag(S).all():
+        return np.zeros_like(K)
+    K = 2 * positive_part((S + K) / 2, S) - S
+    less: FloatArray = 2 * positive_part((S - K) / 2, S)
+    return S - less
 
 
 def half_differences(S: FloatArray, K: FloatArray, pairs: IntArray, G: int) -> FloatArray | None:
     """S_h (q, q) of the mean square S between G passes; None of fewer than two runs.
 
-    Passes without a fellow have no covariance: over all of them it is so much less.
+    Passes without a fellow have no covariance: over all of them it is so much less. Where both
+    passes of every run differ by the same it is 0, which rounding may have made negative.
     """
     if len(pairs) < FEWEST_RUNS:
         return None
-    found: FloatArray = (S - 2 * len(pairs) / G * K) / 2
-    return found
+    return as_covariance((S - 2 * len(pairs) / G * K) / 2)

@@ -97,7 +97,7 @@ def _ranks(order: FloatArray) -> FloatArray:
     return np.argsort(np.argsort(order, kind="stable"), kind="stable").astype(np.float64)
 
 
-def reversal(fit: PassFit, order: FloatArray) -> Shift | None:
+def reversal(fit: PassFit, order: FloatArray, *, timed: bool = True) -> Shift | None:
     """Mean reversal value (forward minus reverse, ISO 230-2) at the mean position.
 
     Of runs there and back it is the mean of their own differences 2 h_r, less what a steady drift
@@ -105,7 +105,8 @@ def reversal(fit: PassFit, order: FloatArray) -> Shift | None:
 
         2 h + b d,    u^2 = 4 S_h/P + d^2 S_m/sum (t_r - t)^2,    P - 1 degrees of freedom,
 
-    where S_m holds the drift itself: of runs that share all their scatter u is too large.
+    where S_m holds the drift itself: of runs that share all their scatter u is too large. Where
+    the order is not `timed` but assumed b d may have either sign: it is then in u alone.
     Without runs it is judged against pass-to-pass scatter: the passes are the units that were
     repeated. None with two passes, whose only difference is the reversal itself.
     """
@@ -114,13 +115,13 @@ def reversal(fit: PassFit, order: FloatArray) -> Shift | None:
         return None
     level = fit.pass_coefficients[:, 0]
     if len(fit.pairs) >= FEWEST_RUNS:
-        return _reversal_of_runs(level[fit.pairs], _ranks(order)[fit.pairs])
+        return _reversal_of_runs(level[fit.pairs], _ranks(order)[fit.pairs], timed)
     value = float(level[forward].mean() - level[reverse].mean())
     count = 1 / forward.sum() + 1 / reverse.sum()
     return _shift(value, float(np.sqrt(fit.between[0, 0] * count)), fit.pass_dof)
 
 
-def _reversal_of_runs(level: FloatArray, rank: FloatArray) -> Shift | None:
+def _reversal_of_runs(level: FloatArray, rank: FloatArray, timed: bool) -> Shift | None:
     """From levels and places in time (P, 2) of the passes there and back."""
     P = len(level)
     mean, time = level.mean(axis=1), rank.mean(axis=1) - rank.mean()
@@ -131,7 +132,12 @@ def _reversal_of_runs(level: FloatArray, rank: FloatArray) -> Shift | None:
     if spread > 0:
         drift, of_drift = float(time @ mean) / spread, float(np.var(mean, ddof=1)) / spread
     u2 = float(np.var(twice, ddof=1)) / P + apart**2 * of_drift
-    return _shift(float(twice.mean()) + drift * apart, float(np.sqrt(u2)), P - 1)
+    value = float(twice.mean())
+    if timed:
+        value += drift * apart
+    else:
+        u2 += (drift * apart) ** 2
+    return _shift(value, float(np.sqrt(u2)), P - 1)
 
 
 def lack_of_fit(

@@ -12,6 +12,7 @@ from model_examples import Segment, loaded, readings
 from numpy.typing import NDArray
 from reading_examples import only
 
+from mtu_cli.errors import InputError
 from mtu_cli.files.components_file import components_from
 from mtu_cli.files.source import Source
 from mtu_cli.model.estimates import Estimates
@@ -26,6 +27,7 @@ FloatArray = NDArray[np.float64]
 
 P = np.linspace(0.0, 90.0, 4)
 RUNS = 5
+COLUMNS = ("position", "error", "passes", "direction")
 MACHINE = """
 components: {a: {of: x, unit: mm}, b: {of: y, unit: mm}}
 equations: {Ex: a, Ey: b}
@@ -58,21 +60,85 @@ def test_passes_of_one_number_are_a_run() -> None:
     keys = np.array([[0, 1], [0, 2], [1, 1]])
     code = np.array([0, 0, 1, 1, 2, 2])
     sign = np.array([1, -1, 1, -1, 1, -1])
-    assert ways(code, sign, 3) is None
-    assert runs_of(keys, np.arange(3), None).tolist() == [0, 1, 2]
+    way = ways(code, sign, 3)
+    assert way.tolist() == [0, 0, 0]
+    assert runs_of(keys, np.arange(3), way).tolist() == [0, 1, 2]
 
 
 def test_passes_that_each_run_one_way_are_paired_in_their_order() -> None:
-    """The n-th there and the n-th back of a file; what is over stays alone."""
+    """All there before all back: the n-th of each of a file; what is over stays alone."""
     keys = np.array([[0, 1], [0, 2], [0, 3], [0, 4], [0, 5], [1, 1], [1, 2]])
-    sign = np.array([1, 1, -1, -1, 1, -1, 1])
+    sign = np.array([1, 1, 1, -1, -1, -1, 1])
     way = ways(np.arange(7), sign, 7)
-    assert way is not None
-    assert runs_of(keys, np.arange(7), way).tolist() == [0, 1, 0, 1, 2, 3, 3]
-    # The other way round in time.
-    assert runs_of(keys, np.arange(7)[::-1], way).tolist() == [3, 2, 2, 1, 1, 0, 0]
-    # Of a pass without a direction nothing is told.
-    assert ways(np.arange(2), np.array([1, 0]), 2) is None
+    assert way.tolist() == sign.tolist()
+    assert runs_of(keys, np.arange(7), way).tolist() == [0, 1, 2, 0, 1, 3, 3]
+    # The other way round in time: 5 4 back, 3 2 1 there.
+    assert runs_of(keys, np.arange(7)[::-1], way).tolist() == [3, 2, 1, 2, 1, 0, 0]
+    # Of a pass without a direction, or both, nothing is told: not of its file either.
+    half = np.array([1, -1, 0, 1, -1, -1, 1])
+    assert runs_of(keys, np.arange(7), half).tolist() == [0, 1, 2, 3, 4, 5, 5]
+
+
+def test_a_pass_that_is_missing_leaves_its_fellow_alone(tmp_path: Path) -> None:
+    """1 there, 2 back, 3 there, (4 is lost), 5 there, 6 back: neighbours are runs, 3 is none."""
+    keys = np.array([[0, 1], [0, 2], [0, 3], [0, 5], [0, 6]])
+    way = np.array([1, -1, 1, 1, -1])
+    assert runs_of(keys, np.arange(5), way).tolist() == [0, 0, 1, 2, 2]
+    known = loaded(tmp_path, MACHINE)
+    given = [
+        replace(item, **{key: getattr(item, key)[item.passes != 4] for key in COLUMNS})
+        for item in there_and_back(1, one_way=True)
+    ]
+    fit = fit_machine(known, readings(given)).components["a"].instruments[0].fit
+    assert fit.pairs.tolist() == [[0, 1], [3, 4], [5, 6], [7, 8]]
+
+
+def test_components_are_joint_only_where_their_runs_are_the_same(tmp_path: Path) -> None:
+    """b in one number both ways, a in a number each of which two passes are of no run."""
+    known = loaded(tmp_path, MACHINE)
+    first, second = there_and_back(1)
+    assert first.direction is not None
+    labels = np.array(["there", "back"], object)[np.where(first.direction < 0, 1, 0)]
+    both = readings([first, second])
+    alone = both.code == 0
+    setups = np.where(alone, np.tile(labels, 2), "one")
+    fit = fit_machine(known, replace(both, covariates={"setup": setups}))
+    assert fit.joint == ()
+    assert fit.components["a"].estimate.half_differences is None
+    assert fit.components["b"].estimate.half_differences is not None
+
+
+def test_one_run_alone_tells_nothing_of_scatter(tmp_path: Path) -> None:
+    known = loaded(tmp_path, MACHINE)
+    given = [
+        replace(item, **{key: getattr(item, key)[item.passes == 1] for key in COLUMNS})
+        for item in there_and_back(1)
+    ]
+    fit = fit_machine(known, readings(given)).components["a"]
+    assert not fit.instruments[0].fit.separated
+    assert fit.estimate.pass_dof == 0
+
+
+def test_runs_that_differ_by_the_same_are_read_back(tmp_path: Path) -> None:
+    """A coarse display: reverse is forward and a constant in every run, S_h but rounding."""
+    known = loaded(tmp_path, MACHINE)
+    given = []
+    for item in there_and_back(5):
+        lines = np.round(item.error.reshape(RUNS, 2, len(P)), 1)
+        lines[:, 1] = lines[:, 0] - 0.3
+        given.append(replace(item, error=lines.ravel()))
+    fit = fit_machine(known, readings(given))
+    results = document("m", fit, estimates_from_fit(known, fit))
+    source = Source(role="components", path=tmp_path, shown="c.json", sha256="", rows=0)
+    report = components_from(source, {"schema": "mtu/fit-components/1", "results": results})
+    assert fit.components["a"].estimate.half_differences is not None
+    found = report.components["a"].half_difference_mean_square
+    assert found is not None
+    np.testing.assert_allclose(found, 0, atol=1e-12)
+    for damaged, told in (([[None, 0], [0, 0]], "valid number"), ([[1.0]], "not 2 x 2")):
+        results["components"]["a"]["half_difference_mean_square"] = damaged
+        with pytest.raises(InputError, match=told):
+            components_from(source, {"schema": "mtu/fit-components/1", "results": results})
 
 
 @pytest.mark.parametrize("one_way", [False, True], ids=["one number", "a number each"])
@@ -161,8 +227,12 @@ def test_further_readings_share_what_these_did(tmp_path: Path, shared: float) ->
     there, back = lines[:, 0::2], lines[:, 1::2]
     K = np.cov(there, back)[:2, 2:]
     K = (K + K.T) / 2
-    if shared:
-        np.testing.assert_allclose(found[~same], (X @ K @ X.T)[~same], rtol=1e-6)
-    else:
-        # What is negative by chance is none.
-        assert (np.abs(found[~same]) <= np.abs(found[same]).max()).all()
+    # K at position 0 as the coefficients are, less what is negative of it in their uncertainties.
+    u = np.sqrt(np.diag(estimate.covariance))
+    size, vectors = np.linalg.eigh(K / np.outer(u, u))
+    assert (size.min() > 0) == bool(shared)
+    root = u[:, None] * vectors * np.sqrt(size.clip(0))
+    K = root @ root.T
+    np.testing.assert_allclose(
+        found[~same], (X @ K @ X.T)[~same], rtol=1e-6, atol=1e-9 * found.max()
+    )

@@ -182,6 +182,21 @@ def test_a_steady_drift_is_no_reversal(back_first: bool) -> None:
     assert alarms == 0
 
 
+@pytest.mark.parametrize("drift", [1.0, 3.0])
+def test_where_the_order_is_assumed_a_steady_drift_is_no_reversal(drift: float) -> None:
+    """Reverse was read first, which without times nobody can say: the drift is in u."""
+    design = balanced(10, both=True)
+    rng = np.random.default_rng(9)
+    alarms = 0
+    for _ in range(300):
+        y = drawn(design, rng, NO_DRIFT) + drift * (design.group // 2 * 2 + (design.direction > 0))
+        found = reversal(in_runs(design, y), np.arange(10.0), timed=False)
+        assert found is not None
+        assert found.value == pytest.approx(drift, abs=1.5)
+        alarms += found.p < 0.05
+    assert alarms < 300 * (0.05 + 3 * (0.05 * 0.95 / 300) ** 0.5)
+
+
 @pytest.mark.parametrize("passes", [2.0, 4.0, 8.0])
 def test_a_warm_up_is_no_reversal(passes: float) -> None:
     """An axis that grows by 20 um, ever more slowly, with so many passes of a time constant."""
