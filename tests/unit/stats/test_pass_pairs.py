@@ -18,6 +18,7 @@ from pass_designs import (
     drawn,
     plain_passes,
 )
+from scipy.linalg import eigh
 from scipy.special import stdtrit
 
 from mtu_cli.stats.mixed import PassFit, fit_passes
@@ -159,8 +160,12 @@ def test_the_covariance_in_runs_stays_within_that_of_passes() -> None:
         for side in (S + K, S - K):
             assert np.linalg.eigvalsh(side / unit).min() > -1e-9
         there, back = (deviations[own] - deviations[own].mean(axis=0) for own in pairs.T)
-        plain = there.T @ back / 2
-        cut += not np.allclose((plain + plain.T) / 2, K, rtol=1e-9, atol=0)
+        plain = (there.T @ back + back.T @ there) / 4
+        # By scipy: plain V = S V l with V'S V = I, each l cut to lie between -1 and 1.
+        size, V = eigh(plain / unit, S / unit)
+        wanted = (S / unit @ V * size.clip(-1, 1)) @ (S / unit @ V).T
+        np.testing.assert_allclose(K / unit, wanted, atol=1e-8 * np.abs(S / unit).max())
+        cut += np.abs(size).max() > 1
     assert cut > 20
 
 
