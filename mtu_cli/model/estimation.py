@@ -12,7 +12,7 @@ import numpy as np
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.model.estimates import ComponentEstimate, from_centre
 from mtu_cli.model.instruments import combine
-from mtu_cli.model.runs import runs_of, ways
+from mtu_cli.model.passes import Passes, PassKey, passes_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray, PassFit, fit_passes
 from mtu_cli.stats.pass_tests import (
@@ -29,18 +29,13 @@ if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
 
 
-PassKey = tuple[int, int, int]
-"""(file, pass, direction)."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class InstrumentFit:
     """One component as one instrument read it; arrays in mm, rad and the readings' order.
 
-    `keys` are the (file, pass, direction) of the fit's passes, in its order; `order` (G,) is
-    their sequence in time. `read` are those of all passes, as `group` numbers them; the fit leaves
-    out what broke off early. The tests on the passes are made when they are first asked for:
-    predictions need not all of them.
+    `group` (n,) is the pass of each reading among the passes `read`; `passes` are those of the fit,
+    in its order, which leaves out what broke off early; all three None where no pass is given. The
+    tests on the passes are made when they are first asked for: predictions need not all of them.
     """
 
     role: str
@@ -48,13 +43,14 @@ class InstrumentFit:
     error: FloatArray
     direction: FloatArray
     group: IntArray | None
-    keys: tuple[PassKey, ...]
-    read: tuple[PassKey, ...]
-    order: FloatArray
-    starts: FloatArray
-    ends: FloatArray
-    setups: tuple[str, ...]
+    read: Passes | None
+    passes: Passes | None
     fit: PassFit
+
+    @property
+    def keys_read(self) -> tuple[PassKey, ...]:
+        """Of all passes, those that broke off early too; none where no pass is given."""
+        return () if self.read is None else self.read.keys
 
     @cached_property
     def scatter(self) -> FTest | None:
@@ -64,13 +60,14 @@ class InstrumentFit:
     @cached_property
     def trend(self) -> Shift | None:
         """The drift a pass."""
-        return pass_trend(self.fit, self.order)
+        return None if self.passes is None else pass_trend(self.fit, self.passes.order)
 
     @cached_property
     def reversal(self) -> Shift | None:
         """The mean reversal value."""
-        timed = bool(np.isfinite(self.starts).all())
-        return reversal(self.fit, self.order, timed=timed)
+        if self.passes is None:
+            return None
+        return reversal(self.fit, self.passes.order, timed=self.passes.timed)
 
     @cached_property
     def lack_of_fit(self) -> FTest | None:
@@ -147,94 +144,33 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
     error = readings.error[rows]
     direction = readings.direction[rows].astype(np.float64)
     group, read = _passes(readings, rows, component.of is None)
-    keys = read
-    order, starts, ends, setups = _pass_times(readings, rows, group, len(keys))
-    runs = None if group is None else _runs(keys, order, setups)[group]
+    runs = None if read is None else read.runs[group]
     fit = fit_passes(error, position, component.degree, group, direction, runs)
-    if fit.separated:
-        # Passes that broke off early do not take part in what compares passes.
-        kept = fit.groups
-        order, starts, ends = order[kept], starts[kept], ends[kept]
-        keys = tuple(keys[g] for g in kept)
-        setups = tuple(setups[g] for g in kept)
     return InstrumentFit(
         role=role,
         position=position,
         error=error,
         direction=direction,
         group=group,
-        keys=keys,
         read=read,
-        order=order,
-        starts=starts,
-        ends=ends,
-        setups=setups,
+        # Passes that broke off early do not take part in what compares passes.
+        passes=read.only(fit.groups) if read is not None and fit.separated else read,
         fit=fit,
     )
 
 
 def _passes(
     readings: Readings, rows: IntArray, without_axis: bool
-) -> tuple[IntArray | None, tuple[PassKey, ...]]:
-    """The pass of every reading: one (file, pass, direction), forward before reverse.
-
-    Files number their passes on their own: pass 1 of two days is two passes. A component
-    without a position is read once a pass, so that readings without a pass number are passes
-    of their own.
+) -> tuple[IntArray, Passes] | tuple[None, None]:
+    """The pass of every reading, and the passes; None where a reading has none. A component
+    without a position is read once a pass: readings without a number are passes of their own.
     """
+    numbers, sign = readings.pass_number[rows], readings.direction[rows].astype(np.int64)
     if not readings.has_pass[rows].all():
         if not without_axis:
-            return None, ()
-        files = readings.file_index[rows]
-        return np.arange(len(rows)), tuple((int(f), i + 1, 0) for i, f in enumerate(files))
-    numbers = readings.pass_number[rows].astype(np.int64)
-    signs = readings.direction[rows].astype(np.int64)
-    triples = np.column_stack([readings.file_index[rows], numbers, -signs])
-    order = np.lexsort(triples.T[::-1])
-    ordered = triples[order]
-    new = np.ones(len(rows), bool)
-    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    group = np.empty(len(rows), np.int64)
-    group[order] = np.cumsum(new) - 1
-    return group, tuple((file, number, -sign) for file, number, sign in ordered[new].tolist())
-
-
-def _runs(keys: tuple[PassKey, ...], order: FloatArray, setups: tuple[str, ...]) -> IntArray:
-    """The run there and back of each pass (G,); two passes of a run are of one set-up."""
-    files, numbers, signs = np.array(keys, dtype=np.int64).reshape(-1, 3).T
-    passes, code = np.unique(np.column_stack([files, numbers]), axis=0, return_inverse=True)
-    code = code.reshape(-1)
-    first = np.full(len(passes), np.inf)
-    np.minimum.at(first, code, order)
-    in_time = np.argsort(first, kind="stable")
-    run = runs_of(passes, in_time, ways(code, signs, len(passes)))[code]
-    _, label = np.unique(np.array(setups, dtype=object), return_inverse=True)
-    both = np.column_stack([run, label.reshape(-1)])
-    return np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
-
-
-def _pass_times(
-    readings: Readings, rows: IntArray, group: IntArray | None, count: int
-) -> tuple[FloatArray, FloatArray, FloatArray, tuple[str, ...]]:
-    """Order in time, first and last time, and set-up of every pass.
-
-    Without times a pass goes forward first: the order of rows is not to matter.
-    """
-    starts, ends = np.full(count, np.inf), np.full(count, -np.inf)
-    if group is None:
-        return np.zeros(0), starts, ends, ()
-    times = readings.time_min[rows]
-    # One reading without a time (nan) leaves its pass without.
-    with np.errstate(invalid="ignore"):
-        np.minimum.at(starts, group, times)
-        np.maximum.at(ends, group, times)
-    setups = [""] * count
-    labels = readings.covariates.get("setup")
-    if labels is not None:
-        _, first = np.unique(group, return_index=True)
-        setups = [str(label) for label in labels[rows[first]]]
-    order = starts if np.isfinite(starts).all() else np.arange(count, dtype=np.float64)
-    return order, starts, ends, tuple(setups)
+            return None, None
+        numbers, sign = np.arange(1, len(rows) + 1), np.zeros(len(rows), np.int64)
+    return passes_of(readings, rows, numbers, sign)
 
 
 def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> ComponentEstimate:

@@ -40,17 +40,20 @@ def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
     return tuple(_joint(group) for group in groups if len(group) > 1)
 
 
-def _share(a: InstrumentFit, b: InstrumentFit) -> bool:
-    if a.role != b.role or [key[1:] for key in a.keys] != [key[1:] for key in b.keys]:
+def _share(first: InstrumentFit, second: InstrumentFit) -> bool:
+    a, b = first.passes, second.passes
+    if first.role != second.role or a is None or b is None:
         return False
-    if not np.array_equal(a.fit.pairs, b.fit.pairs):
+    if [key[1:] for key in a.keys] != [key[1:] for key in b.keys]:
+        return False
+    if not np.array_equal(first.fit.pairs, second.fit.pairs):
         return False
     if any(a.setups) or any(b.setups):
         return a.setups == b.setups
-    if np.isfinite(a.starts).all() and np.isfinite(b.starts).all():
+    if a.timed_each and b.timed_each:
         overlap = (a.starts <= b.ends) & (b.starts <= a.ends)
         return bool(overlap.all())
-    return a.role == "lbb" and a.keys == b.keys
+    return first.role == "lbb" and a.keys == b.keys
 
 
 def _joint(group: Sequence[ComponentFit]) -> JointPasses:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from mtu_cli.files.readings import Readings
+from mtu_cli.model.passes import Passes, passes_of
 from mtu_cli.model.residual_cells import Cells, IntArray, cells_of
-from mtu_cli.model.runs import runs_of, ways
 from mtu_cli.stats.least_squares import FloatArray
 
 SAME = 1e-4
@@ -33,78 +32,54 @@ class ReadingLayout:
 def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str) -> ReadingLayout:
     """The readings `rows` (n,) of the component `name`, a function of the axis `of`.
 
-    Without an axis, or where the readings have no pass number, every reading is a pass of its
-    own; else a pass is one number of one file. Readings with an axis and no pass number are
+    A pass is one number of one file, in one direction where it is not a run there and back.
+    Without an axis every reading without a number is a pass of its own; with one they are
     repeats of pass 0.
     """
-    keys, code = _passes(readings, rows, of)
-    order = _in_time(readings, rows, keys, code)
     sign = np.zeros(len(rows), np.int64) if of is None else readings.direction[rows].astype(int)
-    row = runs_of(keys, order, ways(code, sign, len(keys)))
-    names = _pass_names(readings, keys)
-    count = int(row.max(initial=-1)) + 1
+    has = readings.has_pass[rows]
+    numbers = np.where(has, readings.pass_number[rows], 0)
+    if of is None and not has.all():
+        numbers = np.arange(1, len(rows) + 1)
+    group, passes = passes_of(readings, rows, numbers, sign)
     target, labels = _targets(readings, rows, of, name)
     # Forward first, as the passes of a fit are.
     columns, column = np.unique(target * 3 + (1 - sign), return_inverse=True)
     signs = 1 - columns % 3
     several = len(np.unique(signs)) > 1
+    names = _row_names(readings, passes)
     return ReadingLayout(
-        passes=_row_names(names, order, row, count),
-        paired=count < len(keys),
+        passes=names,
+        paired=len({key[:2] for key in passes.keys}) > len(names),
         columns=tuple(
             f"{labels[k // 3]} {SIGNS[int(sign)]}".rstrip() if several else labels[k // 3]
             for k, sign in zip(columns.tolist(), signs, strict=True)
         ),
         direction=signs,
-        cells=cells_of(row[code], column.reshape(-1), count, len(columns)),
+        cells=cells_of(passes.runs[group], column.reshape(-1), len(names), len(columns)),
     )
 
 
-def _row_names(names: list[str], order: IntArray, row: IntArray, count: int) -> tuple[str, ...]:
-    """The passes of each row, in one go: every reading may be a pass of its own."""
-    found: list[list[str]] = [[] for _ in range(count)]
-    for i in order.tolist():
-        found[row[i]].append(names[i])
-    return tuple(map("/".join, found))
-
-
-def _passes(readings: Readings, rows: IntArray, of: str | None) -> tuple[IntArray, IntArray]:
-    """(file, number) of every pass (m, 2), and the pass of each reading."""
-    has = readings.has_pass[rows]
-    files = readings.file_index[rows]
-    if of is None and not has.all():
-        return np.column_stack([files, np.arange(1, len(rows) + 1)]), np.arange(len(rows))
-    numbers = np.where(has, readings.pass_number[rows], 0)
-    keys, code = np.unique(np.column_stack([files, numbers]), axis=0, return_inverse=True)
-    return keys.astype(np.int64), code.reshape(-1).astype(np.int64)
-
-
-def _in_time(readings: Readings, rows: IntArray, keys: IntArray, code: IntArray) -> IntArray:
-    """Passes by their first time where the files share a clock, else by file and number.
-
-    Files whose times overlap were each counted from their own start.
+def _row_names(readings: Readings, passes: Passes) -> tuple[str, ...]:
+    """The passes of each run by their numbers, in their order; with their file where two files
+    have the same, and their direction where that alone tells two runs apart.
     """
-    times = readings.time_min[rows]
-    if not np.isfinite(times).all():
-        return np.arange(len(keys))
-    start, end = np.full(len(keys), np.inf), np.full(len(keys), -np.inf)
-    np.minimum.at(start, code, times)
-    np.maximum.at(end, code, times)
-    files = np.unique(keys[:, 0])
-    spans = [(start[keys[:, 0] == f].min(), end[keys[:, 0] == f].max()) for f in files]
-    spans.sort()
-    if any(later[0] <= earlier[1] for earlier, later in pairwise(spans)):
-        return np.arange(len(keys))
-    return np.lexsort([np.arange(len(keys)), start])
-
-
-def _pass_names(readings: Readings, keys: IntArray) -> list[str]:
-    """The numbers, with their file where two files have the same."""
-    numbers = keys[:, 1].tolist()
-    if len(set(numbers)) == len(numbers):
-        return [str(number) for number in numbers]
-    shown = [readings.sources[file].shown for file in keys[:, 0]]
-    return [f"{file} {number}" for file, number in zip(shown, numbers, strict=True)]
+    numbered = list(dict.fromkeys(key[:2] for key in passes.keys))
+    twice = len({number for _, number in numbered}) < len(numbered)
+    shown = {
+        key: f"{readings.sources[key[0]].shown} {key[1]}" if twice else str(key[1])
+        for key in numbered
+    }
+    found: list[dict[str, None]] = [{} for _ in range(int(passes.runs.max(initial=-1)) + 1)]
+    ways: list[int] = [0] * len(found)
+    for g in np.argsort(passes.order).tolist():
+        run, key = passes.runs[g], passes.keys[g]
+        found[run][shown[key[:2]]] = None
+        ways[run] = key[2]
+    names = ["/".join(own) for own in found]
+    if len(set(names)) < len(names):
+        names = [f"{name} {SIGNS[way]}".rstrip() for name, way in zip(names, ways, strict=True)]
+    return tuple(names)
 
 
 def _targets(

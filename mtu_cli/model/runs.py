@@ -16,17 +16,27 @@ def ways(code: IntArray, sign: IntArray, count: int) -> IntArray:
     return np.where(least == most, least, 0)
 
 
+def one_way_files(file: IntArray, way: IntArray) -> NDArray[np.bool_]:
+    """(m,) whether every pass of the pass's file runs in one and the same direction."""
+    _, code = np.unique(file, return_inverse=True)
+    whole = ways(code.reshape(-1), way, int(code.max(initial=-1)) + 1)
+    found: NDArray[np.bool_] = whole[code.reshape(-1)] != 0
+    return found
+
+
 def runs_of(keys: IntArray, order: IntArray, way: IntArray) -> IntArray:
     """The run (m,) of each pass (file, number) in `keys` (m, 2), in their `order` in time.
 
     A pass that runs both ways is one. Where every pass of a file runs one way only (`way`, see
     `ways`), one there and one back are a run: what differs between the directions could not be
-    told from what differs between passes.
+    told from what differs between passes. Files that hold one direction only are read as one:
+    one file a pass, or one a direction.
     """
     first = np.empty(len(keys), np.int64)
     first[order] = np.arange(len(keys))
-    for file in np.unique(keys[:, 0]):
-        own = order[keys[order, 0] == file]
+    files = np.where(one_way_files(keys[:, 0], way), -1, keys[:, 0])
+    for file in np.unique(files):
+        own = order[files[order] == file]
         if way[own].all():
             for a, b in _fellows(way[own]):
                 first[own[b]] = first[own[a]]

@@ -93,7 +93,7 @@ def _markers(fit: MachineFit) -> dict[str, dict[int, str]]:
 
 
 def _pass_numbers(item: InstrumentFit) -> list[int]:
-    return sorted({key[1] for key in item.read})
+    return sorted({key[1] for key in item.keys_read})
 
 
 def _readings(
@@ -104,7 +104,7 @@ def _readings(
     colours: dict[int, Any],
 ) -> None:
     group = np.zeros(len(item.error), np.int64) if item.group is None else item.group
-    keys = [key[1:] for key in item.read] if item.group is not None else [(1, 0)]
+    keys = [key[1:] for key in item.keys_read] or [(1, 0)]
     numbers = sorted({number for number, _ in keys})
     for g, (number, sign) in enumerate(keys):
         inside = group == g
@@ -181,7 +181,7 @@ def _legend(fit: MachineFit, k: float) -> list[Any]:
 
     markers = _markers(fit)
     drawn = {
-        (item.role, key[-1]) for item in _instruments(fit) for key in item.read or ((0, 1, 0),)
+        (item.role, key[-1]) for item in _instruments(fit) for key in item.keys_read or ((0, 1, 0),)
     }
     handles: list[Any] = [
         Line2D(

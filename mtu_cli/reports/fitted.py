@@ -68,4 +68,4 @@ def _padded(D: FloatArray, estimate: ComponentEstimate) -> FloatArray:
 
 def passes_read(item: InstrumentFit) -> int | None:
     """Number of passes of the readings; None where no pass is given."""
-    return None if item.group is None else len(item.read)
+    return len(item.keys_read) or None

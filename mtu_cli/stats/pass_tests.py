@@ -69,7 +69,7 @@ def pass_scatter(fit: PassFit) -> FTest | None:
     return f_test((fit.pooled_rss - fit.within_rss) / df, fit.s2, df, fit.within_dof)
 
 
-def pass_trend(fit: PassFit, order: FloatArray) -> Shift | None:
+def pass_trend(fit: PassFit, order: IntArray | FloatArray) -> Shift | None:
     """Drift a pass of the level at the mean position, direction taken out.
 
     `order` (G,) is the sequence of the passes in time. A trend means that passes are not
@@ -93,11 +93,11 @@ def pass_trend(fit: PassFit, order: FloatArray) -> Shift | None:
     return _shift(float(line.coefficients[-1]), u, line.dof)
 
 
-def _ranks(order: FloatArray) -> FloatArray:
+def _ranks(order: IntArray | FloatArray) -> FloatArray:
     return np.argsort(np.argsort(order, kind="stable"), kind="stable").astype(np.float64)
 
 
-def reversal(fit: PassFit, order: FloatArray, *, timed: bool = True) -> Shift | None:
+def reversal(fit: PassFit, order: IntArray | FloatArray, *, timed: bool = True) -> Shift | None:
     """Mean reversal value (forward minus reverse, ISO 230-2) at the mean position.
 
     Of runs there and back it is the mean of their own differences 2 h_r, less what a steady drift

@@ -56,7 +56,7 @@ def fit(*segments: Segment, component: Component = AXIS) -> ComponentFit:
 def test_passes_are_pairs_of_number_and_direction() -> None:
     given = segment(np.random.default_rng(1), both=True, passes=3)
     found = fit(given).instruments[0]
-    assert found.keys == ((0, 1, 1), (0, 1, -1), (0, 2, 1), (0, 2, -1), (0, 3, 1), (0, 3, -1))
+    assert found.keys_read == ((0, 1, 1), (0, 1, -1), (0, 2, 1), (0, 2, -1), (0, 3, 1), (0, 3, -1))
     assert found.fit.n_passes == 6
     # Three runs there and back are what was repeated.
     assert found.fit.pass_dof == 2
@@ -70,7 +70,7 @@ def test_passes_are_pairs_of_number_and_direction() -> None:
 def test_without_direction_a_pass_is_its_number() -> None:
     given = segment(np.random.default_rng(1), passes=4)
     found = fit(given).instruments[0]
-    assert found.keys == ((0, 1, 0), (0, 2, 0), (0, 3, 0), (0, 4, 0))
+    assert found.keys_read == ((0, 1, 0), (0, 2, 0), (0, 3, 0), (0, 4, 0))
     assert found.fit.pass_dof == 3
     assert found.reversal is None
 
@@ -78,7 +78,7 @@ def test_without_direction_a_pass_is_its_number() -> None:
 def test_without_a_pass_column_nothing_is_separated() -> None:
     given = replace(segment(np.random.default_rng(1)), passes=None)
     found = fit(given)
-    assert found.instruments[0].keys == ()
+    assert found.instruments[0].keys_read == ()
     assert not found.instruments[0].fit.separated
     assert found.estimate.n_passes is None
     assert (found.estimate.pass_covariance == 0).all()
@@ -89,7 +89,7 @@ def test_without_a_pass_column_nothing_is_separated() -> None:
 def test_a_constant_without_a_pass_column_is_read_once_a_pass() -> None:
     error = np.array([3e-6, 5e-6, 4e-6, 9e-6])
     found = fit(Segment(name="c", position=None, error=error), component=Component(unit="urad"))
-    assert found.instruments[0].keys == ((0, 1, 0), (0, 2, 0), (0, 3, 0), (0, 4, 0))
+    assert found.instruments[0].keys_read == ((0, 1, 0), (0, 2, 0), (0, 3, 0), (0, 4, 0))
     assert found.estimate.pass_covariance[0, 0] == pytest.approx(error.var(ddof=1))
     assert found.estimate.covariance[0, 0] == pytest.approx(error.var(ddof=1) / 4)
     assert found.estimate.s_repeat == 0

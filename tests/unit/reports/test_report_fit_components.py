@@ -137,7 +137,7 @@ def test_figures_against_plain_formulas(paper: Example) -> None:
     )
     assert item["r2"] == pytest.approx(np.corrcoef(fit.position, y)[0, 1] ** 2, rel=1e-9)
     level = [y[(fit.group == g)].mean() for g in range(10)]
-    forward = np.array([sign > 0 for *_, sign in fit.keys])
+    forward = np.array([sign > 0 for *_, sign in fit.keys_read])
     back = np.mean(np.array(level)[forward]) - np.mean(np.array(level)[~forward])
     assert item["reversal"]["mean"] == pytest.approx(back, rel=1e-9)
     assert (item["reversal"]["dof"], item["pass_dof"]) == (4, 4)
@@ -173,7 +173,7 @@ def test_correlation_is_of_the_passes_levels_and_slopes(paper: Example) -> None:
                 for g in range(10)
             ]
         )
-        forward = np.array([sign > 0 for *_, sign in item.keys])
+        forward = np.array([sign > 0 for *_, sign in item.keys_read])
         lines[forward] -= lines[forward].mean(axis=0)
         lines[~forward] -= lines[~forward].mean(axis=0)
         columns.append(lines)
