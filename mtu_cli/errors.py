@@ -155,8 +155,17 @@ def shorten(text: str, width: int = 60) -> str:
 
 
 def cut_names(text: str) -> str:
-    """Text in which names of hundreds of characters without a blank are cut, as `shorten` does."""
-    return _LONG_NAME.sub(r"\1...", text)
+    """Text in which names of hundreds of characters without a blank are cut, as `shorten` does; of
+    paths the file's own name stays.
+    """
+    return _LONG_NAME.sub(_cut_name, text)
+
+
+def _cut_name(found: re.Match[str]) -> str:
+    folders, slash, name = found[0].rpartition("/")
+    if not slash or len(name) >= LONGEST_PATH:
+        return f"{found[1]}..."
+    return f"{folders[:57]}.../{name}"
 
 
 def printable(text: str) -> str:

@@ -173,11 +173,14 @@ def _refuse(table: Table, equal: Sequence[tuple[int, int]], problems: ProblemLis
 
 
 def _refuse_pasted(table: Table, equal: Ints, problems: ProblemList) -> None:
-    """A problem of every component all of whose rows stand equally often, more than once."""
+    """A problem of every component all of whose rows stand equally often, more than once, the
+    later behind the first of them all: two at each dwell of a coarse display are neighbours.
+    """
     column = table.columns.texts["component"]
     times = np.ones(len(table), np.int64)
     np.add.at(times, equal[:, 1], 1)
     times[equal[:, 0]] = 0
+    behind = equal[:, 0] - equal[:, 1]
     for code, label in enumerate(column.labels):
         rows = np.flatnonzero(column.codes == code)
         counts = times[rows][times[rows] > 0]
@@ -188,7 +191,10 @@ def _refuse_pasted(table: Table, equal: Ints, problems: ProblemList) -> None:
             continue
         stand = "stands twice" if often == 2 else f"stands {often} times"
         which = f"each of the {len(counts)} readings"
-        later = equal[np.isin(equal[:, 0], rows), 0].min()
+        own = np.isin(equal[:, 0], rows)
+        if behind[own].min() < len(counts):
+            continue
+        later = equal[own, 0].min()
         problems.add(
             Problem(
                 what=f"{which} of {label!r} {stand}, as in a table that was pasted again",

@@ -40,11 +40,12 @@ def _cycle_notes(table: Table) -> Iterator[Notice]:
     """Of a column that only its name keeps from telling cycles apart."""
     if "cycle" in table.columns.texts:
         return
-    near = closest("cycle", [n for n in table.covariates if n.casefold().startswith(CYCLE)])
+    folded = {name.casefold(): name for name in table.covariates}
+    near = closest("cycle", [n for n in folded if n.startswith(CYCLE) and "time" not in n])
     if near is not None:
         text = (
             f"{table.source.shown}: no column 'cycle', so that no cycles are told apart: did you "
-            f"mean the column {near!r}? Rename it to 'cycle'"
+            f"mean the column {folded[near]!r}? Rename it to 'cycle'"
         )
         yield Notice(code="no-cycles", message=text)
 

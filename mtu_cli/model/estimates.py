@@ -130,9 +130,12 @@ def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
         return None
     C, D, s = estimate.covariance, estimate.pass_covariance, estimate.independent_s
     k = len(C)
-    q = 1 if k == 1 or not D[1, 1] else 2
+    halves = estimate.half_differences
+    # D of few passes may be cut to 0 in all; what differs between the ways of a run is not.
+    slopes = k > 1 and bool(D[1, 1] or (halves is not None and halves[1, 1]))
+    q = 2 if slopes else 1
     if q == k:
-        return from_mean(C, estimate.n_passes, estimate.half_differences)
+        return from_mean(C, estimate.n_passes, halves)
     S = D.copy()
     if estimate.independent_covariance is not None and s:
         inverse = estimate.independent_covariance / s**2

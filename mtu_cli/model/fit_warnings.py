@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterable
 from statistics import median
 
+import numpy as np
+
 from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.model.settings import Warned
@@ -25,7 +27,7 @@ DISAGREE = "the instruments disagree on "
 
 def scatter_warnings(fit: MachineFit) -> list[Warned]:
     """That readings do not give all of the scatter: what is predicted from them has less of it."""
-    return [*_not_separated(fit), *_without_scatter(fit)]
+    return [*_not_separated(fit), *_one_run(fit), *_without_scatter(fit)]
 
 
 def fit_warnings(fit: MachineFit) -> list[Warned]:
@@ -105,22 +107,48 @@ def _not_separated(fit: MachineFit) -> list[Warned]:
     ]
 
 
-def _without_scatter(fit: MachineFit) -> list[Warned]:
+def _one_run(fit: MachineFit) -> list[Warned]:
+    """Components of which an instrument read one run there and back alone."""
     names = [
         name
         for name, component in fit.components.items()
-        if component.estimate.independent_s is not None
-        and component.estimate.independent_s < SCATTERS
+        if any(
+            item.fit.separated and item.fit.n_passes == 2 == 2 * len(item.fit.pairs)
+            for item in component.instruments
+        )
     ]
     if not names:
         return []
     return [
         Warned(
-            code="no-scatter",
-            message=f"the readings of {', '.join(names)} do not scatter: their uncertainty counts "
-            "as 0, where the instrument's resolution at least remains",
+            code="one-run",
+            message=f"the readings of {', '.join(names)} are of one run there and back: its two "
+            "passes stand for all scatter of passes, which what runs share is not in; read more",
         )
     ]
+
+
+def _without_scatter(fit: MachineFit) -> list[Warned]:
+    still = [
+        name
+        for name, component in fit.components.items()
+        if component.estimate.independent_s is not None
+        and component.estimate.independent_s < SCATTERS
+    ]
+    alike = [
+        name
+        for name, component in fit.components.items()
+        if name not in still and not np.diag(component.estimate.covariance).all()
+    ]
+    rest = "their uncertainty counts as 0, where the instrument's resolution at least remains"
+    found = []
+    if still:
+        text = f"the readings of {', '.join(still)} do not scatter: {rest}"
+        found.append(Warned(code="no-scatter", message=text))
+    if alike:
+        text = f"the passes of {', '.join(alike)} have the same means to the last digit: of these "
+        found.append(Warned(code="no-scatter", message=text + rest))
+    return found
 
 
 def _too_well(fit: MachineFit) -> list[Warned]:

@@ -23,9 +23,9 @@ def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
     """The groups of components that share passes, with their joint covariances.
 
     Two components share passes if one instrument read both in the same (pass, direction)
-    pairs and, with a `setup` column, in the same set-ups, or, with times, in passes that
-    overlap. Without either, passes of one ball-bar file are shared; those of two files are
-    not, nor those of a laser, which reads one component a set-up.
+    pairs and the same runs there and back and, with a `setup` column, in the same set-ups, or,
+    with times, in passes that overlap. Without either, passes of one ball-bar file are shared;
+    those of two files are not, nor those of a laser, which reads one component a set-up.
     """
     groups: list[list[ComponentFit]] = []
     for fit in fits.values():

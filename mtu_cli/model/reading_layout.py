@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,11 +20,11 @@ SIGNS = {1: "+", -1: "-", 0: ""}
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingLayout:
     """`passes` in order of time, `columns` named by target and direction, whose sign is
-    `direction` (H,). `paired`: each pass ran one way, and one there is a row with one back.
+    `direction` (H,). `pairs` are those of the passes that are two, one there and one back.
     """
 
     passes: tuple[str, ...]
-    paired: bool
+    pairs: tuple[str, ...]
     columns: tuple[str, ...]
     direction: IntArray
     cells: Cells
@@ -50,7 +51,7 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
     names = _row_names(readings, passes)
     return ReadingLayout(
         passes=names,
-        paired=len({key[:2] for key in passes.keys}) > len(names),
+        pairs=tuple(names[run] for run in _of_two(passes)),
         columns=tuple(
             f"{labels[k // 3]} {SIGNS[int(sign)]}".rstrip() if several else labels[k // 3]
             for k, sign in zip(columns.tolist(), signs, strict=True)
@@ -58,6 +59,13 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
         direction=signs,
         cells=cells_of(passes.runs[group], column.reshape(-1), len(names), len(columns)),
     )
+
+
+def _of_two(passes: Passes) -> list[int]:
+    """Runs, in their order, that two numbers of passes are of."""
+    numbered = {(int(run), key[:2]) for run, key in zip(passes.runs, passes.keys, strict=True)}
+    runs = [run for run, _ in sorted(numbered)]
+    return [a for a, b in pairwise(runs) if a == b]
 
 
 def _row_names(readings: Readings, passes: Passes) -> tuple[str, ...]:

@@ -239,12 +239,12 @@ class _Reader:
         return None, [Warned(code="drift-not-removed", message=text)]
 
     def _paired(self) -> list[Warned]:
-        if not self.layout.paired:
+        if not self.layout.pairs:
             return []
+        pairs = self.layout.pairs
         text = (
-            f"each pass of {self.name} runs one way: one there and one back are judged as one pass "
-            f"({', '.join(self.layout.passes[:SHOWN])}"
-            f"{' and so on' if len(self.layout.passes) > SHOWN else ''})"
+            f"passes of {self.name} run one way: one there and one back are judged as one pass "
+            f"({', '.join(pairs[:SHOWN])}{' and so on' if len(pairs) > SHOWN else ''})"
         )
         return [Warned(code="passes-paired", message=text)]
 

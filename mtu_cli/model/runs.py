@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 IntArray = NDArray[np.int64]
+Fellows = list[tuple[int, int]]
+"""Places (earlier, later) of two passes of a run."""
 
 
 def ways(code: IntArray, sign: IntArray, count: int) -> IntArray:
@@ -38,22 +40,66 @@ def runs_of(keys: IntArray, order: IntArray, way: IntArray) -> IntArray:
     for file in np.unique(files):
         own = order[files[order] == file]
         if way[own].all():
-            for a, b in _fellows(way[own]):
+            for a, b in fellows(keys[own, 1], way[own]):
                 first[own[b]] = first[own[a]]
     return np.unique(first, return_inverse=True)[1].reshape(-1)
 
 
-def _fellows(way: IntArray) -> list[tuple[int, int]]:
-    """Pairs of places (earlier, later) in a sequence of directions: neighbours that go opposite
-    ways, so that one that is missing leaves only its fellow alone; of all there before all back
-    the n-th of each.
+def fellows(number: IntArray, way: IntArray) -> Fellows:
+    """Places of the pairs of one there and one back in a sequence of passes.
+
+    By their `number`, so that a pass that is missing leaves its fellow alone, and nobody else:
+    1 there, 2 back, 3 there; or all there before all back, in one count or each in its own. Else
+    neighbours, or the n-th of each of two blocks, whichever finds more.
+    """
+    counts = [np.arange(len(way))]
+    if (np.diff(number) > 0).all():
+        # Numbers count from 1, or 0; where more passes then find a fellow, from where they begin.
+        counts = [number - min(1, int(number[0])), number - int(number[0]), *counts]
+    turns, blocks = ([found(place, way) for place in counts] for found in (_turns, _blocks))
+    return max([_alike(number, way), *turns, _neighbours(way), *blocks], key=len)
+
+
+def _alike(number: IntArray, way: IntArray) -> Fellows:
+    """Passes of one number, where each direction counts its own."""
+    if len(np.unique(np.column_stack([number, way]), axis=0)) < len(number):
+        return []
+    order = np.argsort(number, kind="stable")
+    same = np.flatnonzero(number[order][1:] == number[order][:-1])
+    return [(int(order[i]), int(order[i + 1])) for i in same]
+
+
+def _turns(place: IntArray, way: IntArray) -> Fellows:
+    """Places 2r and 2r + 1 of a count whose even places all go one way, the odd ones the other."""
+    if len(np.unique(way * (1 - 2 * (place % 2)))) > 1:
+        return []
+    run = place // 2
+    return [(int(i), int(i) + 1) for i in np.flatnonzero(run[1:] == run[:-1])]
+
+
+def _neighbours(way: IntArray) -> Fellows:
+    """Neighbours of which the first goes one way, the second the other; the way of the first of
+    all, or its opposite where that finds more.
     """
     turns = np.flatnonzero(way[1:] != way[:-1])
-    if len(turns) == 1:
-        middle = int(turns[0]) + 1
-        return [(i, middle + i) for i in range(min(middle, len(way) - middle))]
-    found: list[tuple[int, int]] = []
-    for i in turns.tolist():
-        if not found or found[-1][1] < i:
-            found.append((i, i + 1))
+    found = [[(int(i), int(i) + 1) for i in turns if way[i] == sign] for sign in (way[0], -way[0])]
+    return max(found, key=len)
+
+
+def _blocks(place: IntArray, way: IntArray) -> Fellows:
+    """The n-th of each of two blocks of one direction each, which are equally long if none of
+    their places is missing; else in the order that they stand in.
+    """
+    ends = [*np.flatnonzero(way[1:] != way[:-1]).tolist(), len(way) - 1]
+    found: Fellows = []
+    begin, start = 0, 0
+    for middle, end in zip(ends[::2], ends[1::2], strict=False):
+        half = (int(place[end]) - start + 2) // 2
+        if place[middle] < start + half <= place[middle + 1]:
+            at = {int(place[i]) - start: i for i in range(begin, middle + 1)}
+            later = [(int(place[i]) - start - half, i) for i in range(middle + 1, end + 1)]
+            found += [(at[n], i) for n, i in later if n in at]
+        else:
+            found += list(zip(range(begin, middle + 1), range(middle + 1, end + 1), strict=False))
+        begin, start = end + 1, int(place[end]) + 1
     return found

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.positive_part import positive_part
@@ -137,28 +138,28 @@ def _of_mean_squares(
     split = np.array([of_C, np.where(capped, 0.0, of_D), room * noise])
     passes = np.where(capped, room * noise, S)
     of_all, of_mean, of_part = between, [S / n], [passes]
+    beyond_S = np.zeros(S.shape, bool)
     if block.half_differences is not None:
         of_all = 2 * (between - block.half_differences)
-        share = _share(_quadratic(g, block.half_differences), S)
-        of_mean = [2 * (1 - share) * S / n, np.zeros_like(S)]
+        share, beyond_S = _share(_quadratic(g, block.half_differences), S)
+        of_mean = [np.where(beyond_S, of_C, 2 * (1 - share) * S / n), np.zeros_like(S)]
         of_part = [(1 - share) * passes, share * passes]
-    dof = [block.pass_dof] * len(of_mean)
     for columns, own in zip(block.columns, visits, strict=True):
         inside = (columns, columns)
-        of_mean.append(_quadratic(g[:, columns], block.C[inside] - of_all[inside] / n))
+        common = _quadratic(g[:, columns], block.C[inside] - of_all[inside] / n)
+        of_mean.append(np.where(beyond_S, 0.0, common))
         beyond = _quadratic(g[:, columns], block.D[inside] - between[inside]) + own
         of_part.append(np.where(capped, 0.0, beyond))
-    squares = MeanSquares(
-        of_mean=np.array(of_mean),
-        of_part=np.array(of_part),
-        dof=np.array([*dof, *block.repeat_dof]),
-    )
-    return split, squares
+    dof = np.array([*[block.pass_dof] * (len(of_mean) - len(visits)), *block.repeat_dof])
+    return split, MeanSquares(of_mean=np.array(of_mean), of_part=np.array(of_part), dof=dof)
 
 
-def _share(part: FloatArray, whole: FloatArray) -> FloatArray:
-    found: FloatArray = np.divide(part, whole, out=np.zeros_like(whole), where=whole > 0)
-    return found.clip(0.0, 1.0)
+def _share(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """S_h over S, and where it is more: S of uneven passes is put together from estimates of its
+    own. C is then all of the passes.
+    """
+    found: FloatArray = np.divide(part, whole, out=np.ones_like(whole), where=whole > 0)
+    return found.clip(0.0, 1.0), part > whole
 
 
 def joined(parts: Sequence[MeanSquares]) -> MeanSquares:

@@ -108,9 +108,10 @@ def _slope(item: InstrumentFit) -> Check:
 def _trend(item: InstrumentFit) -> Check:
     if not item.fit.separated or item.trend is not None:
         return None
+    few = f"{_count(item.fit.n_passes, 'pass')} only"
     return (
         "steady drift from pass to pass",
-        f"{_count(item.fit.n_passes, 'pass')} only",
+        few if item.fit.pass_dof < 2 else "the levels of its passes do not differ",
         "at least 4 passes, in each direction where both are read",
     )
 
@@ -134,7 +135,8 @@ def _reversal(item: InstrumentFit) -> Check:
         return "reversal", "no `direction` is given", would
     if {-1, 1} - seen:
         return "reversal", f"read {'forward' if 1 in seen else 'in reverse'} only", would
-    return "reversal", "too few passes to judge it by their scatter", would
+    few = "too few passes to judge it by their scatter"
+    return "reversal", few, "at least 3 passes there and back"
 
 
 def _lack_of_fit(item: InstrumentFit) -> Check:

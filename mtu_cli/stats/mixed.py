@@ -13,6 +13,7 @@ Searle, Casella & McCulloch, Variance Components (1992), ch. 4, for the moment e
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from mtu_cli.stats.least_squares import LeastSquares, least_squares, polynomial
 from mtu_cli.stats.pass_design import PassDesign, pass_design
 from mtu_cli.stats.pass_lines import between_passes, own_lines
-from mtu_cli.stats.pass_pairs import covariance_in_runs, half_differences
+from mtu_cli.stats.pass_pairs import bounded, covariance_in_runs, half_differences
 from mtu_cli.stats.positive_part import positive_part
 
 FloatArray = NDArray[np.float64]
@@ -116,15 +117,15 @@ def _separated(
         return None
     between, of_repeatability, deviations = found
     D = positive_part(between, of_repeatability, stage.s2)
-    # Two or three passes may agree by chance far better than repeatability allows: D is then not
-    # taken as negative. C of as few runs may be smaller still; their degrees of freedom say so.
+    # Two or three may agree by chance far better than repeatability allows: D is not negative.
     within = stage.s2 * of_repeatability
     moment = D if design.dof_between < FEW_PASSES else between - within
     K = covariance_in_runs(deviations, design.pairs, between)
     pooled = _line_a_direction(y, design)
+    choices = ((moment, K), (D, K), (D, bounded(K, D)))
     return PassFit(
         plain=plain,
-        covariance=_coefficient_covariance(plain, design, stage.s2, (moment, D), K),
+        covariance=_coefficient_covariance(plain, design, stage.s2, choices),
         center=center,
         s2=stage.s2,
         D=D,
@@ -184,15 +185,14 @@ def _coefficient_covariance(
     plain: LeastSquares,
     design: PassDesign,
     s2: float,
-    choices: tuple[FloatArray, FloatArray],
-    K: FloatArray,
+    choices: Iterable[tuple[FloatArray, FloatArray]],
 ) -> FloatArray:
     """Covariance of plain least squares under V = s2 I + Z D Z' by pass, Z K Z' within a run.
 
     (X'X)^-1 X' V X (X'X)^-1; on a balanced design this is the between mean square over G, or that
     of the runs' means over their number.
-    The first choice, the unclipped D, keeps it unbiased; the second, the clipped one, stands
-    in only where the result is not a covariance.
+    The first of the `choices` of D and K, the unclipped, keeps it unbiased; the clipped D, and then
+    a K within it, which always give a covariance, stand in only where the result is none.
     """
     X, Z, codes = design.X, design.Z, design.codes
     inverse = plain.unscaled_covariance
@@ -202,8 +202,8 @@ def _coefficient_covariance(
             cross[:, column, other] = np.bincount(codes, X[:, column] * Z[:, other])
     A = inverse @ cross
     there, back = A[design.all_pairs.T]
-    of_runs = 2 * np.einsum("gij,jk,glk->il", there, K, back)
-    for D in choices:
+    for D, K in choices:
+        of_runs = 2 * np.einsum("gij,jk,glk->il", there, K, back)
         total: FloatArray = s2 * inverse + np.einsum("gij,jk,glk->il", A, D, A) + of_runs
         total = (total + total.T) / 2
         sizes = s2 * np.diag(inverse) + np.einsum("gij,jk,gik->i", *map(np.abs, (A, D, A)))

@@ -16,13 +16,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.positive_part import as_covariance, positive_part
+from mtu_cli.stats.positive_part import as_covariance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 FEWEST_RUNS = 2
 """One run has nothing to differ from."""
+ROUNDING = 1e-12
+"""Eigenvalue of a correlation matrix that is 0 but for rounding."""
 
 
 def pairs_of(runs: IntArray, sign: FloatArray) -> IntArray:
@@ -39,11 +41,9 @@ def pairs_of(runs: IntArray, sign: FloatArray) -> IntArray:
 
 
 def units_dof(G: int, pairs: IntArray, columns: int) -> int:
-    """Degrees of freedom between G passes less `columns` of directions, runs being the units; none
-    in a run alone.
+    """Degrees of freedom between G passes less `columns` of directions, runs being the units. The
+    two passes of a run alone differ by S_h at least: they count as independent.
     """
-    if G == 2 * len(pairs) == 2:
-        return 0
     if len(pairs) < FEWEST_RUNS:
         return G - columns
     return min(G - columns, G - len(pairs) - 1)
@@ -61,16 +61,24 @@ def covariance_in_runs(deviations: FloatArray, pairs: IntArray, between: FloatAr
     there, back = (own - own.mean(axis=0) for own in (deviations[way] for way in pairs.T))
     product = there.T @ back / (len(pairs) - 1)
     K: FloatArray = (product + product.T) / 2
-    return K if 2 * len(pairs) == len(deviations) else _within(K, between)
+    return K if 2 * len(pairs) == len(deviations) else bounded(K, between)
 
 
-def _within(K: FloatArray, S: FloatArray) -> FloatArray:
-    """K (q, q) cut to lie between -S and S."""
-    if not np.diag(S).all():
-        return np.zeros_like(K)
-    K = 2 * positive_part((S + K) / 2, S) - S
-    less: FloatArray = 2 * positive_part((S - K) / 2, S)
-    return S - less
+def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
+    """K (q, q) cut to lie between -S and S; 0 in what S does not scatter in."""
+    values, vectors = np.linalg.eigh(S / np.outer(scale := _scale(S), scale))
+    live = values > ROUNDING
+    root = scale[:, None] * vectors[:, live] * np.sqrt(values[live])
+    inverse = (vectors[:, live] / np.sqrt(values[live])).T / scale
+    values, vectors = np.linalg.eigh(inverse @ K @ inverse.T)
+    turned = root @ vectors
+    found: FloatArray = (turned * values.clip(-1.0, 1.0)) @ turned.T
+    return (found + found.T) / 2
+
+
+def _scale(S: FloatArray) -> FloatArray:
+    scale: FloatArray = np.sqrt(np.diag(S))
+    return np.where(scale > 0, scale, 1.0)
 
 
 def half_differences(S: FloatArray, K: FloatArray, pairs: IntArray, G: int) -> FloatArray | None:

@@ -161,6 +161,10 @@ def test_long_names_are_cut_and_what_stands_around_them_is_kept() -> None:
     text = f"part '{'z' * 100_000}' was not measured at P1; see {'a' * 250}.csv"
     assert cut_names(text) == f"part '{'z' * 57}...' was not measured at P1; see {'a' * 250}.csv"
     assert cut_names("many short words " * 100) == "many short words " * 100
+    path = f"{'/'.join(['folder'] * 60)}/readings.csv"
+    assert cut_names(f"{path}, row 3") == f"{path[:57]}.../readings.csv, row 3"
+    endless = f"a/{'z' * 400}"
+    assert cut_names(endless) == f"{endless[:57]}..."
 
 
 def test_a_warning_of_a_part_with_a_long_name_stays_short() -> None:

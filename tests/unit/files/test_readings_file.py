@@ -211,6 +211,9 @@ def test_a_table_that_was_pasted_twice_is_refused(tmp_path: Path) -> None:
     assert "4 readings are equal" in found_rows.notes[0].message
     few = own.removesuffix("dx_x,3,0,um,1\n")
     assert len(read(tmp_path, f"{HEAD},pass\n{few}{few}")) == 6
+    # Two readings at each dwell, which a display shows alike.
+    dwell = "".join(f"dx_x,{x},{x % 3},um,1\n" * 2 for x in range(30))
+    assert "30 readings are equal" in read(tmp_path, f"{HEAD},pass\n{dwell}").notes[0].message
     # A display that shows the same again and again.
     steady = "axy,,5,arcsec,1\n" * 9
     assert "8 readings are equal" in read(tmp_path, f"{HEAD},pass\n{steady}").notes[0].message

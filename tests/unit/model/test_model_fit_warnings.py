@@ -13,8 +13,10 @@ from model_examples import Segment, loaded, readings
 from scipy import stats
 
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.fit import MachineFit, fit_machine
+from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
 from mtu_cli.model.fit_warnings import LIMITS, fit_warnings, limit_warnings, limits_of
+from mtu_cli.reports.observability import observability
+from mtu_cli.reports.observability import observability
 from mtu_cli.stats.family import significant
 
 MACHINES = 250
@@ -116,6 +118,26 @@ def test_readings_without_any_scatter_are_warned_of(tmp_path: Path) -> None:
     found = fit_warnings(fit_machine(known, replace(given, error=exact)))
     (item,) = [item for item in found if item.code == "no-scatter"]
     assert "the readings of dx_x do not scatter" in item.message
+
+
+def test_runs_of_the_same_mean_are_warned_of(tmp_path: Path) -> None:
+    """A display of whole um: each run is as far up on its way there as down on its way back."""
+    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
+    run = np.repeat([1.0, 2.0, 3.0, 2.0], 8)
+    way = np.tile(np.repeat([1, -1], 4), 4)
+    segment = Segment(
+        name="a",
+        position=np.tile(np.linspace(0, 90, 4), 8),
+        error=1e-3 * run * way,
+        passes=np.repeat(np.arange(4), 8),
+        direction=way,
+    )
+    fit = fit_machine(known, readings([segment]))
+    (item,) = [item for item in fit_warnings(fit) if item.code == "no-scatter"]
+    assert item.message.startswith("the passes of a have the same means to the last digit")
+    left = observability(fit, estimates_from_fit(known, fit))
+    (drift,) = [one for one in left if one.not_determined.startswith("steady drift")]
+    assert drift.because == "the levels of its passes do not differ"
 
 
 def test_instruments_that_disagree(tmp_path: Path) -> None:

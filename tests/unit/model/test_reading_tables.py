@@ -274,7 +274,7 @@ def test_passes_that_run_one_way_are_judged_in_pairs(tmp_path: Path) -> None:
     np.testing.assert_array_equal(pairs.covariates["sequence"], one.covariates["sequence"])
     assert not [w for w in quiet if w.code == "passes-paired"]
     (warned,) = [w.message for w in told if w.code == "passes-paired"]
-    assert "each pass of px runs one way" in warned
+    assert "passes of px run one way" in warned
     assert "(1/2, 3/4, 5/6 and so on)" in warned
     # Otherwise numbered: the n-th there with the n-th back; and one pass more of one way.
     order = np.array([0, 2, 1, 3, 4])[apart.pass_number - 1 - 4 * ((apart.pass_number - 1) // 4)]

@@ -17,10 +17,11 @@ from mtu_cli.files.components_file import components_from
 from mtu_cli.files.source import Source
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
+from mtu_cli.model.fit_warnings import scatter_warnings
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.reading_tables import reading_tables
-from mtu_cli.model.runs import runs_of, ways
+from mtu_cli.model.runs import fellows, runs_of, ways
 from mtu_cli.reports.fit_components import document
 
 FloatArray = NDArray[np.float64]
@@ -93,30 +94,88 @@ def test_a_pass_that_is_missing_leaves_its_fellow_alone(tmp_path: Path) -> None:
     assert fit.pairs.tolist() == [[0, 1], [3, 4], [5, 6], [7, 8]]
 
 
+@pytest.mark.parametrize("lost", range(1, 13))
+def test_one_pass_that_is_lost_parts_no_others(lost: int) -> None:
+    """There and back in turns, two and three blocks of all there before all back: each pass but
+    the fellow of the lost one keeps its own.
+    """
+    number = np.delete(np.arange(1, 13), lost - 1)
+    place = number - 1
+    for way, fellow in (
+        (1 - 2 * (place % 2), (place ^ 1)),
+        (np.where(place < 6, 1, -1), (place + 6) % 12),
+        (1 - 2 * (place // 3 % 2), place // 6 * 6 + (place % 6 + 3) % 6),
+    ):
+        wanted = {frozenset((a, b)) for a, b in zip(place, fellow, strict=True) if b != lost - 1}
+        found = {frozenset(place[list(pair)].tolist()) for pair in fellows(number, way)}
+        assert found == wanted
+        # A count of each direction's own.
+        if (place < 6).all() or (way[place < 6] > 0).all():
+            own = np.where(place < 6, place, place - 6)
+            assert {frozenset(place[list(p)].tolist()) for p in fellows(own, way)} == wanted
+
+
+@pytest.mark.parametrize(
+    ("way", "wanted"),
+    [
+        # Counted anew where one is lost: neighbours of one orientation, or blocks.
+        ("+--+-+-", [(0, 1), (3, 4), (5, 6)]),
+        ("-+-+", [(0, 1), (2, 3)]),
+        ("++--++--", [(0, 2), (1, 3), (4, 6), (5, 7)]),
+        ("+++---", [(0, 3), (1, 4), (2, 5)]),
+        ("++++", []),
+    ],
+)
+def test_passes_counted_anew_are_neighbours_or_blocks(
+    way: str, wanted: list[tuple[int, int]]
+) -> None:
+    signs = np.array([1 if sign == "+" else -1 for sign in way])
+    for begin in (0, 1, 7):
+        assert fellows(np.arange(begin, begin + len(way)), signs) == wanted
+    # Of numbers that do not ascend only the sequence is used.
+    assert fellows(np.arange(len(way))[::-1].copy(), signs) == wanted
+
+
 def test_components_are_joint_only_where_their_runs_are_the_same(tmp_path: Path) -> None:
-    """b in one number both ways, a in a number each of which two passes are of no run."""
+    """Passes of the same numbers, ways and times: a's are the runs 1/2, 3/4 and 5/6; b's first
+    stands in another file, alone.
+    """
     known = loaded(tmp_path, MACHINE)
-    first, second = there_and_back(1)
-    assert first.direction is not None
-    labels = np.array(["there", "back"], object)[np.where(first.direction < 0, 1, 0)]
-    both = readings([first, second])
-    alone = both.code == 0
-    setups = np.where(alone, np.tile(labels, 2), "one")
-    fit = fit_machine(known, replace(both, covariates={"setup": setups}))
+    given = []
+    for item in there_and_back(1, one_way=True):
+        kept = item.passes <= 6 if item.passes is not None else slice(0)
+        cut = {key: getattr(item, key)[kept] for key in COLUMNS}
+        given.append(replace(item, **cut, time=np.arange(6.0 * len(P))))
+    both = readings(given)
+    fit = fit_machine(known, both)
+    assert [group.components for group in fit.joint] == [("a", "b")]
+    other = (both.code == 1) & (both.pass_number == 1)
+    apart = replace(
+        both,
+        file_index=1 - other.astype(np.int64),
+        sources=both.sources * 2,
+        roles=both.roles * 2,
+    )
+    fit = fit_machine(known, apart)
+    pairs = {name: item.instruments[0].fit.pairs.tolist() for name, item in fit.components.items()}
+    assert pairs == {"a": [[0, 1], [2, 3], [4, 5]], "b": [[2, 3], [4, 5]]}
     assert fit.joint == ()
-    assert fit.components["a"].estimate.half_differences is None
-    assert fit.components["b"].estimate.half_differences is not None
 
 
-def test_one_run_alone_tells_nothing_of_scatter(tmp_path: Path) -> None:
+def test_one_run_alone_has_two_passes(tmp_path: Path) -> None:
+    """They differ by what a run's do, a line each: one degree of freedom, and a word of it."""
     known = loaded(tmp_path, MACHINE)
     given = [
         replace(item, **{key: getattr(item, key)[item.passes == 1] for key in COLUMNS})
         for item in there_and_back(1)
     ]
-    fit = fit_machine(known, readings(given)).components["a"]
-    assert not fit.instruments[0].fit.separated
-    assert fit.estimate.pass_dof == 0
+    fit = fit_machine(known, readings(given))
+    found = fit.components["a"]
+    assert found.instruments[0].fit.separated
+    assert (found.estimate.pass_dof, found.estimate.half_differences) == (1, None)
+    codes = [item.code for item in scatter_warnings(fit)]
+    assert codes == ["one-run"]
+    assert not scatter_warnings(fit_machine(known, readings(there_and_back(1))))
 
 
 def test_runs_that_differ_by_the_same_are_read_back(tmp_path: Path) -> None:
@@ -173,6 +232,13 @@ def test_a_prediction_by_hand(tmp_path: Path, one_way: bool) -> None:
         spread = (of_runs**2 + of_ways**2) / (RUNS - 1) + visits[i] ** 2 / nu
         assert variance.dof[i] == pytest.approx(wanted[i, i] ** 2 / spread)
     assert variance.coefficients == pytest.approx(np.diag(S_m) / RUNS)
+    # Of both components: the two mean squares are of the same runs, the visits of each its own.
+    a = np.array([1.0, -2.0])
+    both = found.variance(a[None])
+    assert both.total == pytest.approx([a @ wanted @ a])
+    spread = (((1 + 1 / RUNS) * a @ S_m @ a) ** 2 + (a @ S_h @ a) ** 2) / (RUNS - 1)
+    spread += np.sum((a**2 * visits) ** 2) / nu
+    assert both.dof == pytest.approx([(a @ wanted @ a) ** 2 / spread])
     # The mean over future parts is known by the runs alone.
     squares = variance.squares
     assert squares.of_mean[0] == pytest.approx(np.diag(S_m) / RUNS)

@@ -68,9 +68,9 @@ def test_runs_are_the_units_that_were_repeated() -> None:
     assert units_dof(10, five, 2) == 4
     # Two more passes one way.
     assert units_dof(12, five, 2) == 6
-    # One run has no fellow to differ from: beside passes one way, and alone.
+    # One run has no fellow to differ from, beside passes one way and alone: passes are the units.
     assert units_dof(5, one, 2) == 3
-    assert units_dof(2, one, 1) == 0
+    assert units_dof(2, one, 1) == 1
 
 
 def test_mean_squares_are_those_of_runs_as_blocks() -> None:
