@@ -112,11 +112,16 @@ def aliases_of(prepared: Prepared, step: Step, beside: tuple[int, ...]) -> list[
     lies_in = {index for column in flat[step.member] for index in column}
     found, start = [], 0
     for family, members in enumerate(prepared.scan.columns):
-        for m in range(start, start + len(members)):
+        owned = range(start, start + len(members))
+        start += len(members)
+        # A cause that was found as well is there in any case: two forms of it, which differ by
+        # the step's column, do not stand for the step.
+        if any(m in owned for m in beside):
+            continue
+        for m in owned:
             if family == step.index or not lies_in <= {i for c in flat[m] for i in c}:
                 continue
             left = sight.left(effects, sight.columns(prepared.members[m].columns))
             if all(left[j] < (1 - ALIAS) * whole[j] for j in effects):
                 found.append(m)
-        start += len(members)
     return found

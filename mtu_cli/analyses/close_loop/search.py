@@ -123,7 +123,9 @@ def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
         for step in steps:
             if step is not own:
                 state.take_out(step)
-        scores = _scores(state.look(), state.done)
+        # Another form of a cause that is there in any case is no rival.
+        others = {step.index for step in steps if step is not own}
+        scores = _scores(state.look(), state.done | others)
         scores[prepared.scan.tested :] = -np.inf
         found.append(_ranked(prepared.scan, own, scores, state.looked.unnamed))
     return found

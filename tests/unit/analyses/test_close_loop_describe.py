@@ -159,3 +159,26 @@ def test_names_beyond_the_candidates_are_drifts_and_fields() -> None:
         "unnamed-field-x",
         "unnamed-field-y",
     ]
+
+
+def test_another_form_of_a_cause_that_is_there_is_no_rival() -> None:
+    """Two forms of `mixed` differ by `cells`: with one of them found, the other is `cells`."""
+    beside: Column = {1: centred(np.random.default_rng(8).normal(size=(12, 10)))}
+    tilted: Column = {1: beside[1] + 0.5 * CELLS[1]}
+    causes = [
+        # Of its levers alone: without equations.
+        replace(cause, members=tuple(replace(member, equations={}) for member in cause.members))
+        for cause in (candidate("cells", (CELLS,)), candidate("mixed", (beside,), (tilted,)))
+    ]
+    start = residuals(quiet(np.random.default_rng(2)))
+    own = prepared_with(start, *causes, offset("x"), offset("y"))
+    errors = quiet(np.random.default_rng(4)) + 3.0 * whole_column(CELLS, SHAPE)
+    own = own.with_table(replace(own.table, errors=errors + 2.0 * whole_column(beside, SHAPE)))
+    found = search(own, calibrated(own.scan, 999, 3), alpha=0.05, most=4)
+    known = Described(prepared=own, found=found, effects=added(own, found, 1), chosen=())
+    effects = by_name(found_effects(known, [None] * len(found.steps)))
+    assert set(effects) == {"cells", "mixed"}
+    for name, effect in effects.items():
+        assert effect.class_names == (name,)
+        assert effect.aliases == ()
+        assert effect.posterior == pytest.approx(1, abs=1e-6)

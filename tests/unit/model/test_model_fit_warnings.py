@@ -16,7 +16,6 @@ from mtu_cli.files.readings import Readings
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
 from mtu_cli.model.fit_warnings import LIMITS, fit_warnings, limit_warnings, limits_of
 from mtu_cli.reports.observability import observability
-from mtu_cli.reports.observability import observability
 from mtu_cli.stats.family import significant
 
 MACHINES = 250
