@@ -65,7 +65,8 @@ def joint_conformance(
 ) -> tuple[float, float] | None:
     """Probability that one part conforms in all its toleranced lengths, and its standard error.
 
-    The lengths of a part are correlated, so this is not the product of their probabilities.
+    The lengths of a part are correlated, so this is not the product of their probabilities; nor is
+    it more than the least of them, which the trials may scatter beyond.
     """
     limits = np.array([np.inf if item is None else item.tolerance for item in items])
     if np.isfinite(limits).sum() < 2:
@@ -80,4 +81,5 @@ def joint_conformance(
     p = float(result.mean[0])
     # One miss more and one hit more: 200 000 hits of 200 000 are not certainty.
     cautious = (p * n + 1) / (n + 2)
-    return p, float(np.sqrt(cautious * (1 - cautious) / n))
+    least = min(item.probability for item in items if item is not None)
+    return min(p, least), float(np.sqrt(cautious * (1 - cautious) / n))

@@ -79,8 +79,8 @@ def by_column(item: TableResult) -> Curve:
 def _of_equation(effect: FoundEffect, item: TableResult) -> Curve:
     """Residuals less the other effects, over the variable of the effect's first equation.
 
-    Both are drawn beside their overall means, as they are judged beside a free offset. Of a
-    pitch that is one of many the wave is an example.
+    The effect is drawn about the mean of these, as it is judged beside a free offset. Of a pitch
+    that is one of many the wave is an example.
     """
     key, text = next(iter(effect.equations.items()))
     axis = key.removeprefix("E")
@@ -90,14 +90,14 @@ def _of_equation(effect: FoundEffect, item: TableResult) -> Curve:
     whole = _effect(effect, item, env)
     own = whole[:, :, a][there] / scale
     left = (item.table.errors - item.explained + whole)[:, :, a][there] / scale
-    means = (float(own.mean()), float(left.mean()))
+    offset = float(left.mean() - own.mean())
     over, apart = _variables(effect, text)
-    x = own - means[0] if over is None else env[over][there]
+    x = own if over is None else env[over][there]
     fine = None
     if over is not None and apart is None and item.table.datum == "none":
         grid = np.linspace(float(x.min()), float(x.max()), FINE)
         values = np.broadcast_to(evaluate(parse(text), {**env, over: grid}), grid.shape)
-        fine = (grid, values / scale - means[0])
+        fine = (grid, values / scale + offset)
     return Curve(
         title=titled(effect),
         xlabel=f"the effect as fitted, {item.table.unit}" if over is None else _label(over),
@@ -106,8 +106,8 @@ def _of_equation(effect: FoundEffect, item: TableResult) -> Curve:
             Series(
                 name=name,
                 x=x[mask],
-                y=left[mask] - means[1],
-                fitted=own[mask] - means[0],
+                y=left[mask],
+                fitted=own[mask] + offset,
                 fine=fine,
             )
             for name, mask in _split(apart, env, there)

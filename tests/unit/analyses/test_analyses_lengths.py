@@ -188,6 +188,20 @@ def test_joint_conformance_against_counted_parts(tmp_path: Path) -> None:
     assert abs(np.prod(alone) - good.mean()) > 10 * error
 
 
+def test_a_whole_part_is_no_surer_than_its_least_sure_length(tmp_path: Path) -> None:
+    """The other length is out never: one chance by trials, the other not, whatever the seed."""
+    text = PART.replace("tolerance_um: 9", "tolerance_um: 900")
+    part, bound = part_of(tmp_path, text), 0
+    for seed in range(12):
+        found = predict_lengths(machine(), part, replace(FAST, seed=seed))
+        assert found.joint_conformance is not None
+        probability, error = found.joint_conformance
+        least = min(item.conformance.probability for item in found.lengths if item.conformance)
+        assert least - 4.5 * error < probability <= least
+        bound += probability == least
+    assert 0 < bound < 12
+
+
 def test_no_joint_probability_for_one_tolerance(tmp_path: Path) -> None:
     text = PART.replace(", tolerance_um: 4", "")
     assert predict_lengths(machine(), part_of(tmp_path, text), FAST).joint_conformance is None
