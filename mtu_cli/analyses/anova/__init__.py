@@ -127,7 +127,7 @@ def analyse_variance(
         shown=_shown(features, standing, settings.coverage_factor),
         maps=planes,
         coverage_factor=settings.coverage_factor,
-        warnings=(*warnings, *anova_warnings(list(kinds.values()), method)),
+        warnings=(*warnings, *anova_warnings(list(kinds.values()), method, points)),
     )
 
 

@@ -11,11 +11,13 @@ from mtu_cli.analyses.anova.parts import FEWEST_PARTS
 from mtu_cli.analyses.anova.tables import Analysed, Method
 from mtu_cli.model.features import FEW_DOF
 from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.model.outlying_points import outlying_warnings
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.anova import BoolArray
 
 if TYPE_CHECKING:
     from mtu_cli.files.part import LoadedPart
+    from mtu_cli.files.points import Points
 
 MOST_NAMED = 6
 KINDS = {"feature": "features and axes", "length": "lengths", "angle": "right angles"}
@@ -52,8 +54,10 @@ PAPER = (
 )
 
 
-def anova_warnings(kinds: Sequence[Analysed], method: Method) -> list[Warned]:
-    """Every figure that is missing has its reason here, for each kind of table by name."""
+def anova_warnings(kinds: Sequence[Analysed], method: Method, points: Points) -> list[Warned]:
+    """Every figure that is missing has its reason here, for each kind of table by name, features
+    first; and every reading of the `points` that pulls them.
+    """
     found = []
     for code, (condition, text) in CONDITIONS.items():
         met = [(item, condition(item)) for item in kinds]
@@ -67,7 +71,9 @@ def anova_warnings(kinds: Sequence[Analysed], method: Method) -> list[Warned]:
         ]
     if method == "paper":
         found.append(Warned(code="paper-method", message=PAPER))
-    return [*found, *(w for item in kinds for w in _empty(item)), *_few(kinds[0].tables)]
+    tables = kinds[0].tables
+    empty = [w for item in kinds for w in _empty(item)]
+    return [*found, *empty, *_few(tables), *outlying_warnings(tables, points)]
 
 
 def _some(item: Analysed, rows: BoolArray) -> str:

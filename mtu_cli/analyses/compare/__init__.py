@@ -18,7 +18,6 @@ from mtu_cli.analyses.compare.operations import (
     foretold_lengths,
     predict_operations,
 )
-from mtu_cli.analyses.compare.outlying import outlying_warnings
 from mtu_cli.analyses.compare.summary import Range, Summary, summarised
 from mtu_cli.analyses.compare.verdicts import FAMILY_RATE, VERDICTS, Compared, Verdict, judged
 from mtu_cli.analyses.compare.warnings import compare_warnings
@@ -29,6 +28,7 @@ from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import MeasuredTables, feature_tables, length_tables
 from mtu_cli.model.measured_checks import sound
+from mtu_cli.model.outlying_points import outlying_warnings
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.model.visits import axes_of, visits_of

@@ -1,4 +1,4 @@
-"""Single readings that pull a comparison: far off what the other parts have at the feature."""
+"""Single readings that pull all figures: far off what the other parts have at the feature."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def outlying_warnings(tables: MeasuredTables, points: Points) -> list[Warned]:
     more = f"; and {len(worst) - SHOWN} more parts" if len(worst) > SHOWN else ""
     one = len(found) == 1
     text = (
-        f"{'; '.join(texts)}{more}: {'it pulls' if one else 'they pull'} the comparison, look "
+        f"{'; '.join(texts)}{more}: {'it pulls' if one else 'they pull'} the figures, look "
         f"whether {'it is' if one else 'they are'} mistyped"
     )
     return [Warned(code="reading-stands-out", message=text)]

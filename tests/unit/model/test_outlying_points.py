@@ -10,10 +10,11 @@ from compare_trials import fitted, made, study
 from measured_examples import PLACES, points
 from measured_examples import study as three_holes
 
+from mtu_cli.analyses.anova import analyse_variance
 from mtu_cli.analyses.compare import compare
-from mtu_cli.analyses.compare.outlying import outlying_warnings
 from mtu_cli.files.points import Points
 from mtu_cli.model.measured import feature_tables
+from mtu_cli.model.outlying_points import outlying_warnings
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -43,10 +44,15 @@ def test_a_mistyped_reading_is_named_where_it_changes_a_verdict() -> None:
     place = f"cmm.csv, row {off.row[row]}: part {off.parts[off.part[row]]!r}, feature {name!r}"
     assert warning.message.startswith(f"{place}, x_mm is {off.measured[row, 0] + SLIP_MM:.7g};")
     assert "the mean of the part's 2 readings is -6" in warning.message
-    assert "it pulls the comparison" in warning.message
+    assert "it pulls the figures" in warning.message
     where = before.features.labels.index(("", name, "x"))
     assert before.features.verdicts[where] == "biased"
     assert after.features.verdicts[where] == "consistent"
+    # An analysis of variance has the same reading in all its figures.
+    analysed = analyse_variance(moved(off, [row], SLIP_MM), part, "anova", Settings())
+    assert warning in analysed.warnings
+    clean = analyse_variance(off, part, "anova", Settings())
+    assert "reading-stands-out" not in {item.code for item in clean.warnings}
 
 
 def test_clean_studies_are_silent() -> None:
