@@ -42,7 +42,7 @@ class Problem:
     row: int | None = None
 
     def __str__(self) -> str:
-        place = self.file or ""
+        place = cut_names(self.file or "")
         if self.line is not None:
             place += f":{self.line}" if place else f"line {self.line}"
         if self.row is not None:
@@ -183,8 +183,12 @@ def closest(name: str, names: Iterable[str]) -> str | None:
     folded = {candidate.casefold(): candidate for candidate in known}
     if name.casefold() in folded:
         return folded[name.casefold()]
-    found = difflib.get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.6)
-    return folded[found[0]] if found else None
+    found = difflib.get_close_matches(name.casefold(), folded, n=len(folded) or 1, cutoff=0.6)
+    # Letters in another order are a slip of the fingers: `azx` is `axz` sooner than `ayz`.
+    letters = sorted(name.casefold())
+    swapped = (candidate for candidate in found if sorted(candidate) == letters)
+    near = next(swapped, found[0] if found else None)
+    return None if near is None else folded[near]
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:

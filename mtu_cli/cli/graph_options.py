@@ -12,7 +12,7 @@ from mtu_cli.files.graph_file import load_graph
 from mtu_cli.model.graph.examine import examine
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, build_graph
 
-EXAMPLE = "such as --vary axis_um=0.5:2.5:5 (from 0.5 to 2.5 in 5 steps) or --vary repeats=1,2,4"
+EXAMPLE = "--vary axis_um=0.5:2.5:5, say (from 0.5 to 2.5 in 5 steps), or --vary repeats=1,2,4"
 MOST = 10_000
 DIGITS = 12
 """Digits of a value that count."""

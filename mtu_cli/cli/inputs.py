@@ -180,7 +180,7 @@ class Inputs:
                 )
                 continue
             if not named or given is None:
-                expected = "such as --at T_02_degC=23.5"
+                expected = "--at T_02_degC=23.5, say"
                 problems.append(
                     Problem(what="--at is not NAME=VALUE", value=text, expected=expected)
                 )

@@ -139,21 +139,35 @@ def _not_read(
 
 def _shortened(problems: Sequence[Problem], inputs: Inputs) -> list[Problem]:
     """What a model lacks; where -m alone leaves the study of this folder, and so its readings,
-    unread, or no component of many has readings, that is one cause and one problem.
+    unread, the only report is thermal, or no component of many has readings, that is one cause and
+    one problem.
     """
     lacking = [item for item in problems if item.what.endswith(NO_READINGS)]
     near = find_study(Path()) if inputs.study is None else None
-    if not lacking or (near is None and len(lacking) <= MOST_LACKING):
+    half = _thermal_alone(inputs)
+    if not lacking or (near is None and not half and len(lacking) <= MOST_LACKING):
         return list(problems)
     names = [repr((item.path or "").removeprefix("components.")) for item in lacking]
     more = f" and {len(names) - MOST_LACKING} more" if len(names) > MOST_LACKING else ""
     many = f"the components {', '.join(names[:MOST_LACKING])}{more} have {NO_READINGS}"
     one = replace(lacking[0], what=lacking[0].what if len(names) == 1 else many, path="components")
-    if near is not None:
+    if half:
+        expected = "a fit-components report too (-c), readings (--lbb, --laser), or "
+        expected += "coefficients in the machine file" if near is None else "the study's folder"
+        one = replace(one, what=f"{one.what}: {half}", expected=expected)
+    elif near is not None:
         unread = f"{near.name} is not read where -m is given without a study"
         expected = "the study's folder as an argument too, and -m in place of its machine"
         one = replace(one, what=f"{one.what}: {unread}", expected=expected)
     return [one, *(item for item in problems if item not in lacking)]
+
+
+def _thermal_alone(inputs: Inputs) -> str:
+    """That the only report of the call, and all that is read, is of drifts."""
+    thermal = inputs.thermal
+    if thermal is None or inputs.components is not None or inputs.readings is not None:
+        return ""
+    return f"{thermal.source.shown} holds the thermal part only"
 
 
 def one_direction(inputs: Inputs, model: MachineModel) -> list[Warned]:

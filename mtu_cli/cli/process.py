@@ -10,7 +10,7 @@ import sys
 
 from mtu_cli.cli.commands import app
 from mtu_cli.cli.streams import hush, last_words, prepare_streams
-from mtu_cli.errors import EXIT_INPUT, MtuError, reason
+from mtu_cli.errors import EXIT_INPUT, MtuError, cut_names, printable, reason
 
 TAKES_NO_MORE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
@@ -42,6 +42,8 @@ def run() -> None:
         # A file that takes no more is told by its name: without one it is standard output.
         full = error.errno in TAKES_NO_MORE and error.filename is None
         what = "standard output cannot be written" if full else "the system refuses"
+        if isinstance(error.filename, str):
+            what = f"{cut_names(printable(error.filename))}: {what}"
         _end(f"mtu: {what}: {reason(error)}")
     except MemoryError:
         _end("mtu: the memory of this computer does not suffice for this call")

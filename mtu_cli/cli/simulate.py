@@ -186,7 +186,7 @@ def _first_repeats(text: str | None) -> tuple[int, int]:
         parts, repeats = 0, 0
     if parts < 1 or repeats < 1:
         raise fault(
-            "--first-repeats is not PARTS:REPEATS", value=text, expected="such as 4:5, both above 0"
+            "--first-repeats is not PARTS:REPEATS", value=text, expected="4:5, say, both above 0"
         )
     return parts, repeats
 

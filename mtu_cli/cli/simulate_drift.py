@@ -129,8 +129,13 @@ def _pair(option: str, text: str, example: str, bounds: tuple[float, float]) -> 
         low, high = (float(item) for item in text.split(":"))
     except ValueError:
         low, high = np.nan, np.nan
-    if not (np.isfinite([low, high]).all() and bounds[0] <= low <= high <= bounds[1]):
-        raise fault(f"{option} is not LOW:HIGH", value=text, expected=f"such as {example}")
+    if not np.isfinite([low, high]).all():
+        raise fault(f"{option} is not LOW:HIGH", value=text, expected=f"{example}, say")
+    if low > high:
+        raise fault(f"{option}: LOW is above HIGH", value=text, expected="the lower end first")
+    if not bounds[0] <= low <= high <= bounds[1]:
+        expected = f"from {bounds[0]:g} to {bounds[1]:g}"
+        raise fault(f"{option} is out of range", value=text, expected=expected)
     return low, high
 
 
@@ -142,11 +147,11 @@ def _twins(options: Options, sensors: set[str]) -> tuple[tuple[str, str], ...]:
             raise fault(
                 "--twin is not NAME: SENSOR",
                 value=text,
-                expected=f"a sensor of the machine, {did_you_mean(sensor, sorted(sensors))}",
+                expected=did_you_mean(sensor, sorted(sensors)),
             )
         if name in sensors or name in found or not is_covariate(name) or name[:2] != "T_":
             raise fault(
-                "--twin has no name of its own", value=text, expected="such as 'T_18_degC: ...'"
+                "--twin has no name of its own", value=text, expected="'T_18_degC: ...', say"
             )
         found[name] = sensor
     return tuple(found.items())

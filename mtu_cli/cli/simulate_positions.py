@@ -71,16 +71,18 @@ def _given(text: str) -> dict[str, FloatArray]:
 
 
 def _range(part: str, text: str) -> FloatArray:
-    parts = part.split(":")
     try:
-        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+        ends = part.split(":", 2)
+        low, high, count = float(ends[0]), float(ends[1]), int(ends[2])
     except (ValueError, IndexError):
-        low, high, count = 0.0, 0.0, 0
-    good = len(parts) == 3 and np.isfinite([low, high]).all() and low < high
-    if not good or not 2 <= count <= MAX_POSITIONS:
-        raise fault(
-            "--positions is not LOW:HIGH:COUNT",
-            value=text,
-            expected=f"such as 0:140:8 or x=0:140:8,y=0:90:5, two to {MAX_POSITIONS} positions",
-        )
+        low, high, count = np.nan, np.nan, 0
+    if not np.isfinite([low, high]).all():
+        what = "--positions is not LOW:HIGH:COUNT"
+        raise fault(what, value=text, expected="0:140:8, say, or x=0:140:8,y=0:90:5")
+    if low >= high:
+        what = f"--positions: LOW, {low:g}, is {'above' if low > high else 'the same as'} HIGH"
+        raise fault(what, value=text, expected="LOW:HIGH:COUNT with LOW below HIGH")
+    if not 2 <= count <= MAX_POSITIONS:
+        expected = f"LOW:HIGH:COUNT with a count from 2 to {MAX_POSITIONS}"
+        raise fault(f"--positions: COUNT is {count}", value=text, expected=expected)
     return np.linspace(low, high, count)

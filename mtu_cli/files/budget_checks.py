@@ -63,7 +63,7 @@ def _check_dof(
 ) -> None:
     if item.dof is None:
         if item.distribution == "t":
-            findings.add(path, "a t distribution without `dof`", expected="dof: such as 9")
+            findings.add(path, "a t distribution without `dof`", expected="`dof: 9`, say")
         return
     if not stated:
         what = "`dof` without an uncertainty of its own"

@@ -8,14 +8,14 @@ from collections.abc import Iterable
 from mtu_cli.files.column_words import AXES, UNIT, WORDS, meant_by, plain
 
 _TO_MM = {
-    "um": "divide {} by 1000",
-    "nm": "divide {} by 1000000",
-    "m": "multiply {} by 1000",
-    "dm": "multiply {} by 100",
-    "cm": "multiply {} by 10",
-    "in": "multiply {} by 25.4",
-    "ft": "multiply {} by 304.8",
-    "mil": "multiply {} by 0.0254",
+    "um": "divided by 1000",
+    "nm": "divided by 1000000",
+    "m": "multiplied by 1000",
+    "dm": "multiplied by 100",
+    "cm": "multiplied by 10",
+    "in": "multiplied by 25.4",
+    "ft": "multiplied by 304.8",
+    "mil": "multiplied by 0.0254",
 }
 _ALSO = {
     "\u03bcm": "um", "micron": "um", "microns": "um", "inch": "in", "inches": "in", "zoll": "in",
@@ -33,11 +33,12 @@ def _parted(other: str) -> tuple[str, str] | None:
 
 
 def renaming(other: str, name: str) -> str:
-    """How the column `other` becomes the column `name`: a value in another unit is converted."""
+    """What is expected of the column `other` to be the column `name`: a value in another unit is
+    converted.
+    """
     parted = _parted(other) if name.endswith(f"_{UNIT}") else None
-    if parted is None:
-        return f"rename {other!r} to {name!r}"
-    return f"{_TO_MM[parted[1]].format(repr(other))} and rename it to {name!r}"
+    converted = "" if parted is None else f"{_TO_MM[parted[1]]} and "
+    return f"{other!r} {converted}renamed to {name!r}"
 
 
 def in_other_unit(other: str, names: Iterable[str]) -> str | None:

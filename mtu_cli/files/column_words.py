@@ -12,7 +12,7 @@ WORDS = {
     "feature": ("feature", "hole", "bore", "characteristic", "element", "merkmal", "bohrung",
                 "loch", "punkt", "caracteristique", "alesage", "trou", "caracteristica", "agujero",
                 "taladro", "foro"),
-    "repeat": ("repeat", "repetition", "wiederholung", "repeticion"),
+    "repeat": ("repeat", "repetition", "wiederholung", "repeticion", "ripetizione"),
     "component": ("component", "komponente", "composante", "componente"),
     "error": ("error", "err", "deviation", "dev", "abweichung", "abw", "fehler", "messabweichung",
               "erreur", "ecart", "desviacion", "errore", "scostamento"),
@@ -20,7 +20,7 @@ WORDS = {
     "position_mm": ("position", "pos", "messposition", "posicion", "posizione"),
 }  # fmt: skip
 ACTUAL = ("actual", "act", "measured", "meas", "measurement", "ist", "istmass", "istwert",
-          "gemessen", "messwert", "mesure", "mesuree", "medido", "medida", "real",
+          "gemessen", "mess", "messwert", "mesure", "mesuree", "medido", "medida", "real",
           "misurato")  # fmt: skip
 NOMINAL = ("nominal", "nom", "soll", "sollmass", "sollwert", "nennmass", "nennwert", "theorique",
            "nominale", "teorico")  # fmt: skip

@@ -14,11 +14,15 @@ from mtu_cli.files.csv_table import TableSpec
 from mtu_cli.files.csv_text import CsvText
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 
+REPEATS = ("repeat", "rep", "replicate", "replication", "repetition", "run", "wiederholung", "wdh",
+           "durchgang", "durchlauf", "lauf")  # fmt: skip
+MEASUREMENTS = ("measurement", "meas", "messung", "mess")
+"""Of a point, where they are numbered; without a number they are what was measured."""
 OTHER_WORDS = {
     "part": ("serial", "serial_number", "serial_no", "workpiece", "piece", "sn"),
     "feature": ("hole", "bore", "point", "ring", "feature_id", "element"),
-    "repeat": ("rep", "replicate", "repetition"),
-    "pass": ("passes",),
+    "repeat": REPEATS,
+    "pass": ("passes", *REPEATS),
     "cycle": ("warm_up", "zyklus"),
     "component": ("error_component", "channel", "parameter"),
     "error": ("value", "reading", "deviation"),
@@ -29,11 +33,13 @@ UNIT = "_mm"
 """Other programs leave it out."""
 COORDINATES = ("x_mm", "y_mm", "z_mm")
 _IN_MM = re.compile(r"[ _]*(?:[\[(] *mm *[\])]|in_mm|[/.] *mm)$", re.IGNORECASE)
-NUMBER = ("no", "nr", "number", "id")
+NUMBER = ("no", "nr", "number", "num", "id")
 NUMBERED = ("part", "feature", "cycle", "pass", "repeat", "sequence")
 """Columns that others tell as a number; one of a time or an operation is no time or name."""
 SLIP = 0.9
 """Likeness of two names from which on one is the other with a slip: sequence and squence."""
+DRIFT = "drift"
+"""The role of files whose runs are no passes: they are cycles, or tell nothing."""
 
 
 def check_header(text: CsvText, spec: TableSpec) -> None:
@@ -81,6 +87,7 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
         for name in spec.names
         if name not in header + tuple(wanted)
         for word in (name, *OTHER_WORDS.get(name, ()))
+        if not (text.source.role == DRIFT and name == "pass" and word in REPEATS)
     }
     lengths = [name for name in known.values() if name.endswith(UNIT)]
     bare = {_folded(name.removesuffix(UNIT)): name for name in lengths}
@@ -116,9 +123,12 @@ def _meant(name: str, known: Mapping[str, str]) -> str | None:
     folded = _folded(name)
     if folded in known:
         return known[folded]
-    *before, last = name.casefold().replace("-", "_").replace(" ", "_").split("_")
+    *before, last = re.split(r"[-_ .]+", plain(name).strip(" ."))
     if before and last in (*NUMBER, "s"):
-        counted = known.get(_folded("_".join(before)))
+        word = _folded("_".join(before))
+        if word in MEASUREMENTS and last in NUMBER and "repeat" in known.values():
+            return "repeat"
+        counted = known.get(word)
         return counted if last in NUMBER and counted in NUMBERED else None
     if folded.removesuffix("s") in known:
         return known[folded.removesuffix("s")]
@@ -127,7 +137,7 @@ def _meant(name: str, known: Mapping[str, str]) -> str | None:
 
 
 def _folded(name: str) -> str:
-    return plain(name).replace("_", "").replace("-", "").replace(" ", "")
+    return re.sub("[-_ .]", "", plain(name))
 
 
 def missing_column(

@@ -50,6 +50,9 @@ def text_blocks(path: Path, role: str) -> Iterator[CsvText]:
 
 
 def _unpacked(path: Path, shown: str, digest: RunningDigest) -> Iterator[bytes]:
+    if not path.is_file():
+        # A pipe gives its bytes once, a device without end.
+        raise Suspect
     size = path.stat().st_size
     with path.open("rb") as file:
         start = file.read(len(GZIP))

@@ -11,6 +11,7 @@ import numpy as np
 
 from mtu_cli.errors import Problem, did_you_mean, shorten
 from mtu_cli.files import doubled, joined
+from mtu_cli.files.column_twins import column_twins
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.point_temperatures import check_temperatures_of_points, temperature_notes
@@ -111,7 +112,7 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
     check_temperatures_of_points(tables, points, problems)
     problems.raise_if_any()
     notes = (*temperature_notes(tables, points), *sensor_name_notes(tables))
-    return replace(points, notes=notes)
+    return replace(points, notes=(*column_twins(tables, SPEC), *notes))
 
 
 def _check_table(table: Table, features: Mapping[str, Place] | None, problems: ProblemList) -> None:

@@ -11,11 +11,13 @@ import numpy as np
 
 from mtu_cli.errors import Problem, closest, did_you_mean
 from mtu_cli.files import doubled, joined
+from mtu_cli.files.column_twins import column_twins
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_header import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.drift_cells import ROLE, check_drift, refuse_as_drift, refuse_drift
 from mtu_cli.files.drift_notes import drift_notes
+from mtu_cli.files.mixed_units import mixed_units
 from mtu_cli.files.reading_cells import Travels
 from mtu_cli.files.reading_sizes import check_sizes, check_units
 from mtu_cli.files.row_marks import row_marks
@@ -73,8 +75,8 @@ class Readings:
     time of all files where those are dates, nan where not given; `covariates` are floats
     (nan where not given) or texts ("" where not given); `row` counts as a text editor in the
     file `sources[file_index[i]]`, whose role is `roles[file_index[i]]`. Arrays may be
-    read-only. `notes` say what a fit does not use, which readings are equal, and what of
-    drifts looks odd: sensors, times, the name of a column.
+    read-only. `notes` say what a fit does not use, which readings are equal, which components have
+    several units, which columns may be mistaken for others, and what of drifts looks odd.
     """
 
     components: tuple[str, ...]
@@ -138,7 +140,7 @@ def read_readings(
         check_sizes(sized, components, travels or {}, problems)
     problems.raise_if_any()
     notes = (*unused_positions(tables, known or {}), *doubled.equal_notes(tables, equal))
-    return replace(readings, notes=readings.notes + notes)
+    return replace(readings, notes=readings.notes + mixed_units(tables) + notes)
 
 
 def check_cells(
@@ -223,6 +225,7 @@ def assemble(
     values = [direction_sign(label) or 0 for label in directions]
     has_pass = ~np.isnan(joined.numbers(tables, "pass"))
     cycles, cycle = joined.labelled(tables, "cycle")
+    drifts = [table for table in tables if table.source.role == ROLE]
     return Readings(
         components=names,
         code=code,
@@ -240,7 +243,7 @@ def assemble(
         row=np.concatenate([table.rows for table in tables]),
         sources=tuple(table.source for table in tables),
         roles=tuple(table.source.role for table in tables),
-        notes=tuple(drift_notes([table for table in tables if table.source.role == ROLE])),
+        notes=(*column_twins(tables, SPEC), *drift_notes(drifts)),
     )
 
 

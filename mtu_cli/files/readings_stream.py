@@ -23,6 +23,7 @@ from mtu_cli.files.doubled import copied_files, lasting_marks, tells_repeats_apa
 from mtu_cli.files.drift_cells import ROLE
 from mtu_cli.files.drift_notes import OUT_OF_ORDER
 from mtu_cli.files.in_order import in_order
+from mtu_cli.files.mixed_units import UnitRows
 from mtu_cli.files.reading_cells import Travels
 from mtu_cli.files.reading_sizes import may_be_mistaken
 from mtu_cli.files.readings import (
@@ -88,6 +89,7 @@ class ReadingsStream(Iterator[Readings]):
         self._blocks = self._all()
         self._sources: tuple[Source, ...] = ()
         self._out_of_order: set[int] = set()
+        self._units = UnitRows()
 
     def __next__(self) -> Readings:
         return next(self._blocks)
@@ -108,7 +110,7 @@ class ReadingsStream(Iterator[Readings]):
                     done += len(held)
                 held = block
             if held is not None:
-                yield held
+                yield replace(held, notes=(*held.notes, *self._units.notes()))
         except (Suspect, InputError, OSError):
             whole = read_readings(self._files, self._machine, for_fit=False, travels=self._travels)
             self._sources = whole.sources
@@ -127,6 +129,7 @@ class ReadingsStream(Iterator[Readings]):
             for block in in_order(work, text_blocks(path, role)):
                 file.add(block)
                 if len(block.table):
+                    self._units.add(block.table)
                     readings = self._readings(block.table, index, known)
                     if len(self._files) > 1:
                         copied.frombytes(reading_marks(readings).tobytes())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import hashlib
 import os
+import stat
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,7 +104,7 @@ def read_bytes(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[
     """The file's name in messages and its bytes.
 
     Raises InputError for a missing file (with the closest name in its folder), a folder, a
-    file that may not be read, is empty or is larger than `max_bytes`.
+    device, a file that may not be read, is empty or is larger than `max_bytes`.
     """
     shown = shown_path(path)
     # What is wrong is the path that was written: of /dev/null its last name alone says nothing.
@@ -111,7 +112,11 @@ def read_bytes(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[
     try:
         if path.is_dir():
             raise fault("is a folder", file=told, expected=f"a file ({role})")
-        size = path.stat().st_size
+        of = path.stat()
+        # /dev/zero has no end; pipes, as of <(...), have one.
+        if stat.S_ISCHR(of.st_mode) or stat.S_ISBLK(of.st_mode):
+            raise fault("is a device", file=told, expected=f"a file ({role})")
+        size = of.st_size
         if max_bytes is not None and size > max_bytes:
             raise fault(
                 f"has {size} bytes", file=told, expected=f"at most {max_bytes} bytes ({role})"
@@ -132,12 +137,15 @@ def hash_of(path: Path, role: str) -> str:
     """The hash of a file's bytes, read piece by piece; raises InputError as `read_bytes` does."""
     running = RunningDigest()
     try:
-        with path.open("rb") as stream:
-            while piece := stream.read(_CHUNK):
-                running.update(piece)
+        if path.is_file():
+            with path.open("rb") as stream:
+                while piece := stream.read(_CHUNK):
+                    running.update(piece)
+            return running.hexadecimal()
     except (OSError, ValueError):
-        # The same words for what cannot be read.
-        running.update(read_bytes(path, role)[1])
+        running = RunningDigest()
+    # The same words for what cannot be read.
+    running.update(read_bytes(path, role)[1])
     return running.hexadecimal()
 
 

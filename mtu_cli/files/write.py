@@ -93,7 +93,12 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
     for path in targets:
         shown = given_path(path)
         target = path.resolve()
-        if path.is_dir():
+        try:
+            folder = path.is_dir()
+        except OSError as error:
+            problems.append(Problem(what=f"cannot be written: {reason(error)}", file=shown))
+            continue
+        if folder:
             problems.append(Problem(what="is a folder", file=shown, expected="a file to write"))
         elif not target.parent.is_dir():
             what = f"the folder {given_path(path.parent)!r} does not exist"

@@ -178,7 +178,9 @@ class _Composer:
             self.anchors[event.anchor] = _Node(line, value)
         entries = parent.entries or {}
         if key in entries:
-            what = f"key {key!r} appears twice: in lines {entries[key][0]} and {line}"
+            first = entries[key][0]
+            where = f" in line {line}" if first == line else f": in lines {first} and {line}"
+            what = f"key {key!r} appears twice{where}"
             self.duplicates.append(Problem(what=what, file=self.shown, line=line))
         parent.key = (key, line)
 

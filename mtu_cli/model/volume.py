@@ -75,8 +75,14 @@ def _counts(text: str) -> tuple[int, int, int]:
         counts *= 3
     if len(counts) == 2:
         counts.append(1)
-    if len(counts) != 3 or not 1 <= min(counts) <= max(counts) <= MOST_PLACES:
-        raise fault("--grid is not a count an axis", value=text, expected="such as 5 or 7,5,3")
+    if len(counts) != 3 or min(counts) < 1:
+        raise fault("--grid is not a count an axis", value=text, expected="5 or 7,5,3, say")
+    if max(counts) > MOST_PLACES:
+        raise fault(
+            f"--grid: {max(counts)} places along an axis",
+            value=text,
+            expected=f"at most {MOST_PLACES} in all",
+        )
     return counts[0], counts[1], counts[2]
 
 

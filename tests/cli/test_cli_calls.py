@@ -104,7 +104,9 @@ def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
     found = refused(work, "lengths", *call, *OUTPUTS).removeprefix("mtu: ").splitlines()
     assert len(found) == len(given) - 1
     for line, text in zip(found, bad, strict=False):
-        assert line.startswith(f"--at is not NAME=VALUE: {text!r}; expected such as ")
+        assert line.startswith(
+            f"--at is not NAME=VALUE: {text!r}; expected --at T_02_degC=23.5, say"
+        )
     not_finite = [
         f"--at T_a_degC: not finite: {value!r}; expected a finite number" for value in vast
     ]
@@ -137,6 +139,21 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
     [
         (["--positions", "0:140"], "--positions is not LOW:HIGH:COUNT: '0:140'"),
         (["--positions", "0:inf:8"], "--positions is not LOW:HIGH:COUNT"),
+        (
+            ["--positions", "0:1:2:3"],
+            "--positions is not LOW:HIGH:COUNT: '0:1:2:3'; expected 0:140",
+        ),
+        (
+            ["--positions", "100:0:3"],
+            "--positions: LOW, 100, is above HIGH: '100:0:3'; expected "
+            "LOW:HIGH:COUNT with LOW below HIGH",
+        ),
+        (["--positions", "x=5:5:3"], "--positions: LOW, 5, is the same as HIGH: 'x=5:5:3'"),
+        (
+            ["--positions", "0:100:1"],
+            "--positions: COUNT is 1: '0:100:1'; expected LOW:HIGH:COUNT "
+            "with a count from 2 to 10000",
+        ),
         (["--effect", "0.004*dir_x"], "--effect is not NAME: EQUATION: '0.004*dir_x'"),
         (["--effect", "Ez: 0.004"], "--effect is of an unknown equation: 'Ez: 0.004'"),
         (["--effect", "Ex: 0.004*dirx"], "unknown name 'dirx' at column 11"),

@@ -60,6 +60,19 @@ def test_an_equation_that_grows_beyond_numbers_is_told(work: Path) -> None:
     assert "no exponential" in message
 
 
+@pytest.mark.parametrize(
+    ("call", "what"),
+    [
+        (["lengths", "-o", f"{'a' * 300}.json"], "cannot be written"),
+        (["lengths", f"{'a' * 350}"], "the system refuses"),
+    ],
+)
+def test_a_name_that_no_system_takes_is_told_and_cut(
+    call: list[str], what: str, work: Path
+) -> None:
+    assert refused(work, *call) == f"mtu: {'a' * 57}...: {what}: file name too long\n"
+
+
 def test_a_study_beside_a_machine_of_its_own_is_told_of(work: Path) -> None:
     message = refused(work, "predict-points", "-m", "machine.yaml", "-p", "part.yaml")
     assert "neither readings nor coefficients" in message

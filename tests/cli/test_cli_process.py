@@ -150,6 +150,16 @@ def test_full_disks_and_closed_streams() -> None:
     assert done(shell(f"mtu lengths {SMALL} -o - 2>&-")).stdout.startswith("{")
 
 
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="there is no /dev/zero")
+def test_devices_are_refused_and_pipes_are_read() -> None:
+    fit = f"mtu fit-components -m {SMALL}/machine.yaml --lbb"
+    said = done(shell(f"{fit} /dev/zero"), 2).stderr
+    assert said == "mtu: /dev/zero: is a device; expected a file (lbb)\n"
+    told = done(shell(f"{fit} {SMALL}/lbb.csv")).stdout
+    assert done(shell(f"{fit} <(cat {SMALL}/lbb.csv)")).stdout == told
+    assert done(shell(f"cat {SMALL}/lbb.csv | {fit} /dev/stdin")).stdout == told
+
+
 @pytest.mark.parametrize("call", ["lengths", "lengths -o r.json", "lengths -o -", "--help"])
 @pytest.mark.parametrize("others", ["", "<&-"])
 def test_a_closed_output_takes_nothing(call: str, others: str, tmp_path: Path) -> None:

@@ -145,9 +145,9 @@ def test_temperatures_that_nobody_gives(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--room", "26:20"), "--room is not LOW:HIGH"),
-        (("--room", "warm"), "--room is not LOW:HIGH"),
-        (("--sensor-lag-min", "-1:5"), "--sensor-lag-min is not LOW:HIGH"),
+        (("--room", "26:20"), "--room: LOW is above HIGH: '26:20'; expected the lower end first"),
+        (("--room", "warm"), "--room is not LOW:HIGH: 'warm'; expected 20:26, say"),
+        (("--sensor-lag-min", "-1:5"), "--sensor-lag-min is out of range: '-1:5'; expected from 0"),
         (("--interval-min", "0"), "--interval-min is out of range"),
         (("--cycle-minutes", "inf"), "--cycle-minutes is out of range"),
         (("--interval-min", "1e-6"), "the drift test is too long"),

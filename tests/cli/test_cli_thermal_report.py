@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli_runner import done, mtu
+from cli_runner import done, mtu, refused
 
 MACHINE = """\
 schema: mtu/machine/1
@@ -33,3 +33,32 @@ def test_a_model_that_nothing_was_held_out_of_says_so_once(
                          "--at", "T_a_degC=23", "--at", "T_b_degC=23", cwd=tmp_path))  # fmt: skip
     assert predicted.stderr.count("[not-held-out]") == times
     assert ("warning: t.json: a, b: there are two cycles only: " in predicted.stderr) == (times > 0)
+
+
+@pytest.mark.parametrize(
+    ("study", "lacking", "rest"),
+    [
+        (False, 1, "coefficients in the machine file"),
+        (False, 2, "coefficients in the machine file"),
+        (True, 2, "the study's folder"),
+    ],
+)
+def test_a_report_of_drifts_alone_is_told_to_be_one(
+    study: bool, lacking: int, rest: str, tmp_path: Path
+) -> None:
+    (tmp_path / "m.yaml").write_text(MACHINE)
+    (tmp_path / "p.yaml").write_text(PART)
+    done(mtu("simulate", "-m", "m.yaml", "-p", "p.yaml", "--cycles", 3, "--write-drift", "d.csv",
+             cwd=tmp_path))  # fmt: skip
+    done(mtu("thermal-fit", "-m", "m.yaml", "--drift", "d.csv", "-o", "t.json", cwd=tmp_path))
+    fitted = "unit: um, coefficients: [1], u_future: 0.1,"
+    (tmp_path / "m.yaml").write_text(MACHINE.replace(fitted, "unit: um,", lacking))
+    if study:
+        (tmp_path / "mtu.yaml").write_text("schema: mtu/study/1\nmachine: m.yaml\npart: p.yaml\n")
+    message = refused(tmp_path, "predict-points", "-m", "m.yaml", "-p", "p.yaml", "-c", "t.json")
+    which = "the component 'a' has" if lacking == 1 else "the components 'a', 'b' have"
+    assert message == (
+        f"mtu: m.yaml:4: components: {which} neither readings nor coefficients: t.json holds the "
+        "thermal part only; expected a fit-components report too (-c), readings (--lbb, --laser), "
+        f"or {rest}\n"
+    )

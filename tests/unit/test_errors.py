@@ -149,6 +149,13 @@ def test_closest(name: str, meant: str | None) -> None:
     assert closest(name, ["dx_x", "ez_y"]) == meant
 
 
+def test_letters_in_another_order_are_nearest() -> None:
+    assert closest("azx", ["axy", "ayz", "axz"]) == "axz"
+    assert closest("AZX", ["ayz", "axz"]) == "axz"
+    assert closest("T_12_degC", ["T_02_degC", "T_21_degC"]) == "T_21_degC"
+    assert closest("trap", ["part"]) is None
+
+
 def test_did_you_mean() -> None:
     many = [f"T_{i}_degC" for i in range(13)]
     assert did_you_mean("dxx", ["dx_x"]) == "did you mean 'dx_x'?"
@@ -165,6 +172,11 @@ def test_long_names_are_cut_and_what_stands_around_them_is_kept() -> None:
     assert cut_names(f"{path}, row 3") == f"{path[:57]}.../readings.csv, row 3"
     endless = f"a/{'z' * 400}"
     assert cut_names(endless) == f"{endless[:57]}..."
+
+
+def test_the_name_of_a_file_is_cut_too() -> None:
+    problem = Problem(what="is missing", file=f"{'z' * 400}.json", row=2)
+    assert str(problem) == f"{'z' * 57}..., row 2: is missing"
 
 
 def test_a_warning_of_a_part_with_a_long_name_stays_short() -> None:

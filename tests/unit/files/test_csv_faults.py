@@ -53,9 +53,12 @@ def names(read: Table, column: str = "name") -> list[str]:
     [
         (
             "name,val\na,1\n",
-            [", row 1: the column 'value' is missing; expected rename 'val' to 'va"],
+            [", row 1: the column 'value' is missing; expected 'val' renamed to 'va"],
         ),
-        ("Name,value\na,1\n", [", row 1: the column 'name' is missing; expected rename 'Name' to"]),
+        (
+            "Name,value\na,1\n",
+            [", row 1: the column 'name' is missing; expected 'Name' renamed to"],
+        ),
         (
             "x,y\na,1\n",
             [

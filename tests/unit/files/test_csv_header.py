@@ -33,7 +33,7 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
     pairs = ("Serial", "part"), ("Hole", "feature"), ("X", "x_mm"), ("Y", "y_mm"), ("Rep", "repeat")
     assert len(lines) == len(pairs)
     for line, (other, name) in zip(lines, pairs, strict=True):
-        assert f"rename {other!r} to {name!r}" in line
+        assert f"expected {other!r} renamed to {name!r}" in line
 
 
 @pytest.mark.parametrize(
@@ -52,16 +52,20 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
          "Z-Wert": "z_mm", "Wiederholung": "repeat"},
         {"part": "part", "feature": "feature", "x-value": "x_mm", "Y coord.": "y_mm",
          "z-value": "z_mm"},
+        {"Part No": "part", "Hole": "feature", "Run": "repeat", "x": "x_mm", "y": "y_mm"},
+        {"Teil": "part", "Bohrung": "feature", "Mess_X": "x_mm", "Mess_Y": "y_mm",
+         "Soll_X": "nominal_x_mm", "Soll_Y": "nominal_y_mm", "Wdh.-Nr.": "repeat"},
         {"Pieza": "part", "Agujero": "feature", "x medido": "x_mm", "y medido": "y_mm"},
     ],
-    ids=["German", "English", "joined", "French", "short", "values", "values too", "Spanish"],
+    ids=["German", "English", "joined", "French", "short", "values", "values too", "runs", "Mess",
+         "Spanish"],
 )  # fmt: skip
 def test_common_words_for_columns_are_known(pairs: dict[str, str], tmp_path: Path) -> None:
     lines = refused(tmp_path, ",".join(pairs), ",".join("1" * len(pairs)) + "\n")
     pairs = {other: name for other, name in pairs.items() if other != name}
     assert len(lines) == len(pairs)
     for other, name in pairs.items():
-        assert sum(f"rename {other!r} to {name!r}" in line for line in lines) == 1
+        assert sum(f"expected {other!r} renamed to {name!r}" in line for line in lines) == 1
 
 
 def test_common_words_of_readings_are_known() -> None:
@@ -73,7 +77,7 @@ def test_common_words_of_readings_are_known() -> None:
 @pytest.mark.parametrize(
     "other",
     ["Befund", "Werkzeug", "x y ist", "Ist", "mm", "°", "Höhe", "Prüfer", "Wert", "Z-Achse",
-     "Z-Wert [µm]", "x ist soll", "xray"],
+     "Z-Wert [µm]", "x ist soll", "xray", "Measurement", "Messung"],
 )  # fmt: skip
 def test_other_words_are_columns_of_their_own(other: str, tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
@@ -93,22 +97,24 @@ def test_other_words_are_columns_of_their_own(other: str, tmp_path: Path) -> Non
      ("nominal_x", "nominal_x_mm"), ("Soll X", "nominal_x_mm"), ("Z-Wert", "z_mm"),
      ("z-value", "z_mm"), ("zwert", "z_mm"), ("Z-Maß [mm]", "z_mm"), ("Z-Ist-Wert", "z_mm"),
      ("Z-Soll-Wert", "nominal_z_mm"), ("Wiederholung", "repeat"), ("Répétition", "repeat"),
-     ("Opération", "operation"), ("Séquence", "sequence")],
+     ("Opération", "operation"), ("Séquence", "sequence"), ("run", "repeat"), ("Runs", "repeat"),
+     ("Run No.", "repeat"), ("replicate", "repeat"), ("Wdh.", "repeat"), ("Durchlauf", "repeat"),
+     ("measurement no", "repeat"), ("Measurement_Number", "repeat"), ("Messung Nr.", "repeat")],
 )  # fmt: skip
 def test_an_optional_column_is_not_lost_by_its_spelling(
     column: str, name: str, tmp_path: Path
 ) -> None:
     (line,) = refused(tmp_path, f"part,feature,x_mm,y_mm,{column}")
     assert f"column {column!r}" in line
-    assert f"rename {column!r} to {name!r}" in line
+    assert f"expected {column!r} renamed to {name!r}" in line
 
 
 @pytest.mark.parametrize(
     ("unit", "how"),
-    [("_um", "divide {} by 1000"), (" [\u00b5m]", "divide {} by 1000"),
-     ("_in_um", "divide {} by 1000"), ("_nm", "divide {} by 1000000"),
-     ("_in", "multiply {} by 25.4"), (" (inch)", "multiply {} by 25.4"),
-     ("_m", "multiply {} by 1000"), (" / cm", "multiply {} by 10")],
+    [("_um", "divided by 1000"), (" [\u00b5m]", "divided by 1000"),
+     ("_in_um", "divided by 1000"), ("_nm", "divided by 1000000"),
+     ("_in", "multiplied by 25.4"), (" (inch)", "multiplied by 25.4"),
+     ("_m", "multiplied by 1000"), (" / cm", "multiplied by 10")],
 )  # fmt: skip
 def test_a_column_in_another_unit_is_to_be_converted(unit: str, how: str, tmp_path: Path) -> None:
     pairs = {"x": "x_mm", "Y": "y_mm", "nominal_x": "nominal_x_mm", "Nominal Y": "nominal_y_mm",
@@ -117,7 +123,7 @@ def test_a_column_in_another_unit_is_to_be_converted(unit: str, how: str, tmp_pa
     lines = refused(tmp_path, ",".join(["part", "feature", *given]), "P,A,1,1,1,1,1\n")
     assert len(lines) == len(pairs)
     for other, name in zip(given, pairs.values(), strict=True):
-        words = f"{how.format(repr(other))} and rename it to {name!r}"
+        words = f"expected {other!r} {how} and renamed to {name!r}"
         assert sum(words in line for line in lines) == 1
 
 
@@ -125,7 +131,9 @@ def test_positions_in_another_unit_too(tmp_path: Path) -> None:
     path = tmp_path / "r.csv"
     for column in ("position_um", "Position [\u00b5m]"):
         path.write_text(f"component,error,unit,{column}\ndx,1,um,5\n", "utf-8")
-        with pytest.raises(InputError, match=f"divide {re.escape(repr(column))} by 1000"):
+        with pytest.raises(
+            InputError, match=f"expected {re.escape(repr(column))} divided by 1000 and"
+        ):
             read_table(path, "lbb", READINGS)
 
 
@@ -154,6 +162,15 @@ def test_readings_too(tmp_path: Path) -> None:
         read_table(path, "lbb", READINGS)
     assert "'Direction'" in str(caught.value)
     assert "'Pass'" in str(caught.value)
+
+
+@pytest.mark.parametrize("column", ["Run", "run_no", "rep", "Repeat", "Wdh.", "Durchgang"])
+def test_runs_of_readings_are_passes_and_of_drifts_are_not(column: str, tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text(f"component,error,unit,{column}\ndx,1,um,1\n", "utf-8")
+    with pytest.raises(InputError, match=f"expected '{column}' renamed to 'pass', or to a name"):
+        read_table(path, "lbb", READINGS)
+    assert read_table(path, "drift", READINGS).covariates == (column,)
 
 
 @pytest.mark.parametrize(
@@ -187,6 +204,22 @@ def test_beside_the_column_itself_another_spelling_may_stay(tmp_path: Path) -> N
     path.write_text(f"part,feature,x_mm,y_mm,repeat,Repeat,X-Wert\n{rows}", "utf-8")
     found = read_points([(path, "cmm")], {"A": (10.0, 10.0, None)})
     assert list(found.covariates) == ["Repeat", "X-Wert"]
+
+
+def test_another_spelling_that_stays_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("\npart,feature,x_mm,y_mm,Part,load\nP1,A,10.001,10.002,1,2\n", "utf-8")
+    (note,) = read_points([(path, "cmm")], {"A": (10.0, 10.0, None)}).notes
+    assert note.code == "columns-alike"
+    assert note.message.startswith("t.csv, row 2: the column 'Part' is not used as 'part', from")
+    path.write_text("component,error,unit,time_min,Error\naxy,1,um,0,7\naxy,2,um,1,7\n", "utf-8")
+    for role in ("lbb", "drift"):
+        whole = read_readings([(path, role)], None, for_fit=False)
+        (block,) = stream_readings([(path, role)], None)
+        assert block.notes == whole.notes
+        (text,) = [n.message for n in whole.notes if n.code == "columns-alike"]
+        assert "the column 'Error' is not used as 'error'" in text
+        assert whole.error.tolist() == [0.001, 0.002]
 
 
 def test_a_text_of_the_time_beside_minutes_may_stay(tmp_path: Path) -> None:

@@ -167,6 +167,17 @@ def test_targets_that_are_refused(tmp_path: Path) -> None:
     assert sorted(os.listdir(tmp_path)) == ["alias.csv", "in.csv"]
 
 
+def test_a_name_that_no_system_takes_is_told(tmp_path: Path) -> None:
+    long = tmp_path / f"{'a' * 300}.json"
+    with pytest.raises(InputError) as caught:
+        write_files({long: b"x", tmp_path: b"y"})
+    found = [(problem.file, problem.what) for problem in caught.value.problems]
+    assert found == [
+        (str(long), "cannot be written: file name too long"),
+        (str(tmp_path), "is a folder"),
+    ]
+
+
 def test_a_device_is_written_to_and_not_replaced() -> None:
     write_files({Path("/dev/null"): b"x"})
     assert Path("/dev/null").is_char_device()

@@ -234,7 +234,7 @@ def test_drift_readings_are_told_by_what_they_are(tmp_path: Path, names: str) ->
         ("component,position_mm,cycle,error,unit,T_a_degC,load", True),
         ("component,position_mm,pass,error,unit,T_a_degC,T_b_degC", False),
         ("component,position_mm,cycle,error,unit,load,humidity", False),
-        ("component,position_mm,run,error,unit,T_a_degC,T_b_degC", False),
+        ("component,position_mm,batch,error,unit,T_a_degC,T_b_degC", False),
     ],
 )
 def test_drift_readings_without_a_fault_are_refused_too(

@@ -161,7 +161,7 @@ def test_position_is_required_where_a_component_has_an_axis(tmp_path: Path) -> N
     assert read(tmp_path, "component,error,unit\naxy,1,arcsec\n").components == ("axy",)
     assert faults(tmp_path, "component,error,unit,location_mm\naxy,1,arcsec,\ndx_x,1,um,3\n") == [
         "r0.csv, row 1: the column 'position_mm' is missing; "
-        "expected rename 'location_mm' to 'position_mm'"
+        "expected 'location_mm' renamed to 'position_mm'"
     ]
 
 

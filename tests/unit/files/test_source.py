@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 
 from mtu_cli.errors import InputError
-from mtu_cli.files.source import check_text, read_source, shown_path
+from mtu_cli.files.json_file import read_json
+from mtu_cli.files.readings import read_readings
+from mtu_cli.files.readings_stream import stream_readings
+from mtu_cli.files.source import check_text, hash_of, read_source, shown_path
+from mtu_cli.files.yaml_file import read_yaml
+
+T = TypeVar("T")
 
 
 def message(path: Path) -> str:
@@ -46,9 +57,46 @@ def test_what_is_no_input_is_told_as_it_was_written(
     (tmp_path / "empty").touch()
     with pytest.raises(InputError, match=r"^empty: the file is empty; expected ball-bar readings$"):
         read_source(Path("empty"), "lbb")
-    for path in (tmp_path / "empty", Path("/dev/null")):
-        said = f"{path}: the file is empty; expected a machine file"
-        assert message(path) == said
+    path = tmp_path / "empty"
+    assert message(path) == f"{path}: the file is empty; expected a machine file"
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="there is no /dev/zero")
+@pytest.mark.parametrize("name", ["/dev/zero", "/dev/null"])
+def test_devices_are_refused_at_once(name: str, tmp_path: Path) -> None:
+    path, said = Path(name), rf"^{name}: is a device; expected a file \((lbb|drift|machine)\)$"
+    (tmp_path / "link.csv").symlink_to(path)
+    reads: list[Callable[[], object]] = [
+        lambda: read_yaml(path, "machine"),
+        lambda: read_json(path, "machine"),
+        lambda: read_readings([(path, "lbb")], None, for_fit=False),
+        lambda: list(stream_readings([(path, "drift")], None)),
+        lambda: hash_of(path, "lbb"),
+    ]
+    for read in reads:
+        with pytest.raises(InputError, match=said):
+            read()
+    with pytest.raises(InputError, match="is a device"):
+        read_source(tmp_path / "link.csv", "lbb")
+
+
+def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
+    path = tmp_path / "pipe.csv"
+    table = b"component,time_min,error,unit\naxy,0,1,arcsec\naxy,1,2,arcsec\n"
+
+    def fed(read: Callable[[], T]) -> T:
+        os.mkfifo(path)
+        writer = threading.Thread(target=path.write_bytes, args=(table,), daemon=True)
+        writer.start()
+        found = read()
+        writer.join(10)
+        path.unlink()
+        return found
+
+    assert fed(lambda: read_source(path, "lbb"))[1] == table
+    assert fed(lambda: hash_of(path, "lbb")) == hashlib.sha256(table).hexdigest()
+    (block,) = fed(lambda: list(stream_readings([(path, "drift")], None)))
+    assert block.time_min.tolist() == [0, 1]
 
 
 def test_a_missing_folder(tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def test_an_alias_stands_for_its_anchor() -> None:
 def test_every_duplicate_key_and_tag_is_reported_with_its_lines() -> None:
     text = message("a: 1\nb: {c: 1, c: 2}\nd: !!python/object:os.system x\na: 3\ne: !own [1]\n")
     assert text.splitlines() == [
-        "m.yaml:2: key 'c' appears twice: in lines 2 and 2",
+        "m.yaml:2: key 'c' appears twice in line 2",
         "m.yaml:3: the tag '!!python/object:os.system' is not accepted here; expected plain values",
         "m.yaml:4: key 'a' appears twice: in lines 1 and 4",
         "m.yaml:5: the tag '!own' is not accepted here; expected plain values",
