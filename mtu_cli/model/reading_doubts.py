@@ -8,25 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.files.reading_cells import Travels, largest_errors, look_large
-from mtu_cli.model.residual_cells import IntArray
+from mtu_cli.model.reading_expected import expected
 from mtu_cli.model.settings import Warned
-from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.outliers import told_apart
 from mtu_cli.units import LENGTH, UM, UNITS
 
 if TYPE_CHECKING:
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.readings import Readings
 
-GROSS = 8.0
-"""Standard deviations of the others from which on a reading is no part of them."""
-MOST = 0.05
-"""Share of a component's readings beyond which they are its own distribution."""
+FEW = 0.05
+"""Share of a component's readings up to which those beyond the limit are slips; more must be apart
+from all others."""
 FEWEST = 8
-SWEEPS = 5
-REPLICATES = 3
-NORMAL_MAD = 1.4826
-LEAST = 0.1
-"""Share of the degrees of freedom that medians leave at least."""
 SMALL_MM = 5e-5
 """No machine has errors that are all smaller, where any is seen."""
 NARROW = 1e-3
@@ -115,90 +109,13 @@ def _alone(readings: Readings, name: str, components: Mapping[str, Any]) -> Iter
         rows = inside[roles == role]
         if len(rows) < FEWEST:
             continue
-        expected, taken = _expected(readings, rows, component)
-        left = readings.error[rows] - expected
-        spread = _spread(left, taken)
-        far = np.flatnonzero(np.abs(left) > GROSS * spread) if spread > 0 else np.zeros(0, int)
-        if len(far) > max(1, MOST * len(rows)):
-            continue
-        for i in far.tolist():
+        found = expected(readings, rows, component)
+        for i in told_apart(found.distance, found.limit, FEW).tolist():
             row, f = rows[i], unit.to_internal
             place = "" if component.of is None else f" at {readings.position_mm[row]:g} mm"
             yield (
                 f"{readings.sources[readings.file_index[row]].shown}, row {readings.row[row]}, "
                 f"column 'error': {name}{place} is {readings.error[row] / f:.4g} {unit.name} where "
-                f"the others make one expect {expected[i] / f:.3g} ± {spread / f:.2g} {unit.name}"
+                f"the others make one expect {found.expected[i] / f:.3g} ± {found.spread / f:.2g} "
+                f"{unit.name}"
             )
-
-
-def _spread(left: FloatArray, taken: int) -> float:
-    """Standard deviation of what is not gross among deviations `left` (n,), from which `taken`
-    parameters were taken: what medians leave has too many small values.
-    """
-    n = len(left)
-    share = max(1 - taken / n, LEAST)
-    robust = NORMAL_MAD * float(np.median(np.abs(left))) / np.sqrt(share)
-    rest = left[np.abs(left) <= GROSS * robust]
-    dof = max(len(rest) - taken, 1)
-    return max(robust, float(np.sqrt(rest @ rest / dof))) if robust > 0 else 0.0
-
-
-def _expected(readings: Readings, rows: IntArray, component: Any) -> tuple[FloatArray, int]:
-    """What the others make one expect of each reading (n,), and its number of parameters: the
-    medians of pass and place where places are visited again, else the polynomial alone.
-    """
-    error = readings.error[rows]
-    direction = readings.direction[rows].astype(np.int64)
-    if component.of is None:
-        return np.full(len(rows), np.median(error)), 1
-    position = readings.position_mm[rows]
-    place = _groups(position, direction)
-    run = _groups(readings.file_index[rows], readings.pass_number[rows], direction)
-    places, runs = int(place.max()) + 1, int(run.max()) + 1
-    if np.bincount(place).min() < REPLICATES or np.bincount(run).min() < REPLICATES:
-        return _curve(position, error, component.degree), component.degree + 1
-    left = error.copy()
-    for _ in range(SWEEPS):
-        left = left - _medians(run, left)
-        left = left - _medians(place, left)
-    return error - left, places + runs - 1
-
-
-def _groups(*keys: FloatArray | IntArray) -> IntArray:
-    """Numbers (n,) from 0, without a gap, of the rows whose `keys` (n,) are alike. One key after
-    the other: numpy sorts rows of several keys ten times as slowly.
-    """
-    found = np.zeros(len(keys[0]), np.int64)
-    for key in keys:
-        own = np.unique(key, return_inverse=True)[1].reshape(-1)
-        joint = found * (int(own.max()) + 1) + own
-        found = np.unique(joint, return_inverse=True)[1].reshape(-1)
-    return found
-
-
-def _curve(position: FloatArray, error: FloatArray, degree: int) -> FloatArray:
-    """The polynomial through the readings that it does not leave far off."""
-    X = np.vander((position - position.mean()) / max(float(np.ptp(position)), 1e-9), degree + 1)
-    kept, found = np.ones(len(error), bool), np.zeros(len(error))
-    for _ in range(SWEEPS):
-        found = X @ least_squares(X[kept], error[kept]).coefficients
-        left = np.abs(error - found)
-        near = left <= GROSS / 2 * NORMAL_MAD * float(np.median(left))
-        if near.sum() <= degree + 1 or (near == kept).all():
-            break
-        kept = near
-    return found
-
-
-def _medians(group: IntArray, values: FloatArray) -> FloatArray:
-    """The median of each value's group, (n,)."""
-    count = np.bincount(group)
-    # Short integers are sorted by their digits, in a tenth of the time.
-    key = group.astype(np.uint16) if len(count) <= np.iinfo(np.uint16).max else group
-    ascending = np.argsort(values)
-    order = ascending[np.argsort(key[ascending], kind="stable")]
-    start = np.cumsum(count) - count
-    ordered = values[order]
-    middle = (ordered[start + (count - 1) // 2] + ordered[start + count // 2]) / 2
-    found: FloatArray = middle[group]
-    return found

@@ -1,4 +1,4 @@
-"""Single values that are too far from the others of their sample."""
+"""Single values that are too far from the others of their sample, or off what others show."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from mtu_cli.stats.least_squares import FloatArray
 
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 FEWEST = 3
 """A deviation among fewer values than this says nothing."""
@@ -16,6 +17,18 @@ TAKEN_OUT, MOST_TAKEN_OUT = 0.1, 5
 HIDDEN = 0.8
 """k equal values far off hide each other in a deviation of sqrt((n - 1)/k) (1 - k/n), the others'
 scatter apart: below this share of it nothing is hidden."""
+GROSS, GROSS_P = 8.0, 0.002
+"""Standard deviations of the others from which on a reading is no part of them; where few degrees
+of freedom are left, beyond what normal readings reach in so many of their files."""
+FAR_BEYOND, MOSTLY = 20.0, 0.75
+"""Where many are gross, this share of them lies as far off: tails thin out, most of what they hold
+is near the limit."""
+MOST = 0.2
+"""Share of the readings beyond which they are their own distribution."""
+MOST_CHOSEN = 3
+NORMAL_MAD = 1.4826
+LEAST_DOF = 0.1
+"""Share of the degrees of freedom that medians leave at least."""
 
 
 def deviation_p(d: FloatArray, count: FloatArray) -> FloatArray:
@@ -90,3 +103,42 @@ def deviation_limit(count: FloatArray, p: float) -> FloatArray:
     limit = (n - 1) / np.sqrt(n) * np.sqrt(t**2 / (n - 2 + t**2))
     found: FloatArray = np.where(count >= FEWEST, limit, np.nan)
     return found
+
+
+def spread(left: FloatArray, taken: int) -> float:
+    """Standard deviation of what is not gross among deviations `left` (n,), from which `taken`
+    parameters were taken: what robust fits leave has too many small values.
+    """
+    n = len(left)
+    share = max(1 - taken / n, LEAST_DOF)
+    robust = NORMAL_MAD * float(np.median(np.abs(left))) / np.sqrt(share)
+    rest = left[np.abs(left) <= GROSS * robust]
+    dof = max(len(rest) - taken, 1)
+    return max(robust, float(np.sqrt(rest @ rest / dof))) if robust > 0 else 0.0
+
+
+def gross_limit(n: int, dof: int, out: int) -> float:
+    """Standard deviations beyond which a reading of n is gross, their deviation known from `dof`.
+
+    GROSS, or where that is larger the two-sided quantile of Student's t at GROSS_P over the number
+    of ways to leave `out` readings out, of three at most: Bonferroni's bound for deletion residuals
+    (Cook & Weisberg, Residuals and Influence, 1982, 2.2.2), as the left out were chosen.
+    """
+    from scipy.special import binom, stdtrit
+
+    ways = float(binom(n, min(max(out, 1), MOST_CHOSEN)))
+    return max(GROSS, -float(stdtrit(max(dof, 1), GROSS_P / (2 * ways))))
+
+
+def told_apart(distance: FloatArray, limit: float, few: float) -> IntArray:
+    """Indices of the gross ones among `distance` (n,), in standard deviations of the others.
+
+    All beyond `limit` where they are one or no more than the share `few`. Up to the share MOST
+    only where they are apart from the others: not those of a distribution with heavy tails, nor
+    of two kinds of readings that scatter into each other.
+    """
+    far = np.flatnonzero(distance > limit)
+    if len(far) <= max(1.0, few * len(distance)):
+        return far
+    apart = float(np.mean(distance[far] > FAR_BEYOND * limit / GROSS)) >= MOSTLY
+    return far if apart and len(far) <= MOST * len(distance) else far[:0]

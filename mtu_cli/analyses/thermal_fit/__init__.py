@@ -89,7 +89,7 @@ def thermal_fit(
         found[name] = drift
         shares.append(sensor_noise_share(lib, rest, drift.estimate))
         warnings += component_warnings(own, lib, drift, method)
-        warnings += sensor_warnings(own, sensors, rest, drift)
+        warnings += sensor_warnings(own, lib, sensors, rest, drift)
     return ThermalFit(
         components={name: _with_noise(item, min(shares)) for name, item in found.items()},
         sensors=sensors,

@@ -103,6 +103,11 @@ class ComponentDrift:
     curves: tuple[Curve, ...]
     without_lag: bool = False
 
+    def shown(self, value: float) -> str:
+        """A length or angle of two digits in the component's unit."""
+        size = value / self.unit.to_internal
+        return f"{float(f'{size:.2g}'):g} {self.unit.name}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalFit:

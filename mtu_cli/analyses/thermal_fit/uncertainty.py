@@ -45,17 +45,20 @@ class Conventions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rest:
-    """Residuals row by row, of the rows that were kept: `modelled` drift with its intercept."""
+    """Residuals row by row, of the rows that were kept: `modelled` drift with its intercept, `rise`
+    (n, g) of all groups of sensors, with their lags.
+    """
 
     kept: Kept
     modelled: FloatArray
     residual: FloatArray
+    rise: FloatArray
 
 
 def residuals(series: Series, lib: Library, spec: Spec, found: Fitted, reference: float) -> Rest:
     """The model at every row that was kept."""
     kept = series.kept()
-    modelled = np.zeros(len(kept.error))
+    modelled, rises = np.zeros(len(kept.error)), np.zeros((len(kept.error), len(lib.groups)))
     lags, which = np.unique(spec.lags, return_inverse=True)
     g = len(lib.groups)
     for p, position in enumerate(lib.positions):
@@ -70,7 +73,8 @@ def residuals(series: Series, lib: Library, spec: Spec, found: Fitted, reference
         rise = columns - reference * lib.average.sum(axis=0)
         gradient = lib.powers(spec.degree)[p] @ found.coefficients
         modelled[here] = found.intercepts[p] + rise @ gradient
-    return Rest(kept=kept, modelled=modelled, residual=kept.error - modelled)
+        rises[here] = rise
+    return Rest(kept=kept, modelled=modelled, residual=kept.error - modelled, rise=rises)
 
 
 def estimate(

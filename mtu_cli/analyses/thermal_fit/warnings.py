@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+from scipy.special import stdtrit
 
 from mtu_cli.analyses.thermal_fit.columns import Library
 from mtu_cli.analyses.thermal_fit.evidence import FEWEST_NESTED
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift
+from mtu_cli.analyses.thermal_fit.gross import gross_warnings
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift, HeldOut
 from mtu_cli.analyses.thermal_fit.series import Series
-from mtu_cli.analyses.thermal_fit.uncertainty import NORMAL_QUARTILE, Rest
+from mtu_cli.analyses.thermal_fit.uncertainty import Rest
 from mtu_cli.files.fahrenheit import FAHRENHEIT, cycles_words, fahrenheit_words
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_warnings import OTHERS_MOVE_DEGC
@@ -24,14 +26,15 @@ Welsch 1980, ch. 3)."""
 STUCK_SHARE = 0.5
 """A sensor counts as stuck where one value fills this share of a cycle, half or more."""
 FEWEST_ROWS = 10
+LEAST_GAIN, GAIN_P = 0.05, 0.05
+"""Fall of the held-out rms from which on a model is of use whatever its cycles' scatter, and the
+level at which a smaller one is told from none."""
 FAR = 1.0
 """degC beyond the reference from which on it counts as not read."""
 AT_ONE_SHARE, LEVELS_APART = 0.1, 0.5
 """Cycles that begin within this share of what the sensors move begin at one temperature; readings
 there are apart from this share of what they move in a cycle on.
 """
-GROSS = 8.0
-"""Robust standard deviations from which on a reading is no part of the others."""
 
 
 def component_warnings(
@@ -148,14 +151,38 @@ def _of_held_out(lib: Library, drift: ComponentDrift) -> Iterator[tuple[str, str
     if held is not None and drift.rms_after > 0 and held.after > OVER_FIT * drift.rms_after:
         yield (
             "over-fit",
-            f"rms {_shown(drift, drift.rms_after)} on the cycles of the fit, "
-            f"{_shown(drift, held.after)} on held-out ones: believe the latter",
+            f"rms {drift.shown(drift.rms_after)} on the cycles of the fit, "
+            f"{drift.shown(held.after)} on held-out ones: believe the latter",
         )
     if held is not None and held.after > held.before:
-        yield (
-            "no-better",
-            "on held-out cycles the temperatures make it worse: the model is not to be used",
+        text = "on held-out cycles the temperatures make it worse: the model is not to be used"
+        yield "no-better", text
+    elif held is not None and drift.estimate.sensors:
+        yield from _of_gain(held)
+
+
+def _of_gain(held: HeldOut) -> Iterator[tuple[str, str]]:
+    """A model that explains no more of held-out cycles than chance does."""
+    if held.after > (1 - LEAST_GAIN) * held.before and not _consistent(held):
+        percent = 100 * (1 - held.after / held.before)
+        text = (
+            f"on held-out cycles the rms falls by {percent:.2g} % only, no more than they scatter: "
+            "the temperatures explain next to nothing, the model is not to be used"
         )
+        yield "no-better", text
+
+
+def _consistent(held: HeldOut) -> bool:
+    """Whether the cycles gain beyond their scatter: Student's t of ln(before/after), one-sided.
+
+    Ratios, because a cycle of large drift would be all that differences of squares show.
+    """
+    before, after = np.array([own[1:] for own in held.cycles]).T
+    if not (before > 0).all() or not (after > 0).all():
+        return True
+    gain = np.log(before / after)
+    n, s = len(gain), float(np.std(gain, ddof=1))
+    return float(gain.mean() * np.sqrt(n)) > float(stdtrit(n - 1, 1 - GAIN_P)) * s
 
 
 def unit_warnings(
@@ -185,9 +212,11 @@ def unit_warnings(
 
 
 def sensor_warnings(
-    series: Series, sensors: tuple[str, ...], rest: Rest, drift: ComponentDrift
+    series: Series, lib: Library, sensors: tuple[str, ...], rest: Rest, drift: ComponentDrift
 ) -> list[Warned]:
-    """Sensors that do not move, at all or for a time in which the others do."""
+    """Sensors that do not move, at all or for a time in which the others do, and readings that
+    are no part of the others.
+    """
     span = series.range()
     still = [sensors[s] for s in range(len(sensors)) if span[s, 0] == span[s, 1]]
     found = [
@@ -197,7 +226,7 @@ def sensor_warnings(
         )
         for name in still
     ]
-    found += [*_gross(rest, drift), *_levels(rest, drift)]
+    found += [*gross_warnings(lib, rest, drift), *_levels(rest, drift)]
     for c, cycle in enumerate(series.cycles):
         rows = rest.kept.at(series.positions[0], c)
         for s in _stuck(rest.kept.temperature[rows]):
@@ -211,29 +240,6 @@ def sensor_warnings(
                 )
             )
     return found
-
-
-def _gross(rest: Rest, drift: ComponentDrift) -> list[Warned]:
-    """Readings far off the model, by the median of their distances."""
-    away = np.abs(rest.residual - np.median(rest.residual))
-    scale = float(np.median(away)) / NORMAL_QUARTILE
-    gross = np.flatnonzero(away > GROSS * scale) if scale > 0 else np.zeros(0, np.int64)
-    if not len(gross) or len(gross) > 0.01 * len(away):
-        return []
-    worst = int(np.argmax(away))
-    cycle = drift.cycles[int(rest.kept.cycle[worst])]
-    where = f"cycle {cycle!r}" if cycle else "the file"
-    time = rest.kept.time[worst]
-    where += "" if np.isnan(time) else f" at {time:g} min"
-    return [
-        Warned(
-            code="outlier-readings",
-            message=f"{drift.name}: {len(gross)} of {len(away)} readings are more than {GROSS:g} "
-            f"robust standard deviations off the model, the worst by "
-            f"{_shown(drift, float(away[worst]))} in {where}: a slip of one reading pulls the "
-            "whole fit",
-        )
-    ]
 
 
 def _levels(rest: Rest, drift: ComponentDrift) -> list[Warned]:
@@ -252,7 +258,7 @@ def _levels(rest: Rest, drift: ComponentDrift) -> list[Warned]:
         if same.all() and apart > LEVELS_APART * within:
             where = "" if position is None else f" at {position:g} mm"
             text = (
-                f"{drift.name}{where}: the cycles begin up to {_shown(drift, float(apart))} apart "
+                f"{drift.name}{where}: the cycles begin up to {drift.shown(float(apart))} apart "
                 "at the same temperatures: where the probe was set anew, count each cycle's "
                 "readings from its first"
             )
@@ -284,10 +290,5 @@ def _consequence(drift: ComponentDrift, sensor: str, span: FloatArray) -> str:
     if sensor not in drift.estimate.sensors:
         return f": the model of {drift.name} does not use it"
     largest = max(abs(gradients[sensor]) for _, gradients in drift.at_positions)
-    wrong = _shown(drift, largest * float(span[1] - span[0]))
+    wrong = drift.shown(largest * float(span[1] - span[0]))
     return f": it makes the model of {drift.name} wrong by up to {wrong}"
-
-
-def _shown(drift: ComponentDrift, value: float) -> str:
-    size = value / drift.unit.to_internal
-    return f"{float(f'{size:.2g}'):g} {drift.unit.name}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ from machine_trials import Drift, machine, read_machine
 from model_examples import Segment, loaded, readings
 
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.reading_doubts import _groups, _medians, reading_doubts, scale_doubts
+from mtu_cli.model.reading_doubts import reading_doubts, scale_doubts
+from mtu_cli.model.reading_expected import _groups, _medians
 
 FAR = 12.0
 """Standard deviations of repeatability beyond all doubt: 8 is the limit, 1 to 2 is its scatter."""
@@ -85,6 +87,102 @@ def test_several_slips_and_readings_of_another_kind(tmp_path: Path) -> None:
     assert warning.message.count("row ") == 2
     many = mistyped(given, own[:: len(own) // 8], FAR * 0.8e-3)
     assert reading_doubts(known, many) == []
+
+
+def rows_of(warnings: list[Any]) -> list[int]:
+    """Rows that are named, in the order of the message."""
+    told = [item.message for item in warnings if item.code == "reading-stands-out"]
+    return [int(row) for text in told for row in re.findall(r", row (\d+), column", text)]
+
+
+@pytest.mark.parametrize("first", [0, 2, 5])
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_rows_that_follow_each_other_do_not_blame_the_rest_of_their_pass(
+    tmp_path: Path, first: int, count: int
+) -> None:
+    """More than half of a pass, or the end of one and the start of the next: of eight places."""
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(7), Drift(1.0))
+    own = np.flatnonzero(given.code == given.components.index("dx_x"))
+    slips = own[first : first + count]
+    error = given.error.copy()
+    error[slips] = 0.15
+    found = reading_doubts(known, replace(given, error=error))
+    assert rows_of(found) == given.row[slips].tolist()
+
+
+@pytest.mark.parametrize("share", [0.1, 0.2])
+def test_good_readings_are_never_blamed(tmp_path: Path, share: float) -> None:
+    """Of readings in passes, spread or in a row; where a whole pass is off nobody knows."""
+    known = machine(tmp_path)
+    spread_told = 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        given = read_machine(rng, Drift(1.0))
+        own = np.flatnonzero(given.code == given.components.index("dy_y"))
+        count = int(share * len(own))
+        start = int(rng.integers(len(own) - count))
+        kinds = {"spread": rng.choice(own, count, replace=False), "row": own[start:][:count]}
+        for kind, slips in kinds.items():
+            found = reading_doubts(known, mistyped(given, slips, 0.15))
+            told = rows_of(found)
+            assert set(told) <= set(given.row[slips].tolist())
+            every = len(told) == 6 and f"; and {count - 6} more: look" in found[0].message
+            spread_told += kind == "spread" and every
+    assert spread_told >= 9
+
+
+def test_a_pass_that_is_torn_in_two_blames_neither_part(tmp_path: Path) -> None:
+    """Passes that move by more than the slips: three of eight may be the good ones."""
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(8), Drift(0.0))
+    own = np.flatnonzero(given.code == given.components.index("dx_x"))
+    moved = 0.05 * np.random.default_rng(9).standard_normal(10)
+    error = given.error.copy()
+    error[own] += np.repeat(moved, 8)
+    error[own[:5]] += 0.1 * np.sign(moved[0])
+    assert reading_doubts(known, replace(given, error=error)) == []
+
+
+def in_passes(count: int, places: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, passes and errors of a wavy component, passes x places."""
+    rng = np.random.default_rng(11)
+    position, number = (
+        np.tile(np.linspace(0, 400, places), count),
+        np.repeat(np.arange(count), places),
+    )
+    error = 3e-3 * np.sin(position / 60) + 1e-3 * rng.standard_normal(count)[number]
+    return position, number, error + 1e-3 * rng.standard_normal(len(position))
+
+
+@pytest.mark.parametrize(
+    ("passes", "slips", "told"),
+    [
+        # Four of the five of a pass: it has moved, or they are gross. The next pass tells.
+        (10, [10, 11, 12, 13], []),
+        (10, [11, 12, 13, 14, 15], [15]),
+        # Two of the three visits to a place: the curve tells.
+        (3, [7, 12], [7, 12]),
+    ],
+)
+def test_what_stands_for_a_pass_or_a_place_of_which_most_is_gross(
+    tmp_path: Path, passes: int, slips: list[int], told: list[int]
+) -> None:
+    known = machine(tmp_path)
+    position, number, error = in_passes(passes, 5)
+    error[slips] += 0.3
+    given = readings([Segment(name="dx_x", position=position, passes=number, error=error)])
+    assert rows_of(reading_doubts(known, given)) == given.row[told].tolist()
+
+
+def test_slips_of_a_single_pass_do_not_hide_each_other(tmp_path: Path) -> None:
+    """At the end of the travel, where a line bends to them."""
+    known = machine(tmp_path)
+    position = np.linspace(0, 300, 31)
+    error = 1e-5 * position + 1e-3 * np.random.default_rng(6).standard_normal(31)
+    error[-5:] += 0.2
+    given = readings([Segment(name="dx_x", position=position, error=error, role="laser")])
+    assert rows_of(reading_doubts(known, given)) == given.row[-5:].tolist()
 
 
 def test_a_long_axis_has_larger_errors_and_a_poor_one_is_asked_about(tmp_path: Path) -> None:

@@ -77,5 +77,5 @@ def test_more_places_than_a_covariance_holds(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--grid: 3050 places"):
         grid(tmp_path, "61,50")
     # Before so many are made.
-    with pytest.raises(InputError, match="--grid: 100000 places along an axis: .*at most 3000"):
+    with pytest.raises(InputError, match=r"--grid: 100000 places along an axis: .*at most 3000"):
         grid(tmp_path, "100000,100000,100000")
