@@ -122,7 +122,7 @@ def gross_limit(n: int, dof: int, out: int) -> float:
 
     GROSS, or where that is larger the two-sided quantile of Student's t at GROSS_P over the number
     of ways to leave `out` readings out, of three at most: Bonferroni's bound for deletion residuals
-    (Cook & Weisberg, Residuals and Influence, 1982, 2.2.2), as the left out were chosen.
+    (Cook & Weisberg, Residuals and Influence, 1982), as the left out were chosen.
     """
     from scipy.special import binom, stdtrit
 

@@ -44,12 +44,12 @@ def trimmed_fit(X: FloatArray, y: FloatArray, orders: Sequence[IntArray] = ()) -
     """The fit of y (n,) on X (n, k) to those readings that are not gross.
 
     It begins with least trimmed squares, min sum of the h smallest r_i^2, by concentration steps
-    (Rousseeuw & Van Driessen, Data Min. Knowl. Disc. 12 (2006) 29, sect. 3-4), from starts that are
+    (Rousseeuw & Van Driessen, Data Min. Knowl. Disc. 12 (2006) 29), from starts that are
     no random ones: all rows, least absolute deviations, and all but a window of rows that follow
     each other in the order given or one of `orders` (n,), as slips often do. From there
     readings within the limit come in and those beyond it go out until none does, each judged by
     its residual over that of a prediction from the clean ones, s sqrt(1 + x'(X'X)^-1 x) (Hadi &
-    Simonoff, J. Am. Stat. Assoc. 88 (1993) 1264, eq. (3)). A row whose value the clean ones do
+    Simonoff, J. Am. Stat. Assoc. 88 (1993) 1264). A row whose value the clean ones do
     not determine is not judged.
     """
     Q = _orthonormal(X)

@@ -9,13 +9,15 @@ from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.analyses.thermal_fit.uncertainty import Rest
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.outliers import GROSS, told_apart
+from mtu_cli.stats.outliers import GROSS, IntArray, told_apart
 from mtu_cli.stats.trimmed import trimmed_fit
 
 FEW = 0.01
 """Share of the readings up to which those beyond the limit are slips; more must be apart from all
 others."""
 SHOWN = 5
+MOST_JUDGED, FARTHEST = 20_000, 1000
+"""Of more readings so many in even steps, and so many of those farthest off the model."""
 
 
 def gross_warnings(lib: Library, rest: Rest, drift: ComponentDrift) -> list[Warned]:
@@ -23,15 +25,16 @@ def gross_warnings(lib: Library, rest: Rest, drift: ComponentDrift) -> list[Warn
 
     The fit to all of them is no measure: gross ones pull it, and choose its sensors.
     """
-    time = rest.kept.time
-    orders = [] if np.isnan(time).any() else [np.lexsort((time, rest.kept.cycle))]
-    found = trimmed_fit(_columns(lib, rest, drift), rest.kept.error, orders)
+    rows = _rows(rest)
+    time, error = rest.kept.time[rows], rest.kept.error[rows]
+    orders = [] if np.isnan(time).any() else [np.lexsort((time, rest.kept.cycle[rows]))]
+    found = trimmed_fit(_columns(lib, rest, rows, drift), error, orders)
     gross = told_apart(found.distance, found.limit, FEW)
     if not len(gross):
         return []
-    away = np.abs(rest.kept.error - found.expected)
+    away = np.abs(error - found.expected)
     worst = gross[np.argsort(-away[gross], kind="stable")][:SHOWN]
-    places = [f"by {drift.shown(float(away[i]))} in {_where(rest, drift, i)}" for i in worst]
+    places = [f"by {drift.shown(float(away[i]))} in {_where(rest, drift, rows[i])}" for i in worst]
     more = f", then {', '.join(places[1:])}" if len(places) > 1 else ""
     more += f"; and {len(gross) - SHOWN} more" if len(gross) > SHOWN else ""
     text = (
@@ -42,13 +45,23 @@ def gross_warnings(lib: Library, rest: Rest, drift: ComponentDrift) -> list[Warn
     return [Warned(code="outlier-readings", message=text)]
 
 
-def _columns(lib: Library, rest: Rest, drift: ComponentDrift) -> FloatArray:
+def _rows(rest: Rest) -> IntArray:
+    """Those that are judged, in their order."""
+    n = len(rest.residual)
+    if n <= MOST_JUDGED:
+        return np.arange(n)
+    away = np.abs(rest.residual - np.median(rest.residual))
+    far = np.argpartition(away, n - FARTHEST)[n - FARTHEST :]
+    return np.union1d(np.linspace(0, n - 1, MOST_JUDGED).astype(np.int64), far)
+
+
+def _columns(lib: Library, rest: Rest, rows: IntArray, drift: ComponentDrift) -> FloatArray:
     """An intercept a position and all groups of sensors, of the powers and lags of the model."""
     P = lib.powers(len(drift.estimate.coefficients) - 1)
-    place = np.zeros(len(rest.residual), np.int64)
+    place = np.zeros(len(rows), np.int64)
     if None not in lib.positions:
-        place = np.searchsorted(lib.places, rest.kept.position)
-    own = P[place][:, :, None] * rest.rise[:, None, :]
+        place = np.searchsorted(lib.places, rest.kept.position[rows])
+    own = P[place][:, :, None] * rest.rise[rows][:, None, :]
     return np.hstack([np.eye(len(P))[place], own.reshape(len(place), -1)])
 
 

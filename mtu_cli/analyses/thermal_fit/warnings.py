@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mtu_cli.analyses.thermal_fit.columns import Library
 from mtu_cli.analyses.thermal_fit.evidence import FEWEST_NESTED
@@ -177,6 +176,8 @@ def _consistent(held: HeldOut) -> bool:
 
     Ratios, because a cycle of large drift would be all that differences of squares show.
     """
+    from scipy.special import stdtrit
+
     before, after = np.array([own[1:] for own in held.cycles]).T
     if not (before > 0).all() or not (after > 0).all():
         return True
