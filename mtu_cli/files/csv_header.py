@@ -14,8 +14,9 @@ from mtu_cli.files.csv_table import TableSpec
 from mtu_cli.files.csv_text import CsvText
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 
-REPEATS = ("repeat", "rep", "replicate", "replication", "repetition", "run", "wiederholung", "wdh",
-           "durchgang", "durchlauf", "lauf")  # fmt: skip
+RUNS = ("run", "durchgang", "durchlauf", "lauf")
+"""Of repeats, or of anything else."""
+REPEATS = ("repeat", "rep", "replicate", "replication", "repetition", "wiederholung", "wdh", *RUNS)
 MEASUREMENTS = ("measurement", "meas", "messung", "mess")
 """Of a point, where they are numbered; without a number they are what was measured."""
 OTHER_WORDS = {
@@ -34,6 +35,8 @@ UNIT = "_mm"
 COORDINATES = ("x_mm", "y_mm", "z_mm")
 _IN_MM = re.compile(r"[ _]*(?:[\[(] *mm *[\])]|in_mm|[/.] *mm)$", re.IGNORECASE)
 NUMBER = ("no", "nr", "number", "num", "id")
+KEY = "id"
+"""What a run or a measurement has of a data base is no count."""
 NUMBERED = ("part", "feature", "cycle", "pass", "repeat", "sequence")
 """Columns that others tell as a number; one of a time or an operation is no time or name."""
 SLIP = 0.9
@@ -72,9 +75,18 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
         if first in header and second in header:
             what = f"both {first!r} and {second!r} are given"
             problems.append(Problem(what=what, file=shown, row=row, expected="one of them"))
-    problems += _named_otherwise(text, spec, wanted)
-    if problems:
-        raise InputError(problems)
+    named = list(_named_otherwise(text, spec, wanted))
+    # What may be a count of its own is no fault by itself: `column_twins` tells of it.
+    if problems or not all(may_count(str(problem.column)) for problem in named):
+        raise InputError(problems + named)
+
+
+def may_count(name: str) -> bool:
+    """Whether a column counts something, the repeats maybe: `Run`, `run_no`, `measurement no`."""
+    *before, last = re.split(r"[-_ .]+", plain(name).strip(" ."))
+    if before and last in NUMBER and last != KEY:
+        return _folded("_".join(before)) in RUNS + MEASUREMENTS
+    return _folded(name).removesuffix("s") in RUNS
 
 
 def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Iterator[Problem]:
@@ -126,6 +138,8 @@ def _meant(name: str, known: Mapping[str, str]) -> str | None:
     *before, last = re.split(r"[-_ .]+", plain(name).strip(" ."))
     if before and last in (*NUMBER, "s"):
         word = _folded("_".join(before))
+        if last == KEY and word in RUNS + MEASUREMENTS:
+            return None
         if word in MEASUREMENTS and last in NUMBER and "repeat" in known.values():
             return "repeat"
         counted = known.get(word)

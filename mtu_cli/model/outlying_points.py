@@ -10,7 +10,7 @@ from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import IntArray, operations_of
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.outliers import outlying_p
+from mtu_cli.stats.outliers import display_step, outlying_p
 
 SLIP_RATE = 1e-3
 """Chance of any warning over all features, axes and parts of a clean study."""
@@ -82,10 +82,7 @@ def _judged(tables: MeasuredTables) -> tuple[FloatArray, FloatArray, FloatArray]
 def _step(points: Points, axis: str) -> float:
     """What errors along an axis were rounded to, as far as they tell, mm."""
     k = AXES.index(axis)
-    errors = np.unique(points.measured[:, k] - points.nominal[:, k])
-    apart = np.diff(errors)
-    seen = apart[apart > ROUNDING_MM]
-    return float(seen.min()) if len(seen) else ROUNDING_MM
+    return display_step(points.measured[:, k] - points.nominal[:, k], ROUNDING_MM) or ROUNDING_MM
 
 
 def _text(

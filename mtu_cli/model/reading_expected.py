@@ -10,7 +10,7 @@ import numpy as np
 
 from mtu_cli.model.residual_cells import IntArray
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.outliers import BoolArray, spread
+from mtu_cli.stats.outliers import BoolArray, display_u, spread
 from mtu_cli.stats.trimmed import Trimmed, trimmed_fit
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ def _judged(
             left = left - _medians(group, left, used)
     taken = sum(int(group.max()) + 1 for group in groups.values()) - len(groups) + 1
     s = spread(left[sure], min(taken, int(sure.sum()) - 1)) if sure.any() else 0.0
+    s = max(s, display_u(error))
     distance = np.abs(left) / (s * np.sqrt(new)) if s > 0 else np.zeros(len(error))
     # Medians are not moved by what is left out: nothing was chosen to suit them.
     dof = max(len(error) - taken, 1)

@@ -52,12 +52,52 @@ def fellows(number: IntArray, way: IntArray) -> Fellows:
     1 there, 2 back, 3 there; or all there before all back, in one count or each in its own. Else
     neighbours, or the n-th of each of two blocks, whichever finds more.
     """
-    counts = [np.arange(len(way))]
     if (np.diff(number) > 0).all():
-        # Numbers count from 1, or 0; where more passes then find a fellow, from where they begin.
-        counts = [number - min(1, int(number[0])), number - int(number[0]), *counts]
-    turns, blocks = ([found(place, way) for place in counts] for found in (_turns, _blocks))
-    return max([_alike(number, way), *turns, _neighbours(way), *blocks], key=len)
+        return _of_one_count(number, way)
+    begins = np.flatnonzero(np.diff(number) <= 0) + 1
+    counts = np.split(np.arange(len(number)), begins)
+    there = [own for own in counts if (way[own] > 0).all()]
+    back = [own for own in counts if (way[own] < 0).all()]
+    if len(there) == len(back) == len(counts) / 2:
+        # Files of one direction each, of one day or several: the n-th there with the n-th back.
+        pieces = [np.sort(np.concatenate(two)) for two in zip(there, back, strict=True)]
+    else:
+        pieces = _days(number, way)
+    found: Fellows = []
+    for own in pieces:
+        pairs = [
+            _alike(number[own], way[own]),
+            _neighbours(way[own]),
+            _blocks(own - own[0], way[own]),
+        ]
+        found += [(int(own[i]), int(own[j])) for i, j in max(pairs, key=len)]
+    return found
+
+
+def _of_one_count(number: IntArray, way: IntArray) -> Fellows:
+    """Of numbers that ascend, from 1 or 0; from where they begin if more then find a fellow."""
+    counts = [number - min(1, int(number[0])), number - int(number[0])]
+    if len(np.unique(way * (1 - 2 * (number % 2)))) == 1:
+        return max((_turns(place) for place in counts), key=len)
+    blocks = [_blocks(place, way) for place in (*counts, np.arange(len(way)))]
+    return max([_neighbours(way), *blocks], key=len)
+
+
+def _days(number: IntArray, way: IntArray) -> list[IntArray]:
+    """Places of the passes of each count of both directions: a new one begins with a number and
+    direction that stood before, or with a lower number once both directions are there.
+    """
+    if (np.diff(number) < 0).all():
+        return [np.arange(len(number))]
+    seen: set[tuple[int, int]] = set()
+    begins, last = [], 0
+    for i, key in enumerate(zip(number.tolist(), way.tolist(), strict=True)):
+        if key in seen or (key[0] < last and len({sign for _, sign in seen}) == 2):
+            begins.append(i)
+            seen = set()
+        seen.add(key)
+        last = key[0]
+    return np.split(np.arange(len(number)), begins)
 
 
 def _alike(number: IntArray, way: IntArray) -> Fellows:
@@ -69,10 +109,8 @@ def _alike(number: IntArray, way: IntArray) -> Fellows:
     return [(int(order[i]), int(order[i + 1])) for i in same]
 
 
-def _turns(place: IntArray, way: IntArray) -> Fellows:
+def _turns(place: IntArray) -> Fellows:
     """Places 2r and 2r + 1 of a count whose even places all go one way, the odd ones the other."""
-    if len(np.unique(way * (1 - 2 * (place % 2)))) > 1:
-        return []
     run = place // 2
     return [(int(i), int(i) + 1) for i in np.flatnonzero(run[1:] == run[:-1])]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +29,8 @@ MOST = 0.2
 """Share of the readings beyond which they are their own distribution."""
 MOST_CHOSEN = 3
 NORMAL_MAD = 1.4826
+ROUNDED = 1e-9
+"""Share of the largest value below which two differ by rounding alone."""
 LEAST_DOF = 0.1
 """Share of the degrees of freedom that medians leave at least."""
 
@@ -115,6 +119,20 @@ def spread(left: FloatArray, taken: int) -> float:
     rest = left[np.abs(left) <= GROSS * robust]
     dof = max(len(rest) - taken, 1)
     return max(robust, float(np.sqrt(rest @ rest / dof))) if robust > 0 else 0.0
+
+
+def display_step(values: FloatArray, rounding: float = 0.0) -> float:
+    """What values (n,) were rounded to, as far as they tell: the least that two of them differ by;
+    not by `rounding` or less. 0 where all are equal.
+    """
+    apart = np.diff(np.unique(values))
+    least = max(rounding, ROUNDED * float(np.abs(values).max(initial=0.0)))
+    return float(apart[apart > least].min(initial=np.inf)) if (apart > least).any() else 0.0
+
+
+def display_u(values: FloatArray) -> float:
+    """Standard uncertainty of a `display_step` (JCGM 100:2008, F.2.2.1): no values scatter less."""
+    return display_step(values) / math.sqrt(12.0)
 
 
 def gross_limit(n: int, dof: int, out: int) -> float:

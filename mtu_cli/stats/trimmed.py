@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.outliers import BoolArray, IntArray, gross_limit, spread
+from mtu_cli.stats.outliers import BoolArray, IntArray, display_u, gross_limit, spread
 
 TRIMMED = 0.25
 """Share of the degrees of freedom that readings may be taken from as gross."""
@@ -62,11 +62,12 @@ def trimmed_fit(X: FloatArray, y: FloatArray, orders: Sequence[IntArray] = ()) -
     for _ in range(2):
         b = _concentrated(Q, y, b[None], 1)[0]
     left = y - Q @ b
-    s = spread(left, k)
+    least = display_u(y)
+    s = max(spread(left, k), least)
     found = _at(y, left, s, (max(n - k, 1), 0), np.ones(n))
     kept = found.distance <= found.limit
     for _ in range(LAST_STEPS):
-        found = _refitted(Q, y, kept)
+        found = _refitted(Q, y, kept, least)
         now = found.distance <= found.limit
         if (now == kept).all() or now.sum() <= k:
             break
@@ -74,14 +75,14 @@ def trimmed_fit(X: FloatArray, y: FloatArray, orders: Sequence[IntArray] = ()) -
     return found
 
 
-def _refitted(Q: FloatArray, y: FloatArray, kept: BoolArray) -> Trimmed:
-    """Least squares on the rows `kept` (n,), and all rows against it."""
+def _refitted(Q: FloatArray, y: FloatArray, kept: BoolArray, least: float) -> Trimmed:
+    """Least squares on the rows `kept` (n,), and all rows against it; `least` of a deviation."""
     own = Q[kept]
     inverse = np.linalg.pinv(own.T @ own, rcond=DEPENDENT, hermitian=True)
     left = y - Q @ (inverse @ (own.T @ y[kept]))
     rank = int(np.linalg.matrix_rank(inverse, hermitian=True))
     dof = max(int(kept.sum()) - rank, 1)
-    s = float(np.sqrt(left[kept] @ left[kept] / dof))
+    s = max(float(np.sqrt(left[kept] @ left[kept] / dof)), least)
     out = np.flatnonzero(~kept)
     new = np.ones(len(y))
     new[out] = np.sqrt(1 + np.einsum("ij,jk,ik->i", Q[out], inverse, Q[out]))

@@ -97,9 +97,8 @@ def test_other_words_are_columns_of_their_own(other: str, tmp_path: Path) -> Non
      ("nominal_x", "nominal_x_mm"), ("Soll X", "nominal_x_mm"), ("Z-Wert", "z_mm"),
      ("z-value", "z_mm"), ("zwert", "z_mm"), ("Z-Maß [mm]", "z_mm"), ("Z-Ist-Wert", "z_mm"),
      ("Z-Soll-Wert", "nominal_z_mm"), ("Wiederholung", "repeat"), ("Répétition", "repeat"),
-     ("Opération", "operation"), ("Séquence", "sequence"), ("run", "repeat"), ("Runs", "repeat"),
-     ("Run No.", "repeat"), ("replicate", "repeat"), ("Wdh.", "repeat"), ("Durchlauf", "repeat"),
-     ("measurement no", "repeat"), ("Measurement_Number", "repeat"), ("Messung Nr.", "repeat")],
+     ("Opération", "operation"), ("Séquence", "sequence"), ("replicate", "repeat"),
+     ("Wdh.", "repeat"), ("Rep No.", "repeat")],
 )  # fmt: skip
 def test_an_optional_column_is_not_lost_by_its_spelling(
     column: str, name: str, tmp_path: Path
@@ -164,7 +163,32 @@ def test_readings_too(tmp_path: Path) -> None:
     assert "'Pass'" in str(caught.value)
 
 
-@pytest.mark.parametrize("column", ["Run", "run_no", "rep", "Repeat", "Wdh.", "Durchgang"])
+@pytest.mark.parametrize(
+    "column", ["run", "Runs", "Run No.", "Durchlauf", "measurement no", "Messung Nr."]
+)
+def test_a_count_that_may_be_of_the_repeats_is_told_of(column: str, tmp_path: Path) -> None:
+    """Beside other columns that are to be renamed it is with them; alone it stays a covariate."""
+    lines = refused(tmp_path, f"part,Hole,x_mm,y_mm,{column}")
+    assert f"expected {column!r} renamed to 'repeat', or to a name of its own" in lines[-1]
+    path = tmp_path / "cmm.csv"
+    head = f"part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,{column}"
+    path.write_text(f"{head}\nP,A,1,1,1,1,1\nQ,A,1,1,1,1,2\n", "utf-8")
+    found = read_points([(path, "cmm")], None)
+    (note,) = [item for item in found.notes if item.code == "column-not-used"]
+    assert note.message == (
+        f"cmm.csv, row 1: the column {column!r} is not used as 'repeat': rename it where it "
+        "numbers these"
+    )
+    for name in ("run_id", "measurement_id"):
+        path.write_text(f"{head.replace(column, name)}\nP,A,1,1,1,1,1\n", "utf-8")
+        assert not [
+            item
+            for item in read_points([(path, "cmm")], None).notes
+            if item.code == "column-not-used"
+        ]
+
+
+@pytest.mark.parametrize("column", ["rep", "Repeat", "Wdh."])
 def test_runs_of_readings_are_passes_and_of_drifts_are_not(column: str, tmp_path: Path) -> None:
     path = tmp_path / "r.csv"
     path.write_text(f"component,error,unit,{column}\ndx,1,um,1\n", "utf-8")

@@ -115,6 +115,33 @@ def test_one_pass_that_is_lost_parts_no_others(lost: int) -> None:
             assert {frozenset(place[list(p)].tolist()) for p in fellows(own, way)} == wanted
 
 
+@pytest.mark.parametrize("lost", [(1, 4), (2, 3), (5, 6), (6, 7), (4, 9), (3, 12), (2, 4, 6)])
+def test_passes_that_are_lost_in_turns_part_no_others(lost: tuple[int, ...]) -> None:
+    number = np.setdiff1d(np.arange(1, 13), lost)
+    way = np.where(number % 2 == 1, 1, -1)
+    wanted = [(n, n + 1) for n in range(1, 13, 2) if not {n, n + 1} & set(lost)]
+    assert [(number[i], number[j]) for i, j in fellows(number, way)] == wanted
+
+
+@pytest.mark.parametrize("order", ["there back there back", "there there back back", "turns"])
+@pytest.mark.parametrize("lost", range(20))
+def test_days_that_count_anew_are_apart(order: str, lost: int) -> None:
+    """Two days of five runs, in files of a direction or in turns; one pass is lost."""
+    day, run, back = (item.ravel() for item in np.indices((2, 5, 2)))
+    keys = {
+        "there back there back": (run, back, day),
+        "there there back back": (run, day, back),
+        "turns": (back, run, day),
+    }
+    sequence = np.delete(np.lexsort(keys[order]), lost)
+    pairs = fellows(run[sequence] + 1, 1 - 2 * back[sequence])
+    gone = {(int(day[i]), int(run[i])) for i in np.setdiff1d(np.arange(20), sequence)}
+    found = [{(int(day[i]), int(run[i])) for i in sequence[list(pair)]} for pair in pairs]
+    assert sorted(map(sorted, found)) == [
+        [(d, r)] for d in (0, 1) for r in range(5) if (d, r) not in gone
+    ]
+
+
 @pytest.mark.parametrize(
     ("way", "wanted"),
     [

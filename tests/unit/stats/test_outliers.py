@@ -9,6 +9,8 @@ from scipy import stats
 from mtu_cli.stats.outliers import (
     GROSS,
     deviation_p,
+    display_step,
+    display_u,
     gross_limit,
     outlying_p,
     spread,
@@ -88,3 +90,11 @@ def test_spread_is_that_of_what_is_not_gross() -> None:
     # Their median is the 5/8 quantile of |z| of the clean: 0.887 for 0.674.
     assert spread(left, 0) == pytest.approx(3.0 * 0.887 / 0.6745, rel=0.03)
     assert spread(np.zeros(9), 1) == 0
+
+
+def test_the_step_of_a_display() -> None:
+    assert display_step(np.array([0.3, 0.1, 0.3, 0.7])) == pytest.approx(0.2)
+    assert display_step(np.array([0.3, 0.1 + 0.2])) == 0.0
+    assert display_step(np.array([1.0, 1.0 + 1e-6, 2.0]), 1e-5) == pytest.approx(1.0)
+    assert display_step(np.full(3, 7.0)) == display_step(np.zeros(0)) == 0.0
+    assert display_u(np.array([0.0, 0.6])) == pytest.approx(0.6 / np.sqrt(12))

@@ -107,3 +107,21 @@ def test_what_the_clean_rows_do_not_determine_is_not_judged() -> None:
     assert not told(found) & set(range(4, 60))
     assert not told(trimmed_fit(X, np.ones(60)))
     assert not told(trimmed_fit(np.ones((9, 1)), np.append(np.zeros(8), 1.0)))
+
+
+@pytest.mark.parametrize("size", [0.003, 0.3, 7.0])
+@pytest.mark.parametrize("scatter", [0.0, 0.2, 0.4])
+def test_what_a_coarse_display_shows_is_not_gross(size: float, scatter: float) -> None:
+    """Most readings are equal, a line goes through all of these: the others are a step off."""
+    rng = np.random.default_rng(7)
+    position = np.linspace(0, 1, 60)
+    X = np.vander(position, 2)
+    for _ in range(50):
+        steps = np.round(3 + scatter * rng.standard_normal(60))
+        steps[5] += 1
+        found = trimmed_fit(X, size * steps)
+        assert (found.distance <= found.limit).all()
+        # Not one that is many steps off.
+        steps[20] += 30
+        found = trimmed_fit(X, size * steps)
+        assert np.flatnonzero(found.distance > found.limit).tolist() == [20]
