@@ -28,6 +28,15 @@ def grid(H: int, seed: int = 1) -> Floats:
     return np.asarray(places - places.mean(axis=0))
 
 
+def contrasts(P: int) -> Floats:
+    """(P, P - 1) orthonormal contrasts of the parts: the cosines of the DCT-II, one by one."""
+    found = np.zeros((P, P - 1))
+    for m in range(P):
+        for k in range(1, P):
+            found[m, k - 1] = np.sqrt(2 / P) * np.cos((2 * m + 1) * k * np.pi / (2 * P))
+    return found
+
+
 def made(P: int, H: int, A: int, *, lines: bool = True, seed: int = 1) -> Strata:
     """Strata with the two straight directions, or with none."""
     return strata_of(P, grid(H, seed) if lines else np.zeros((H, 0)), A)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import FloatArray
 
+Freeing = Callable[[FloatArray], FloatArray]
+"""Takes the freedoms of the part's coordinate system out of tables (..., P, H, A)."""
 ALMOST_ZERO = 1e-10
 FARTHEST = 1.0
 """Variance, over that of an entry, up to which a row's own lines tell its missing entries: they
@@ -58,19 +61,20 @@ class Completion:
 
     def _fitted(self, known: FloatArray) -> FloatArray:
         """Row plus column effects of the sums over rows and columns of `known`."""
-        # Axes first, so that all products are of stacked matrices: (..., A, P, H).
+        # Axes first, and rows with their effects in one dimension: all products are of matrices.
         turned = np.moveaxis(known, -1, -3)
-        sums = turned @ self.smooth
-        own = np.einsum("pij,...pj->...pi", self.rows, sums)
         H = turned.shape[-1]
-        column = -np.einsum("pih,...pi->...h", self.solved, sums)
+        solved = self.solved.reshape(-1, self.solved.shape[2])
+        sums = turned @ self.smooth
+        own = (self.rows @ sums[..., None])[..., 0].reshape(*sums.shape[:-2], -1)
+        column = -sums.reshape(own.shape) @ solved
         column[..., :H] += turned.sum(axis=-2)
         column = column @ self.columns
-        own -= np.einsum("pih,...h->...pi", self.solved, column)
-        along = np.einsum("qpi,...pi->...q", self.lean, own)
-        column += along @ self.free.T
-        own -= np.einsum("pih,...h->...pi", self.solved, along @ self.free.T)
-        found: FloatArray = own @ self.smooth.T + column[..., None, :H]
+        own -= column @ solved.T
+        along = own @ self.lean.reshape(len(self.lean), -1).T @ self.free.T
+        column += along
+        own -= along @ solved.T
+        found: FloatArray = own.reshape(sums.shape) @ self.smooth.T + column[..., None, :H]
         return np.moveaxis(found, -3, -1)
 
 

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from mtu_cli.stats.column_groups import NOTHING
-from mtu_cli.stats.crossed import Completion
+from mtu_cli.stats.crossed import Completion, Freeing
+from mtu_cli.stats.expected_squares import ExpectedSquares, expected_squares
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.strata import Strata
+from mtu_cli.stats.strata import Strata, of_rows
 
 MINOR = 2e-3
 """Share of a column below which it is not tested in a stratum, where filling or freeing smears
 it.
 """
-
-Freeing = Callable[[FloatArray], FloatArray]
-"""Takes the freedoms of the part's coordinate system out of tables (..., P, H, A)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +32,11 @@ class Frame:
         """Coordinates (..., N), and grand means (..., A) before any freedom is taken out."""
         freed = tables if self.freeing is None else self.freeing(tables)
         return self.strata.coordinates(self.completion.fill(freed))
+
+    @cached_property
+    def squares(self) -> ExpectedSquares:
+        """The mean squares that components of variance give in tables of this frame."""
+        return expected_squares(self.strata, self.completion, self.freeing)
 
     def column(self, parts: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
         """A column's coordinates by stratum, from its tables by axis, where it can be tested.
@@ -60,7 +64,7 @@ class Frame:
             if values.shape == (P, H) and P > 1 and H > 1:
                 found |= self._of_table({axis: values})
             elif values.shape[0] == P and P > 1:
-                turned = self.strata.rows[:, 1:].T @ values[:, 0] * np.sqrt(H)
+                turned = of_rows(values)[1:, 0] * np.sqrt(H)
                 found |= self._of_parts(turned, axis)
             elif values.shape[-1] == H and H > 1:
                 found |= self.strata.of_columns(values[0], axis)

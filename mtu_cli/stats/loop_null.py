@@ -16,6 +16,7 @@ import numpy as np
 from mtu_cli.stats.estimated_scatter import scattered
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loop_frame import Frame
+from mtu_cli.stats.mean_squares import MeanSquares, mean_squares
 from mtu_cli.stats.strata import Strata, Stratum
 
 TRUST = 3.0
@@ -23,7 +24,6 @@ TRUST = 3.0
 FEWEST = 4
 """Columns beyond the smooth directions that tell their scatter by themselves."""
 CORRECTIONS = 3
-DRAWS = 160
 FEW_PARTS = 10
 """Up to so many parts the machine's own prediction of their scatter counts beside it."""
 
@@ -78,44 +78,11 @@ class NullModel:
         return float((self.column if kind == "column" else self.reversal)[axis])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeanSquares:
-    """By axis: `interaction`; `rest` and `turned` (A,) of the columns and of their reversals
-    beyond the directions of whole parts; `part` the sample covariance of the part's
-    coordinates. nan where there are no degrees of freedom.
-    """
-
-    interaction: FloatArray
-    rest: FloatArray
-    turned: FloatArray
-    part: FloatArray
-
-
-def mean_squares(strata: Strata, y: FloatArray, dof: FloatArray) -> MeanSquares:
-    """Mean squares of coordinates `y` (B, N), averaged over the B tables; `dof` (S,)."""
-    P, _, A = strata.shape
-    k = strata.lines
-    interaction, rest, turned = (np.full(A, np.nan) for _ in range(3))
-    together = np.zeros((len(y), P - 1, A, 1 + k))
-    for s, stratum in enumerate(strata.all):
-        own = y[:, stratum.slice]
-        if stratum.kind == "interaction" and dof[s] > 0:
-            interaction[stratum.axis] = np.sum(own**2) / (dof[s] * len(y))
-        elif stratum.kind in ("column", "reversal") and stratum.size > len(stratum.lead):
-            found = rest if stratum.kind == "column" else turned
-            found[stratum.axis] = np.mean(own[:, len(stratum.lead) :] ** 2)
-        elif stratum.kind in ("part", "line"):
-            together[:, :, stratum.axis, stratum.line] = own
-    flat = together.reshape(len(y) * (P - 1), A * (1 + k))
-    part = flat.T @ flat / len(flat) if P > 1 else np.full((A * (1 + k),) * 2, np.nan)
-    return MeanSquares(interaction=interaction, rest=rest, turned=turned, part=part)
-
-
 def null_of(frame: Frame, y: FloatArray, dof: FloatArray, known: KnownScatter) -> NullModel:
     """Fits the null to coordinates `y` (N,).
 
     In an incomplete table the mean squares are biased by the filling: the components are
-    corrected by what drawn tables of known components give.
+    corrected by what mean squares they give on average.
     """
     strata = frame.strata
     wanted = mean_squares(strata, y[None], dof)
@@ -124,10 +91,8 @@ def null_of(frame: Frame, y: FloatArray, dof: FloatArray, known: KnownScatter) -
     if frame.completion.complete and frame.freeing is None:
         return model
     aim = wanted
-    for step in range(CORRECTIONS):
-        rng = np.random.default_rng(step)
-        drawn, _ = draw(frame, model.as_estimated(), DRAWS, rng)
-        got = mean_squares(strata, drawn, dof)
+    for _ in range(CORRECTIONS):
+        got = expected(frame, model, dof)
         aim = MeanSquares(
             interaction=aim.interaction * _ratio(wanted.interaction, got.interaction),
             rest=aim.rest * _ratio(wanted.rest, got.rest),
@@ -136,6 +101,18 @@ def null_of(frame: Frame, y: FloatArray, dof: FloatArray, known: KnownScatter) -
         )
         model = _components(strata, aim, known, told)
     return model
+
+
+def expected(frame: Frame, model: NullModel, dof: FloatArray) -> MeanSquares:
+    """The mean squares that tables of `model` have on average."""
+    return frame.squares.of(
+        interaction=model.interaction,
+        column=model.column,
+        reversal=model.reversal,
+        part=model.part,
+        common=model.common @ model.common.T,
+        dof=dof,
+    )
 
 
 def _told(frame: Frame) -> int:

@@ -15,7 +15,7 @@ from scipy.special import fdtrc, ndtr, ndtri
 
 from mtu_cli.stats.kernel_ratio import Kernel, kernel_log_bayes, kernel_of, kernel_ratios
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.strata import Strata
+from mtu_cli.stats.strata import Strata, of_rows, to_rows
 
 MANY = 1e6
 """Degrees of freedom of what is known exactly."""
@@ -81,7 +81,7 @@ class Remainder:
                 own = y[:, stratum.slice]
                 sd = np.sqrt(np.mean(own**2, axis=1, keepdims=True))
                 turned[:, strata.order[stratum.slice]] = own / np.maximum(sd, 1e-300)
-        tables = strata.rows @ turned.reshape(len(y), A, P, H) @ strata.columns.T
+        tables = to_rows(turned.reshape(len(y), A, P, H)) @ strata.columns.T
         sizes = np.abs(tables).reshape(len(y), A, P * H)
         spread = 1.4826 * np.median(sizes, axis=2, overwrite_input=True)
         limit = CLIPPED * np.maximum(spread, 1e-12)[:, :, None, None]
@@ -141,7 +141,7 @@ def remainder_of(strata: Strata, whitening: FloatArray, places: FloatArray) -> R
     if P >= 5:
         steps = np.arange(P)
         walk = np.minimum.outer(steps + 1, steps + 1).astype(float)
-        serial = kernel_of(strata.rows[:, 1:].T @ walk @ strata.rows[:, 1:])
+        serial = kernel_of(of_rows(of_rows(walk).T)[1:, 1:])
     fields: list[FloatArray] = []
     extent = np.ptp(places, axis=0).max(initial=0.0) if len(places) else 0.0
     if H >= 6 and extent > 0:

@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dct, idct
 
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -46,15 +47,14 @@ class Stratum:
 class Strata:
     """The change of coordinates of tables (..., P, H, A).
 
-    `rows` (P, P) and `columns` (H, H) are orthonormal, their first vectors constant, the next
-    `lines` of `columns` the directions along which whole parts differ. `even` and `odd` number
+    Rows are turned by `of_rows`; `columns` (H, H) is orthonormal, its first vector constant, the
+    next `lines` of it the directions along which whole parts differ. `even` and `odd` number
     the vectors of `columns` in the strata of kind column and reversal: what both directions of
     approach have in common, and how they differ. `order` sorts the coordinates of (A, P, H) by
     stratum; the A grand means are in no stratum.
     """
 
     shape: tuple[int, int, int]
-    rows: FloatArray
     columns: FloatArray
     lines: int
     even: NDArray[np.int64]
@@ -69,9 +69,7 @@ class Strata:
 
     def rotated(self, tables: FloatArray) -> FloatArray:
         """(..., A, P, H): rows and columns in the bases of the strata."""
-        moved = np.moveaxis(tables, -1, -3)
-        found: FloatArray = self.rows.T @ moved @ self.columns
-        return found
+        return of_rows(np.moveaxis(tables, -1, -3) @ self.columns)
 
     def coordinates(self, tables: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates (..., size) by stratum, and the grand means (..., A)."""
@@ -86,7 +84,7 @@ class Strata:
         flat = np.zeros((*coordinates.shape[:-1], A * P * H))
         flat[..., self.order] = coordinates
         turned = flat.reshape(*coordinates.shape[:-1], A, P, H)
-        return np.moveaxis(self.rows @ turned @ self.columns.T, -3, -1)
+        return np.moveaxis(to_rows(turned) @ self.columns.T, -3, -1)
 
     def of_columns(self, values: FloatArray, axis: int) -> dict[int, FloatArray]:
         """Coordinates of a function (H,) of the columns along an axis, by stratum."""
@@ -141,7 +139,6 @@ def strata_of(
     order = np.concatenate(builder.order) if builder.order else np.zeros(0, np.int64)
     return Strata(
         shape=(parts, H, axes),
-        rows=_contrasts(parts),
         columns=basis.vectors,
         lines=lines,
         even=even,
@@ -172,12 +169,18 @@ class _Builder:
             self.order.append(where.ravel())
 
 
-def _contrasts(n: int) -> FloatArray:
-    """(n, n) orthonormal, the first column constant: cosines (DCT-II)."""
-    k, i = np.arange(n), np.arange(n)[:, None]
-    basis: FloatArray = np.cos(np.pi * k * (2 * i + 1) / (2 * n)) * np.sqrt(2 / n)
-    basis[:, 0] = 1 / np.sqrt(n)
-    return basis
+def of_rows(tables: FloatArray) -> FloatArray:
+    """Tables (..., P, H) with their columns in an orthonormal basis whose first vector is
+    constant: cosines (DCT-II).
+    """
+    found: FloatArray = dct(tables, type=2, norm="ortho", axis=-2)
+    return found
+
+
+def to_rows(turned: FloatArray) -> FloatArray:
+    """The tables (..., P, H) that `of_rows` turns into these."""
+    found: FloatArray = idct(turned, type=2, norm="ortho", axis=-2)
+    return found
 
 
 @dataclass(frozen=True, slots=True)

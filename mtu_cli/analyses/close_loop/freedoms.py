@@ -6,8 +6,8 @@ import numpy as np
 
 from mtu_cli.model.effect_candidate import Column
 from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.crossed import Freeing
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.loop_frame import Freeing
 from mtu_cli.stats.strata import Strata
 
 ALL = 1e-9

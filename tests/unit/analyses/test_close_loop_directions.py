@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from crossed_tables import contrasts
 from effect_tables import grid_places, readings_table
 from loop_tables import crossed, residuals
 
@@ -71,7 +72,7 @@ def test_turning_and_growing_parts_move_along_their_directions_alone() -> None:
                 own = moved[stratum.slice]
                 total += directions[i, stratum.axis, stratum.line] * own
                 other += directions[1 - i, stratum.axis, stratum.line] * own
-        np.testing.assert_allclose(total, size * strata.rows[:, 1:].T @ amount, rtol=1e-9)
+        np.testing.assert_allclose(total, size * contrasts(8).T @ amount, rtol=1e-9)
         np.testing.assert_allclose(other, 0, atol=1e-9 * size)
         assert np.sum(directions[i] ** 2) == pytest.approx(1.0)
 

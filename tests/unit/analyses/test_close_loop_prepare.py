@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from crossed_tables import Floats, coordinate_matrix, holes
+from crossed_tables import Floats, contrasts, coordinate_matrix, holes
 from loop_tables import candidate, crossed, offset, prepared_with, residuals, whole_column
 
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
@@ -67,7 +67,7 @@ def test_factors_are_the_covariance_of_a_parts_coordinates() -> None:
         if s.kind in ("part", "line"):
             # Contrasts of parts of unlike covariance: their mean is the parts' mean.
             mean = np.trace(V[s.slice, s.slice]) / s.size
-            weights = np.sum(strata.rows[:, 1:] ** 2, axis=1) / 7
+            weights = np.sum(contrasts(8) ** 2, axis=1) / 7
             turned = np.einsum("h,phr->pr", strata.columns[:, s.line], of_part[:, :, s.axis])
             assert mean == pytest.approx(weights @ (turned**2).sum(axis=1), rel=1e-9)
             assert own.known.part[at, at] == pytest.approx(mean, rel=0.5)

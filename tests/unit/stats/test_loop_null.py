@@ -102,12 +102,9 @@ def test_components_are_recovered(name: str) -> None:
     }
     count = 400 if name == "complete" else 60
     found = fitted(strata, masks[name], tables_of(strata, model, count, 4))
-    # The corrections of an incomplete table rest on 3 x 160 drawn ones: their error is common
-    # to all fits, about that of one fit over sqrt(160).
-    common = 0.0 if name == "complete" else 1 / np.sqrt(160)
     for what in ("interaction", "column", "part"):
         values = np.array([getattr(item, what) for item in found])
-        error = values.std(axis=0) * np.hypot(1 / np.sqrt(count), common)
+        error = values.std(axis=0) / np.sqrt(count)
         assert within(values.mean(axis=0), getattr(model, what), error), what
 
 

@@ -15,8 +15,8 @@ from crossed_tables import (
 )
 from scipy.stats import kstest, t
 
-from mtu_cli.stats.crossed import completion
-from mtu_cli.stats.loop_frame import Frame, Freeing
+from mtu_cli.stats.crossed import Freeing, completion
+from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import draw
 
 STRATA = made(5, 6, 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from crossed_tables import Floats, made
+from crossed_tables import Floats, contrasts, made
 from scipy.stats import binom, multivariate_normal
 
 from mtu_cli.stats.kernel_ratio import RATIOS
@@ -48,7 +48,7 @@ def stratum(y: Floats, kind: str, axis: int, line: int = 0) -> Floats:
 def test_serial_checks_are_random_walks_of_the_parts() -> None:
     y, _ = STRATA.coordinates(normal(1, 4)[0])
     walk = np.cumsum(np.eye(12), axis=0) @ np.cumsum(np.eye(12), axis=0).T
-    K = STRATA.rows[:, 1:].T @ walk @ STRATA.rows[:, 1:]
+    K = contrasts(12).T @ walk @ contrasts(12)
     offsets = sum(largest_ratio(stratum(y, "part", a), K) for a in (0, 1))
     lines = sum(largest_ratio(stratum(y, "line", a, i), K) for a in (0, 1) for i in (1, 2))
     found = CHECKS.statistics(y[None])[0]
