@@ -42,13 +42,14 @@ class OneStratum:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManyStrata:
-    """Members of k columns that lie in several strata: `X` (N, M, k), `G` (M, S, k, k) their
-    cross products in each stratum, `spread` (M, S) as in `OneStratum`.
+    """Members of k columns that lie in several strata, the same for all: `X` (n_s, M, k) by
+    stratum, `G` (M, S, k, k) their cross products in each, 0 in the others, `spread` (M, S) as in
+    `OneStratum`.
     """
 
     k: int
     members: NDArray[np.int64]
-    X: FloatArray
+    X: Mapping[int, FloatArray]
     G: FloatArray
     spread: FloatArray
 
@@ -239,28 +240,28 @@ def _many_strata(
     nuisance: Mapping[int, FloatArray],
     usable: NDArray[np.bool_],
 ) -> list[ManyStrata]:
-    by_k: dict[int, list[tuple[int, MemberColumns]]] = {}
+    groups: dict[tuple[int, ...], list[tuple[int, MemberColumns]]] = {}
     for i, member in members:
-        by_k.setdefault(len(member), []).append((i, member))
+        places = sorted({index for column in member for index in column})
+        groups.setdefault((len(member), *places), []).append((i, member))
     found = []
-    for k, own in sorted(by_k.items()):
-        X = np.zeros((strata.size, len(own), k))
+    for (k, *places), own in sorted(groups.items()):
+        X = {index: np.zeros((strata.all[index].size, len(own), k)) for index in places}
         for m, (_, member) in enumerate(own):
             for j, column in enumerate(member):
                 for index, values in column.items():
-                    X[strata.all[index].slice, m, j] = values
-        X = whitened(strata, whitening, X)
-        before = (X**2).sum(axis=0).min(axis=1)
-        for index, Q in nuisance.items():
-            place = strata.all[index].slice
-            flat = X[place].reshape(len(Q), -1)
-            X[place] = (flat - Q @ (Q.T @ flat)).reshape(X[place].shape)
+                    X[index][:, m, j] = values
+        before = np.zeros((len(own), k))
         G = np.zeros((len(own), len(strata.all), k, k))
-        for s, stratum in enumerate(strata.all):
-            block = X[stratum.slice]
-            G[:, s] = np.einsum("nmi,nmj->mij", block, block)
+        for index in places:
+            whiten(strata, whitening, index, X[index])
+            before += (X[index] ** 2).sum(axis=0)
+            if index in nuisance:
+                Q, flat = nuisance[index], X[index].reshape(len(X[index]), -1)
+                X[index] = (flat - Q @ (Q.T @ flat)).reshape(X[index].shape)
+            G[:, index] = np.einsum("nmi,nmj->mij", X[index], X[index])
         after = np.linalg.eigvalsh(G.sum(axis=1))[:, 0]
         ids = np.array([i for i, _ in own], np.int64)
-        usable[ids[after <= LEFT * before]] = False
+        usable[ids[after <= LEFT * before.min(axis=1)]] = False
         found.append(ManyStrata(k=k, members=ids, X=X, G=G, spread=np.ones(G.shape[:2])))
     return found

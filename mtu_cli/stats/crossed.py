@@ -13,6 +13,10 @@ from mtu_cli.stats.least_squares import FloatArray
 Freeing = Callable[[FloatArray], FloatArray]
 """Takes the freedoms of the part's coordinate system out of tables (..., P, H, A)."""
 ALMOST_ZERO = 1e-10
+SAME = 1e-8
+"""Effects of unit norm that differ by less are the same but for rounding."""
+CACHED = 1 << 16
+"""Numbers that are worked on at once."""
 FARTHEST = 1.0
 """Variance, over that of an entry, up to which a row's own lines tell its missing entries: they
 are no worse known then than if they had been read.
@@ -25,10 +29,10 @@ class Completion:
 
     `observed` (P, H) tells which entries there are. An entry that is missing is given the
     least-squares row effect, with the row's lines along the `smooth` directions where those are
-    told, plus column effect of those that are there: linear in them, and exact for every table
-    that is such a function of the row plus one of the column. The lines of rows have the mean 0,
-    so that rows of which they are not told do not settle the columns' own. Effects that the
-    entries do not tell are those of minimum norm.
+    told, plus column effect of those that are there: linear in them, and, of a `connected` table,
+    exact where it is such a function of the row plus one of the column. The lines of rows have
+    the mean 0, so that rows of which they are not told do not settle the columns' own. Effects
+    that the entries do not tell are those of minimum norm.
 
     Rows are eliminated: with N_p (m, m) the normal matrix of a row's effects, B_p (m, H + k) its
     cross products with the columns and the k multipliers of that condition, and S the Schur
@@ -45,6 +49,7 @@ class Completion:
     columns: FloatArray
     free: FloatArray
     lean: FloatArray
+    connected: bool
 
     @property
     def complete(self) -> bool:
@@ -55,9 +60,15 @@ class Completion:
         """The completed tables (..., P, H, A); what stood in missing entries is ignored."""
         if self.complete:
             return tables
-        there = self.observed[:, :, None]
-        known = np.where(there, tables, 0.0)
-        return np.where(there, known, self._fitted(known))
+        missing = ~self.observed[:, :, None]
+        found = np.array(tables, float).reshape(-1, *tables.shape[-3:])
+        # In pieces that stay in the cache: the fit passes over them several times.
+        step = max(CACHED // found[0].size, 1) if len(found) else 1
+        for first in range(0, len(found), step):
+            known = found[first : first + step]
+            np.copyto(known, 0.0, where=missing)
+            np.copyto(known, self._fitted(known), where=missing)
+        return found.reshape(tables.shape)
 
     def _fitted(self, known: FloatArray) -> FloatArray:
         """Row plus column effects of the sums over rows and columns of `known`."""
@@ -102,6 +113,9 @@ def completion(observed: NDArray[np.bool_], smooth: FloatArray | None = None) ->
     free = vectors[:, ~kept]
     along = np.einsum("pih,hq->qpi", solved, free)
     square = free[: len(X)].T @ free[: len(X)] + np.einsum("qpi,rpi->qr", along, along)
+    # What the entries do not tell leaves no trace in a connected table: its rows take off again
+    # what its columns put on.
+    untold = free[: len(X)].T[:, None] - along @ X.T
     return Completion(
         observed=observed,
         smooth=X,
@@ -110,6 +124,7 @@ def completion(observed: NDArray[np.bool_], smooth: FloatArray | None = None) ->
         columns=(vectors[:, kept] / values[kept]) @ vectors[:, kept].T,
         free=free,
         lean=np.einsum("qr,rpi->qpi", np.linalg.pinv(square), along),
+        connected=bool(np.abs(untold).max(initial=0.0) <= SAME),
     )
 
 

@@ -70,9 +70,24 @@ class Frame:
                 found |= self.strata.of_columns(values[0], axis)
         return self._significant(found, parts)
 
+    def means(self, parts: Mapping[int, FloatArray]) -> FloatArray:
+        """Means (A,) of a column over all cells, completed as the errors are."""
+        P, H, A = self.strata.shape
+        found = np.zeros(A)
+        for axis, values in parts.items():
+            found[axis] = values.mean()
+        if self._needs_filling(parts):
+            table = np.zeros((P, H, A))
+            for axis, values in parts.items():
+                table[:, :, axis] = values
+            found = self.completion.fill(table).mean(axis=(0, 1))
+        return found
+
     def _needs_filling(self, parts: Mapping[int, FloatArray]) -> bool:
         if self.completion.complete:
             return False
+        if not self.completion.connected:
+            return True
         return any(min(values.shape) > 1 for values in parts.values())
 
     def _of_parts(self, turned: FloatArray, axis: int) -> dict[int, FloatArray]:

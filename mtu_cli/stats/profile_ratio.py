@@ -184,9 +184,8 @@ def _solved(A: FloatArray, b: FloatArray) -> FloatArray:
 def cross_products(pack: Packed, many: ManyStrata, y: FloatArray) -> FloatArray:
     """X_s' y_s (B, M, S, k)."""
     b = np.zeros((len(y), len(many.members), len(pack.strata.all), many.k))
-    for s, stratum in enumerate(pack.strata.all):
-        block = many.X[stratum.slice]
-        flat = y[:, stratum.slice] @ block.reshape(stratum.size, -1)
+    for s, block in many.X.items():
+        flat = y[:, pack.strata.all[s].slice] @ block.reshape(len(block), -1)
         b[:, :, s] = flat.reshape(len(y), len(many.members), many.k)
     return b
 

@@ -19,7 +19,6 @@ import numpy as np
 
 from mtu_cli.stats.column_groups import ManyStrata, OneStratum, Packed, whiten
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.strata import Strata
 
 
 def uneven(pack: Packed, entry: FloatArray, column: FloatArray) -> Packed:
@@ -31,10 +30,7 @@ def uneven(pack: Packed, entry: FloatArray, column: FloatArray) -> Packed:
     return replace(
         pack,
         one=tuple(replace(one, spread=_of_one(one, kernels[one.index])) for one in pack.one),
-        many=tuple(
-            replace(many, spread=np.stack(_of_many(many, strata, kernels), axis=1))
-            for many in pack.many
-        ),
+        many=tuple(replace(many, spread=_of_many(many, kernels)) for many in pack.many),
     )
 
 
@@ -74,10 +70,8 @@ def _of_one(one: OneStratum, K: FloatArray | None) -> FloatArray:
     return _share(one.Q.reshape(len(one.Q), len(one.members), one.g), K)
 
 
-def _of_many(
-    many: ManyStrata, strata: Strata, kernels: list[FloatArray | None]
-) -> list[FloatArray]:
-    return [
-        _share(many.X[stratum.slice], kernel)
-        for stratum, kernel in zip(strata.all, kernels, strict=True)
-    ]
+def _of_many(many: ManyStrata, kernels: list[FloatArray | None]) -> FloatArray:
+    found = np.ones((len(many.members), len(kernels)))
+    for index, block in many.X.items():
+        found[:, index] = _share(block, kernels[index])
+    return found

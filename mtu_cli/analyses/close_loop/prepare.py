@@ -265,7 +265,7 @@ def _columns(table: ResidualTable, frame: Frame, candidates: Sequence[Candidate]
             index = len(members)
             members.append(member)
             own.append(coordinates)
-            means[index] = np.array([_means(column, frame) for column in member.columns])
+            means[index] = np.array([frame.means(column) for column in member.columns])
             turned = tuple(c for c in (frame.column(t) for t in member.tangent) if c)
             if turned:
                 tangents[index] = turned
@@ -279,12 +279,3 @@ def _columns(table: ResidualTable, frame: Frame, candidates: Sequence[Candidate]
         tangents=tangents,
         candidates=tuple(kept),
     )
-
-
-def _means(column: Mapping[int, FloatArray], frame: Frame) -> FloatArray:
-    """Means (A,) of a column over all cells, completed as the errors are."""
-    table = np.zeros(frame.strata.shape)
-    for axis, values in column.items():
-        table[:, :, axis] = values
-    found: FloatArray = frame.completion.fill(table).mean(axis=(0, 1))
-    return found

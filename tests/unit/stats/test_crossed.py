@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from crossed_tables import Floats, Mask, grid, half_measured, holes
+from scipy.sparse.csgraph import connected_components
 
 from mtu_cli.stats.crossed import completion
 
@@ -103,6 +104,23 @@ def test_rows_plus_columns_are_completed_exactly(name: str) -> None:
     table = rng.normal(size=(there.shape[0], 1, 1)) + rng.normal(size=(1, there.shape[1], 1))
     given = np.where(there[:, :, None], table, 1e6)
     np.testing.assert_allclose(completion(there).fill(given), table, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("lines", [False, True])
+@pytest.mark.parametrize("seed", range(12))
+def test_a_table_is_connected_where_its_entries_tell_rows_from_columns(
+    seed: int, lines: bool
+) -> None:
+    # Of a graph of rows and columns with an edge for each entry, scipy counts the pieces.
+    there = holes(7, 8, 0.6 + 0.02 * seed, seed)
+    own = completion(there, grid(8) if lines else None)
+    P, H = there.shape
+    graph = np.zeros((P + H, P + H))
+    graph[:P, P:] = there
+    pieces = connected_components(graph, directed=False)[0]
+    table = np.random.default_rng(4).normal(size=(P, 1)) + np.arange(8.0) ** 2
+    back = own.fill(np.where(there, table, 0.0)[..., None])[..., 0]
+    assert own.connected == (pieces == 1) == np.allclose(back, table, rtol=0, atol=1e-8)
 
 
 def test_what_stands_in_missing_entries_does_not_matter() -> None:
