@@ -112,7 +112,7 @@ def test_a_table_is_connected_where_its_entries_tell_rows_from_columns(
     seed: int, lines: bool
 ) -> None:
     # Of a graph of rows and columns with an edge for each entry, scipy counts the pieces.
-    there = holes(7, 8, 0.6 + 0.02 * seed, seed)
+    there = holes(7, 8, 0.7 + 0.02 * seed, seed)
     own = completion(there, grid(8) if lines else None)
     P, H = there.shape
     graph = np.zeros((P + H, P + H))
