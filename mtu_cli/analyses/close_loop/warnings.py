@@ -44,25 +44,32 @@ def judged_tables(
 
     Raises InputError where none has.
     """
-    short = [table for table in tables if max(table.there.shape) < FEWEST_ENTRIES]
-    if len(short) == len(tables):
-        what, size = _size(short[0])
-        raise fault(
-            f"too little to judge by: {size} {what}",
-            expected=f"{FEWEST_ENTRIES} or more of one or the other",
+    lacking = [_lacking(table) for table in tables]
+    if lacking[0] is not None and None not in lacking:
+        what, expected = lacking[0]
+        raise fault(f"too little to judge by: {what}", expected=expected)
+    warned = [
+        Warned(code="too-few", message=f"not judged: {lack[0]}")
+        for lack in lacking
+        if lack is not None
+    ]
+    return [table for table, lack in zip(tables, lacking, strict=True) if lack is None], warned
+
+
+def _lacking(table: ResidualTable) -> tuple[str, str] | None:
+    """What there is too little of to judge by, and what there should be."""
+    parts, features = table.there.shape
+    of = "" if table.component is None else f" of {table.component}"
+    part, feature = ("pass", "place") if of else ("part", "feature")
+    both = f"{part}{'es' if of else 's'} and {feature}s"
+    if max(parts, features) < FEWEST_ENTRIES:
+        return f"{parts} by {features} {both}{of}", f"{FEWEST_ENTRIES} or more of one or the other"
+    if min(parts, features) > 1 and table.there.sum(axis=1).max() == 1:
+        return (
+            f"no {part}{of} has two {feature}s, and what {both} differ by cannot be told apart",
+            f"in column {part!r} one value for all {feature}s that were measured in one go",
         )
-    warned = []
-    for table in short:
-        what, size = _size(table)
-        warned.append(Warned(code="too-few", message=f"not judged: {size} {what} alone"))
-    return [table for table in tables if max(table.there.shape) >= FEWEST_ENTRIES], warned
-
-
-def _size(table: ResidualTable) -> tuple[str, str]:
-    parts, columns = table.there.shape
-    of = table.component
-    what = "parts and features" if of is None else f"passes and places of {of}"
-    return what, f"{parts} by {columns}"
+    return None
 
 
 def loop_warnings(tables: Sequence[TableResult], most: int) -> tuple[Warned, ...]:
