@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.stats.crossed import Completion, Freeing
 from mtu_cli.stats.least_squares import FloatArray
@@ -35,25 +36,18 @@ Turned = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Passed:
-    """Sums of squares and products of inputs of J directions: `interaction`, `rest` and `turned`
-    (J, J, A), `part` (J, J, d, d), d = A (1 + k).
+class ExpectedSquares:
+    """What errors of entries, of columns, of their reversals, of parts, and what all parts have
+    in common give in the sums of squares of one design: `interaction`, `rest` and `turned`
+    (T, A) and `part` (T, d, d), d = A (1 + k), for every variance and covariance of them, T in
+    all: 3 A variances by axis and twice d d covariances.
     """
 
+    strata: Strata
     interaction: FloatArray
     rest: FloatArray
     turned: FloatArray
     part: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExpectedSquares:
-    """What errors of entries, of columns, of their reversals, of parts, and what all parts have
-    in common give in the sums of squares of one design.
-    """
-
-    strata: Strata
-    passed: tuple[Passed, ...]
 
     def of(
         self,
@@ -69,15 +63,13 @@ class ExpectedSquares:
         `part` and `common` (d, d) of a part's coordinates and of P times what all parts have in
         common, and degrees of freedom `dof` (S,) of the strata; nan as in `mean_squares`.
         """
-        V = (np.diag(interaction), np.diag(column), np.diag(reversal), part, common)
-        given = list(zip(V, self.passed, strict=True))
+        V = np.concatenate([interaction, column, reversal, part.ravel(), common.ravel()])
+        P = self.strata.shape[0]
         return MeanSquares(
-            interaction=_over(
-                self._sizes("interaction", dof), [(v, p.interaction) for v, p in given]
-            ),
-            rest=_over(self._sizes("column", dof), [(v, p.rest) for v, p in given]),
-            turned=_over(self._sizes("reversal", dof), [(v, p.turned) for v, p in given]),
-            part=_over(np.array(self.strata.shape[0] - 1.0), [(v, p.part) for v, p in given]),
+            interaction=_over(self._sizes("interaction", dof), V @ self.interaction),
+            rest=_over(self._sizes("column", dof), V @ self.rest),
+            turned=_over(self._sizes("reversal", dof), V @ self.turned),
+            part=_over(np.array(P - 1.0), np.tensordot(V, self.part, axes=1)),
         )
 
     def _sizes(self, kind: str, dof: FloatArray) -> FloatArray:
@@ -90,9 +82,8 @@ class ExpectedSquares:
         return found
 
 
-def _over(sizes: FloatArray, sums: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
-    total = sum(np.tensordot(V, own, axes=2) for V, own in sums)
-    found: FloatArray = np.where(sizes > 0, total / np.where(sizes > 0, sizes, 1.0), np.nan)
+def _over(sizes: FloatArray, sums: FloatArray) -> FloatArray:
+    found: FloatArray = np.where(sizes > 0, sums / np.where(sizes > 0, sizes, 1.0), np.nan)
     return found
 
 
@@ -100,12 +91,31 @@ def expected_squares(
     strata: Strata, completion: Completion, freeing: Freeing | None
 ) -> ExpectedSquares:
     """Of a design whose tables are freed by `freeing` and filled in by `completion`."""
+    P = strata.shape[0]
+    turned = _apart(strata, completion)
+    if freeing is not None:
+        turned = _together(strata, completion, freeing)
+    sums = [
+        _sums(strata, turned, inputs, _signs(n), apart=True)
+        for inputs, n in _of_entries_and_columns(strata, completion.observed)
+    ]
+    # What all parts have in common: the input whose signs are all 1, of length 1.
+    sums += [
+        _sums(strata, turned, _of_parts(strata), signs, apart=False)
+        for signs in (_signs(P), np.full((1, P), 1 / np.sqrt(P)))
+    ]
+    interaction, rest, reversals, part = (np.concatenate(own) for own in zip(*sums, strict=True))
+    return ExpectedSquares(
+        strata=strata, interaction=interaction, rest=rest, turned=reversals, part=part
+    )
+
+
+def _of_entries_and_columns(strata: Strata, there: NDArray[np.bool_]) -> list[tuple[Inputs, int]]:
+    """The entries that are `there` (P, H), the columns and their reversals, and their numbers."""
     P, H, _ = strata.shape
-    cells = np.flatnonzero(completion.observed)
+    cells = np.flatnonzero(there)
     even = strata.columns[:, [0, *strata.even.tolist()]]
     odd = strata.columns[:, strata.odd]
-    own = strata.columns[:, : 1 + strata.lines].T
-    whole = np.ones((P, 1))
 
     def entries(signs: FloatArray) -> FloatArray:
         found = np.zeros((len(signs), P * H))
@@ -113,26 +123,23 @@ def expected_squares(
         return found.reshape(len(signs), 1, P, H)
 
     def columns(signs: FloatArray) -> FloatArray:
-        return whole * (signs @ even.T)[:, None, None]
+        return np.ones((P, 1)) * (signs @ even.T)[:, None, None]
 
     def reversals(signs: FloatArray) -> FloatArray:
-        return whole * (signs @ odd.T)[:, None, None]
+        return np.ones((P, 1)) * (signs @ odd.T)[:, None, None]
+
+    return [(entries, len(cells)), (columns, even.shape[1]), (reversals, odd.shape[1])]
+
+
+def _of_parts(strata: Strata) -> Inputs:
+    """The parts, by their offsets and smooth directions."""
+    own = strata.columns[:, : 1 + strata.lines].T
 
     def parts(signs: FloatArray) -> FloatArray:
         found: FloatArray = signs[:, None, :, None] * own[:, None]
         return found
 
-    turned = _apart(strata, completion)
-    if freeing is not None:
-        turned = _together(strata, completion, freeing)
-    counts = (len(cells), even.shape[1], odd.shape[1], P)
-    passed = [
-        _passed(strata, turned, inputs, _signs(n))
-        for inputs, n in zip((entries, columns, reversals, parts), counts, strict=True)
-    ]
-    # All parts alike: the input whose signs are all 1, of length 1.
-    passed.append(_passed(strata, turned, parts, np.full((1, P), 1 / np.sqrt(P))))
-    return ExpectedSquares(strata=strata, passed=tuple(passed))
+    return parts
 
 
 def _signs(n: int) -> FloatArray:
@@ -144,7 +151,12 @@ def _signs(n: int) -> FloatArray:
     return found
 
 
-def _passed(strata: Strata, turned: Turned, inputs: Inputs, signs: FloatArray) -> Passed:
+def _sums(
+    strata: Strata, turned: Turned, inputs: Inputs, signs: FloatArray, *, apart: bool
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """The sums of squares, in the order of `ExpectedSquares`, of inputs of J directions: (J, ...)
+    of each where they are uncorrelated (`apart`), else (J J, ...) of every two.
+    """
     P, H, A = strata.shape
     d = A * (1 + strata.lines)
     J = inputs(signs[:0]).shape[1] * A
@@ -160,9 +172,9 @@ def _passed(strata: Strata, turned: Turned, inputs: Inputs, signs: FloatArray) -
                 sums[stratum.kind][:, :, stratum.axis] += products
         own = of_parts(strata, y)
         part += np.tensordot(own, own, axes=([0, 2], [0, 2])).transpose(0, 2, 1, 3)
-    return Passed(
-        interaction=sums["interaction"], rest=sums["column"], turned=sums["reversal"], part=part
-    )
+    kept = np.arange(J) * (J + 1) if apart else np.arange(J * J)
+    interaction, rest, reversals = (own.reshape(J * J, A)[kept] for own in sums.values())
+    return interaction, rest, reversals, part.reshape(J * J, d, d)[kept]
 
 
 def _together(strata: Strata, completion: Completion, freeing: Freeing) -> Turned:
