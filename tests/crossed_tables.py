@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.crossed import completion
+from mtu_cli.stats.crossed import Freeing, completion
 from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import KnownScatter, NullModel
+from mtu_cli.stats.mean_squares import MeanSquares
 from mtu_cli.stats.strata import Strata, strata_of
 
 Floats = NDArray[np.float64]
@@ -57,6 +58,21 @@ def half_measured(P: int, H: int) -> Mask:
     there[1::2, H // 2 :] = False
     there[0, : H // 2] = False
     return there
+
+
+def turned_out(there: Mask) -> Freeing:
+    """Takes out what turns the parts about the origin, of the entries that are there: it mixes
+    the axes.
+    """
+    places = np.random.default_rng(5).normal(size=(there.shape[1], 2))
+    arm = np.stack([-places[:, 1], places[:, 0]], axis=1) * there[:, :, None]
+    size = np.einsum("pha,pha->p", arm, arm)
+
+    def free(tables: Floats) -> Floats:
+        amount = np.einsum("...pha,pha->...p", tables, arm) / size
+        return np.asarray(tables - amount[..., None, None] * arm)
+
+    return free
 
 
 def frame_of(strata: Strata, observed: Mask) -> Frame:
@@ -135,6 +151,18 @@ def dense_covariance(strata: Strata, model: NullModel) -> Floats:
         for a in range(A):
             V[p, :, a, p, :, a] += model.interaction[a] * np.eye(H)
     return V.reshape(P * H * A, P * H * A)
+
+
+def expected(frame: Frame, model: NullModel, dof: Floats) -> MeanSquares:
+    """The mean squares that tables of a null have on average."""
+    return frame.squares.of(
+        interaction=model.interaction,
+        column=model.column,
+        reversal=model.reversal,
+        part=model.part,
+        common=model.common @ model.common.T,
+        dof=dof,
+    )
 
 
 def coordinate_matrix(frame: Frame) -> Floats:

@@ -65,12 +65,9 @@ def fellows(number: IntArray, way: IntArray) -> Fellows:
         pieces = _days(number, way)
     found: Fellows = []
     for own in pieces:
-        pairs = [
-            _alike(number[own], way[own]),
-            _neighbours(way[own]),
-            _blocks(own - own[0], way[own]),
-        ]
-        found += [(int(own[i]), int(own[j])) for i, j in max(pairs, key=len)]
+        pairs = _alike(number[own], way[own])
+        pairs = pairs or max(_neighbours(way[own]), _blocks(own - own[0], way[own]), key=len)
+        found += [(int(own[i]), int(own[j])) for i, j in pairs]
     return found
 
 
@@ -84,10 +81,10 @@ def _of_one_count(number: IntArray, way: IntArray) -> Fellows:
 
 
 def _days(number: IntArray, way: IntArray) -> list[IntArray]:
-    """Places of the passes of each count of both directions: a new one begins with a number and
-    direction that stood before, or with a lower number once both directions are there.
+    """Places of the passes of each count of both directions: where a number and direction stands
+    twice a new one begins with it, or with a lower number once both directions are there.
     """
-    if (np.diff(number) < 0).all():
+    if _distinct(number, way):
         return [np.arange(len(number))]
     seen: set[tuple[int, int]] = set()
     begins, last = [], 0
@@ -100,9 +97,13 @@ def _days(number: IntArray, way: IntArray) -> list[IntArray]:
     return np.split(np.arange(len(number)), begins)
 
 
+def _distinct(number: IntArray, way: IntArray) -> bool:
+    return len(np.unique(np.column_stack([number, way]), axis=0)) == len(number)
+
+
 def _alike(number: IntArray, way: IntArray) -> Fellows:
     """Passes of one number, where each direction counts its own."""
-    if len(np.unique(np.column_stack([number, way]), axis=0)) < len(number):
+    if not _distinct(number, way):
         return []
     order = np.argsort(number, kind="stable")
     same = np.flatnonzero(number[order][1:] == number[order][:-1])

@@ -114,8 +114,11 @@ def completion(observed: NDArray[np.bool_], smooth: FloatArray | None = None) ->
     along = np.einsum("pih,hq->qpi", solved, free)
     square = free[: len(X)].T @ free[: len(X)] + np.einsum("qpi,rpi->qr", along, along)
     # What the entries do not tell leaves no trace in a connected table: its rows take off again
-    # what its columns put on.
-    untold = free[: len(X)].T[:, None] - along @ X.T
+    # what its columns put on. One by one, for of a table in many pieces there is much of it.
+    connected = all(
+        np.abs(of_columns - of_rows @ X.T).max() <= SAME
+        for of_columns, of_rows in zip(free[: len(X)].T, along, strict=True)
+    )
     return Completion(
         observed=observed,
         smooth=X,
@@ -124,7 +127,7 @@ def completion(observed: NDArray[np.bool_], smooth: FloatArray | None = None) ->
         columns=(vectors[:, kept] / values[kept]) @ vectors[:, kept].T,
         free=free,
         lean=np.einsum("qr,rpi->qpi", np.linalg.pinv(square), along),
-        connected=bool(np.abs(untold).max(initial=0.0) <= SAME),
+        connected=connected,
     )
 
 

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import nnls
 
 from mtu_cli.stats.column_groups import NOTHING
 from mtu_cli.stats.crossed import Completion, Freeing
+from mtu_cli.stats.direction_noise import DirectionNoise, direction_noise
 from mtu_cli.stats.expected_squares import ExpectedSquares, expected_squares
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.mean_squares import EntryNoise, MeanSquares
 from mtu_cli.stats.strata import Strata, of_rows
 
 MINOR = 2e-3
@@ -37,6 +40,38 @@ class Frame:
     def squares(self) -> ExpectedSquares:
         """The mean squares that components of variance give in tables of this frame."""
         return expected_squares(self.strata, self.completion, self.freeing)
+
+    def noise(self, y: FloatArray, dof: FloatArray, nominal: FloatArray) -> EntryNoise:
+        """The noise of entries by the interaction of coordinates `y` (N,) with `dof` (S,) degrees
+        of freedom, of `nominal` (S,) that the table has; variances and `dof` 0 where it has none.
+        """
+        P, _, A = self.strata.shape
+        d = A * (1 + self.strata.lines)
+        square, n, whole = np.zeros(A), np.zeros(A), np.ones(A)
+        for s, stratum in enumerate(self.strata.all):
+            if stratum.kind == "interaction" and dof[s] > 0:
+                n[stratum.axis], whole[stratum.axis] = dof[s], nominal[s]
+                square[stratum.axis] = np.sum(y[stratum.slice] ** 2) / dof[s]
+        if self.freeing is None and self.completion.complete:
+            part = np.diag(np.repeat(square, d // A)) if P > 1 else np.full((d, d), np.nan)
+            squares = MeanSquares(interaction=square, rest=square, turned=square, part=part)
+            return EntryNoise(variance=square, dof=n, squares=squares)
+        # Freeing mixes the axes: a mean square may hold noise of another one.
+        variance = nnls((self.squares.interaction[:A] / whole).T, square)[0]
+        none = np.zeros((d, d))
+        squares = self.squares.of(
+            interaction=variance,
+            column=np.zeros(A),
+            reversal=np.zeros(A),
+            part=none,
+            common=none,
+            dof=nominal,
+        )
+        return EntryNoise(variance=variance, dof=n, squares=squares)
+
+    def direction_noise(self, directions: FloatArray) -> tuple[DirectionNoise, ...]:
+        """How far parts go along `directions` (D, A, 1 + k) by the noise of entries alone."""
+        return direction_noise(self.strata, self.completion, self.freeing, directions)
 
     def column(self, parts: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
         """A column's coordinates by stratum, from its tables by axis, where it can be tested.

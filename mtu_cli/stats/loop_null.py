@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.stats.as_if_complete import as_if_complete
 from mtu_cli.stats.estimated_scatter import scattered
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loop_frame import Frame
@@ -23,7 +24,6 @@ TRUST = 3.0
 """Degrees of freedom that the predicted scatter of parts counts for beside the measured one."""
 FEWEST = 4
 """Columns beyond the smooth directions that tell their scatter by themselves."""
-CORRECTIONS = 3
 FEW_PARTS = 10
 """Up to so many parts the machine's own prediction of their scatter counts beside it."""
 
@@ -81,38 +81,14 @@ class NullModel:
 def null_of(frame: Frame, y: FloatArray, dof: FloatArray, known: KnownScatter) -> NullModel:
     """Fits the null to coordinates `y` (N,).
 
-    In an incomplete table the mean squares are biased by the filling: the components are
-    corrected by what mean squares they give on average.
+    In an incomplete table the mean squares are biased by the filling: they are brought to what
+    the same components would give in a complete one.
     """
     strata = frame.strata
-    wanted = mean_squares(strata, y[None], dof)
-    told = _told(frame)
-    model = _components(strata, wanted, known, told)
-    if frame.completion.complete and frame.freeing is None:
-        return model
-    aim = wanted
-    for _ in range(CORRECTIONS):
-        got = expected(frame, model, dof)
-        aim = MeanSquares(
-            interaction=aim.interaction * _ratio(wanted.interaction, got.interaction),
-            rest=aim.rest * _ratio(wanted.rest, got.rest),
-            turned=aim.turned * _ratio(wanted.turned, got.turned),
-            part=aim.part + wanted.part - got.part,
-        )
-        model = _components(strata, aim, known, told)
-    return model
-
-
-def expected(frame: Frame, model: NullModel, dof: FloatArray) -> MeanSquares:
-    """The mean squares that tables of `model` have on average."""
-    return frame.squares.of(
-        interaction=model.interaction,
-        column=model.column,
-        reversal=model.reversal,
-        part=model.part,
-        common=model.common @ model.common.T,
-        dof=dof,
-    )
+    found = mean_squares(strata, y[None], dof)
+    if not frame.completion.complete or frame.freeing is not None:
+        found = as_if_complete(frame, found, dof, known.part, known.common)
+    return _components(strata, found, known, _told(frame))
 
 
 def _told(frame: Frame) -> int:
@@ -121,11 +97,6 @@ def _told(frame: Frame) -> int:
     if frame.completion.complete or rows.shape[1] == 1:
         return len(rows)
     return int(rows[:, 1:, 1:].any(axis=(1, 2)).sum())
-
-
-def _ratio(wanted: FloatArray, got: FloatArray) -> FloatArray:
-    found: FloatArray = np.where(got > 0, wanted / np.where(got > 0, got, 1.0), 1.0)
-    return found
 
 
 def _components(strata: Strata, squares: MeanSquares, known: KnownScatter, told: int) -> NullModel:

@@ -23,6 +23,17 @@ class MeanSquares:
     part: FloatArray
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EntryNoise:
+    """The noise of single entries along each axis: `variance` and `dof` (A,), and the mean
+    `squares` that it gives by itself.
+    """
+
+    variance: FloatArray
+    dof: FloatArray
+    squares: MeanSquares
+
+
 def mean_squares(strata: Strata, y: FloatArray, dof: FloatArray) -> MeanSquares:
     """Mean squares of coordinates `y` (B, N), averaged over the B tables; `dof` (S,)."""
     P, _, A = strata.shape

@@ -125,8 +125,10 @@ def display_step(values: FloatArray, rounding: float = 0.0) -> float:
     """What values (n,) were rounded to, as far as they tell: the least that two of them differ by;
     not by `rounding` or less. 0 where all are equal.
     """
-    apart = np.diff(np.unique(values))
-    least = max(rounding, ROUNDED * float(np.abs(values).max(initial=0.0)))
+    steps = np.unique(values)
+    apart = np.diff(steps)
+    # Each gap beside its own two values: one that is far off says nothing of the others.
+    least = np.maximum(rounding, ROUNDED * np.maximum(np.abs(steps[1:]), np.abs(steps[:-1])))
     return float(apart[apart > least].min(initial=np.inf)) if (apart > least).any() else 0.0
 
 

@@ -1,8 +1,7 @@
 """What no named effect describes: omnibus statistics of what is left of a table.
 
 Each is large where the rest is not what the null says: a pattern that parts and columns share,
-parts that follow each other too smoothly, columns whose neighbours agree, columns or parts
-that scatter more than single entries do.
+parts that follow each other too smoothly, columns whose neighbours agree.
 """
 
 from __future__ import annotations
@@ -11,14 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtrc, ndtr, ndtri
 
 from mtu_cli.stats.kernel_ratio import Kernel, kernel_log_bayes, kernel_of, kernel_ratios
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.strata import Strata, of_rows, to_rows
 
-MANY = 1e6
-"""Degrees of freedom of what is known exactly."""
 CLIPPED = 2.5
 """Standard deviations beyond which an entry pulls no further: heavy tails are no pattern."""
 CACHED = 200_000
@@ -27,8 +23,6 @@ REACH = (0.12, 0.3)
 """Correlation lengths of smooth fields over the extent of the columns' places."""
 DRAWN = ("interaction-pattern", "serial-correlation", "serial-shape", "spatial-correlation")
 """The checks that are calibrated by drawing."""
-LARGEST = 1.0
-"""Effects of single columns or parts up to the scatter of one entry are what they may have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,87 +160,3 @@ def _whitened(
         if kernel is not None:
             own.append(kernel)
     return tuple(own)
-
-
-def scatter_p(
-    strata: Strata, y: FloatArray, dof: FloatArray, predicted: FloatArray, predicted_dof: float
-) -> tuple[float, float]:
-    """p of `column-variance` and `part-variance` (1 where they cannot be had) of y (N,).
-
-    Tested is that single columns, or parts, have effects of their own that scatter more than
-    `LARGEST` times what one entry does: less than that is ordinary (fixed errors of single
-    holes, setting up). Where the machine's own scatter from pass to pass is known, `predicted`
-    (A,) the variance of a part's coordinate by it with `predicted_dof` degrees of freedom,
-    parts are held against that (inf: against nothing). F tests, Bonferroni over the axes.
-    """
-    P, H, A = strata.shape
-    p: list[float] = [1.0]
-    part = _PartScatter()
-    for axis in range(A):
-        noise = strata.find("interaction", axis)
-        n = 0.0 if noise is None else float(dof[strata.all.index(noise)])
-        if noise is None or n < 3:
-            continue
-        level = float(np.sum(y[noise.slice] ** 2)) / n
-        for stratum in strata.all:
-            own = y[stratum.slice][len(stratum.lead) :]
-            if stratum.axis != axis or not len(own) or level <= 0:
-                continue
-            if stratum.kind in ("column", "reversal"):
-                ratio = float(np.mean(own**2)) / (level * (1 + LARGEST**2 * P))
-                p.append(float(fdtrc(len(own), n, ratio)))
-            elif stratum.kind == "part" and predicted[axis] > 0:
-                part.add(
-                    float(np.mean(own**2)) / (level + predicted[axis]), len(own), predicted_dof
-                )
-            elif stratum.kind == "part":
-                part.add(float(np.mean(own**2)) / (level * (1 + LARGEST**2 * H)), len(own), n)
-    return min(1.0, max(len(p) - 1, 1) * min(p)), part.p()
-
-
-class _PartScatter:
-    """Ratios of the parts' mean squares to what they may be: each axis, and all together."""
-
-    def __init__(self) -> None:
-        self.ratios: list[tuple[float, int, float]] = []
-
-    def add(self, ratio: float, n: int, expected_dof: float) -> None:
-        self.ratios.append((ratio, n, min(expected_dof, MANY)))
-
-    def p(self) -> float:
-        if not self.ratios:
-            return 1.0
-        single = [float(fdtrc(n, m, ratio)) for ratio, n, m in self.ratios]
-        total = sum(n for _, n, _ in self.ratios)
-        mean = sum(n * ratio for ratio, n, _ in self.ratios) / total
-        together = float(fdtrc(total, min(m for _, _, m in self.ratios), mean))
-        tests = len(single) + (len(single) > 1)
-        return min(1.0, tests * min(*single, together))
-
-
-def variance_ratio_p(square: float, expected: float, n: float, n_expected: float) -> float:
-    """p (one-sided) of a mean square with n degrees of freedom against an expected one."""
-    if square <= 0 or expected <= 0 or n <= 0 or n_expected <= 0:
-        return 1.0
-    return float(fdtrc(n, min(n_expected, MANY), square / expected))
-
-
-def two_scatters_p(a: FloatArray, b: FloatArray, share: float) -> tuple[float, float]:
-    """p (two-sided) and log ratio of the variances of entries a and b, zero-mean residuals.
-
-    `share` is the degrees of freedom an entry. The variance of log s^2 is (2 + excess
-    kurtosis) / n (Box, Biometrika 40 (1953) 318): heavy tails make variances differ by chance.
-    """
-    va, vb = float(np.mean(a**2)), float(np.mean(b**2))
-    if va <= 0 or vb <= 0:
-        return 1.0, 0.0
-    z = np.concatenate([a.ravel() / np.sqrt(va), b.ravel() / np.sqrt(vb)])
-    excess = max(float(np.mean(z**4)) - 3.0, 0.0)
-    se = np.sqrt((2 + excess) / share * (1 / a.size + 1 / b.size))
-    log_ratio = float(np.log(va / vb))
-    return float(2 * ndtr(-abs(log_ratio) / se)), log_ratio
-
-
-def score_of(p: float) -> float:
-    """The squared normal deviate of a two-sided p: a likelihood ratio of one parameter."""
-    return float(ndtri(max(p, 1e-300) / 2) ** 2)

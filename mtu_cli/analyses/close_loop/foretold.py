@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.added import added, contribution
+from mtu_cli.analyses.close_loop.evidence import Evidence
 from mtu_cli.analyses.close_loop.folds import Identity, identity
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.scan import Evidence, Scan
+from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.search import Search, posterior_of
 from mtu_cli.analyses.close_loop.state import State, Step
 from mtu_cli.model.effect_library import Member

@@ -167,6 +167,7 @@ def _scan(
     ordered = (*seen.candidates, *offsets, *scatters)
     null = null_of(frame, y, dof, known)
     whitening = whitening_of(strata, null)
+    directions = scatter_directions(table, strata)
     scan = Scan(
         frame=frame,
         dof=dof,
@@ -179,7 +180,8 @@ def _scan(
         remainder=remainder_of(strata, whitening, places_of(table)),
         null=null,
         operation=table.operation,
-        directions=scatter_directions(table, strata),
+        directions=directions,
+        turns=frame.direction_noise(directions) if scatters else (),
         predicted_dof=known.dof,
         least=_of_rounding(table, strata),
         parts_scatter=not table.scatter_known,

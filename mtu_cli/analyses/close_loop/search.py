@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtu_cli.analyses.close_loop.causes import causes, levels_of
+from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.scan import CHECKS, Evidence, Scan
+from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.state import State, Step
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray

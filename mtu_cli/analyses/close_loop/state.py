@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
+from mtu_cli.analyses.close_loop.evidence import Evidence, evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared, without_rounding
-from mtu_cli.analyses.close_loop.scan import Evidence, Scan, evidence
+from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.stats.column_groups import Column, MemberColumns, whiten
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray

@@ -8,7 +8,7 @@ from mtu_cli.analyses.thermal_fit.columns import Library
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.analyses.thermal_fit.uncertainty import Rest
 from mtu_cli.model.settings import Warned
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.outliers import GROSS, IntArray, told_apart
 from mtu_cli.stats.trimmed import trimmed_fit
 
@@ -16,8 +16,8 @@ FEW = 0.01
 """Share of the readings up to which those beyond the limit are slips; more must be apart from all
 others."""
 SHOWN = 5
-MOST_JUDGED, FARTHEST = 20_000, 1000
-"""Of more readings so many in even steps, and so many of those farthest off the model."""
+MOST_FITTED = 20_000
+"""Of more readings at most so many, in even steps, make up the fit."""
 
 
 def gross_warnings(lib: Library, rest: Rest, drift: ComponentDrift) -> list[Warned]:
@@ -25,16 +25,12 @@ def gross_warnings(lib: Library, rest: Rest, drift: ComponentDrift) -> list[Warn
 
     The fit to all of them is no measure: gross ones pull it, and choose its sensors.
     """
-    rows = _rows(rest)
-    time, error = rest.kept.time[rows], rest.kept.error[rows]
-    orders = [] if np.isnan(time).any() else [np.lexsort((time, rest.kept.cycle[rows]))]
-    found = trimmed_fit(_columns(lib, rest, rows, drift), error, orders)
-    gross = told_apart(found.distance, found.limit, FEW)
+    away, distance, limit = _judged(lib, rest, drift)
+    gross = told_apart(distance, limit, FEW)
     if not len(gross):
         return []
-    away = np.abs(error - found.expected)
     worst = gross[np.argsort(-away[gross], kind="stable")][:SHOWN]
-    places = [f"by {drift.shown(float(away[i]))} in {_where(rest, drift, rows[i])}" for i in worst]
+    places = [f"by {drift.shown(float(away[i]))} in {_where(rest, drift, i)}" for i in worst]
     more = f", then {', '.join(places[1:])}" if len(places) > 1 else ""
     more += f"; and {len(gross) - SHOWN} more" if len(gross) > SHOWN else ""
     text = (
@@ -45,14 +41,26 @@ def gross_warnings(lib: Library, rest: Rest, drift: ComponentDrift) -> list[Warn
     return [Warned(code="outlier-readings", message=text)]
 
 
-def _rows(rest: Rest) -> IntArray:
-    """Those that are judged, in their order."""
+def _judged(
+    lib: Library, rest: Rest, drift: ComponentDrift
+) -> tuple[FloatArray, FloatArray, float]:
+    """How far off the fit each reading (n,) is, the same in standard deviations, and the limit.
+
+    Of very many readings some in even steps are fitted; all are judged.
+    """
     n = len(rest.residual)
-    if n <= MOST_JUDGED:
-        return np.arange(n)
-    away = np.abs(rest.residual - np.median(rest.residual))
-    far = np.argpartition(away, n - FARTHEST)[n - FARTHEST :]
-    return np.union1d(np.linspace(0, n - 1, MOST_JUDGED).astype(np.int64), far)
+    rows = np.arange(n)[:: -(-n // MOST_FITTED)]
+    kept, X = rest.kept, _columns(lib, rest, rows, drift)
+    time = kept.time[rows]
+    orders = [] if np.isnan(time).any() else [np.lexsort((time, kept.cycle[rows]))]
+    found = trimmed_fit(X, kept.error[rows], orders)
+    if len(rows) == n:
+        return np.abs(kept.error - found.expected), found.distance, found.limit
+    b = least_squares(X, found.expected).coefficients
+    pieces = np.split(np.arange(n), range(MOST_FITTED, n, MOST_FITTED))
+    expected = np.concatenate([_columns(lib, rest, own, drift) @ b for own in pieces])
+    away = np.abs(kept.error - expected)
+    return away, away / found.spread if found.spread > 0 else np.zeros(n), found.limit
 
 
 def _columns(lib: Library, rest: Rest, rows: IntArray, drift: ComponentDrift) -> FloatArray:

@@ -11,7 +11,7 @@ from separation_examples import prepared_of
 from shop_day import SIGMA, ShopDay, measure
 from shop_day.day import Floats
 
-from mtu_cli.analyses.close_loop.scan import evidence
+from mtu_cli.analyses.close_loop.evidence import evidence
 from mtu_cli.analyses.close_loop.search import CREDIBLE, posterior_of
 
 

@@ -12,8 +12,9 @@ from effect_tables import shop_covariates
 from loop_tables import candidate, crossed, offset, prepared_with, residuals
 from scipy.stats import binom, chi2
 
+from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence, evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.scan import CHECKS, Evidence, Scan, calibrated, evidence
+from mtu_cli.analyses.close_loop.scan import Scan, calibrated
 from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.model.effect_candidate import Candidate
 from mtu_cli.model.residual_table import ResidualTable

@@ -123,6 +123,22 @@ def test_passes_that_are_lost_in_turns_part_no_others(lost: tuple[int, ...]) -> 
     assert [(number[i], number[j]) for i, j in fellows(number, way)] == wanted
 
 
+@pytest.mark.parametrize(
+    ("there", "back"),
+    [
+        ([1, 2, 3, 4, 5], [5, 4, 3, 2, 1]),
+        ([4, 1, 5, 3, 2], [2, 5, 1, 4, 3]),
+        ([1, 3, 4, 5], [1, 2, 4, 5]),
+        ([2, 3, 4, 5], [1, 2, 3, 4]),
+    ],
+)
+def test_passes_of_one_number_are_fellows_in_any_order(there: list[int], back: list[int]) -> None:
+    number = np.array(there + back)
+    way = np.repeat([1, -1], [len(there), len(back)])
+    found = {(int(number[i]), int(number[j])) for i, j in fellows(number, way)}
+    assert found == {(n, n) for n in set(there) & set(back)}
+
+
 @pytest.mark.parametrize("order", ["there back there back", "there there back back", "turns"])
 @pytest.mark.parametrize("lost", range(20))
 def test_days_that_count_anew_are_apart(order: str, lost: int) -> None:

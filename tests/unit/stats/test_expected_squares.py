@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from crossed_tables import (
@@ -11,45 +9,31 @@ from crossed_tables import (
     Mask,
     coordinate_matrix,
     dense_covariance,
+    expected,
     half_measured,
     holes,
     made,
     null,
     pairs,
     sizes,
+    turned_out,
     within,
 )
 
-from mtu_cli.stats import expected_squares as module
+from mtu_cli.stats import design_inputs as module
 from mtu_cli.stats.crossed import completion
 from mtu_cli.stats.expected_squares import expected_squares
 from mtu_cli.stats.loop_frame import Frame
-from mtu_cli.stats.loop_null import NullModel, draw, expected
+from mtu_cli.stats.loop_null import NullModel, draw
 from mtu_cli.stats.mean_squares import MeanSquares, mean_squares
 from mtu_cli.stats.strata import Strata, strata_of
 
-Freeing = Callable[[Floats], Floats]
 KINDS = ("interaction", "rest", "turned", "part")
 MASKS: dict[str, Mask] = {
     "complete": np.ones((6, 8), bool),
     "holes": holes(6, 8, 0.3, 3),
     "half": half_measured(6, 8),
 }
-
-
-def freed_of(there: Mask) -> Freeing:
-    """Takes out what turns the parts about the origin, of the entries that are there: it mixes
-    the axes.
-    """
-    places = np.random.default_rng(5).normal(size=(8, 2))
-    arm = np.stack([-places[:, 1], places[:, 0]], axis=1) * there[:, :, None]
-    size = np.einsum("pha,pha->p", arm, arm)
-
-    def free(tables: Floats) -> Floats:
-        amount = np.einsum("...pha,pha->...p", tables, arm) / size
-        return np.asarray(tables - amount[..., None, None] * arm)
-
-    return free
 
 
 def model_of(strata: Strata) -> NullModel:
@@ -70,7 +54,7 @@ def frame_of(strata: Strata, there: Mask, *, freed: bool) -> Frame:
     return Frame(
         strata=strata,
         completion=completion(there, strata.smooth),
-        freeing=freed_of(there) if freed else None,
+        freeing=turned_out(there) if freed else None,
     )
 
 
@@ -126,6 +110,13 @@ def test_they_are_the_mean_of_drawn_tables() -> None:
         values = np.array([getattr(item, what) for item in drawn])
         error = values.std(axis=0) / np.sqrt(len(values))
         assert within(values.mean(axis=0), getattr(found, what), error), what
+
+
+def test_random_signs_leave_the_squares_of_each_input_alone() -> None:
+    found = module.signs(module.MOST + 1)
+    assert found.shape == (module.PROBES, module.MOST + 1)
+    np.testing.assert_allclose((found**2).sum(axis=0), 1.0, rtol=1e-12)
+    np.testing.assert_array_equal(module.signs(module.MOST), np.eye(module.MOST))
 
 
 def test_of_many_inputs_some_sums_do(monkeypatch: pytest.MonkeyPatch) -> None:

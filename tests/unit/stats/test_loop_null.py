@@ -108,6 +108,40 @@ def test_components_are_recovered(name: str) -> None:
         assert within(values.mean(axis=0), getattr(model, what), error), what
 
 
+@pytest.mark.parametrize("what", ["part", "column", "with_noise"])
+def test_one_missing_entry_changes_a_fit_by_little(what: str) -> None:
+    """Four parts lean on the prediction (100 for a truth of 12), the scatter of one column beyond
+    the lines is told to a quarter: as much with an entry less. Mean differences of 200 tables.
+    """
+    P, H = (4, 12) if what == "part" else (8, 4 if what == "column" else 12)
+    strata = made(P, H, 1)
+    truth = null(
+        strata,
+        interaction=np.ones(1),
+        column=np.array([9.0 if what == "column" else 0.0]),
+        part=(0.0 if what == "with_noise" else 12.0) * np.eye(1 + strata.lines),
+    )
+    known = KnownScatter(100.0 * np.eye(3), np.zeros((3, 0)), 8.0)
+    if what != "part":
+        known = nothing_known(strata)
+    less = np.ones((P, H), bool)
+    less[1, 2] = False
+    tables = tables_of(strata, truth, 200, 10)
+    found = []
+    for there in (np.ones((P, H), bool), less):
+        frame, dof = frame_of(strata, there), sizes(strata, int((~there).sum()))
+        y, _ = frame.coordinates(np.where(there[:, :, None], tables, 0.0))
+        fits = [null_of(frame, own, dof, known) for own in y]
+        if what == "with_noise":
+            # Its least eigenvalue: what the estimates of few parts leave of the noise itself.
+            found.append([np.linalg.eigvalsh(item.with_noise)[0] for item in fits])
+        else:
+            found.append([np.mean(np.diag(np.atleast_2d(getattr(item, what)))) for item in fits])
+    apart, scatter = np.subtract(*np.array(found)), np.std(found[0])
+    assert abs(apart.mean()) < 0.2 * scatter
+    assert np.sqrt(np.mean(apart**2)) < 0.6 * scatter
+
+
 def test_reversals_have_their_own_component() -> None:
     strata = strata_of(9, np.repeat(np.linspace(-1, 1, 8), 2)[:, None], 1, pairs(16))
     n = 1 + strata.lines

@@ -96,5 +96,6 @@ def test_the_step_of_a_display() -> None:
     assert display_step(np.array([0.3, 0.1, 0.3, 0.7])) == pytest.approx(0.2)
     assert display_step(np.array([0.3, 0.1 + 0.2])) == 0.0
     assert display_step(np.array([1.0, 1.0 + 1e-6, 2.0]), 1e-5) == pytest.approx(1.0)
+    assert display_step(np.array([0.001, 0.002, 0.003, 1e9])) == pytest.approx(0.001)
     assert display_step(np.full(3, 7.0)) == display_step(np.zeros(0)) == 0.0
     assert display_u(np.array([0.0, 0.6])) == pytest.approx(0.6 / np.sqrt(12))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from crossed_tables import Floats, made, sizes
+from crossed_tables import Floats, made, sizes, whole_frame
 from scipy.stats import binom, f, ks_1samp, norm
 
-from mtu_cli.stats.remainder import scatter_p, score_of, two_scatters_p, variance_ratio_p
+from mtu_cli.stats.mean_squares import EntryNoise
+from mtu_cli.stats.scatter_tests import scatter_p, score_of, two_scatters_p, variance_ratio_p
 
 STRATA = made(12, 10, 2)
 DOF = sizes(STRATA)
@@ -23,8 +24,12 @@ def coordinates(count: int, seed: int, part: float = 1.0, column: float = 1.0) -
     return STRATA.coordinates(tables)[0]
 
 
+def noise(y: Floats) -> EntryNoise:
+    return whole_frame(STRATA).noise(y, DOF, DOF)
+
+
 def judged(y: Floats, predicted: Floats = UNKNOWN, dof: float = np.inf) -> Floats:
-    return np.array([scatter_p(STRATA, own, DOF, predicted, dof) for own in y])
+    return np.array([scatter_p(STRATA, own, noise(own), predicted, dof) for own in y])
 
 
 def plain(table: Floats) -> tuple[float, float]:
@@ -53,7 +58,7 @@ def test_p_are_those_of_f_tests_of_the_means() -> None:
         table = rng.normal(size=(12, 10, 2)) + 1.2 * rng.normal(size=(12, 1, 2))
         table += 1.2 * rng.normal(size=(1, 10, 2))
         y, _ = STRATA.coordinates(table)
-        found = scatter_p(STRATA, y, DOF, UNKNOWN, np.inf)
+        found = scatter_p(STRATA, y, noise(y), UNKNOWN, np.inf)
         assert found == pytest.approx(plain(table), rel=1e-9)
 
 
@@ -86,10 +91,12 @@ def test_parts_are_held_against_the_machines_own_scatter_where_it_is_known() -> 
 
 
 def test_tables_without_scatter_or_too_small_say_nothing() -> None:
-    assert scatter_p(STRATA, np.zeros(STRATA.size), DOF, UNKNOWN, np.inf) == (1.0, 1.0)
+    nothing = np.zeros(STRATA.size)
+    assert scatter_p(STRATA, nothing, noise(nothing), UNKNOWN, np.inf) == (1.0, 1.0)
     small = made(2, 3, 1, lines=False)
     y = np.random.default_rng(10).normal(size=small.size)
-    assert scatter_p(small, y, sizes(small), np.zeros(1), np.inf) == (1.0, 1.0)
+    of_small = whole_frame(small).noise(y, sizes(small), sizes(small))
+    assert scatter_p(small, y, of_small, np.zeros(1), np.inf) == (1.0, 1.0)
 
 
 @pytest.mark.parametrize(("n", "m"), [(3.0, 12.0), (20.0, 5.0), (7.0, np.inf)])

@@ -1,0 +1,74 @@
+"""Mean squares of an incomplete table, or of one with freedoms taken out, as a complete one has
+them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.loop_frame import Frame
+from mtu_cli.stats.mean_squares import MeanSquares
+
+CORRECTIONS = 100
+CONVERGED = 1e-3
+"""Share of the largest mean square that a last correction is at most."""
+LEAST = 0.1
+"""Share of the interaction's mean square that is noise of entries at least, whatever else leaks
+into it.
+"""
+
+
+def as_if_complete(
+    frame: Frame, wanted: MeanSquares, dof: FloatArray, part: FloatArray, common: FloatArray
+) -> MeanSquares:
+    """The mean squares that `wanted` stand for in a complete table: those whose components give
+    `wanted` here, of a table with `dof` (S,). Components are neither shrunk nor cut off meanwhile,
+    for that is no bias. `part` (d, d) is the covariance of one part's coordinates where there is
+    one part alone, `common` (d, K) the factor of what all parts have in common, times P.
+    """
+    aim = wanted
+    largest = _largest(wanted)
+    for _ in range(CORRECTIONS):
+        got = _expected(frame, aim, dof, part, common)
+        step = MeanSquares(
+            interaction=wanted.interaction - got.interaction,
+            rest=wanted.rest - got.rest,
+            turned=wanted.turned - got.turned,
+            part=wanted.part - got.part,
+        )
+        aim = MeanSquares(
+            interaction=np.maximum(aim.interaction + step.interaction, LEAST * wanted.interaction),
+            rest=aim.rest + step.rest,
+            turned=aim.turned + step.turned,
+            part=aim.part + step.part,
+        )
+        if _largest(step) <= CONVERGED * largest:
+            break
+    return aim
+
+
+def _largest(squares: MeanSquares) -> float:
+    values = (squares.interaction, squares.rest, squares.turned, squares.part.ravel())
+    return float(np.nanmax(np.abs(np.concatenate(values)), initial=0.0))
+
+
+def _expected(
+    frame: Frame, squares: MeanSquares, dof: FloatArray, part: FloatArray, common: FloatArray
+) -> MeanSquares:
+    """What tables give here on average whose components give `squares` in a complete table."""
+    P, k = frame.strata.shape[0], frame.strata.lines
+    interaction = _finite(squares.interaction if P > 1 else squares.rest)
+    noise = np.diag(np.repeat(interaction, 1 + k))
+    return frame.squares.of(
+        interaction=interaction,
+        column=_finite(squares.rest - interaction) / P,
+        reversal=_finite(squares.turned - interaction) / P,
+        part=squares.part - noise if P > 1 else part,
+        common=common @ common.T,
+        dof=dof,
+    )
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(values), values, 0.0)
