@@ -49,7 +49,7 @@ class Frame:
         d = A * (1 + self.strata.lines)
         square, n, whole = np.zeros(A), np.zeros(A), np.ones(A)
         for s, stratum in enumerate(self.strata.all):
-            if stratum.kind == "interaction" and dof[s] > 0:
+            if stratum.kind == "interaction" and min(dof[s], nominal[s]) > 0:
                 n[stratum.axis], whole[stratum.axis] = dof[s], nominal[s]
                 square[stratum.axis] = np.sum(y[stratum.slice] ** 2) / dof[s]
         if self.freeing is None and self.completion.complete:

@@ -8,6 +8,7 @@ from mtu_cli.model.effect_candidate import Column
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.crossed import Freeing
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.strata import Strata
 
 ALL = 1e-9
@@ -45,16 +46,17 @@ def fitted_powers(table: ResidualTable) -> list[Column]:
     return [{0: position[None] ** n} for n in range(1, table.fitted_degree + 1)]
 
 
-def degrees_of_freedom(table: ResidualTable, strata: Strata) -> FloatArray:
-    """Degrees of freedom (S,): sizes, less what is missing, less what the datum takes.
+def degrees_of_freedom(table: ResidualTable, frame: Frame) -> FloatArray:
+    """Degrees of freedom (S,): sizes, less what the datum takes; of the interaction of a table with
+    missing entries, what noise of variance 1 adds up to there.
 
     A motion that each part is free to make takes one a part, from each stratum the share that
     it has of the motion: a rotation moves x along y and y along x, and takes half of either
     where places spread alike.
     """
+    strata = frame.strata
     P = strata.shape[0]
     left = 1 - _shares(table, strata)
-    missing = int((~table.there).sum())
     found = []
     for stratum in strata.all:
         own = left[stratum.axis]
@@ -62,8 +64,10 @@ def degrees_of_freedom(table: ResidualTable, strata: Strata) -> FloatArray:
             n = float(own[strata.even].sum())
         elif stratum.kind == "reversal":
             n = float(own[strata.odd].sum())
+        elif stratum.kind == "interaction" and not frame.completion.complete:
+            n = float(frame.squares.interaction[stratum.axis, stratum.axis])
         elif stratum.kind == "interaction":
-            n = (P - 1) * float(own[strata.lines + 1 :].sum()) - missing
+            n = (P - 1) * float(own[strata.lines + 1 :].sum())
         else:
             n = (P - 1) * float(own[stratum.line])
         found.append(n if n > ALL * stratum.size else 0.0)

@@ -160,7 +160,7 @@ def _scan(
     y: FloatArray,
 ) -> tuple[Scan, tuple[Candidate, ...]]:
     """The scan of coordinates `y`, and all its candidates in their order."""
-    strata, dof = frame.strata, degrees_of_freedom(table, frame.strata)
+    strata, dof = frame.strata, degrees_of_freedom(table, frame)
     powers = [frame.column(power) for power in fitted_powers(table)]
     offsets = [c for c in chosen if c.kind == "offset"]
     scatters = [c for c in chosen if c.kind == "scatter"]

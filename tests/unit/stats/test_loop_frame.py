@@ -96,3 +96,15 @@ def test_a_freedom_is_taken_out_of_columns_and_errors_alike() -> None:
     np.testing.assert_allclose(
         frame.coordinates(moved)[0], frame.coordinates(table)[0], rtol=0, atol=1e-12
     )
+
+
+def test_where_entries_tell_no_noise_there_is_none() -> None:
+    """Two entries a part, and every one of them needed for its part and its column."""
+    there = np.zeros((6, 8), bool)
+    there[np.arange(6), np.arange(6)] = there[np.arange(6), np.arange(6) + 2] = True
+    frame = frame_of(STRATA, there)
+    nominal = np.array([-3.0 if s.kind == "interaction" else s.size for s in STRATA.all])
+    y = np.random.default_rng(4).normal(size=STRATA.size)
+    found = frame.noise(y, np.maximum(nominal, 1.0), nominal)
+    assert not found.variance.any()
+    assert not found.dof.any()
