@@ -7,6 +7,7 @@ that the machine's readings know nothing of, anew in every repeat.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 
@@ -16,6 +17,7 @@ from machine_trials import AXY, CENTRE, COMPONENTS, Drift, Z, pass_states, read_
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import correct
+from mtu_cli.analyses.correct.result import Size
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
@@ -61,26 +63,29 @@ def errors_at(rng: np.random.Generator, drift: Drift, place: Floats) -> Floats:
 
 
 def diameter_coverage(
-    fitted: FittedMachines, part: LoadedPart, *, probing: float = 0.0, repeats: int = 1
-) -> tuple[float, float]:
-    """Shares of machines whose intervals hold the diameter, and the length of two points."""
+    fitted: FittedMachines, part: LoadedPart, rings: int, *, probing: float, repeats: int
+) -> Floats:
+    """Of each machine the shares of its rings whose intervals hold the diameter, and the length of
+    two points (machines, 2).
+    """
     true = ring_places(CENTRE_OF_RING, DIAMETER)
     length = float(np.linalg.norm(true[0] - true[5]))
-    held = []
+    names = [f"ring {i}" for i in range(rings) for _ in range(repeats)]
+    nominal = np.tile(true, (len(names), 1))
+    nominal[:, 2] = np.nan
+    shares = []
     for model, after_readings in fitted.machines:
         rng = deepcopy(after_readings)
-        noise = probing * rng.standard_normal((repeats, *true.shape))
-        measured = (true + errors_at(rng, fitted.drift, true) + noise).reshape(-1, 3)
-        points = ring_points(measured, ["ring"] * repeats, list(range(1, repeats + 1)))
-        nominal = np.tile(true, (repeats, 1))
-        nominal[:, 2] = np.nan
+        noise = probing * rng.standard_normal((rings, repeats, *true.shape))
+        own = np.array([errors_at(rng, fitted.drift, true) for _ in range(rings)])
+        measured = (true + own[:, None] + noise).reshape(-1, 3)
+        points = ring_points(measured, names, list(range(1, repeats + 1)) * rings)
         result = correct(model, part, replace(points, nominal=nominal), Settings())
-        (ring,), (found,) = result.of_kind("circle"), result.of_kind("length")
-        held.append(
-            (
-                ring.interval95[0] <= DIAMETER <= ring.interval95[1],
-                found.interval95[0] <= length <= found.interval95[1],
-            )
-        )
-    shares = np.mean(held, axis=0)
-    return float(shares[0]), float(shares[1])
+        circles, lengths = result.of_kind("circle"), result.of_kind("length")
+        assert len(circles) == len(lengths) == rings
+        shares.append([_held(circles, DIAMETER), _held(lengths, length)])
+    return np.array(shares)
+
+
+def _held(found: Sequence[Size], size: float) -> float:
+    return float(np.mean([x.interval95[0] <= size <= x.interval95[1] for x in found]))

@@ -194,7 +194,17 @@ def predicted(known: LoadedMachine, readings: Readings) -> tuple[Prediction, dic
 
 def coverage(known: LoadedMachine, drift: Drift, machines: int, seed: int) -> dict[str, float]:
     """Shares of machines whose 95 % intervals hold: each coefficient, future point, length."""
-    hits: dict[str, list[bool]] = {}
+    found = coverage_by_machine(known, drift, machines, seed)
+    return {name: float(np.mean(shares)) for name, shares in found.items()}
+
+
+def coverage_by_machine(
+    known: LoadedMachine, drift: Drift, machines: int, seed: int, parts: int = 1
+) -> dict[str, FloatArray]:
+    """Of each machine, whether the 95 % interval of a coefficient holds (0 or 1), and the share
+    of its future `parts` in which that of a point or length does.
+    """
+    hits: dict[str, list[float]] = {}
     A = np.vstack([np.eye(2 * len(POINTS)), unit_gradients()])
     names = [f"E{axis} of {p}" for p in "abc" for axis in "xy"]
     names += [f"length {'abc'[i]}{'abc'[j]}" for i, j in PAIRS]
@@ -203,10 +213,11 @@ def coverage(known: LoadedMachine, drift: Drift, machines: int, seed: int) -> di
         variance = prediction.variance(A)
         half = np.array([coverage_factor(0.95, d) for d in variance.dof])
         half = half * np.sqrt(variance.total)
-        part = make_parts(rng, drift, 1)
-        actual = np.concatenate([part[0].ravel(), length_errors(part)[0]])
-        for name, miss, h in zip(names, actual - A @ prediction.mean, half, strict=True):
-            hits.setdefault(name, []).append(bool(abs(miss) <= h))
+        errors = make_parts(rng, drift, parts)
+        actual = np.concatenate([errors.reshape(parts, -1), length_errors(errors)], axis=1)
+        shares = (np.abs(actual - A @ prediction.mean) <= half).mean(axis=0)
+        for name, share in zip(names, shares.tolist(), strict=True):
+            hits.setdefault(name, []).append(share)
         for name, good in covered.items():
-            hits.setdefault(name, []).append(good)
-    return {name: float(np.mean(found)) for name, found in hits.items()}
+            hits.setdefault(name, []).append(float(good))
+    return {name: np.array(found) for name, found in hits.items()}

@@ -47,17 +47,17 @@ def fork_server() -> ForkServer:
 def mtu(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Result:
     """One call, standard input closed: a child of the fork server, which has the libraries.
 
-    Where an environment is asked for, or that of the tests has changed, a process is started.
-    What tests see of time and memory is of started processes only.
+    Where another environment is asked for than the width of a terminal, or that of the tests has
+    changed, a process is started. What tests see of time and memory is of started processes only.
     """
-    if not POSSIBLE or env is not None or not fork_server().serves(environment()):
+    if not POSSIBLE or not fork_server().serves(environment(env)):
         return started(*args, cwd=cwd, env=env)
-    return forked(*args, cwd=cwd)
+    return forked(*args, cwd=cwd, env=env)
 
 
-def forked(*args: object, cwd: Path | None = None) -> Result:
+def forked(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Result:
     """One call in a child of the fork server."""
-    return fork_server().call([*map(str, args)], cwd, environment(), TIMEOUT_S)
+    return fork_server().call([*map(str, args)], cwd, environment(env), TIMEOUT_S)
 
 
 def started(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Result:

@@ -18,6 +18,8 @@ from fork_server import SET_BEFORE
 SERVER = Path(__file__).with_name("fork_server.py")
 POSSIBLE = sys.platform == "linux" and not os.environ.get("MTU_STARTED")
 """Elsewhere system libraries may not be forked; MTU_STARTED=1 has every call start a process."""
+AT_CALL = ("COLUMNS",)
+"""What only a call looks at: nothing reads it while it is imported."""
 START_S = 120.0
 """Time to import everything, once, on a computer that does much else."""
 
@@ -46,10 +48,10 @@ class ForkServer:
         self.process.communicate()
 
     def serves(self, environment: dict[str, str]) -> bool:
-        """Whether this environment is the server's, but for what the command sets itself: tests
-        that run it within their own process leave that set.
+        """Whether this environment is the server's, but for what a call looks at and for what the
+        command sets itself: tests that run it within their own process leave that set.
         """
-        names = {*environment, *self._environment} - {*SET_BEFORE}
+        names = {*environment, *self._environment} - {*SET_BEFORE, *AT_CALL}
         return all(environment.get(name) == self._environment.get(name) for name in names)
 
     def call(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from cli_runner import SMALL, Listing, done, listing, prepared
+from cli_runner import mtu as plain_call
 from cli_runner import started as mtu
 
 SURROUNDINGS = [
@@ -51,7 +52,8 @@ def test_the_seed_makes_the_difference(tmp_path: Path) -> None:
     texts: list[str] = []
     for seed in ("1", "1", "2"):
         path = tmp_path / f"{len(texts)}.json"
-        done(mtu("orthogonality", SMALL, "--seed", seed, "--trials", "20000", "-o", path))
+        call = ("orthogonality", SMALL, "--seed", seed, "--trials", "20000", "-o", path)
+        done(plain_call(*call))
         texts.append(path.read_text("utf-8").replace(f'"seed": {seed}', '"seed"'))
     assert texts[0] == texts[1] != texts[2]
 

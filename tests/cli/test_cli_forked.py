@@ -31,6 +31,8 @@ from mtu_cli.cli.commands import app
 
 pytestmark = pytest.mark.skipif(not POSSIBLE, reason="every call starts a process")
 
+FEW_EFFECTS = "--max-effects 1 --exclude cyclic --exclude warm-up --exclude covariate"
+"""What is looked for longest is looked for by the same process as the rest."""
 CALLS = {
     "fit-components": "",
     "thermal-fit": "--drift drift.csv --model ridge",
@@ -38,15 +40,15 @@ CALLS = {
     "lengths": "--plot out.svg",
     "orthogonality": "--trials 20000",
     "anova": "--cmm cmm.csv",
-    "close-loop": "--cmm cmm.csv --write-machine new.yaml --plot out.png",
+    "close-loop": f"--cmm cmm.csv --write-machine new.yaml --plot out.png {FEW_EFFECTS}",
     "compare": "--cmm cmm.csv",
     "correct": "--cmm cmm.csv",
-    "budget": "budget.yaml --plot out.pdf",
+    "budget": "budget.yaml --trials 20000 --plot out.pdf",
     "simulate": "--write-lbb out.csv",
     "graph check": "graph.yaml",
-    "graph draw": "graph.yaml --to out.svg",
-    "graph simulate": "graph.yaml",
-    "graph sweep": "graph.yaml --vary axis_um=0.5:2.5:2 --of d_AC",
+    "graph draw": "graph.yaml --to out.dot",
+    "graph simulate": "graph.yaml --trials 20000",
+    "graph sweep": "graph.yaml --vary axis_um=0.5:2.5:2 --of d_AC --trials 20000",
     "schema": "machine",
 }
 """What each is called with in the folder of `study`; a picture of every kind of file."""
@@ -118,6 +120,13 @@ def test_a_changed_environment_is_that_of_a_process(monkeypatch: pytest.MonkeyPa
     assert not plain.isascii()
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     assert mtu("fit-components", SMALL).stdout.isascii()
+
+
+def test_a_width_is_that_of_a_process() -> None:
+    width = {"COLUMNS": "60"}
+    child = forked("lengths", "--help", env=width).stdout
+    assert child == started("lengths", "--help", env=width).stdout
+    assert child != forked("lengths", "--help").stdout
 
 
 def test_what_the_command_sets_itself_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 import typer
-from cli_runner import done
-from cli_runner import started as mtu
+from cli_runner import done, mtu
 
 from mtu_cli import __version__
 from mtu_cli.cli.commands import app

@@ -156,10 +156,11 @@ def test_a_very_long_cell_costs_nothing(tmp_path: Path, separator: str, cell: st
 def test_a_table_whose_line_ends_are_lost(tmp_path: Path) -> None:
     """All of it is one header then, of very many columns."""
     start = time.process_time()
-    found = faults(tmp_path, "name,value," + ",".join(str(i // 2) for i in range(100_000)))
-    assert len(found) == 50_000
+    found = faults(tmp_path, "name,value," + ",".join(str(i // 2) for i in range(40_000)))
+    assert len(found) == 20_000
     assert found[0].endswith("column '0': the column stands twice, as column 3 and 4")
-    assert time.process_time() - start < 8.0
+    # To look each name up in the list of all would take several times as long.
+    assert time.process_time() - start < 3.2
 
 
 @pytest.mark.parametrize("fault", ["", "b,x,2\n"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 from scipy.stats import binom
@@ -19,10 +21,10 @@ from mtu_cli.stats.scatter_ratio import (
 RUNS = 1000
 
 
-def drawn(rng: np.random.Generator, rows: int, columns: int, rho: float) -> FloatArray:
-    """Rows of variance 1 with correlation rho between the columns."""
-    common = rng.standard_normal((rows, 1))
-    own = rng.standard_normal((rows, columns))
+def drawn(rng: np.random.Generator, rows: int, columns: int, rho: float, *runs: int) -> FloatArray:
+    """Rows of variance 1 with correlation rho between the columns, in tables (*runs,)."""
+    common = rng.standard_normal((*runs, rows, 1))
+    own = rng.standard_normal((*runs, rows, columns))
     values: FloatArray = np.sqrt(rho) * common + np.sqrt(1 - rho) * own
     return values
 
@@ -33,13 +35,29 @@ def bare(values: FloatArray) -> Side:
 
 def repeated(rng: np.random.Generator, values: FloatArray, s: float, repeats: int = 2) -> Side:
     """Means of repeated measurements, with the share of their scatter as estimated."""
-    rows, columns = values.shape
-    seen = values[..., None] + s * rng.standard_normal((rows, columns, repeats))
-    s2 = seen.var(axis=2, ddof=1).mean(axis=0)
+    (side,) = repeated_runs(rng, values[None], s, repeats)
+    return side
+
+
+def repeated_runs(
+    rng: np.random.Generator, values: FloatArray, s: float, repeats: int = 2
+) -> list[Side]:
+    """Of every table of `values` (runs, rows, columns)."""
+    rows = values.shape[1]
+    seen = values[..., None] + s * rng.standard_normal((*values.shape, repeats))
+    means = seen.mean(axis=3)
+    s2 = ((seen - means[..., None]) ** 2).sum(axis=3).mean(axis=1) / (repeats - 1)
     share = (rows - 1) / repeats * s2
-    u2 = 2 * share**2 / (rows * (repeats - 1))
-    noise = np.full(rows, share.sum() / rows)
-    return Side(values=seen.mean(axis=2), noise=noise, u2=float(u2.sum()))
+    u2 = (2 * share**2 / (rows * (repeats - 1))).sum(axis=1)
+    noise = np.repeat(share.sum(axis=1, keepdims=True) / rows, rows, axis=1)
+    return [
+        Side(values=own, noise=part, u2=float(u))
+        for own, part, u in zip(means, noise, u2, strict=True)
+    ]
+
+
+def alarms_of(sides: Iterable[tuple[Side, Side]]) -> int:
+    return sum(scatter_ratio(*two).p <= 0.05 for two in sides)
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(9, 3), (21, 5), (21, 24)])
@@ -62,14 +80,12 @@ def test_a_noisier_measurement_is_no_scatter(
     rows: int, columns: int, rho: tuple[float, float]
 ) -> None:
     """CMM s of 0.5 and 1.0 beside equal parts."""
-    alarms = 0
-    for seed in range(RUNS):
-        rng = np.random.default_rng([seed, rows, 1])
-        sides = [
-            repeated(rng, drawn(rng, rows, columns, r), s)
-            for r, s in zip(rho, (0.5, 1.0), strict=True)
-        ]
-        alarms += scatter_ratio(*sides).p <= 0.05
+    rng = np.random.default_rng([rows, columns, 1])
+    sides = (
+        repeated_runs(rng, drawn(rng, rows, columns, r, RUNS), s)
+        for r, s in zip(rho, (0.5, 1.0), strict=True)
+    )
+    alarms = alarms_of(zip(*sides, strict=True))
     assert alarms / RUNS <= 0.065
 
 
@@ -84,13 +100,12 @@ def test_a_noisier_measurement_is_no_scatter(
 def test_equal_scatter_has_the_nominal_rate(
     rows: int, columns: int, rho: tuple[float, float], s: tuple[float, float]
 ) -> None:
-    alarms = 0
-    for seed in range(RUNS):
-        rng = np.random.default_rng([seed, rows, 7])
-        sides = [
-            repeated(rng, drawn(rng, rows, columns, r), u, 3) for r, u in zip(rho, s, strict=True)
-        ]
-        alarms += scatter_ratio(*sides).p <= 0.05
+    rng = np.random.default_rng([rows, columns, 7])
+    sides = (
+        repeated_runs(rng, drawn(rng, rows, columns, r, RUNS), u, 3)
+        for r, u in zip(rho, s, strict=True)
+    )
+    alarms = alarms_of(zip(*sides, strict=True))
     assert binom.ppf(1e-3, RUNS, 0.05) <= alarms <= binom.ppf(1 - 1e-3, RUNS, 0.05)
 
 

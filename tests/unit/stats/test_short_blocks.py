@@ -7,9 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy import optimize, stats
-from scipy.special import ndtr
-from trial_models import Bent, Z
+from scipy import stats
+from trial_models import COPIES, Bent, Copies, Grown, Smooth, Twice, Z
 
 from mtu_cli.stats.block_plan import FIRST_LOOK, LEAST_BLOCKS, BlockPlan, trials_for_tails
 from mtu_cli.stats.blocks import Draws, block_generator
@@ -23,46 +22,21 @@ LONGEST_SHORT = 19_999
 """One trial more makes ten blocks, for 95 %, that are no longer short."""
 
 
-class Smooth(Bent):
-    smooth = True
-
-
-class Grown:
-    """y = (exp(a z) - 1)/a with the first-order form z."""
-
-    names = ("y",)
-    linear_mean = np.zeros(1)
-    smooth = True
-
-    def __init__(self, a: float) -> None:
-        self.a = a
-        square = np.exp(a * a)
-        self.exact = {
-            "mean": (np.sqrt(square) - 1) / a,
-            "u": np.sqrt((square - 1) * square) / a,
-            "low": np.expm1(-a * Z) / a,
-            "high": np.expm1(a * Z) / a,
-        }
-
-    def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        z = rng.standard_normal((1, m))
-        return Draws(values=np.expm1(self.a * z) / self.a, linear=z, linear_u=np.ones((1, 1)))
-
-
 @cache
 def student(blocks: int) -> float:
     return float(stats.t.ppf(0.975, blocks - 1) / stats.norm.ppf(0.975))
 
 
-def added(result: MonteCarloResult, name: str) -> float:
+def added(result: MonteCarloResult, name: str) -> FloatArray:
     """What a standard error is stated larger by beyond the scatter: t for few short blocks.
 
     And for an end that runs as a square again for the skew of its scatter, 1.1 + 1/h.
     """
-    h = result.blocks
-    if result.trials > LONGEST_SHORT or getattr(result.gain, name)[0] == 1.0:
-        return 1.0
-    return student(h) * ((1.1 + 1.0 / h) if name in ("low", "high") else 1.0)
+    gain, h = getattr(result.gain, name), result.blocks
+    if result.trials > LONGEST_SHORT:
+        return np.ones(len(gain))
+    more = student(h) * ((1.1 + 1.0 / h) if name in ("low", "high") else 1.0)
+    return np.where(gain == 1.0, 1.0, more)
 
 
 @pytest.mark.parametrize("trials", [2000, 5003, None])
@@ -71,40 +45,18 @@ def test_scatter_over_seeds_is_the_stated_one(model: Smooth | Grown, trials: int
     """Mean squared error over mean se^2: chi-square with 200; se^2 from ten blocks or more
     scatters by 2/9 itself.
     """
-    seeds = 200
+    copies, runs = Copies(model), 200 // COPIES
     results = [
-        monte_carlo(model, seed=s, trials=trials, tolerance_fraction=0.5, threads=1)
-        for s in range(seeds)
+        monte_carlo(copies, seed=s, trials=trials, tolerance_fraction=0.5, threads=1)
+        for s in range(runs)
     ]
-    four_sigma = 4.0 * np.sqrt((2.0 + 2.0 / 9.0) / seeds)
-    for name, exact in model.exact.items():
-        error = np.array([getattr(r, name)[0] for r in results]) - exact
-        se = np.array([getattr(r, f"se_{name}")[0] / added(r, name) for r in results])
+    samples = runs * COPIES
+    four_sigma = 4.0 * np.sqrt((2.0 + 2.0 / 9.0) / samples)
+    for name, exact in copies.exact.items():
+        error = np.array([getattr(r, name) for r in results]) - exact
+        se = np.array([getattr(r, f"se_{name}") / added(r, name) for r in results])
         assert abs(np.mean(error**2) / np.mean(se**2) - 1.0) < four_sigma, name
-        assert abs(error.mean()) < 4.0 * np.sqrt(np.mean(se**2) / seeds), name
-
-
-class Twice:
-    """`Bent` by 0.05 and by 0.1; the latter turns back at z = -2.5, near its lower end."""
-
-    names = ("y", "more")
-    linear_mean = np.full(2, 3.0)
-    smooth = True
-
-    def __init__(self) -> None:
-        once, more = Bent(0.05).exact, Bent(0.1).exact
-        z = optimize.brentq(lambda z: ndtr(z) - ndtr(-5.0 - z) - 0.025, -2.5, 0.0)
-        more["low"] = 3.0 + 2.0 * z + 0.4 * z * z
-        self.exact = {name: np.array([once[name], more[name]]) for name in NAMES}
-
-    def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        e = 2.0 * rng.standard_normal((1, m))
-        linear = np.repeat(3.0 + e, 2, axis=0)
-        return Draws(
-            values=linear + np.array([[0.05], [0.1]]) * e * e,
-            linear=linear,
-            linear_u=np.full((2, 1), 2.0),
-        )
+        assert abs(error.mean()) < 4.0 * np.sqrt(np.mean(se**2) / samples), name
 
 
 @pytest.mark.parametrize("trials", [2000, 4000])

@@ -31,28 +31,32 @@ def rss(Z: FloatArray, chosen: Sequence[int]) -> float:
     return least_squares(Z[:, [0, *chosen]], Z[:, -1]).rss
 
 
-def partial_p(Z: FloatArray, less: Sequence[int], more: Sequence[int], number: float) -> float:
-    left = rss(Z, more)
-    dof = number - len(more) - 1
-    return float(f_distribution.sf((rss(Z, less) - left) / left * dof, 1, dof))
+def partial_p(less: float, more: float, columns: int, number: float) -> float:
+    """Of one column, from the residual sums of squares without it and with it, of `columns`."""
+    dof = number - columns - 1
+    return float(f_distribution.sf((less - more) / more * dof, 1, dof))
 
 
 def by_full_refits(Z: FloatArray, number: float, enter: float, remove: float) -> list[int]:
     """The textbook's procedure, every step by regressions from scratch."""
     chosen: list[int] = []
+    now = rss(Z, chosen)
     for _ in range(100):
         others = [j for j in range(1, Z.shape[1] - 1) if j not in chosen]
-        entry = {j: partial_p(Z, chosen, [*chosen, j], number) for j in others}
-        best = min(entry, key=lambda j: rss(Z, [*chosen, j]), default=0)
-        if not best or entry[best] >= enter:
+        entry = {j: rss(Z, [*chosen, j]) for j in others}
+        best = min(entry, key=lambda j: entry[j], default=0)
+        if not best or partial_p(now, entry[best], len(chosen) + 1, number) >= enter:
             return sorted(chosen)
         chosen.append(best)
+        now = entry[best]
         while True:
-            exits = {j: partial_p(Z, [i for i in chosen if i != j], chosen, number) for j in chosen}
-            worst = max(exits, key=lambda j: exits[j], default=0)
-            if not worst or exits[worst] <= remove:
+            # Of one column each: the largest p is that of the least rise.
+            exits = {j: rss(Z, [i for i in chosen if i != j]) for j in chosen}
+            worst = min(exits, key=lambda j: exits[j])
+            if partial_p(exits[worst], now, len(chosen), number) <= remove:
                 break
             chosen.remove(worst)
+            now = exits[worst]
     raise AssertionError("no end")
 
 

@@ -116,7 +116,8 @@ def test_what_a_coarse_display_shows_is_not_gross(size: float, scatter: float) -
     rng = np.random.default_rng(7)
     position = np.linspace(0, 1, 60)
     X = np.vander(position, 2)
-    for _ in range(50):
+    # Without scatter all files are the same one.
+    for _ in range(50 if scatter else 1):
         steps = np.round(3 + scatter * rng.standard_normal(60))
         steps[5] += 1
         found = trimmed_fit(X, size * steps)

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy import optimize
+from scipy.special import ndtr, ndtri
 
 from mtu_cli.stats.block_plan import BlockPlan
 from mtu_cli.stats.blocks import Draws, block_generator
@@ -16,6 +17,7 @@ FloatArray = NDArray[np.float64]
 
 
 Z = float(ndtri(0.975))
+COPIES = 8
 
 
 class Bent:
@@ -47,6 +49,82 @@ class Bent:
         if not self.control:
             return Draws(values=values)
         return Draws(values=values, linear=z, linear_u=np.array([[2.0]]))
+
+
+class Smooth(Bent):
+    smooth = True
+
+
+class Grown:
+    """y = (exp(a z) - 1)/a with the first-order form z."""
+
+    names = ("y",)
+    linear_mean = np.zeros(1)
+    smooth = True
+
+    def __init__(self, a: float) -> None:
+        self.a = a
+        square = np.exp(a * a)
+        self.exact = {
+            "mean": (np.sqrt(square) - 1) / a,
+            "u": np.sqrt((square - 1) * square) / a,
+            "low": np.expm1(-a * Z) / a,
+            "high": np.expm1(a * Z) / a,
+        }
+
+    def draw(self, rng: np.random.Generator, m: int) -> Draws:
+        z = rng.standard_normal((1, m))
+        return Draws(values=np.expm1(self.a * z) / self.a, linear=z, linear_u=np.ones((1, 1)))
+
+
+class Twice:
+    """`Bent` by 0.05 and by 0.1; the latter turns back at z = -2.5, near its lower end."""
+
+    names = ("y", "more")
+    linear_mean = np.full(2, 3.0)
+    smooth = True
+
+    def __init__(self) -> None:
+        once, more = Bent(0.05).exact, Bent(0.1).exact
+        z = optimize.brentq(lambda z: ndtr(z) - ndtr(-5.0 - z) - 0.025, -2.5, 0.0)
+        more["low"] = 3.0 + 2.0 * z + 0.4 * z * z
+        self.exact = {
+            name: np.array([once[name], more[name]]) for name in ("mean", "u", "low", "high")
+        }
+
+    def draw(self, rng: np.random.Generator, m: int) -> Draws:
+        e = 2.0 * rng.standard_normal((1, m))
+        linear = np.repeat(3.0 + e, 2, axis=0)
+        return Draws(
+            values=linear + np.array([[0.05], [0.1]]) * e * e,
+            linear=linear,
+            linear_u=np.full((2, 1), 2.0),
+        )
+
+
+class Copies:
+    """`COPIES` of a model with trials of their own, the outputs of one run: that costs little more
+    than of one, and each is judged by itself.
+    """
+
+    smooth = True
+
+    def __init__(self, model: Smooth | Grown | Twice) -> None:
+        self.model = model
+        self.names = tuple(f"{name} {i}" for name in model.names for i in range(COPIES))
+        assert model.linear_mean is not None
+        self.linear_mean = np.repeat(model.linear_mean, COPIES)
+        self.exact = {name: np.repeat(exact, COPIES) for name, exact in model.exact.items()}
+
+    def draw(self, rng: np.random.Generator, m: int) -> Draws:
+        all_of_them = self.model.draw(rng, COPIES * m)
+        assert all_of_them.linear is not None
+        assert all_of_them.linear_u is not None
+        return Draws(
+            values=all_of_them.values.reshape(-1, m),
+            linear=all_of_them.linear.reshape(-1, m),
+            linear_u=np.repeat(all_of_them.linear_u, COPIES, axis=0),
+        )
 
 
 class Other:
