@@ -23,7 +23,8 @@ class Gate:
     """The null distribution of F statistics and of their smallest p.
 
     `null` (B, F) sorted by column; `start`, `slope` and `level` (F,) the line of -log p beyond
-    the `TAIL` quantile; `largest` (B,) sorted, the largest -log p of each sample.
+    the `TAIL` quantile; `largest` (B,) sorted, the largest -log p of each sample; `stream` (seed,
+    key) the random numbers it was drawn by.
     """
 
     null: FloatArray
@@ -31,6 +32,7 @@ class Gate:
     slope: FloatArray
     level: FloatArray
     largest: FloatArray
+    stream: tuple[int, int] = (0, 0)
 
     def minus_log_p(self, statistics: FloatArray) -> FloatArray:
         """-log p (..., F) of each statistic by itself, from its own null."""

@@ -98,6 +98,11 @@ def test_every_row_a_part_of_its_own(rows: list[dict[str, str]], tmp_path: Path)
     assert "no part has two features" in done(result, 2).stderr
     assert "in column 'part'" in result.stderr
     assert len(result.stderr.splitlines()) == 1
+    # One part as it was: 24 of the 48 rows are its holes, and the others still tell nothing.
+    mixed = points[24:] + rows[:24]
+    found, result = few(tmp_path, mixed)
+    assert found is None
+    assert "24 of 25 parts have one feature, and what" in done(result, 2).stderr
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.01])

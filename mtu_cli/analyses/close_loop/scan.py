@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -111,9 +111,24 @@ def calibrated(scan: Scan, samples: int, seed: int, key: int = 0) -> Gate:
 
     `key` tells the draws of one gate of a call from those of another.
     """
+    return _calibrated(scan, scan.pack(), samples, (seed, key))
+
+
+def beside_found(gate: Gate, scan: Scan, pack: Packed) -> Gate:
+    """The gate of what is left beside what was found, by the random numbers of the first one.
+
+    Of a complete table the statistics have the same distribution whatever the variances of its
+    strata. Filling in mixes them, and what was found may have been the most of one: drawn anew.
+    """
+    if scan.frame.completion.complete:
+        return gate
+    return _calibrated(scan, pack, len(gate.null), gate.stream)
+
+
+def _calibrated(scan: Scan, pack: Packed, samples: int, numbers: tuple[int, int]) -> Gate:
+    seed, key = numbers
     rng = stream(seed, 6, 2, key)
     empty = [s.slice for s, n in zip(scan.frame.strata.all, scan.dof, strict=True) if n <= 0]
-    pack = scan.pack()
     found = []
     for first in range(0, samples, BATCH):
         y, grand = draw(scan.frame, scan.null, min(BATCH, samples - first), rng)
@@ -121,7 +136,7 @@ def calibrated(scan: Scan, samples: int, seed: int, key: int = 0) -> Gate:
             y[:, place] = 0.0
         found.append(drawn_statistics(scan, pack, pack.without_found(y), grand)[0])
     closed = len(scan.scatters) + len(SCATTER_CHECKS)
-    return gate_of(np.concatenate(found), rng, independent=closed)
+    return replace(gate_of(np.concatenate(found), rng, independent=closed), stream=numbers)
 
 
-__all__ = ["Scan", "calibrated", "drawn_statistics"]
+__all__ = ["Scan", "beside_found", "calibrated", "drawn_statistics"]

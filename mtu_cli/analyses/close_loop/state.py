@@ -9,7 +9,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
 from mtu_cli.analyses.close_loop.evidence import Evidence, evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared, without_rounding
-from mtu_cli.analyses.close_loop.scan import Scan
+from mtu_cli.analyses.close_loop.scan import Scan, beside_found
 from mtu_cli.stats.column_groups import Column, MemberColumns, whiten
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
@@ -84,7 +84,8 @@ class State:
         first = not self.p.size
         self.looked = looked
         if self.gate is not None:
-            self.p, self.checks = family_p(scan, self.gate, looked)
+            gate = self.gate if first else beside_found(self.gate, scan, pack)
+            self.p, self.checks = family_p(scan, gate, looked)
             if first:
                 self.first_p = self.p
         return looked

@@ -64,9 +64,12 @@ def _lacking(table: ResidualTable) -> tuple[str, str] | None:
     both = f"{part}{'es' if of else 's'} and {feature}s"
     if max(parts, features) < FEWEST_ENTRIES:
         return f"{parts} by {features} {both}{of}", f"{FEWEST_ENTRIES} or more of one or the other"
-    if min(parts, features) > 1 and table.there.sum(axis=1).max() == 1:
+    alone = int((table.there.sum(axis=1) == 1).sum())
+    if min(parts, features) > 1 and alone > parts / 2:
+        those = f"{alone} of {parts} {part}{'es' if of else 's'}{of} have"
+        one = f"no {part}{of} has two {feature}s" if alone == parts else f"{those} one {feature}"
         return (
-            f"no {part}{of} has two {feature}s, and what {both} differ by cannot be told apart",
+            f"{one}, and what {both} differ by cannot be told apart",
             f"in column {part!r} one value for all {feature}s that were measured in one go",
         )
     return None
