@@ -112,7 +112,8 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
         known = _keys_at(model, item["loc"][:-1])
         what, value = "unknown key", str(item["loc"][-1])
         meant = OTHER_KEYS.get(value)
-        expected = f"{meant!r}" if meant in known else did_you_mean(value, known)
+        in_unit = _in_its_unit(value, known)
+        expected = f"{meant!r}" if meant in known else in_unit or did_you_mean(value, known)
         if value.isdecimal() and item["input"] is None:
             # {value: 1,5} has the keys `value` and `5`.
             expected = f"a decimal point before {value}: a comma ends a value"
@@ -136,6 +137,16 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
         value=value,
         expected=expected,
     )
+
+
+def _in_its_unit(key: str, known: Collection[str]) -> str | None:
+    """What is expected of a key that is known with another unit at its end: not the same number."""
+    name, _, unit = key.rpartition("_")
+    for other in known:
+        stem, _, own = other.rpartition("_")
+        if stem == name and own != unit and {unit, own} <= {*UNITS, "m"}:
+            return f"{other!r}: in {own}, not {unit}"
+    return None
 
 
 def _literal(item: ErrorDetails) -> tuple[str, str]:

@@ -175,6 +175,9 @@ def _warnings(coordinates: Sequence[SimulatedCoordinate]) -> list[Warned]:
         if not (item.fixed or item.chance) and item.first_order_u == 0
     ]
     warnings = []
+    if coordinates and all(item.fixed for item in coordinates):
+        text = "nothing varies: no reading and no given value of the graph has an uncertainty"
+        warnings.append(Warned(code="no-uncertainty", message=text))
     if nil:
         more = f" and {len(nil) - 6} more" if len(nil) > 6 else ""
         warnings.append(

@@ -140,6 +140,12 @@ transitions:
 """
 
 
+def test_a_graph_of_which_nothing_has_an_uncertainty(tmp_path: Path) -> None:
+    result = simulate_graph(graph_of(tmp_path, SQUARE.replace(", u: 3", "")), Settings())
+    assert all(item.fixed for item in result.coordinates)
+    assert [warning.code for warning in result.warnings] == ["no-uncertainty"]
+
+
 def test_a_square_at_zero(tmp_path: Path) -> None:
     """First order says 0; y = 9 chi^2 with one degree of freedom: mean 9, u 9 sqrt 2."""
     result = simulate_graph(graph_of(tmp_path, SQUARE), Settings())

@@ -56,6 +56,10 @@ def test_a_part(tmp_path: Path) -> None:
         ("lengths: [{from: A, to: 3}]", "did you mean 'a'?"),
         ("lengths: [{from: 3, to: 3}]", "lengths[0]: a length from a feature to itself: '3'"),
         ("lengths: [{from: 3, to: b}]", "'3' and 'b' stand at the same place"),
+        (
+            "lengths: [{from: 3, to: 9, tolerance_mm: 0.03}]",
+            "unknown key: 'tolerance_mm'; expected 'tolerance_um': in um, not mm",
+        ),
         ("lengths: [{from: 3, to: 9, tolerance_um: 0}]", "tolerance_um: wrong value: '0'; expect"),
         ("lengths: [{from: 3, to: 9}, {from: 3, to: 9}]", "lengths[1].id: the id stands twice"),
         ("lengths: [{from: 3}]", "lengths[0]: the key 'to' is missing"),
