@@ -116,7 +116,8 @@ def _tables(
     if readings is None:
         raise fault(
             "nothing measured is given",
-            expected="--cmm FILE, or --lbb or --laser FILE, or a study that names one",
+            expected="--cmm FILE, or --lbb or --laser FILE, or a study that names one "
+            f"({inputs.without('cmm', 'lbb', 'laser')})",
         )
     machine = inputs.machine
     warnings = [*not_told_warnings(machine), *scale_doubts(machine, readings)]

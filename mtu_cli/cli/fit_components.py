@@ -29,7 +29,11 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     machine = inputs.machine
     readings = inputs.readings
     if readings is None:
-        raise fault("no readings are given", expected="--lbb FILE or --laser FILE, or a study")
+        raise fault(
+            "no readings are given",
+            expected="--lbb FILE or --laser FILE, or a study that names one "
+            f"({inputs.without('lbb', 'laser')})",
+        )
     fit = fit_machine(machine, readings)
     estimates = estimates_from_fit(machine, fit)
     warnings = [*machine_warnings(machine, estimates), *reading_doubts(machine, readings)]

@@ -66,14 +66,19 @@ class Inputs:
         """The one file of a role that the command cannot do without."""
         found = self.files(role)
         if not found:
-            where = "with -m and no STUDY none is looked for"
-            if self.study or self.options.machine is None:
-                where = f"{self.study.source.shown} has no {role!r}" if self.study else "no study"
             raise fault(
                 f"no {role} file is given",
-                expected=f"{option} FILE, or a study that names one ({where})",
+                expected=f"{option} FILE, or a study that names one ({self.without(role)})",
             )
         return found[0]
+
+    def without(self, *roles: str) -> str:
+        """Why no study names a file of these roles."""
+        if self.study:
+            return f"{self.study.source.shown} has no {' or '.join(map(repr, roles))}"
+        if self.options.machine is None:
+            return "no study"
+        return "with -m and no STUDY none is looked for"
 
     @property
     def made_here(self) -> bool:

@@ -32,7 +32,7 @@ class Frame:
     freeing: Freeing | None
 
     def coordinates(self, tables: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Coordinates (..., N), and grand means (..., A) before any freedom is taken out."""
+        """Coordinates (..., N) by stratum and grand means (..., A) of freed and filled tables."""
         freed = tables if self.freeing is None else self.freeing(tables)
         return self.strata.coordinates(self.completion.fill(freed))
 
