@@ -14,7 +14,7 @@ from scipy.stats import binom, chi2
 
 from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence, evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.scan import Scan, calibrated
+from mtu_cli.analyses.close_loop.scan import Scan, beside_found, calibrated
 from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.model.effect_candidate import Candidate
 from mtu_cli.model.residual_table import ResidualTable
@@ -180,3 +180,22 @@ def test_the_same_seed_draws_the_same_gate() -> None:
     assert gate.null.tobytes() == again.null.tobytes()
     assert gate.largest.tobytes() == again.largest.tobytes()
     assert gate.largest.tobytes() != calibrated(own.scan, 999, 5).largest.tobytes()
+
+
+def test_beside_what_was_found_the_gate_is_that_of_what_is_left() -> None:
+    """Of a complete table it is the first one; else as if the rest were all that there ever was."""
+    own, gate = ready("complete")
+    assert beside_found(gate, own.scan, own.scan.pack()) is gate
+    own, gate = ready("half")
+    same = beside_found(gate, own.scan, own.scan.pack())
+    assert same.null.tobytes() == gate.null.tobytes()
+    # Parts scatter ten times as far as before along x: the filled-in entries have it in them.
+    rng = np.random.default_rng(6)
+    loud = prepared_with(
+        table_of(crossed(rng, SHAPE, part=7.0, column=0.5), half_measured(12, 10)), *LIBRARY
+    )
+    left = own.with_null_of(loud.y)
+    rest = beside_found(gate, left.scan, left.scan.pack())
+    drawn = calibrated(left.scan, 999, 4)
+    assert rest.null.tobytes() == drawn.null.tobytes() != gate.null.tobytes()
+    assert rest.stream == gate.stream == (4, 0)
