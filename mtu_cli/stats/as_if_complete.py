@@ -12,7 +12,7 @@ from mtu_cli.stats.mean_squares import MeanSquares
 
 CORRECTIONS = 100
 CONVERGED = 1e-3
-"""Share of the largest mean square that a last correction is at most."""
+"""Share of its mean square that a last correction is at most."""
 LEAST = 0.1
 """Share of the interaction's mean square that is noise of entries at least, whatever else leaks
 into it.
@@ -28,7 +28,8 @@ def as_if_complete(
     one part alone, `common` (d, K) the factor of what all parts have in common, times P.
     """
     aim = wanted
-    largest = _largest(wanted)
+    # Of one part the columns' is the noise, which is never less than nothing.
+    least = LEAST * wanted.rest if len(frame.completion.rows) == 1 else -np.inf
     for _ in range(CORRECTIONS):
         got = _expected(frame, aim, dof, part, common)
         step = MeanSquares(
@@ -39,18 +40,26 @@ def as_if_complete(
         )
         aim = MeanSquares(
             interaction=np.maximum(aim.interaction + step.interaction, LEAST * wanted.interaction),
-            rest=aim.rest + step.rest,
+            rest=np.maximum(aim.rest + step.rest, least),
             turned=aim.turned + step.turned,
             part=aim.part + step.part,
         )
-        if _largest(step) <= CONVERGED * largest:
+        if _share(step, wanted) <= CONVERGED:
             break
     return aim
 
 
-def _largest(squares: MeanSquares) -> float:
-    values = (squares.interaction, squares.rest, squares.turned, squares.part.ravel())
-    return float(np.nanmax(np.abs(np.concatenate(values)), initial=0.0))
+def _share(step: MeanSquares, wanted: MeanSquares) -> float:
+    """The largest step, each as a share of its own mean square."""
+    scale = np.sqrt(np.abs(np.diag(wanted.part)))
+    pairs = (
+        (step.interaction, wanted.interaction),
+        (step.rest, wanted.rest),
+        (step.turned, wanted.turned),
+        (step.part, np.outer(scale, scale)),
+    )
+    shares = [(np.abs(own) / np.maximum(np.abs(whole), 1e-300)).ravel() for own, whole in pairs]
+    return float(np.nanmax(np.concatenate(shares), initial=0.0))
 
 
 def _expected(

@@ -91,12 +91,13 @@ def _of_contrasts(t: FloatArray, *, whole: bool) -> DirectionNoise:
     m, _, contrasts = t.shape
     mean = (t**2).sum(axis=(0, 2))
     # tr S_a S_b by the smaller of the two products of t_a and t_b.
-    if m >= contrasts:
+    if whole and m >= contrasts:
         S = np.einsum("map,maq->apq", t, t, optimize=True)
         products = np.einsum("apq,bpq->ab", S, S)
     else:
-        products = (np.einsum("map,nbp->abmn", t, t, optimize=True) ** 2).sum(axis=(2, 3))
-    if not whole:
-        # E tr S^2 of m sums is (1 + 1 / m) tr S^2 + (tr S)^2 / m.
-        products = (products - np.outer(mean, mean) / m) / (1 + 1 / m)
+        squares = np.einsum("map,nbp->abmn", t, t, optimize=True) ** 2
+        if not whole:
+            # Two sums are independent, a sum of itself is not.
+            squares *= (1 - np.eye(m)) * m / (m - 1)
+        products = squares.sum(axis=(2, 3))
     return DirectionNoise(mean=mean, products=products, contrasts=contrasts)

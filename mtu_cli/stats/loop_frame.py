@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import nnls
 
 from mtu_cli.stats.column_groups import NOTHING
 from mtu_cli.stats.crossed import Completion, Freeing
@@ -45,6 +44,8 @@ class Frame:
         """The noise of entries by the interaction of coordinates `y` (N,) with `dof` (S,) degrees
         of freedom, of `nominal` (S,) that the table has; variances and `dof` 0 where it has none.
         """
+        from scipy.optimize import nnls
+
         P, _, A = self.strata.shape
         d = A * (1 + self.strata.lines)
         square, n, whole = np.zeros(A), np.zeros(A), np.ones(A)

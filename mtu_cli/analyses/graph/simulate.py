@@ -176,7 +176,7 @@ def _warnings(coordinates: Sequence[SimulatedCoordinate]) -> list[Warned]:
     ]
     warnings = []
     if coordinates and all(item.fixed for item in coordinates):
-        text = "nothing varies: no reading and no given value of the graph has an uncertainty"
+        text = "nothing varies: no reading or given value that this depends on has an uncertainty"
         warnings.append(Warned(code="no-uncertainty", message=text))
     if nil:
         more = f" and {len(nil) - 6} more" if len(nil) > 6 else ""

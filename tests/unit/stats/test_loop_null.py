@@ -17,10 +17,12 @@ from crossed_tables import (
     null,
     pairs,
     sizes,
+    turned_out,
     whole_frame,
     within,
 )
 
+from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import KnownScatter, NullModel, null_of, whitening_of
 from mtu_cli.stats.strata import Strata, strata_of
 
@@ -214,6 +216,21 @@ def test_one_part_scatters_as_its_columns_do() -> None:
     np.testing.assert_allclose(found.interaction, np.sum(left**2, axis=0) / 9, rtol=1e-12)
     np.testing.assert_array_equal(found.column, 0)
     np.testing.assert_allclose(found.part, known.part, rtol=1e-12)
+
+
+def test_of_one_part_the_noise_is_never_less_than_nothing() -> None:
+    """Its columns scatter less than what the prediction of parts, freed in part, makes expect."""
+    strata = strata_of(1, grid(8), 2)
+    frame = Frame(
+        strata=strata,
+        completion=whole_frame(strata).completion,
+        freeing=turned_out(np.ones((1, 8), bool)),
+    )
+    known = KnownScatter(1e5 * np.eye(6), np.zeros((6, 0)), 5.0)
+    y, _ = frame.coordinates(np.random.default_rng(11).normal(size=(20, 1, 8, 2)))
+    for own in y:
+        found = null_of(frame, own, sizes(strata), known)
+        assert (found.interaction > 0).all()
 
 
 def test_whitening_makes_the_column_coordinates_equally_uncertain() -> None:
