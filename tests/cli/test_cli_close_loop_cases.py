@@ -63,15 +63,6 @@ def names(found: dict[str, Any]) -> list[str]:
     return [item["name"] for item in found["effects"]]
 
 
-COLUMNS_ALONE = tuple(
-    word
-    for family in ("abbe", "curvature", "cyclic", "squareness", "straightness", "wear-approach",
-                   "thermal-growth", "thermal-squareness")
-    for word in ("--exclude", family)
-)  # fmt: skip
-"""Where it is about columns of temperature: without families that say nothing like a drift."""
-NO_WAVES = ("--exclude", "cyclic")
-"""Where nothing turns or is pitched: they take half of the time."""
 EXTEND = ("--write-machine", "extended.yaml", "--write-components", "extended.json")
 EXTENDED = ("-m", "extended.yaml", "-c", "extended.json", "-p", "part.yaml")
 
@@ -114,7 +105,7 @@ def test_a_warming_measuring_machine(ring_day: Path) -> None:
     """Tens of micrometres that no equation knows come down below 3 um on held-out visits."""
     laser = DATA / "valdes-ring" / "laser.csv"
     data = ("-p", "part.yaml", "--laser", str(laser), "--cmm", "ring.csv")
-    found = closed(ring_day, "-m", str(RING / "machine.yaml"), *data, *EXTEND, *NO_WAVES)
+    found = closed(ring_day, "-m", str(RING / "machine.yaml"), *data, *EXTEND)
     assert found["before"]["rms_um"] > 10
     assert found["after"]["rms_um"] < 3
     by_name = {item["name"]: item for item in found["effects"]}
@@ -138,7 +129,7 @@ def test_a_warming_measuring_machine(ring_day: Path) -> None:
     (point,) = (item for item in found["fixed_points"] if item["axis"] == "y")
     assert point["effects"] == ["thermal-growth-y", "thermal-drift-y"]
     assert abs(point["at_mm"]["value"] - FIXED_AT_MM) < 4 * point["at_mm"]["u"]
-    again = closed(ring_day, *EXTENDED, "--cmm", "ring.csv", *NO_WAVES)
+    again = closed(ring_day, *EXTENDED, "--cmm", "ring.csv")
     assert again["verdict"] == "none"
 
 
@@ -175,7 +166,7 @@ def _copied(day: ShopDay) -> None:
 
 def test_a_covariate_that_is_copied_or_constant(tmp_path: Path) -> None:
     args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)], change=_copied)
-    found = closed(tmp_path, *args, *EXTEND, *COLUMNS_ALONE)
+    found = closed(tmp_path, *args, *EXTEND)
     assert names(found) == ["thermal-drift-x"]
     notes = {item["name"]: item["notes"] for item in found["candidates"]}["thermal-drift-x"]
     assert any(note.startswith("T_copy_degC is a copy of T_spindle_degC") for note in notes)
@@ -191,8 +182,7 @@ def test_a_covariate_that_is_copied_or_constant(tmp_path: Path) -> None:
 def test_a_covariate_that_is_missing(tmp_path: Path) -> None:
     left_out = ("T_spindle_degC", "T_part_degC", "T_cmm_degC", "dir_x")
     args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)], leave_out=left_out)
-    call = ("close-loop", *args, *COLUMNS_ALONE, "-o", "found.json")
-    result = done(mtu(*call, cwd=tmp_path))
+    result = done(mtu("close-loop", *args, "-o", "found.json", cwd=tmp_path))
     assert "no column T_..._degC" in " ".join(result.stdout.split())
     found = json.loads((tmp_path / "found.json").read_text())["results"]
     assert not {"thermal-drift-x", "backlash-x"} & set(names(found))
@@ -213,7 +203,7 @@ def test_a_covariate_with_gaps(every: int, words: str, named: bool, tmp_path: Pa
     for row in cells[::every]:
         row[column] = ""
     (tmp_path / "cmm.csv").write_text("\n".join([head, *map(",".join, cells)]) + "\n")
-    result = done(mtu("close-loop", *args, *COLUMNS_ALONE, cwd=tmp_path))
+    result = done(mtu("close-loop", *args, cwd=tmp_path))
     assert "empty cells in 'T_spindle_degC'" in result.stderr
     assert words in result.stderr
     assert ("thermal-drift-x" in result.stdout) is named
