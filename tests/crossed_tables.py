@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.stats.crossed import Freeing, completion
+from mtu_cli.stats.expected_squares import ExpectedSquares
 from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import KnownScatter, NullModel
 from mtu_cli.stats.mean_squares import MeanSquares
@@ -153,9 +154,11 @@ def dense_covariance(strata: Strata, model: NullModel) -> Floats:
     return V.reshape(P * H * A, P * H * A)
 
 
-def expected(frame: Frame, model: NullModel, dof: Floats) -> MeanSquares:
-    """The mean squares that tables of a null have on average."""
-    return frame.squares.of(
+def expected(
+    frame: Frame, model: NullModel, dof: Floats, squares: ExpectedSquares | None = None
+) -> MeanSquares:
+    """The mean squares that tables of a null have on average, by those of the frame or others."""
+    return (squares or frame.squares).of(
         interaction=model.interaction,
         column=model.column,
         reversal=model.reversal,

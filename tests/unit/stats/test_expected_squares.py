@@ -126,14 +126,7 @@ def test_of_many_inputs_some_sums_do(monkeypatch: pytest.MonkeyPatch) -> None:
     model, dof = model_of(strata), sizes(strata, int((~MASKS["holes"]).sum()))
     exact = expected(frame, model, dof)
     monkeypatch.setattr(module, "MOST", 3)
-    probed = expected_squares(strata, frame.completion, None).of(
-        interaction=model.interaction,
-        column=model.column,
-        reversal=model.reversal,
-        part=model.part,
-        common=model.common @ model.common.T,
-        dof=dof,
-    )
+    probed = expected(frame, model, dof, expected_squares(strata, frame.completion, None))
     for what, n in (("interaction", dof.min()), ("rest", 5), ("part", 5)):
         wanted, got = getattr(exact, what), getattr(probed, what)
         scale = np.abs(wanted) if what != "part" else np.sqrt(np.outer(*[np.diag(wanted)] * 2))
