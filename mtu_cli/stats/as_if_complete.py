@@ -13,6 +13,8 @@ from mtu_cli.stats.mean_squares import MeanSquares
 CORRECTIONS = 100
 CONVERGED = 1e-3
 """Share of its mean square that a last correction is at most."""
+NOTHING = 1e-9
+"""Share of the largest mean square of its kind below which one is rounding: what was freed."""
 LEAST = 0.1
 """Share of the interaction's mean square that is noise of entries at least, whatever else leaks
 into it.
@@ -50,7 +52,7 @@ def as_if_complete(
 
 
 def _share(step: MeanSquares, wanted: MeanSquares) -> float:
-    """The largest step, each as a share of its own mean square."""
+    """The largest step, each as a share of its own mean square where there is any."""
     scale = np.sqrt(np.abs(np.diag(wanted.part)))
     pairs = (
         (step.interaction, wanted.interaction),
@@ -58,8 +60,12 @@ def _share(step: MeanSquares, wanted: MeanSquares) -> float:
         (step.turned, wanted.turned),
         (step.part, np.outer(scale, scale)),
     )
-    shares = [(np.abs(own) / np.maximum(np.abs(whole), 1e-300)).ravel() for own, whole in pairs]
+    shares = [(np.abs(own) / _at_least(np.abs(whole))).ravel() for own, whole in pairs]
     return float(np.nanmax(np.concatenate(shares), initial=0.0))
+
+
+def _at_least(sizes: FloatArray) -> FloatArray:
+    return np.maximum(sizes, max(NOTHING * float(np.nanmax(sizes, initial=0.0)), 1e-300))
 
 
 def _expected(

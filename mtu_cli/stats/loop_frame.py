@@ -44,8 +44,6 @@ class Frame:
         """The noise of entries by the interaction of coordinates `y` (N,) with `dof` (S,) degrees
         of freedom, of `nominal` (S,) that the table has; variances and `dof` 0 where it has none.
         """
-        from scipy.optimize import nnls
-
         P, _, A = self.strata.shape
         d = A * (1 + self.strata.lines)
         square, n, whole = np.zeros(A), np.zeros(A), np.ones(A)
@@ -57,6 +55,8 @@ class Frame:
             part = np.diag(np.repeat(square, d // A)) if P > 1 else np.full((d, d), np.nan)
             squares = MeanSquares(interaction=square, rest=square, turned=square, part=part)
             return EntryNoise(variance=square, dof=n, squares=squares)
+        from scipy.optimize import nnls
+
         # Freeing mixes the axes: a mean square may hold noise of another one.
         variance = nnls((self.squares.interaction[:A] / whole).T, square)[0]
         none = np.zeros((d, d))

@@ -9,6 +9,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.scan import SCATTER_CHECKS, Scan, drawn_statistics
 from mtu_cli.stats.column_groups import Packed
 from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.mean_squares import EntryNoise
 from mtu_cli.stats.profile_ratio import MemberRatios, ratios
 from mtu_cli.stats.remainder import DRAWN
 from mtu_cli.stats.scatter_tests import scatter_p, score_of, two_scatters_p
@@ -51,7 +52,8 @@ def evidence(
     differently each member is judged by the scatter of the entries that it lies in.
     """
     left = pack.without_found(_evened(scan, y, aside))
-    scatters = _scatters(scan, left)
+    noise = scan.frame.noise(left, pack.dof, scan.dof)
+    scatters = _scatters(scan, left, noise)
     statistics, found, offset = drawn_statistics(scan, pack, left[None], grand[None])
     noisy = dict(zip(scan.scatters, scatters, strict=True)).get(OPERATIONS, 1.0) < UNEVEN
     if noisy or OPERATIONS in aside:
@@ -62,7 +64,6 @@ def evidence(
     strata = scan.frame.strata
     of_model = np.diag(scan.null.predicted_part)[:: 1 + strata.lines]
     predicted = of_model + (np.inf if scan.parts_scatter else 0.0)
-    noise = scan.frame.noise(left, pack.dof, scan.dof)
     variances = scatter_p(strata, left, noise, predicted, scan.predicted_dof)
     p = np.array([*scatters, *variances])
     closed = -np.log(np.maximum(p, 1e-300))
@@ -142,13 +143,13 @@ def _interaction(scan: Scan, y: FloatArray) -> FloatArray:
     return only
 
 
-def _scatters(scan: Scan, y: FloatArray) -> list[float]:
+def _scatters(scan: Scan, y: FloatArray, noise: EntryNoise) -> list[float]:
     found = []
     for name in scan.scatters:
         if name == OPERATIONS:
             found.append(_operations_p(scan, y))
         else:
-            found.append(_direction_p(scan, y, name))
+            found.append(_direction_p(scan, y, name, noise))
     return found
 
 
@@ -168,13 +169,12 @@ def _operations_p(scan: Scan, y: FloatArray) -> float:
     return min(1.0, len(p) * min(p))
 
 
-def _direction_p(scan: Scan, y: FloatArray, name: str) -> float:
+def _direction_p(scan: Scan, y: FloatArray, name: str, noise: EntryNoise) -> float:
     """p that parts turn (or grow) more than single entries and the machine's drift explain."""
     strata = scan.frame.strata
     which = 0 if name == "rotation-scatter" else 1
     direction = scan.directions[which]
     predicted = float(direction.reshape(-1) @ scan.null.predicted_part @ direction.reshape(-1))
-    noise = scan.frame.noise(y, scan.dof, scan.dof)
     if (noise.dof <= 0).any():
         return 1.0
     total = np.zeros(strata.shape[0] - 1)

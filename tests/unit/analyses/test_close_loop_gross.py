@@ -10,7 +10,7 @@ from crossed_tables import Floats, half_measured, holes
 from loop_tables import crossed, residuals
 from scipy.stats import binom, norm
 
-from mtu_cli.analyses.close_loop.gross import set_aside
+from mtu_cli.analyses.close_loop.gross import _medians, set_aside
 
 SHAPE = (12, 10, 2)
 
@@ -34,6 +34,18 @@ def test_incomplete_normal_tables_are_left_alone(name: str) -> None:
     for _ in range(count):
         touched += bool(set_aside(residuals(crossed(rng, SHAPE), there=there))[1])
     assert touched <= binom.ppf(1 - 1e-3, count, 0.05)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("missing", [0.0, 0.3, 0.9])
+@pytest.mark.filterwarnings("ignore:All-NaN slice")
+def test_medians_are_those_of_numpy(axis: int, missing: float) -> None:
+    rng = np.random.default_rng(8)
+    for shape in [(6, 7, 2), (5, 4, 1), (1, 3, 2)]:
+        values = rng.normal(size=shape)
+        values[rng.random(shape) < missing] = np.nan
+        wanted = np.nanmedian(values, axis=axis, keepdims=True)
+        np.testing.assert_array_equal(_medians(values, axis), wanted)
 
 
 def test_a_table_that_is_left_alone_is_the_same() -> None:
