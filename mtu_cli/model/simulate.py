@@ -15,6 +15,7 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.language import Node
 from mtu_cli.model.design import Design, design, theta
 from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.pass_draws import PassDraws, pass_draws
 from mtu_cli.model.simulate_equations import (
     Visits,
     check_coordinates,
@@ -23,7 +24,6 @@ from mtu_cli.model.simulate_equations import (
     error_values,
 )
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.positive_part import covariance_root
 from mtu_cli.stats.streams import stream
 
 IntArray = np.ndarray
@@ -82,8 +82,8 @@ def simulate_points(
 ) -> SimulatedPoints:
     """CMM points of `plan.parts` parts with features `ids` at `points` (n, 3), mm.
 
-    A part has one draw of every component's D and of its offset, a feature one draw of every
-    component's s_repeat, a repeat one of the CMM's.
+    A part has one draw of every component's D, those read together one of theirs, and of its
+    offset, a feature one draw of every component's s_repeat, a repeat one of the CMM's.
 
     Raises InputError for an equation that uses an unknown name, or has no value or one out of
     range at a feature; for a covariate of the machine that nothing gives; for coordinates that
@@ -116,11 +116,11 @@ def _measured(
     model: MachineModel, plan: PartsPlan, visits: Sequence[Visits], seed: int
 ) -> list[FloatArray]:
     """Measured coordinates (repeats, n, axes) of every part's features, mm."""
-    roots = [covariance_root(term.estimate.pass_covariance) for term in model.terms]
+    passes = pass_draws(model)
     # Without covariates in the equations the places alone make the design, of every part.
     fixed = None if model.covariates() else design(model, visits[0].points, {})
     return [
-        _one_part(model, plan, own, seed, (fixed or design(model, own.points, own.values), roots))
+        _one_part(model, plan, own, seed, (fixed or design(model, own.points, own.values), passes))
         for own in visits
     ]
 
@@ -130,11 +130,11 @@ def _one_part(
     plan: PartsPlan,
     visits: Visits,
     seed: int,
-    machine: tuple[Design, Sequence[FloatArray]],
+    machine: tuple[Design, PassDraws],
 ) -> FloatArray:
     """Measured coordinates (repeats, n, axes) of one part's features, mm.
 
-    `machine` is the design at them, and a root of each term's pass-to-pass covariance.
+    `machine` is the design at them, and what parts differ by.
     """
     first, more = plan.first_repeats
     part, points = visits.part - 1, visits.points
@@ -215,19 +215,20 @@ def _directions(coordinate: FloatArray, visits: IntArray) -> FloatArray:
 def _part_errors(
     model: MachineModel,
     rows: Design,
-    roots: Sequence[FloatArray],
+    passes: PassDraws,
     rng: np.random.Generator,
 ) -> FloatArray:
     """Errors (n, axes) of one part's features."""
-    state = theta(model)
     a = len(model.axes)
     n = len(rows.J) // a
     noise = np.zeros((n, a))
     levers = rows.levers.reshape(n, a, -1)
-    for t, (term, columns) in enumerate(zip(model.terms, rows.columns, strict=True)):
-        state[columns] += roots[t] @ rng.standard_normal(len(roots[t]))
+    normal = []
+    for t, term in enumerate(model.terms):
+        normal.append(rng.standard_normal(len(term.estimate.coefficients)))
         visits = rng.standard_normal(n) * term.estimate.s_repeat
         noise += levers[:, :, t] * visits[:, None]
+    state = theta(model) + np.concatenate(passes.of(normal))
     errors: FloatArray = (rows.J @ state + rows.remainder).reshape(n, a) + noise
     return errors
 

@@ -1,0 +1,56 @@
+"""What passes and parts of a virtual machine differ by: of components read together, together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.model.blocks import component_blocks
+from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.variance import drawable_passes
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.positive_part import covariance_root
+
+
+@dataclass(frozen=True, slots=True)
+class PassDraws:
+    """Roots F (k, k), F F' = D, of the blocks of terms that vary together, `terms` of each by
+    their place in the model, k their coefficients in that order.
+
+    D of readings is an unbiased estimate with a negative part where passes hardly differ: it is
+    drawn from without that, as predictions are (`variance.drawable_passes`).
+    """
+
+    blocks: tuple[tuple[tuple[int, ...], FloatArray], ...]
+
+    def of(self, normal: Sequence[FloatArray]) -> list[FloatArray]:
+        """Deviations (..., k_t) of each term's coefficients, from as many standard normal draws."""
+        found = list(normal)
+        for terms, root in self.blocks:
+            whole = np.concatenate([normal[t] for t in terms], axis=-1) @ root.T
+            ends = np.cumsum([normal[t].shape[-1] for t in terms])[:-1]
+            for t, own in zip(terms, np.split(whole, ends, axis=-1), strict=True):
+                found[t] = own
+        return found
+
+
+def pass_draws(model: MachineModel) -> PassDraws:
+    """Those of a machine."""
+    widths = [len(term.estimate.coefficients) for term in model.terms]
+    ends = np.cumsum(widths).tolist()
+    columns = [slice(end - k, end) for end, k in zip(ends, widths, strict=True)]
+    place = {term.estimate.name: t for t, term in enumerate(model.terms)}
+    blocks = component_blocks(
+        model, np.zeros((0, sum(widths))), np.zeros((0, len(widths))), columns
+    )
+    return PassDraws(
+        tuple(
+            (
+                tuple(place[name] for name in block.names),
+                covariance_root(drawable_passes(block.D, block.C)),
+            )
+            for block in blocks
+        )
+    )
