@@ -49,26 +49,42 @@ def fellows(number: IntArray, way: IntArray) -> Fellows:
     """Places of the pairs of one there and one back in a sequence of passes.
 
     By their `number`, so that a pass that is missing leaves its fellow alone, and nobody else:
-    1 there, 2 back, 3 there; or all there before all back, in one count or each in its own. Else
-    neighbours, or the n-th of each of two blocks, whichever finds more.
+    1 there, 2 back, 3 there; or all there before all back, in one count or each in its own, of
+    which the second may run down. Else neighbours, or the n-th of each of two blocks, whichever
+    finds more.
     """
     if (np.diff(number) > 0).all():
         return _of_one_count(number, way)
-    begins = np.flatnonzero(np.diff(number) <= 0) + 1
-    counts = np.split(np.arange(len(number)), begins)
+    found: Fellows = []
+    for own in _pieces(number, way):
+        pairs = _alike(number[own], way[own])
+        if not _most(pairs, way[own]):
+            pairs = max(pairs, _neighbours(way[own]), _blocks(own - own[0], way[own]), key=len)
+        found += [(int(own[i]), int(own[j])) for i, j in pairs]
+    return found
+
+
+def _pieces(number: IntArray, way: IntArray) -> list[IntArray]:
+    """Places of passes among which fellows are looked for: two blocks of a direction each that
+    have most of their numbers in common, or files of one direction each, or days.
+    """
+    every = np.arange(len(number))
+    blocks = np.split(every, np.flatnonzero(np.diff(way)) + 1)
+    two = [np.concatenate(pair) for pair in zip(blocks[::2], blocks[1::2], strict=False)]
+    if len(blocks) % 2 == 0 and all(_most(_alike(number[o], way[o]), way[o]) for o in two):
+        return two
+    counts = np.split(every, np.flatnonzero(np.diff(number) <= 0) + 1)
     there = [own for own in counts if (way[own] > 0).all()]
     back = [own for own in counts if (way[own] < 0).all()]
     if len(there) == len(back) == len(counts) / 2:
-        # Files of one direction each, of one day or several: the n-th there with the n-th back.
-        pieces = [np.sort(np.concatenate(two)) for two in zip(there, back, strict=True)]
-    else:
-        pieces = _days(number, way)
-    found: Fellows = []
-    for own in pieces:
-        pairs = _alike(number[own], way[own])
-        pairs = pairs or max(_neighbours(way[own]), _blocks(own - own[0], way[own]), key=len)
-        found += [(int(own[i]), int(own[j])) for i, j in pairs]
-    return found
+        # Of one day or several: the n-th there with the n-th back.
+        return [np.sort(np.concatenate(pair)) for pair in zip(there, back, strict=True)]
+    return _days(number, way)
+
+
+def _most(pairs: Fellows, way: IntArray) -> bool:
+    """Whether more than half of those that might have a fellow have one: no coincidence."""
+    return 2 * len(pairs) > min(np.sum(way > 0), np.sum(way < 0))
 
 
 def _of_one_count(number: IntArray, way: IntArray) -> Fellows:
@@ -81,10 +97,10 @@ def _of_one_count(number: IntArray, way: IntArray) -> Fellows:
 
 
 def _days(number: IntArray, way: IntArray) -> list[IntArray]:
-    """Places of the passes of each count of both directions: where a number and direction stands
-    twice a new one begins with it, or with a lower number once both directions are there.
+    """Places of the passes of each count of both directions: a new one begins with a number and
+    direction that stood before, or with a lower number once both directions are there.
     """
-    if _distinct(number, way):
+    if (np.diff(number) < 0).all():
         return [np.arange(len(number))]
     seen: set[tuple[int, int]] = set()
     begins, last = [], 0
@@ -97,13 +113,9 @@ def _days(number: IntArray, way: IntArray) -> list[IntArray]:
     return np.split(np.arange(len(number)), begins)
 
 
-def _distinct(number: IntArray, way: IntArray) -> bool:
-    return len(np.unique(np.column_stack([number, way]), axis=0)) == len(number)
-
-
 def _alike(number: IntArray, way: IntArray) -> Fellows:
     """Passes of one number, where each direction counts its own."""
-    if not _distinct(number, way):
+    if len(np.unique(np.column_stack([number, way]), axis=0)) < len(number):
         return []
     order = np.argsort(number, kind="stable")
     same = np.flatnonzero(number[order][1:] == number[order][:-1])

@@ -139,6 +139,34 @@ def test_passes_of_one_number_are_fellows_in_any_order(there: list[int], back: l
     assert found == {(n, n) for n in set(there) & set(back)}
 
 
+def told(text: str) -> list[str]:
+    """Pairs that are found in a sequence such as 1+ 2-."""
+    words = text.split()
+    number = np.array([int(word[:-1]) for word in words])
+    way = np.array([1 if word[-1] == "+" else -1 for word in words])
+    return sorted(f"{words[i]}{words[j]}" for i, j in fellows(number, way))
+
+
+@pytest.mark.parametrize(
+    ("passes", "pairs"),
+    [
+        ("1+ 2- 3+ 4- 1- 2+ 3- 4+", "1+2- 3+4- 1-2+ 3-4+"),
+        ("1+ 2- 3+ 4- 4+ 5- 6+ 7-", "1+2- 3+4- 4+5- 6+7-"),
+        ("1+ 2- 3+ 4- 5+ 6- 1- 2+", "1+2- 3+4- 5+6- 1-2+"),
+        ("1+ 2+ 3+ 4+ 5+ 5- 6- 7- 8- 9-", "1+5- 2+6- 3+7- 4+8- 5+9-"),
+    ],
+)
+def test_a_number_that_coincides_by_chance_decides_nothing(passes: str, pairs: str) -> None:
+    assert told(passes) == sorted(pairs.split())
+
+
+def test_days_whose_way_back_counts_down() -> None:
+    day = "1+ 2+ 3+ 4+ 4- 3- 2- 1-"
+    assert told(f"{day} {day}") == sorted(2 * ["1+1-", "2+2-", "3+3-", "4+4-"])
+    # One is lost on the way back.
+    assert told(f"{day} 1+ 2+ 3+ 4+ 4- 2- 1-") == sorted([*2 * ["1+1-", "2+2-", "4+4-"], "3+3-"])
+
+
 @pytest.mark.parametrize("order", ["there back there back", "there there back back", "turns"])
 @pytest.mark.parametrize("lost", range(20))
 def test_days_that_count_anew_are_apart(order: str, lost: int) -> None:
