@@ -84,7 +84,7 @@ def _pieces(number: IntArray, way: IntArray) -> list[IntArray]:
 
 def _most(pairs: Fellows, way: IntArray) -> bool:
     """Whether more than half of those that might have a fellow have one: no coincidence."""
-    return 2 * len(pairs) > min(np.sum(way > 0), np.sum(way < 0))
+    return 2 * len(pairs) > min(int(np.sum(way > 0)), int(np.sum(way < 0)))
 
 
 def _of_one_count(number: IntArray, way: IntArray) -> Fellows:

@@ -17,7 +17,9 @@ FEW = 0.01
 others."""
 SHOWN = 5
 MOST_FITTED = 20_000
-"""Of more readings at most so many, in even steps, make up the fit."""
+"""Of more readings about so many, in even steps, make up the fit."""
+AT_A_PLACE = 20
+"""Readings of each place that are among them, or all that it has: those tell its intercept."""
 
 
 def gross_warnings(lib: Library, rest: Rest, drift: ComponentDrift) -> list[Warned]:
@@ -48,10 +50,9 @@ def _judged(
 
     Of very many readings some in even steps are fitted; all are judged.
     """
-    n = len(rest.residual)
-    rows = np.arange(n)[:: -(-n // MOST_FITTED)]
-    kept, X = rest.kept, _columns(lib, rest, rows, drift)
-    time = kept.time[rows]
+    n, kept = len(rest.residual), rest.kept
+    rows = _fitted(_place(lib, rest), -(-n // MOST_FITTED))
+    X, time = _columns(lib, rest, rows, drift), kept.time[rows]
     orders = [] if np.isnan(time).any() else [np.lexsort((time, kept.cycle[rows]))]
     found = trimmed_fit(X, kept.error[rows], orders)
     if len(rows) == n:
@@ -59,16 +60,32 @@ def _judged(
     b = least_squares(X, found.expected).coefficients
     pieces = np.split(np.arange(n), range(MOST_FITTED, n, MOST_FITTED))
     expected = np.concatenate([_columns(lib, rest, own, drift) @ b for own in pieces])
+    expected[rows] = found.expected
     away = np.abs(kept.error - expected)
-    return away, away / found.spread if found.spread > 0 else np.zeros(n), found.limit
+    distance = away / found.spread if found.spread > 0 else np.zeros(n)
+    distance[rows] = found.distance
+    return away, distance, found.limit
+
+
+def _place(lib: Library, rest: Rest) -> IntArray:
+    """The number (n,) of each reading's position."""
+    if None in lib.positions:
+        return np.zeros(len(rest.residual), np.int64)
+    return np.searchsorted(lib.places, rest.kept.position)
+
+
+def _fitted(place: IntArray, step: int) -> IntArray:
+    """Rows in even steps, smaller ones at a place of which too few would be left."""
+    order, counts = np.argsort(place, kind="stable"), np.bincount(place)
+    number = np.arange(len(place)) - (np.cumsum(counts) - counts)[place[order]]
+    steps = np.clip(counts // AT_A_PLACE, 1, step)
+    return np.sort(order[number % steps[place[order]] == 0])
 
 
 def _columns(lib: Library, rest: Rest, rows: IntArray, drift: ComponentDrift) -> FloatArray:
     """An intercept a position and all groups of sensors, of the powers and lags of the model."""
     P = lib.powers(len(drift.estimate.coefficients) - 1)
-    place = np.zeros(len(rows), np.int64)
-    if None not in lib.positions:
-        place = np.searchsorted(lib.places, rest.kept.position[rows])
+    place = _place(lib, rest)[rows]
     own = P[place][:, :, None] * rest.rise[rows][:, None, :]
     return np.hstack([np.eye(len(P))[place], own.reshape(len(place), -1)])
 

@@ -64,6 +64,22 @@ def test_of_many_readings_all_are_judged() -> None:
     assert warning.message.startswith("p: 300 of 36000 readings ")
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_place_with_few_of_many_readings_is_not_doubted(count: int) -> None:
+    """What one alone tells is where its place begins."""
+    given = replace(PLAN, n=1700).read(np.random.default_rng(6))
+    position = given.position_mm.copy()
+    position[np.flatnonzero(position == 0.0)[-count:]] = 60.0
+    moved = replace(given, position_mm=position, error=given.error + 100 * UM)
+    assert len(moved) == 20_400
+    assert outliers(moved) == []
+    # Of a place with enough readings each is judged.
+    error = moved.error.copy()
+    error[np.flatnonzero(position == 120.0)[777]] += 60 * UM
+    (warning,) = outliers(replace(moved, error=error))
+    assert warning.message.startswith("p: 1 of 20400 readings ")
+
+
 def test_the_worst_are_told_first_with_cycle_time_and_position() -> None:
     given = PLAN.read(np.random.default_rng(2))
     error = given.error.copy()
