@@ -8,17 +8,13 @@ import numpy as np
 
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loop_frame import Frame
-from mtu_cli.stats.mean_squares import MeanSquares
+from mtu_cli.stats.mean_squares import LEAST, MeanSquares
 
 CORRECTIONS = 100
 CONVERGED = 1e-3
 """Share of its mean square that a last correction is at most."""
 NOTHING = 1e-9
 """Share of the largest mean square of its kind below which one is rounding: what was freed."""
-LEAST = 0.1
-"""Share of the interaction's mean square that is noise of entries at least, whatever else leaks
-into it.
-"""
 
 
 def as_if_complete(
@@ -40,25 +36,30 @@ def as_if_complete(
             turned=wanted.turned - got.turned,
             part=wanted.part - got.part,
         )
-        aim = MeanSquares(
-            interaction=np.maximum(aim.interaction + step.interaction, LEAST * wanted.interaction),
-            rest=np.maximum(aim.rest + step.rest, least),
-            turned=aim.turned + step.turned,
-            part=aim.part + step.part,
+        last, aim = (
+            aim,
+            MeanSquares(
+                interaction=np.maximum(
+                    aim.interaction + step.interaction, LEAST * wanted.interaction
+                ),
+                rest=np.maximum(aim.rest + step.rest, least),
+                turned=aim.turned + step.turned,
+                part=aim.part + step.part,
+            ),
         )
-        if _share(step, wanted) <= CONVERGED:
+        if _share(aim, last, wanted) <= CONVERGED:
             break
     return aim
 
 
-def _share(step: MeanSquares, wanted: MeanSquares) -> float:
-    """The largest step, each as a share of its own mean square where there is any."""
+def _share(aim: MeanSquares, last: MeanSquares, wanted: MeanSquares) -> float:
+    """The largest step from `last`, each as a share of its own mean square where there is any."""
     scale = np.sqrt(np.abs(np.diag(wanted.part)))
     pairs = (
-        (step.interaction, wanted.interaction),
-        (step.rest, wanted.rest),
-        (step.turned, wanted.turned),
-        (step.part, np.outer(scale, scale)),
+        (aim.interaction - last.interaction, wanted.interaction),
+        (aim.rest - last.rest, wanted.rest),
+        (aim.turned - last.turned, wanted.turned),
+        (aim.part - last.part, np.outer(scale, scale)),
     )
     shares = [(np.abs(own) / _at_least(np.abs(whole))).ravel() for own, whole in pairs]
     return float(np.nanmax(np.concatenate(shares), initial=0.0))

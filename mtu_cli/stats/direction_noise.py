@@ -1,10 +1,10 @@
-"""How far parts go along a direction, their turn or growth, by the noise of single entries alone.
+"""How far parts go along a direction, their turn or growth, by what is known to scatter them.
 
-With t (P - 1) the contrasts of the parts along a direction w and entries of variance v_a along
-axis a, the sum of squares t't has the mean sum_a v_a tr S_a and the variance
-2 sum_ab v_a v_b tr S_a S_b, S_a the covariance of t for v_a = 1 (normal entries). In a complete
-table S_a is |w_a|^2 times the identity; in an incomplete one parts with fewer entries go
-farther.
+With t (P - 1) the contrasts of the parts along a direction w and sources of variance v_a, entries
+along axis a and the machine's own scatter of parts, the sum of squares t't has the mean
+sum_a v_a tr S_a and the variance 2 sum_ab v_a v_b tr S_a S_b, S_a the covariance of t for v_a = 1
+(normal errors). In a complete table every S_a is a multiple of the identity; in an incomplete
+one parts with fewer entries go farther by these, and less far by the machine's scatter.
 """
 
 from __future__ import annotations
@@ -15,89 +15,137 @@ import numpy as np
 
 from mtu_cli.stats.crossed import Completion, Freeing
 from mtu_cli.stats.design_inputs import (
+    MOST,
+    Inputs,
+    Turned,
     coordinates,
     entry_and_column_inputs,
+    part_inputs,
     signs,
     turning,
 )
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mean_squares import of_parts
+from mtu_cli.stats.positive_part import covariance_root
 from mtu_cli.stats.scatter_tests import variance_ratio_p
 from mtu_cli.stats.strata import Strata
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DirectionNoise:
-    """Of one direction: `mean` (A,) tr S_a and `products` (A, A) tr S_a S_b; `contrasts` P - 1."""
+    """Of one direction: `mean` (A + 1,) tr S_a and `products` (A + 1, A + 1) tr S_a S_b, last the
+    machine's scatter as predicted.
+    """
 
     mean: FloatArray
     products: FloatArray
-    contrasts: int
 
     def p(
-        self,
-        square: float,
-        variance: FloatArray,
-        dof: FloatArray,
-        predicted: float,
-        predicted_dof: float,
+        self, square: float, variance: FloatArray, dof: FloatArray, predicted_dof: float
     ) -> float:
         """p (one-sided) of the sum of squares `square` of t, where entries have the `variance`
-        (A,), estimated with `dof` (A,), and every contrast `predicted` beside them.
+        (A,), estimated with `dof` (A,), and the machine's scatter is known by `predicted_dof`.
 
         Numerator and denominator each have the degrees of freedom of their first two moments
         (Satterthwaite).
         """
-        own, level = variance * self.mean, predicted * self.contrasts
-        expected = float(own.sum()) + level
-        twice = float(variance @ self.products @ variance)
-        twice += predicted * (2 * float(own.sum()) + level)
-        spread = float((own**2 / dof).sum()) + level**2 / predicted_dof
+        v = np.append(variance, 1.0)
+        own = v * self.mean
+        expected, twice = float(own.sum()), float(v @ self.products @ v)
+        spread = float((own**2 / np.append(dof, predicted_dof)).sum())
         tiny = 1e-300
         return variance_ratio_p(
             square, expected, expected**2 / max(twice, tiny), expected**2 / max(spread, tiny)
         )
 
 
-def complete_noise(strata: Strata, directions: FloatArray) -> tuple[DirectionNoise, ...]:
-    """Of a complete table, for `directions` (D, A, 1 + k)."""
-    n = strata.shape[0] - 1
-    sizes = (directions**2).sum(axis=2)
-    return tuple(
-        DirectionNoise(mean=n * own, products=n * np.outer(own, own), contrasts=n) for own in sizes
-    )
-
-
 def direction_noise(
-    strata: Strata, completion: Completion, freeing: Freeing | None, directions: FloatArray
+    strata: Strata,
+    completion: Completion,
+    freeing: Freeing | None,
+    directions: FloatArray,
+    predicted: FloatArray,
 ) -> tuple[DirectionNoise, ...]:
-    """Of a table freed by `freeing` and filled in by `completion`: every entry passed on."""
-    if completion.complete and freeing is None:
-        return complete_noise(strata, directions)
-    turned = turning(strata, completion, freeing)
-    entries, n = entry_and_column_inputs(strata, completion.observed)[0]
-    of = signs(n)
-    flat = directions.reshape(len(directions), -1)
-    found = [of_parts(strata, y) @ flat.T for y in coordinates(strata, turned, entries, of)]
-    # (n, A, P - 1, D)
-    t = np.concatenate(found)
-    return tuple(_of_contrasts(t[..., i], whole=len(of) == n) for i in range(len(directions)))
-
-
-def _of_contrasts(t: FloatArray, *, whole: bool) -> DirectionNoise:
-    """Of contrasts t (m, A, P - 1) of all entries along each axis, or of `m` sums of them with
-    random signs.
+    """For `directions` (D, A, 1 + k) of a table freed by `freeing` and filled in by `completion`,
+    every entry passed on, and every part as the machine scatters it: `predicted` (d, d), d =
+    A (1 + k), is the covariance of a part's coordinates by that.
     """
-    m, _, contrasts = t.shape
+    if completion.complete and freeing is None:
+        return _complete_noise(strata, directions, predicted)
+    turned = turning(strata, completion, freeing)
+    flat = directions.reshape(len(directions), -1)
+    entries, n = entry_and_column_inputs(strata, completion.observed)[0]
+    t = _contrasts(strata, turned, entries, signs(n), flat)
+    parts, scatter = strata.shape[0], None
+    if parts <= MOST:
+        own = _contrasts(strata, turned, part_inputs(strata), np.eye(parts), flat)
+        scatter = np.einsum("pkci,kj->pjci", own, covariance_root(predicted))
+    found = []
+    for i, w in enumerate(flat):
+        noise = _of_contrasts(t[..., i], whole=n <= MOST)
+        if scatter is None:
+            level = float(w @ predicted @ w)
+            found.append(_with_level(*noise, level, parts - 1))
+        else:
+            S = np.einsum("pkc,pke->ce", scatter[..., i], scatter[..., i])
+            found.append(_with_scatter(*noise, t[..., i], S))
+    return tuple(found)
+
+
+def _contrasts(
+    strata: Strata, turned: Turned, inputs: Inputs, of: FloatArray, directions: FloatArray
+) -> FloatArray:
+    """(m, J, P - 1, D): what inputs with the signs `of` (m, n) do along `directions` (D, d)."""
+    found = [of_parts(strata, y) @ directions.T for y in coordinates(strata, turned, inputs, of)]
+    return np.concatenate(found)
+
+
+def _complete_noise(
+    strata: Strata, directions: FloatArray, predicted: FloatArray
+) -> tuple[DirectionNoise, ...]:
+    """Of a complete table."""
+    n = strata.shape[0] - 1
+    found = []
+    for w in directions:
+        own, level = (w**2).sum(axis=1), float(w.ravel() @ predicted @ w.ravel())
+        found.append(_with_level(n * own, n * np.outer(own, own), level, n))
+    return tuple(found)
+
+
+def _with_level(
+    mean: FloatArray, products: FloatArray, level: float, contrasts: int
+) -> DirectionNoise:
+    """Beside a scatter of the same variance `level` of every contrast: of very many parts, few of
+    which show less, also where cells are missing.
+    """
+    return _joined(mean, products, level * contrasts, level * mean, level**2 * contrasts)
+
+
+def _with_scatter(
+    mean: FloatArray, products: FloatArray, t: FloatArray, S: FloatArray
+) -> DirectionNoise:
+    """Beside a scatter of the covariance S (P - 1, P - 1), t (m, A, P - 1) those of the entries."""
+    crossed = np.einsum("map,pq,maq->a", t, S, t, optimize=True)
+    return _joined(mean, products, float(np.trace(S)), crossed, float((S**2).sum()))
+
+
+def _joined(
+    mean: FloatArray, products: FloatArray, own: float, crossed: FloatArray, square: float
+) -> DirectionNoise:
+    beside = np.block([[products, crossed[:, None]], [crossed[None], np.full((1, 1), square)]])
+    return DirectionNoise(mean=np.append(mean, own), products=beside)
+
+
+def _of_contrasts(t: FloatArray, *, whole: bool) -> tuple[FloatArray, FloatArray]:
+    """tr S_a (A,) and tr S_a S_b (A, A) of contrasts t (m, A, P - 1) of all entries along each
+    axis, or of `m` sums of them with random signs.
+    """
+    m = len(t)
     mean = (t**2).sum(axis=(0, 2))
-    # tr S_a S_b by the smaller of the two products of t_a and t_b.
-    if whole and m >= contrasts:
+    if whole:
         S = np.einsum("map,maq->apq", t, t, optimize=True)
-        products = np.einsum("apq,bpq->ab", S, S)
-    else:
-        squares = np.einsum("map,nbp->abmn", t, t, optimize=True) ** 2
-        if not whole:
-            # Two sums are independent, a sum of itself is not.
-            squares *= (1 - np.eye(m)) * m / (m - 1)
-        products = squares.sum(axis=(2, 3))
-    return DirectionNoise(mean=mean, products=products, contrasts=contrasts)
+        return mean, np.einsum("apq,bpq->ab", S, S)
+    # Two sums are independent, a sum of itself is not.
+    squares = np.einsum("map,nbp->abmn", t, t, optimize=True) ** 2
+    squares *= (1 - np.eye(m)) * m / (m - 1)
+    return mean, squares.sum(axis=(2, 3))

@@ -13,7 +13,7 @@ from mtu_cli.stats.crossed import Completion, Freeing
 from mtu_cli.stats.direction_noise import DirectionNoise, direction_noise
 from mtu_cli.stats.expected_squares import ExpectedSquares, expected_squares
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mean_squares import EntryNoise, MeanSquares
+from mtu_cli.stats.mean_squares import LEAST, EntryNoise, MeanSquares
 from mtu_cli.stats.strata import Strata, of_rows
 
 MINOR = 2e-3
@@ -40,9 +40,14 @@ class Frame:
         """The mean squares that components of variance give in tables of this frame."""
         return expected_squares(self.strata, self.completion, self.freeing)
 
-    def noise(self, y: FloatArray, dof: FloatArray, nominal: FloatArray) -> EntryNoise:
+    def noise(
+        self, y: FloatArray, dof: FloatArray, nominal: FloatArray, predicted: FloatArray
+    ) -> EntryNoise:
         """The noise of entries by the interaction of coordinates `y` (N,) with `dof` (S,) degrees
         of freedom, of `nominal` (S,) that the table has; variances and `dof` 0 where it has none.
+
+        `predicted` (d, d) is the covariance of a part's coordinates by the machine: of parts that
+        were filled in by less than their lines, some of it is in the interaction.
         """
         P, _, A = self.strata.shape
         d = A * (1 + self.strata.lines)
@@ -57,22 +62,28 @@ class Frame:
             return EntryNoise(variance=square, dof=n, squares=squares)
         from scipy.optimize import nnls
 
+        leaks = self._noise_of(np.zeros(A), predicted, nominal).interaction
+        # Divided by the largest: nnls takes little for nothing.
+        largest = max(float(square.max(initial=0.0)), 1e-300)
+        left = np.maximum(square - np.nan_to_num(leaks), LEAST * square) / largest
         # Freeing mixes the axes: a mean square may hold noise of another one.
-        variance = nnls((self.squares.interaction[:A] / whole).T, square)[0]
-        none = np.zeros((d, d))
-        squares = self.squares.of(
-            interaction=variance,
-            column=np.zeros(A),
-            reversal=np.zeros(A),
-            part=none,
-            common=none,
-            dof=nominal,
-        )
+        variance = nnls((self.squares.interaction[:A] / whole).T, left)[0] * largest
+        squares = self._noise_of(variance, np.zeros((d, d)), nominal)
         return EntryNoise(variance=variance, dof=n, squares=squares)
 
-    def direction_noise(self, directions: FloatArray) -> tuple[DirectionNoise, ...]:
-        """How far parts go along `directions` (D, A, 1 + k) by the noise of entries alone."""
-        return direction_noise(self.strata, self.completion, self.freeing, directions)
+    def _noise_of(self, interaction: FloatArray, part: FloatArray, dof: FloatArray) -> MeanSquares:
+        none, nothing = np.zeros_like(interaction), np.zeros_like(part)
+        return self.squares.of(
+            interaction=interaction, column=none, reversal=none, part=part, common=nothing, dof=dof
+        )
+
+    def direction_noise(
+        self, directions: FloatArray, predicted: FloatArray
+    ) -> tuple[DirectionNoise, ...]:
+        """How far parts go along `directions` (D, A, 1 + k) by the noise of entries and by the
+        machine's own scatter of parts, `predicted` (d, d).
+        """
+        return direction_noise(self.strata, self.completion, self.freeing, directions, predicted)
 
     def column(self, parts: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
         """A column's coordinates by stratum, from its tables by axis, where it can be tested.

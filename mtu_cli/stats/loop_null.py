@@ -229,8 +229,9 @@ def _about_the_truth(
 
 
 def _root(covariance: FloatArray) -> FloatArray:
+    """The symmetric root: that of eigenvectors alone hangs on signs that rounding gives them."""
     values, vectors = np.linalg.eigh(covariance)
-    found: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
+    found: FloatArray = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
     return found
 
 

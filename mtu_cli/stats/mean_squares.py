@@ -9,6 +9,11 @@ import numpy as np
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.strata import Strata, Stratum
 
+LEAST = 0.1
+"""Share of the interaction's mean square that is noise of entries at least, whatever else leaks
+into it.
+"""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeanSquares:

@@ -52,7 +52,7 @@ def evidence(
     differently each member is judged by the scatter of the entries that it lies in.
     """
     left = pack.without_found(_evened(scan, y, aside))
-    noise = scan.frame.noise(left, pack.dof, scan.dof)
+    noise = scan.frame.noise(left, pack.dof, scan.dof, scan.null.predicted_part)
     scatters = _scatters(scan, left, noise)
     statistics, found, offset = drawn_statistics(scan, pack, left[None], grand[None])
     noisy = dict(zip(scan.scatters, scatters, strict=True)).get(OPERATIONS, 1.0) < UNEVEN
@@ -174,7 +174,6 @@ def _direction_p(scan: Scan, y: FloatArray, name: str, noise: EntryNoise) -> flo
     strata = scan.frame.strata
     which = 0 if name == "rotation-scatter" else 1
     direction = scan.directions[which]
-    predicted = float(direction.reshape(-1) @ scan.null.predicted_part @ direction.reshape(-1))
     if (noise.dof <= 0).any():
         return 1.0
     total = np.zeros(strata.shape[0] - 1)
@@ -182,4 +181,4 @@ def _direction_p(scan: Scan, y: FloatArray, name: str, noise: EntryNoise) -> flo
         if stratum.kind == "line":
             total += direction[stratum.axis, stratum.line] * y[stratum.slice]
     own = scan.turns[which]
-    return own.p(float(total @ total), noise.variance, noise.dof, predicted, scan.predicted_dof)
+    return own.p(float(total @ total), noise.variance, noise.dof, scan.predicted_dof)

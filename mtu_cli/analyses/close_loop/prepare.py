@@ -181,7 +181,7 @@ def _scan(
         null=null,
         operation=table.operation,
         directions=directions,
-        turns=frame.direction_noise(directions) if scatters else (),
+        turns=frame.direction_noise(directions, known.part) if scatters else (),
         predicted_dof=known.dof,
         least=_of_rounding(table, strata),
         parts_scatter=not table.scatter_known,

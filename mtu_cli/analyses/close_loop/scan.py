@@ -14,9 +14,7 @@ from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.loop_null import NullModel, draw
 from mtu_cli.stats.profile_ratio import Ratios, ratios, unit_information
-from mtu_cli.stats.remainder import (
-    Remainder,
-)
+from mtu_cli.stats.remainder import Remainder
 from mtu_cli.stats.streams import stream
 
 BATCH = 200
@@ -29,7 +27,7 @@ class Scan:
     `offsets`, then the drawn checks; `scatters` and the variance checks have p of their own.
 
     `names` are those of all candidates: mean, offset, scatter; `least` (S,) the variance of
-    rounding; `turns` what the noise of entries does along `directions`, turn and growth.
+    rounding; `turns` what is known to scatter parts does along `directions`, turn and growth.
     `parts_scatter`: the model has scatter of parts, how large is not known before.
     """
 

@@ -62,7 +62,7 @@ def test_what_leaves_no_doubt_is_foretold_as_a_single_machine_would() -> None:
 
 def test_little_evidence_foretells_little_by_bayes_rule_over_the_candidates() -> None:
     # 0.2 of a column beside scatter 1: nothing passes the gate, but something speaks for it.
-    errors = noise(5) + 0.2 * whole_column(CELLS, SHAPE)
+    errors = noise(6) + 0.2 * whole_column(CELLS, SHAPE)
     prepared, found, _ = seen(errors)
     assert not found.steps
     variance = prepared.scan.null.interaction
@@ -103,7 +103,7 @@ def test_shares_are_bayes_rule_to_the_last_digit(
     """Candidates are equally likely before, and in each of them its members; nothing is as
     likely as one of them where an effect passed the gate, and as all together where none did.
     """
-    errors = noise(5) + 0.2 * whole_column(CELLS, SHAPE)
+    errors = noise(6) + 0.2 * whole_column(CELLS, SHAPE)
     prepared, found, own = seen(errors, library)
     found = replace(found, steps=(step_of(0, 0),) if passed else ())
     flat = [(f, m.columns[0]) for f, c in enumerate(library) for m in c.members]
@@ -128,7 +128,7 @@ def test_shares_are_bayes_rule_to_the_last_digit(
 def test_a_mean_error_is_a_rival_of_nothing_but_not_of_an_effect_that_was_found() -> None:
     """Either may act without the other: beside a member the mean is free, and says nothing."""
     library = (candidate("cells", (CELLS,)), offset("y"))
-    errors = noise(5) + 0.2 * whole_column(CELLS, SHAPE)
+    errors = noise(6) + 0.2 * whole_column(CELLS, SHAPE)
     errors[..., 1] -= errors[KEPT][..., 1].mean()
     said = {}
     for passed in (False, True):
@@ -218,7 +218,7 @@ def test_a_field_without_a_name_is_foretold_by_the_curve_that_comes_nearest() ->
 
 
 def test_nothing_that_is_left_out_takes_part() -> None:
-    errors = noise(5) + 0.2 * whole_column(CELLS, SHAPE)
+    errors = noise(6) + 0.2 * whole_column(CELLS, SHAPE)
     other = errors.copy()
     other[~KEPT] = 50.0
     np.testing.assert_array_equal(told(errors), told(other))

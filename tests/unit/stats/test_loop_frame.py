@@ -105,6 +105,6 @@ def test_where_entries_tell_no_noise_there_is_none() -> None:
     frame = frame_of(STRATA, there)
     nominal = np.array([-3.0 if s.kind == "interaction" else s.size for s in STRATA.all])
     y = np.random.default_rng(4).normal(size=STRATA.size)
-    found = frame.noise(y, np.maximum(nominal, 1.0), nominal)
+    found = frame.noise(y, np.maximum(nominal, 1.0), nominal, np.zeros((6, 6)))
     assert not found.variance.any()
     assert not found.dof.any()

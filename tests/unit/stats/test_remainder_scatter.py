@@ -25,7 +25,7 @@ def coordinates(count: int, seed: int, part: float = 1.0, column: float = 1.0) -
 
 
 def noise(y: Floats) -> EntryNoise:
-    return whole_frame(STRATA).noise(y, DOF, DOF)
+    return whole_frame(STRATA).noise(y, DOF, DOF, np.zeros((6, 6)))
 
 
 def judged(y: Floats, predicted: Floats = UNKNOWN, dof: float = np.inf) -> Floats:
@@ -95,7 +95,7 @@ def test_tables_without_scatter_or_too_small_say_nothing() -> None:
     assert scatter_p(STRATA, nothing, noise(nothing), UNKNOWN, np.inf) == (1.0, 1.0)
     small = made(2, 3, 1, lines=False)
     y = np.random.default_rng(10).normal(size=small.size)
-    of_small = whole_frame(small).noise(y, sizes(small), sizes(small))
+    of_small = whole_frame(small).noise(y, sizes(small), sizes(small), np.zeros((1, 1)))
     assert scatter_p(small, y, of_small, np.zeros(1), np.inf) == (1.0, 1.0)
 
 
