@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from crossed_tables import Floats, made, sizes, whole_frame
+from crossed_tables import (
+    Floats,
+    coordinate_matrix,
+    frame_of,
+    holes,
+    made,
+    sizes,
+    whole_frame,
+)
 from scipy.stats import binom, f, ks_1samp, norm
 
 from mtu_cli.stats.mean_squares import EntryNoise
@@ -60,6 +68,30 @@ def test_p_are_those_of_f_tests_of_the_means() -> None:
         y, _ = STRATA.coordinates(table)
         found = scatter_p(STRATA, y, noise(y), UNKNOWN, np.inf)
         assert found == pytest.approx(plain(table), rel=1e-9)
+
+
+def test_with_missing_cells_noise_is_what_its_entries_give_there() -> None:
+    """The mean squares of noise alone, entry by entry, of columns and of parts."""
+    there = holes(12, 10, 0.3, 2)
+    frame, y = frame_of(STRATA, there), coordinates(1, 12, part=5.0, column=5.0)[0]
+    dof = sizes(STRATA, int((~there).sum()))
+    own = frame.noise(y, dof, dof, np.zeros((6, 6)))
+    T = coordinate_matrix(frame).reshape(STRATA.size, 12, 10, 2) * there[:, :, None]
+    p_column, parts = [], []
+    for a in range(2):
+        v, n = own.variance[a], own.dof[a]
+        each = own.variance @ (T**2).sum(axis=(1, 2)).T
+        found = {s.kind: s for s in STRATA.all if s.axis == a and s.kind != "line"}
+        column = np.arange(STRATA.size)[found["column"].slice][len(found["column"].lead) :]
+        part = np.arange(STRATA.size)[found["part"].slice]
+        ratio = np.mean(y[column] ** 2) / (np.mean(each[column]) + 12 * v)
+        p_column.append(f.sf(ratio, len(column), n))
+        parts.append((np.mean(y[part] ** 2) / (np.mean(each[part]) + 10 * v), n))
+    p_part = [f.sf(ratio, 11, n) for ratio, n in parts]
+    p_part.append(f.sf(np.mean([ratio for ratio, _ in parts]), 22, min(n for _, n in parts)))
+    wanted = min(1.0, 2 * min(p_column)), min(1.0, 3 * min(p_part))
+    assert scatter_p(STRATA, y, own, UNKNOWN, np.inf) == pytest.approx(wanted, rel=1e-9)
+    assert own.squares.rest[0] != pytest.approx(own.variance[0], rel=0.1)
 
 
 def test_at_the_limit_of_what_is_ordinary_the_rate_is_kept() -> None:
