@@ -191,6 +191,16 @@ def closest(name: str, names: Iterable[str]) -> str | None:
     return None if near is None else folded[near]
 
 
+def is_near(name: str, other: str) -> bool:
+    """Whether at most a third of the letters of two names differ: who wrote one may have meant the
+    other even where a folder holds little else.
+    """
+    a, b = name.casefold(), other.casefold()
+    matcher = difflib.SequenceMatcher(None, a, b, autojunk=False)
+    longest = max(len(a), len(b))
+    return 3 * (longest - sum(block.size for block in matcher.get_matching_blocks())) <= longest
+
+
 def did_you_mean(name: str, names: Iterable[str]) -> str:
     """The ending of an unknown-name message: the closest name, or the known ones."""
     known = list(names)

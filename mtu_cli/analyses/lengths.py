@@ -19,6 +19,7 @@ from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.trials import Measure, PointTrials
+from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
@@ -36,7 +37,8 @@ class Length:
     `variance_uncorrelated` leaves out the measured correlation between components;
     `u_bounds` are what u could be if the two largest contributors among components that do
     not share passes were correlated with -1 or +1 (`pair` names them, None where there are
-    not two).
+    not two). `shares` split the variance; None under the papers' independence and where there
+    is no variance.
     """
 
     id: str
@@ -52,6 +54,7 @@ class Length:
     variance_uncorrelated: float
     u_bounds: tuple[float, float]
     pair: tuple[str, str] | None
+    shares: Shares | None
     conformance: Conformance | None
     validation: Validation
 
@@ -174,7 +177,8 @@ def _trials(
 class _Variances:
     """Variances (m,) of the lengths, mm^2, and what they could be; see `Length`.
 
-    `total` with `dof` follows the settings' correlation; `bounds` are (u's, their pair).
+    `total` with `dof` and `shares` follows the settings' correlation; `bounds` are (u's, their
+    pair).
     """
 
     total: FloatArray
@@ -182,6 +186,7 @@ class _Variances:
     independent: FloatArray
     uncorrelated: FloatArray
     bounds: tuple[Bounds, ...]
+    shares: tuple[Shares | None, ...]
 
 
 def _variances(
@@ -202,6 +207,7 @@ def _variances(
         independent=alone,
         uncorrelated=apart.variance(gradient).total,
         bounds=tuple(_bounds(prediction, own) for own in shared.by_block.T),
+        shares=tuple(None if independent else shared.shares(i) for i in range(len(alone))),
     )
 
 
@@ -231,6 +237,7 @@ def _length(
         variance_uncorrelated=float(variances.uncorrelated[i]),
         u_bounds=bounds,
         pair=pair,
+        shares=variances.shares[i],
         conformance=conformance_of(entry.tolerance_um, error, u, dof),
         validation=settings.validate(error, u, dof, run, i),
     )

@@ -17,6 +17,7 @@ from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
 from mtu_cli.model.trials import Measure, PointTrials
+from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray
@@ -34,7 +35,8 @@ class Orthogonality:
     """One angle less 90 degrees, in rad, from the row's +x to the column's +y.
 
     `run` holds the Monte Carlo (mean, u, interval, samples), `first_order` (mean, u, dof),
-    `independent` the same trials under the papers' independence, (mean, u).
+    `independent` the same trials under the papers' independence, (mean, u). `shares` split the
+    variance of first order; None under that independence and where there is no variance.
     """
 
     id: str
@@ -46,6 +48,7 @@ class Orthogonality:
     independent: MonteCarloResult
     independent_first_order: tuple[float, float]
     validation: Validation
+    shares: Shares | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +122,13 @@ def _angle(
         independent=independent,
         independent_first_order=(mean, float(apart.linear_u[0, 0])),
         validation=settings.validate(mean, u, dof, run, 0),
+        shares=None if settings.independent else _shares(row, column, prediction),
     )
+
+
+def _shares(row: Sequence[str], column: Sequence[str], prediction: Prediction) -> Shares | None:
+    gradient = angle_gradient(prediction, *_places(prediction, row, column))[None, :]
+    return prediction.variance(gradient).shares(0)
 
 
 def angle_trials(

@@ -65,7 +65,8 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
         elif not options.quiet:
             show(outcome.tables())
 
-    deliver(files, inputs, say, told=[*warning_lines(outcome.warnings), *([gate] if gate else [])])
+    told = warning_lines(outcome.warnings, _subject(inputs) if options.quiet else "")
+    deliver(files, inputs, say, told=[*told, *([gate] if gate else [])])
     if gate is not None:
         sys.exit(EXIT_GATE)
 
@@ -136,7 +137,30 @@ def show(tables: Iterable[object]) -> None:
         sys.stdout.write(plain_text(tables))
 
 
-def warning_lines(warnings: Iterable[Warned]) -> list[str]:
-    """Warnings as lines for standard error, each once; those for the report alone left out."""
+def warning_lines(warnings: Iterable[Warned], of: str = "") -> list[str]:
+    """Warnings as lines for standard error, each once; those for the report alone left out.
+
+    `of` names the file that they are about, unless a warning begins with it itself.
+    """
     shown = ((item.code, item.message) for item in warnings if not item.report_only)
-    return [f"warning: {cut_names(message)} [{code}]" for code, message in dict.fromkeys(shown)]
+    return [
+        f"warning: {_named(cut_names(message), cut_names(of))} [{code}]"
+        for code, message in dict.fromkeys(shown)
+    ]
+
+
+def _named(message: str, of: str) -> str:
+    return message if not of or message.startswith(f"{of}:") else f"{of}: {message}"
+
+
+def _subject(inputs: Inputs) -> str:
+    """What a call names first: study, machine or its one file. What quiet runs, side by side,
+    leave in one log is to be told apart; without a name it is what their folder holds.
+    """
+    from mtu_cli.files.source import given_path
+
+    options = inputs.options
+    if options.study is not None and inputs.study is not None:
+        return given_path(inputs.study.source.path)
+    named = options.machine or options.file
+    return "" if named is None else given_path(named)

@@ -19,6 +19,9 @@ DRAWING = "to"
 SEPARATORS = tuple({os.sep, "/"})
 
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+")
+LONGEST_WHOLE = 15
+"""Digits of a whole number that are written out: 1e99 is a slip, and a line of its digits none to
+copy."""
 _THOUSANDS = re.compile(r"[-+]?[0-9]{1,3}(?:[,.' _][0-9]{3})+")
 
 
@@ -53,10 +56,15 @@ def _meant(text: str, whole: bool) -> str:
         return f"{text.replace(',', '.')} with a decimal point"
     wanted = "a whole number" if whole else "a number"
     if whole and _THOUSANDS.fullmatch(text):
-        return f"{re.sub('[^-+0-9]', '', text)}, {wanted} without signs between its digits"
+        digits = re.sub("[^-+0-9]", "", text)
+        return f"{_short(digits)}{wanted} without signs between its digits"
     if whole and _fits(text, False) and isfinite(float(text)) and float(text) == int(float(text)):
-        return f"{int(float(text))}, {wanted} in digits"
+        return f"{_short(str(int(float(text))))}{wanted} in digits"
     return wanted
+
+
+def _short(digits: str) -> str:
+    return f"{digits}, " if len(digits.lstrip("-+")) <= LONGEST_WHOLE else ""
 
 
 def check_names(params: Iterable[Any], values: Mapping[str, Any], raw: Mapping[str, Any]) -> None:

@@ -6,7 +6,8 @@ Typer reads a command's options from its signature: the groups are joined into o
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +16,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from mtu_cli.cli.option_values import bad_number, check_names
 from mtu_cli.cli.parameters import FAIL_IF, Parameter
-from mtu_cli.errors import fault
+from mtu_cli.errors import fault, is_near
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +60,30 @@ def _check_own(command: TyperCommand, ctx: Any, args: list[str]) -> None:
             raise fault(f"{command.name} has no {name}", expected=f"{expected} {', '.join(have)}")
 
 
+@contextmanager
+def _near_options() -> Iterator[None]:
+    """Of what stands for an option that does not exist, leaves the options that are nearly called
+    so, or begin so.
+    """
+    try:
+        yield
+    except Exception as error:
+        given = str(getattr(error, "option_name", "")).lstrip("-")
+        offered = getattr(error, "possibilities", None) or ()
+        bare = {name: name.lstrip("-") for name in offered}
+        near = [n for n, own in bare.items() if is_near(given, own) or own.startswith(given)]
+        if offered:
+            error.possibilities = near  # type: ignore[attr-defined]  # it has some
+        raise
+
+
 class Commands(TyperGroup):
     """Commands under one name."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The rest of the arguments."""
+        with _near_options():
+            return list(super().parse_args(ctx, args))
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The parameters, as help shows them."""
@@ -79,7 +102,8 @@ class Once(TyperCommand):
         one is given that only other commands have, or a value is none.
         """
         _check_own(self, ctx, args)
-        raw, _, order = self.make_parser(ctx).parse_args(list(args))
+        with _near_options():
+            raw, _, order = self.make_parser(ctx).parse_args(list(args))
         for option in dict.fromkeys(order):
             if option.multiple or getattr(option, "is_flag", True) or order.count(option) < 2:
                 continue

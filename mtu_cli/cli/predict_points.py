@@ -8,7 +8,7 @@ from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.volume import grid_of
+from mtu_cli.model.volume import grid_of, grid_warnings
 
 
 def run(options: Options) -> None:
@@ -26,7 +26,8 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         result = predict_points(found.model, inputs.part, settings, inputs.at)
     else:
         ids, places = grid_of(inputs.machine, found.model, grid)
-        result = predict_places(found.model, ids, places, settings, inputs.at)
+        told = grid_warnings(inputs.machine, found.model, grid)
+        result = predict_places(found.model, ids, places, settings, inputs.at, told)
     return Outcome(
         results=lambda: report.document(result, with_covariance=bool(inputs.options.covariance)),
         tables=lambda: report.table(result, settings.digits),

@@ -34,7 +34,7 @@ from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.reading_simulation import ReadingsPlan, simulate_readings
-from mtu_cli.model.settings import DEFAULT_SEED
+from mtu_cli.model.settings import DEFAULT_SEED, Warned
 from mtu_cli.model.simulate import PartsPlan, simulate_points
 from mtu_cli.reports.simulate import drift_csv, points_csv, readings_csv
 
@@ -58,7 +58,7 @@ def run(options: Options) -> None:
     check_cmm_room(options)
     seed = _seed(inputs)
     check_ranges(options, seed)
-    unused = check_used(options)
+    unused = [*check_used(options), *_not_written(inputs)]
     model = modelled(inputs).model
     files: dict[Path, str] = {}
     if options.write_lbb is not None:
@@ -70,6 +70,15 @@ def run(options: Options) -> None:
     content = {path: text.encode() for path, text in files.items()}
     say = partial(_say, {} if options.quiet else files)
     deliver(content, inputs, say, warning_lines(unused))
+
+
+def _not_written(inputs: Inputs) -> list[Warned]:
+    """Of components that stand in no equation nothing is simulated."""
+    return [
+        Warned(code=notice.code, message=f"{notice.message}, so nothing of it is written")
+        for notice in inputs.machine.warnings
+        if notice.code == "unused-component"
+    ]
 
 
 def _say(files: Mapping[Path, str]) -> None:

@@ -32,7 +32,9 @@ COMMON = (
     "%", "ppm",
 )  # fmt: skip
 """What a unit is called that the file does not name."""
-ANGLES = ("rad", "deg", "arcmin", "arcsec", "\u00b0")
+ANGLES = (
+    "rad", "deg", "arcmin", "arcsec", "gon", "\u00b0", "radian", "degree", "arcminute", "arcsecond",
+)  # fmt: skip
 SIMPLE = 12
 """Numerator and denominator of the largest simple fraction."""
 
@@ -106,7 +108,8 @@ class BudgetUnits:
         wanted = unit_exponents(stated)
         if stated is None or wanted is None:
             return None
-        return self.result(tree, wanted, "rad" if stated.endswith(ANGLES) else "plain numbers")
+        angle = stated.casefold().rstrip("s").endswith(ANGLES)
+        return self.result(tree, wanted, "rad" if angle else "plain numbers")
 
     def pair(self, left: Node, right: Node, column: int, verb: str) -> Iterator[EquationError]:
         for sure in (True, False):

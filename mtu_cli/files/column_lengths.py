@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 
 from mtu_cli.files.column_words import AXES, UNIT, WORDS, meant_by, plain
+from mtu_cli.files.unit_text import LENGTHS_ALSO
 
 _TO_MM = {
     "um": "divided by 1000",
@@ -17,10 +18,7 @@ _TO_MM = {
     "ft": "multiplied by 304.8",
     "mil": "multiplied by 0.0254",
 }
-_ALSO = {
-    "\u03bcm": "um", "micron": "um", "microns": "um", "inch": "in", "inches": "in", "zoll": "in",
-    "mils": "mil", "thou": "mil", "feet": "ft",
-}  # fmt: skip
+_ALSO = LENGTHS_ALSO | {"\u03bcm": "um"}
 _UNITS = "|".join(sorted((*_TO_MM, *_ALSO), key=len, reverse=True))
 _IN_UNIT = re.compile(rf"(.*?[^\W_])(?:[ _.]+in)?(?:[ _./-]+|[ _]*[\[(] *)({_UNITS}) *[\])]?")
 _DEVIATION = {*WORDS["error"], "d", "e", "delta", "diff", "difference", "residual", "offset"}

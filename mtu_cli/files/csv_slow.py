@@ -114,8 +114,19 @@ def _problem(
 _INTEGER = re.compile(r"[+-]?\d+")
 
 
+_SIGNS: dict[str, str] = {",": "commas", ";": "semicolons"}
+
+
 def _wrong_length(text: CsvText, row: int, cells: list[str]) -> Problem:
     wanted = len(text.header)
+    (other,) = _SIGNS.keys() - {text.separator}
+    # Commas may be decimal ones beside other separators, not where they are the only sign.
+    apart = text.separator == "," or len(cells) == 1
+    if apart and wanted > 1 and text.separator.join(cells).count(other) == wanted - 1:
+        # Without its value the same stands in every such row, and is told once.
+        signs = f"{_SIGNS[other]} here, {_SIGNS[text.separator]} in the header"
+        what = f"the separators of the columns are mixed: {signs}"
+        return _problem(text, row, None, what, None, "the same ones in all rows")
     expected = f"{wanted}, as in the header"
     surplus = len(cells) - wanted
     if surplus > 0:

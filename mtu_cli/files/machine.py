@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,6 +62,22 @@ class LoadedMachine:
         """The line of a value of the file: ``line_of("components", "dx_x")``."""
         return self.document.line_of(*path)
 
+    @property
+    def used(self) -> set[str]:
+        """The components that stand in an equation."""
+        return _used(self.forms, self.effect_forms)
+
+
+def _used(
+    forms: Mapping[str, LinearForm], effect_forms: Iterable[Mapping[str, LinearForm]]
+) -> set[str]:
+    return {
+        name
+        for group in (forms, *effect_forms)
+        for form in group.values()
+        for name in form.coefficients
+    }
+
 
 def load_machine(path: Path, role: str = "machine") -> LoadedMachine:
     """Reads and checks a machine file.
@@ -82,6 +99,9 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
         check_names(machine, findings)
         check_reference(machine, findings)
         check_components(machine, findings)
+        if not findings.keys("components"):
+            # That is told; so every name of every equation would be unknown.
+            return
         vocabulary = Vocabulary.of(machine, findings)
         forms.update(check_equations(machine.equations, vocabulary, findings, ("equations",)))
         for index, effect in present(machine.effects):
@@ -115,10 +135,7 @@ def _warnings(
     document: YamlDocument,
 ) -> tuple[Notice, ...]:
     notices = []
-    used = {name for form in (*forms.values(),) for name in form.coefficients}
-    used |= {
-        name for group in effect_forms for form in group.values() for name in form.coefficients
-    }
+    used = _used(forms, effect_forms)
     shown = document.source.shown
     for name, component in machine.components.items():
         place = f"{shown}:{document.line_of('components', name)}: components.{name}"

@@ -22,6 +22,7 @@ from mtu_cli.files.reading_cells import Travels
 from mtu_cli.files.reading_sizes import check_sizes, check_units
 from mtu_cli.files.row_marks import row_marks
 from mtu_cli.files.source import Source
+from mtu_cli.files.swapped_columns import refuse_swapped
 from mtu_cli.files.unused_positions import unused_positions
 from mtu_cli.units import UNITS, dimension_name
 
@@ -147,6 +148,7 @@ def check_cells(
     table: Table, components: Mapping[str, ComponentLike] | None, problems: ProblemList
 ) -> None:
     """Cells that mean nothing: units, directions, components, positions, sizes."""
+    refuse_swapped(table)
     check_units(table, problems)
     joined.check_labels(table, "direction", "unknown direction", _direction_hint, problems)
     for name in ("error", "position_mm"):
@@ -286,8 +288,7 @@ def _check_copied_files(readings: Readings, problems: ProblemList) -> None:
     Single rows may agree by chance where the digits are few; a whole file does not.
     """
     marks = reading_marks(readings)
-    files = range(len(readings.sources))
-    ordered = [np.sort(marks[readings.file_index == file]) for file in files]
+    ordered = [np.sort(marks[readings.file_index == i]) for i in range(len(readings.sources))]
     for file, earlier in doubled.copied_files(ordered, FEWEST_COPIED):
         names = ", ".join(readings.sources[i].shown for i in earlier)
         problems.add(

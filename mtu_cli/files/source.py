@@ -10,7 +10,7 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
-from mtu_cli.errors import Problem, closest, fault, printable, reason
+from mtu_cli.errors import Problem, closest, fault, is_near, printable, reason
 
 _CHUNK = 1 << 20
 HOLDS = {
@@ -21,6 +21,8 @@ HOLDS = {
     "components": "a fit-components or thermal-fit report",
 }
 """What a file is to hold whose role is the name of its option."""
+KINDS = {".yaml": "yaml", ".yml": "yaml", ".csv": "csv", ".json": "json"}
+"""Of files that may be meant for each other, by their endings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,10 +174,22 @@ def _nearby(path: Path) -> str | None:
 
 
 def _near_name(path: Path) -> str | None:
+    """The file of the same kind in the folder that is nearly called so."""
+    kind = _kind(path.name)
     try:
-        return closest(path.name, [entry.name for entry in path.parent.iterdir()])
+        names = [entry.name for entry in path.parent.iterdir()]
     except (OSError, ValueError):
         return None
+    near = closest(path.name, [name for name in names if kind in ("", _kind(name))])
+    if near is None or is_near(path.name, near) or Path(near).stem == path.name:
+        return near
+    return None
+
+
+def _kind(name: str) -> str:
+    """What the ending of a name says that it holds; "" where that is not of ours."""
+    end = Path(name.casefold().removesuffix(".gz")).suffix
+    return KINDS.get(end, "")
 
 
 def check_text(content: bytes, shown: str) -> None:

@@ -36,14 +36,28 @@ _PLAIN: dict[str, dict[str, float]] = {
     "min": {"s": 1, SIZE: math.log10(60)},
     "h": {"s": 1, SIZE: math.log10(3600)},
     "in": {"m": 1, SIZE: math.log10(0.0254)},
+    "mil": {"m": 1, SIZE: math.log10(0.0254e-3)},
+    "ft": {"m": 1, SIZE: math.log10(0.3048)},
     "deg": {SIZE: math.log10(_ANGLE)},
     "arcmin": {SIZE: math.log10(_ANGLE / 60)},
     "arcsec": {SIZE: math.log10(_ANGLE / 3600)},
+    "gon": {SIZE: math.log10(math.pi / 200)},
     "%": {SIZE: -2},
     "ppm": {SIZE: -6},
     "ppb": {SIZE: -9},
 }
 """What may be several things has no entry: g (gram, or the acceleration), C, F, T, l."""
+LENGTHS_ALSO = {
+    "micron": "um", "microns": "um", "inch": "in", "inches": "in", "zoll": "in", "mils": "mil",
+    "thou": "mil", "feet": "ft",
+}  # fmt: skip
+"""Words for units of length, in lower case: other than symbols they may have capitals."""
+_ALSO = LENGTHS_ALSO | {
+    "foot": "ft", "degree": "deg", "degrees": "deg", "arcminute": "arcmin",
+    "arcminutes": "arcmin", "arcsecond": "arcsec", "arcseconds": "arcsec", "radian": "rad",
+    "radians": "rad", "kelvin": "K", "celsius": "degC",
+}  # fmt: skip
+_DEGREES = re.compile(r"(?:deg(?:rees?)?|\u00b0)\s*(?:celsius|kelvin|[ck])(?![a-z])", re.IGNORECASE)
 _SIGNS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u2126": "ohm", "\u03a9": "ohm",
                         "\u00b2": "2", "\u00b3": "3", "\u00b7": "*", "\u2212": "-"})  # fmt: skip
 _FACTOR = re.compile(
@@ -61,7 +75,8 @@ def unit_exponents(text: str | None) -> Exponents | None:
     """
     if text is None or len(text) > LONGEST:
         return None
-    plain = text.strip().replace("\u00b0C", "degC").replace("\u00b0", "deg").translate(_SIGNS)
+    plain = _DEGREES.sub("degC", text.strip().replace("\u2103", "\u00b0C"))
+    plain = plain.replace("\u00b0", "deg").translate(_SIGNS)
     found: dict[str, float] = {SIZE: 0.0}
     position = 0
     while position < len(plain):
@@ -83,8 +98,11 @@ def unit_exponents(text: str | None) -> Exponents | None:
 def _factor(number: str | None, name: str | None) -> Mapping[str, float] | None:
     if number is not None:
         return {SIZE: math.log10(float(number))} if float(number) > 0 else None
-    if name is None or name in _PLAIN:
-        return None if name is None else _PLAIN[name]
+    if name is None:
+        return None
+    name = _ALSO.get(name.casefold(), name)
+    if name in _PLAIN:
+        return _PLAIN[name]
     for symbol, own in _WITH_PREFIX.items():
         if name.endswith(symbol):
             prefix = name.removesuffix(symbol)

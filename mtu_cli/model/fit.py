@@ -62,7 +62,8 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
             file=machine.source.shown,
             line=machine.line_of("components", name),
             path=f"components.{name}",
-            expected=f"readings of it in {_shown(readings)}, or coefficients here",
+            expected=f"readings of it in {_shown(readings)}, or coefficients here"
+            + ("" if name in machine.used else "; or no such component, as no equation uses it"),
         )
         for name, component in components.items()
         if name not in read and component.coefficients is None

@@ -52,6 +52,18 @@ class MeanSquares:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Shares:
+    """What a variance consists of by its nature, 1 in all.
+
+    `passes` is below 0 where passes differ by less than repeatability makes them.
+    """
+
+    coefficients: float
+    passes: float
+    repeatability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Variance:
     """Variance (m,) of m linear measurands with effective degrees of freedom (m,).
 
@@ -67,6 +79,17 @@ class Variance:
     passes: FloatArray
     repeatability: FloatArray
     squares: MeanSquares
+
+    def shares(self, i: int) -> Shares | None:
+        """The shares of measurand i; None where it has no variance."""
+        total = float(self.total[i])
+        if not total > 0:
+            return None
+        return Shares(
+            coefficients=float(self.coefficients[i]) / total,
+            passes=float(self.passes[i]) / total,
+            repeatability=float(self.repeatability[i]) / total,
+        )
 
 
 def of_rows(block: Block, rows: slice) -> Block:

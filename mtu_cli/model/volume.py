@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.errors import InputError, Problem, fault, shorten
 from mtu_cli.language import names
 from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -56,6 +57,34 @@ def grid_of(
     return names, points
 
 
+def grid_warnings(machine: LoadedMachine, model: MachineModel, text: str) -> list[Warned]:
+    """Of axes that have another count of places than `text` asks for, or one place because it
+    gives none.
+    """
+    given = text.split(",")
+    if len(given) == 1:
+        return []
+    counts, fixed, needed = _counts(text), model.position_constants(), _needed(model)
+    many = [axis for axis, count in zip(AXES, counts, strict=True) if count > 1]
+    unused = [axis for axis in many if axis not in fixed and axis not in needed]
+    found = []
+    if unused:
+        enter, have = ("enters", "has") if len(unused) == 1 else ("enter", "have")
+        found.append(f"{' and '.join(unused)} {enter} no equation and {have} no places in the grid")
+    found += [
+        f"{axis} has one place, {fixed[axis]:g} mm, at which a constant of the machine fixes it"
+        for axis in many
+        if axis in fixed
+    ]
+    travel = machine.machine.travels.get("z")
+    if len(given) == 2 and "z" in needed and "z" not in fixed and travel is not None:
+        found.append(
+            f"z has one place, the middle of its travel, {sum(travel) / 2:g} mm: --grid "
+            f"{text.strip()},N gives it N"
+        )
+    return [Warned(code="grid-of-fewer-axes", message=f"--grid {text}: {item}") for item in found]
+
+
 def _no_travel(machine: LoadedMachine, axis: str) -> Problem:
     return Problem(
         what=f"--grid: the travel of {axis} is not known",
@@ -79,7 +108,7 @@ def _counts(text: str) -> tuple[int, int, int]:
         raise fault("--grid is not a count an axis", value=text, expected="5 or 7,5,3, say")
     if max(counts) > MOST_PLACES:
         raise fault(
-            f"--grid: {max(counts)} places along an axis",
+            f"--grid: {shorten(str(max(counts)), 20)} places along an axis",
             value=text,
             expected=f"at most {MOST_PLACES} in all",
         )

@@ -9,6 +9,7 @@ from rich.text import Text
 
 from mtu_cli.analyses.anova import Analysed, AnovaResult
 from mtu_cli.analyses.anova.totals import Total
+from mtu_cli.reports.anova_squares import squares_sheets
 from mtu_cli.reports.anova_words import UNITS, sentences
 from mtu_cli.reports.document import root
 from mtu_cli.reports.numbers import MISSING, plus_minus, significant, with_u
@@ -34,7 +35,18 @@ def table(result: AnovaResult, digits: int = 2) -> list[object]:
     lines = [Text(line) for line in sentences(result)]
     found: list[object] = [_summary(result, digits), *lines, Text("")]
     apart = [item for item in (result.lengths, result.angles) if item is not None]
-    return [*found, *(_sheet(item, k, digits) for item in (*apart, result.features))]
+    kinds = [*apart, result.features]
+    return [
+        *found,
+        *(_sheet(item, k, digits) for item in kinds),
+        *squares_sheets((item, _listed(item, k)) for item in kinds),
+    ]
+
+
+def _listed(found: Analysed, k: float) -> Sequence[int]:
+    """The tables of a kind that are listed: all where they are few, else the worst."""
+    total = len(found.tables.labels)
+    return range(total) if total <= SHOWN else found.largest(k)[:WORST]
 
 
 def _filled(
@@ -118,7 +130,7 @@ def _mean(value: float, u: float, digits: int) -> str:
 def _sheet(found: Analysed, k: float, digits: int) -> Sheet:
     unit, size = UNITS[found.kind]
     total = len(found.tables.labels)
-    chosen = range(total) if total <= SHOWN else found.largest(k)[:WORST]
+    chosen = _listed(found, k)
     several = bool((found.one_way.df_between > 0).any())
     columns = [
         Column(title="operation\n", text=True, folds=True),

@@ -8,7 +8,7 @@ from mtu_cli.analyses.anova import AnovaResult
 from mtu_cli.analyses.anova.axis_scatter import AxisScatter
 from mtu_cli.analyses.anova.features import UnusualFeature
 from mtu_cli.analyses.anova.parts import FAMILY_RATE, UnusualPart
-from mtu_cli.reports.numbers import p_value, significant, with_u
+from mtu_cli.reports.numbers import p_value, significant, span, with_u
 from mtu_cli.stats.scatter_ratio import FEWEST_ROWS
 from mtu_cli.units import ARCSEC, UM
 
@@ -140,4 +140,4 @@ def _within(low: float, high: float) -> str:
     """A 95 % interval in words; it may begin at 0 and be open above."""
     if not np.isfinite(high):
         return f"95 %: {significant(low)} or more" if low > 0 else "95 %: no bounds"
-    return f"95 %: {significant(low)} to {significant(high)}"
+    return f"95 %: {span(significant(low), significant(high))}"

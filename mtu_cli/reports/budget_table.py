@@ -103,7 +103,7 @@ def _result(result: BudgetResult, index: int, digits: int) -> Sheet:
     percent = f"{100 * result.probability:.4g} % interval"
     titles = ("value", "u", "dof", "k", "U", percent, "shortest")
     return Sheet(
-        title=output.first.name,
+        title=f"{result.name}: result for {name}",
         columns=[Column(title=name, text=True), *(Column(title=title) for title in titles)],
         rows=[*_orders(output, digits), _monte_carlo(result, index, digits)],
         notes=_notes(result, index),

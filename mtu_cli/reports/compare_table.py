@@ -9,7 +9,7 @@ from rich.text import Text
 
 from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
 from mtu_cli.reports.compare_words import paper_scatter, set_up_text, verdict, verdict_text
-from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
+from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant, span
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
 
@@ -111,7 +111,7 @@ def _paper(result: CompareResult) -> list[str]:
 def _shown(found: Range | None) -> str:
     if found is None:
         return MISSING
-    return f"{significant(found.least)} to {significant(found.largest)}"
+    return span(significant(found.least), significant(found.largest))
 
 
 def _sheet(

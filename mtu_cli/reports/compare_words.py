@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
-from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.numbers import significant, span
 from mtu_cli.units import UM
 
 
@@ -94,8 +94,7 @@ def _share(count: int, item: Summary) -> str:
 
 
 def _times(found: Range, unit: float = 1.0) -> str:
-    low, high = significant(found.least / unit), significant(found.largest / unit)
-    return low if low == high else f"{low} to {high}"
+    return span(significant(found.least / unit), significant(found.largest / unit))
 
 
 def paper_scatter(item: Summary) -> str | None:
@@ -111,8 +110,7 @@ def paper_scatter(item: Summary) -> str | None:
 
 
 def _three(found: Range) -> str:
-    low, high = significant(found.least, 3), significant(found.largest, 3)
-    return low if low == high else f"{low} to {high}"
+    return span(significant(found.least, 3), significant(found.largest, 3))
 
 
 def verdict(found: Compared, i: int) -> str:

@@ -35,7 +35,7 @@ from mtu_cli.reports.fitted import (
     passes_read,
     single_instrument,
 )
-from mtu_cli.reports.observability import observability
+from mtu_cli.reports.observability import observability, told
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.pass_tests import FTest, Shift
 
@@ -220,19 +220,9 @@ def _correlation(fit: MachineFit, group: JointPasses) -> tuple[list[str], FloatA
 
 def warnings(fit: MachineFit, estimates: Estimates) -> list[Warned]:
     """Why fields of the report are null."""
-    grouped: dict[str, list[str]] = {}
-    for item in observability(fit, estimates):
-        grouped.setdefault(item.not_determined, []).append(item.shown)
     noted = []
-    if grouped:
-        what = "; ".join(f"{what} of {listed(names)}" for what, names in grouped.items())
-        noted.append(
-            Warned(
-                code="not-determined",
-                message=f"not determined by the readings: {what} (results.observability says "
-                "why, and what would)",
-            )
-        )
+    if found := observability(fit, estimates):
+        noted.append(Warned(code="not-determined", message=told(found)))
     several = [name for name, item in fit.components.items() if len(item.instruments) > 1]
     if several:
         noted.append(

@@ -11,7 +11,7 @@ from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite, listed
 from mtu_cli.reports.graph_convergence import BOUNDS, chance_text, not_converged, one_sided
 from mtu_cli.reports.graph_net import share_percent
-from mtu_cli.reports.numbers import PLAIN_DIGITS, interval, plus_minus, significant, with_u
+from mtu_cli.reports.numbers import PLAIN_DIGITS, interval, plus_minus, significant, span, with_u
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.reports.validations import validation_warnings
 from mtu_cli.units import UM
@@ -182,8 +182,7 @@ def _chances(title: str, coordinates: Sequence[SimulatedCoordinate]) -> Sheet:
 
 def _counts(coordinates: Sequence[SimulatedCoordinate]) -> str:
     counts = {item.trials for item in coordinates if not item.fixed} or {0}
-    low, high = min(counts), max(counts)
-    return str(low) if low == high else f"{low} to {high}"
+    return span(str(min(counts)), str(max(counts)))
 
 
 def _row(item: SimulatedCoordinate, digits: int) -> list[str]:

@@ -2,7 +2,7 @@
 
 `conformance` is null where no tolerance is given, `joint_conformance` where fewer than two
 lengths have one, `between_components.pair` where no two components that were read in passes
-of their own contribute.
+of their own contribute, `shares` (of u^2) under the papers' independence and where u is 0.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from mtu_cli.reports.document import finite, listed, root, um, um2
 from mtu_cli.reports.labels import folded
 from mtu_cli.reports.numbers import chance, interval, percent, plus_minus, significant, with_u
 from mtu_cli.reports.outside import components_beyond, mark_notes, marked
+from mtu_cli.reports.shares import shares_fields, shares_sheets
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
 
@@ -53,6 +54,7 @@ def _length(item: Length) -> dict[str, Any]:
         "error_um": um(item.error),
         "variance_um2": um2(item.variance),
         "u_um": um(item.u),
+        "shares": shares_fields(item.shares),
         "U_um": um(expanded),
         "k": finite(item.k),
         "dof_effective": finite(item.dof),
@@ -90,7 +92,7 @@ def warnings(result: LengthsResult) -> list[Warned]:
 
 
 def table(result: LengthsResult, digits: int = 2) -> list[Sheet]:
-    """One row a length; um beside the nominal length."""
+    """One row a length; um beside the nominal length. Then what u consists of."""
     toleranced = any(item.conformance for item in result.lengths)
     columns = [
         Column(title="length\n", text=True, folds=True),
@@ -120,7 +122,13 @@ def table(result: LengthsResult, digits: int = 2) -> list[Sheet]:
         conforming = chance(*result.joint_conformance)
         notes.append(f"all toleranced lengths of one part conform: {conforming} %")
     notes += mark_notes(result.prediction)
-    return [Sheet(title="Lengths", columns=columns, rows=rows, notes=notes)]
+    sheet = Sheet(title="Lengths", columns=columns, rows=rows, notes=notes)
+    return [sheet, *_shares(result, digits)]
+
+
+def _shares(result: LengthsResult, digits: int) -> list[Sheet]:
+    items = [(x.id, significant(x.u / UM, digits), x.shares) for x in result.lengths]
+    return shares_sheets("u\num", items)
 
 
 def _row(item: Length, toleranced: bool, digits: int) -> list[str]:

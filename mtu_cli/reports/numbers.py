@@ -44,6 +44,11 @@ def interval(low: float | None, high: float | None, u: float | None, digits: int
     return f"[{with_u(low, u, digits)[0]}, {with_u(high, u, digits)[0]}]"
 
 
+def span(low: str, high: str) -> str:
+    """ "2.0 to 2.6", or one number where both ends read the same."""
+    return low if low == high else f"{low} to {high}"
+
+
 def significant(value: float | None, digits: int = 2) -> str:
     """`value` to so many significant digits, without a power of ten where it is readable."""
     if value is None or not math.isfinite(value):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -10,8 +10,16 @@ import numpy as np
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
+from mtu_cli.reports.document import listed
 from mtu_cli.reports.fitted import passes_read
 from mtu_cli.stats.pass_tests import MAX_POSITIONS
+
+_ALONE = "correlation of its drift with that of other components"
+_GROUPS = "correlation of their drift with that of the other groups"
+_SAID = {
+    _ALONE: "correlation of the drift of {} with that of other components",
+    _GROUPS: "correlation of the drifts of the groups {} with each other",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +35,10 @@ class NotDetermined:
     def shown(self) -> str:
         """The component in a list of several; those of a group stay together."""
         return self.component.replace(", ", " + ")
+
+    def of(self, names: str) -> str:
+        """It said of several components that have it in common."""
+        return _SAID.get(self.not_determined, f"{self.not_determined} of {{}}").format(names)
 
     def fields(self) -> dict[str, str]:
         """As the report states it."""
@@ -51,6 +63,21 @@ def observability(fit: MachineFit, estimates: Estimates) -> list[NotDetermined]:
         for item in component.instruments:
             found += _of_instrument(name, component, item)
     return found + list(_apart(fit, estimates))
+
+
+def told(found: Iterable[NotDetermined]) -> str:
+    """All of it in one sentence: each thing once, with its components and, where one kind of
+    reading would tell it of all of them, that kind.
+    """
+    grouped: dict[str, list[NotDetermined]] = {}
+    for item in found:
+        grouped.setdefault(item.not_determined, []).append(item)
+    parts = []
+    for items in grouped.values():
+        would = {item.reading_that_would for item in items}
+        tell = f" (what would: {would.pop()})" if len(would) == 1 else ""
+        parts.append(f"the {items[0].of(listed(item.shown for item in items))}{tell}")
+    return f"the readings do not tell {', nor '.join(parts)}; why: results.observability"
 
 
 def _of_instrument(name: str, fit: ComponentFit, item: InstrumentFit) -> list[NotDetermined]:
@@ -170,14 +197,14 @@ def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
         several = len(found.instruments) > 1
         yield NotDetermined(
             component=name,
-            not_determined="correlation of its drift with that of other components",
+            not_determined=_ALONE,
             because="read by several instruments" if several else "read in passes of its own",
             reading_that_would=would,
         )
     for group in groups if len(groups) > 1 else ():
         yield NotDetermined(
             component=", ".join(group),
-            not_determined="correlation of their drift with that of the other groups",
+            not_determined=_GROUPS,
             because="each group was read in passes of its own",
             reading_that_would=would,
         )

@@ -2,6 +2,7 @@
 
 `u_arcsec` and what follows from it are null where a source has two degrees of freedom or
 fewer: the trials' distribution then has no standard deviation, and the interval says it all.
+`first_order.shares` (of u^2) are null under the papers' independence and where u is 0.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from mtu_cli.reports.document import arcsec, finite, listed
 from mtu_cli.reports.labels import cut
 from mtu_cli.reports.numbers import interval, significant, with_u
 from mtu_cli.reports.outside import components_beyond, mark_notes, marked
+from mtu_cli.reports.shares import shares_fields, shares_sheets
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
@@ -64,6 +66,7 @@ def _angle(item: Orthogonality, k: float) -> dict[str, Any]:
         "first_order": {
             "mean_arcsec": arcsec(mean),
             "u_arcsec": arcsec(first_u),
+            "shares": shares_fields(item.shares),
             "dof_effective": finite(dof),
             "interval95_arcsec": [arcsec(end) for end in first_order_interval(item)],
         },
@@ -113,7 +116,7 @@ def warnings(result: OrthogonalityResult) -> list[Warned]:
 
 
 def table(result: OrthogonalityResult, coverage_factor: float, digits: int = 2) -> list[Sheet]:
-    """One row an angle; arcsec."""
+    """One row an angle; arcsec. Then what u consists of."""
     names = ("mean", "u", "U", "95 % interval", "first order u", "u indep.")
     columns = [
         Column(title="angle\n", text=True, folds=True),
@@ -146,7 +149,15 @@ def table(result: OrthogonalityResult, coverage_factor: float, digits: int = 2) 
         "no*: it does not, use the Monte Carlo's",
         *mark_notes(*(item.prediction for item in result.angles)),
     ]
-    return [Sheet(title="Orthogonality", columns=columns, rows=rows, notes=notes)]
+    sheet = Sheet(title="Orthogonality", columns=columns, rows=rows, notes=notes)
+    return [sheet, *_shares(result, digits)]
+
+
+def _shares(result: OrthogonalityResult, digits: int) -> list[Sheet]:
+    items = [
+        (x.id, significant(x.first_order[1] / ARCSEC, digits), x.shares) for x in result.angles
+    ]
+    return shares_sheets("first order u\narcsec", items)
 
 
 CSV_COLUMNS = [

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite, matrix, root, um, um2
-from mtu_cli.reports.numbers import MISSING, degrees_of_freedom, fixed, interval, with_u
+from mtu_cli.reports.numbers import MISSING, fixed, interval, with_u
 from mtu_cli.reports.outside import components_beyond, mark_notes, marked
 from mtu_cli.reports.points_figure import figure
 from mtu_cli.reports.tables import Column, Sheet
@@ -83,25 +83,44 @@ def warnings(result: PointsResult) -> list[Warned]:
 
 
 def table(result: PointsResult, digits: int = 2) -> list[Sheet]:
-    """One row a feature: position, and E, u, U by axis; um, u to `digits`."""
+    """One row a feature: position, and E, u, U and 95 % by axis; um, u to `digits`.
+
+    Three axes leave no room for the ends of the intervals, then half their width is shown; where
+    not even that has room, every axis has a table of its own.
+    """
     axes = result.prediction.axes
+    for ends in (True, False):
+        sheet = _sheet(result, axes, digits, ends=ends)
+        if sheet.fits():
+            return [sheet]
+    return [_sheet(result, [axis], digits, ends=True) for axis in axes]
+
+
+def _sheet(result: PointsResult, axes: Sequence[str], digits: int, *, ends: bool) -> Sheet:
+    """The errors along some axes, with the `ends` of their 95 % intervals or half the width."""
+    of_all = result.prediction.axes
     placed = [a for a in range(3) if np.isfinite(result.points[:, a]).any()]
     columns = [Column(title="feature\n", text=True, folds=True)]
     columns += [Column(title=f"{'xyz'[a]}\nmm") for a in placed]
     for axis in axes:
         columns += [Column(title=f"{name}\num") for name in (f"E{axis}", "u", "U")]
-        columns.append(Column(title="95 %\num" if len(axes) < 3 else "dof\n"))
+        columns.append(Column(title="95 %\num" if ends else "95 %\n± um"))
     rows = []
     beyond = components_beyond(result.prediction)
     places = [_places(result.points[:, a]) for a in placed]
     for i, name in enumerate(result.prediction.ids):
         cells = [marked(name, [name], beyond), *(column[i] for column in places)]
-        for j in range(len(axes)):
-            cells += _cells(result, i * len(axes) + j, digits, last_is_interval=len(axes) < 3)
+        for axis in axes:
+            cells += _cells(result, i * len(of_all) + of_all.index(axis), digits, ends=ends)
         rows.append(cells)
     notes = [f"U = {result.coverage_factor:g} u; error = actual minus nominal; {_kind(result)}"]
+    if not ends:
+        notes.append("95 %: E ± so much holds 95 of 100 future parts (Student's t)")
     notes += mark_notes(result.prediction)
-    return [Sheet(title="Errors of the features", columns=columns, rows=rows, notes=notes)]
+    title = "Errors of the features"
+    if len(axes) < len(of_all):
+        title += f" along {axes[0]}"
+    return Sheet(title=title, columns=columns, rows=rows, notes=notes)
 
 
 def _places(column: FloatArray) -> list[str]:
@@ -118,12 +137,11 @@ def _kind(result: PointsResult) -> str:
     return "covariance of shared passes and coefficients included"
 
 
-def _cells(result: PointsResult, row: int, digits: int, *, last_is_interval: bool) -> list[str]:
+def _cells(result: PointsResult, row: int, digits: int, *, ends: bool) -> list[str]:
     error, u = result.prediction.mean[row] / UM, root(float(result.variance[row])) / UM
     low, high = result.interval95[row] / UM
     U = with_u(result.coverage_factor * u, u, digits)[0]
-    dof = degrees_of_freedom(result.dof[row])
-    last = interval(low, high, u, digits) if last_is_interval else dof
+    last = interval(low, high, u, digits) if ends else with_u((high - low) / 2, u, digits)[0]
     return [*with_u(error, u, digits), U, last]
 
 

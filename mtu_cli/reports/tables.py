@@ -19,6 +19,8 @@ from rich.text import Text
 
 WIDTH = 100
 """Columns that a table may take."""
+FOLDED = 12
+"""Of these a column that folds can do with."""
 JOINTS = re.compile(r"[^\s_/-]*[\s_/-]+|[^\s_/-]+")
 """Pieces of a name, each with the sign that a line may end with."""
 
@@ -78,12 +80,23 @@ class Sheet:
         for note in self.notes:
             yield Text(note, style="dim", overflow="fold")
 
-    def _wide(self, width: int) -> bool:
+    def fits(self) -> bool:
+        """Whether no number of it is broken over lines; a column that folds then does so."""
         widths = [
+            min(width, FOLDED) if column.folds else width
+            for width, column in zip(self._widths(), self.columns, strict=True)
+        ]
+        return sum(widths) + len(widths) - 1 <= self.widest
+
+    def _wide(self, width: int) -> bool:
+        widths = self._widths()
+        return sum(widths) + 2 * len(widths) > width
+
+    def _widths(self) -> list[int]:
+        return [
             max([*map(len, column.title.split("\n")), *(len(row[i]) for row in self.rows)])
             for i, column in enumerate(self.columns)
         ]
-        return sum(widths) + 2 * len(widths) > width
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import nice
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.labels import cut, spread
-from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.numbers import significant, span
 from mtu_cli.reports.thermal_shown import DETAILED, by_share, change, shown_in, twins
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -269,5 +269,4 @@ def _words(profile: DriftProfile, reference: float) -> list[str]:
 
 
 def _temperatures(state: FloatArray) -> str:
-    low, high = f"{state.min():.1f}", f"{state.max():.1f}"
-    return f"{low} °C" if low == high else f"{low} to {high} °C"
+    return f"{span(f'{state.min():.1f}', f'{state.max():.1f}')} °C"

@@ -63,7 +63,12 @@ def _roles(points: FloatArray) -> tuple[int, int, int]:
     """(across, up, level): the two axes with the most places in their order, and the third."""
     counts = [len(np.unique(points[:, a][np.isfinite(points[:, a])])) for a in range(3)]
     if sorted(counts)[1] < 2:
-        raise fault("--plot of a --grid needs two axes with two places or more")
+        used = [axis for axis, count in zip("xyz", counts, strict=True) if count]
+        has = ", ".join(f"{axis} {counts['xyz'.index(axis)]}" for axis in used)
+        why = f"here they have: {has}"
+        if len(used) < 2:
+            why = f"only {used[0]} enters the equations" if used else "no axis enters the equations"
+        raise fault(f"--plot of a --grid needs two axes with two places or more: {why}")
     level = int(np.argmin(counts[::-1]))
     level = 2 - level
     across, up = (a for a in range(3) if a != level)

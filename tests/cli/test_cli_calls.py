@@ -84,6 +84,7 @@ def test_values_of_the_wrong_kind(call: list[str], work: Path) -> None:
         (["--k", "two"], "--k is no number: 'two'; expected a number"),
         (["--trials", "2,000"], "--trials is no whole number: '2,000'; expected 2000, a whole"),
         (["--trials", "1e4"], "'1e4'; expected 10000, a whole number in digits"),
+        (["--trials", "1e99"], "--trials is no whole number: '1e99'; expected a whole number in"),
         (["--trials", "2.5"], "--trials is no whole number: '2.5'; expected a whole number"),
         (["--seed", ""], "--seed is no whole number: ''; expected a whole number"),
         (["-p", ""], "--part names no file: ''; expected a name"),
@@ -94,6 +95,18 @@ def test_values_of_the_wrong_kind(call: list[str], work: Path) -> None:
 )
 def test_numbers_and_names_that_are_none(call: list[str], words: str, work: Path) -> None:
     assert words in refused(work, "lengths", *call)
+
+
+@pytest.mark.parametrize(
+    ("option", "offered"), [("--pass", ""), ("--lazer", "--laser"), ("--corr", "--correlation")]
+)
+def test_only_options_that_are_nearly_called_so_are_offered(
+    option: str, offered: str, work: Path
+) -> None:
+    message = refused(work, "lengths", option, "3")
+    assert f"No such option: {option}" in message
+    assert ("Possible options" in message) == bool(offered)
+    assert offered in message
 
 
 def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
@@ -252,6 +265,21 @@ def test_a_components_report_of_another_machine(work: Path) -> None:
     assert "fit.json: results.components.dy_y: other.yaml has no component 'dy_y'" in found
     shown = refused(work, "lengths", "-c", "fit.json", "-o", "fit.json")
     assert shown.startswith("mtu: fit.json: is an input of this run and is not overwritten")
+
+
+def test_a_component_that_no_equation_uses_is_told(tmp_path: Path) -> None:
+    """Nothing of it is simulated, and a fit without readings of it says that none are needed."""
+    known = "{of: x, unit: um, coefficients: [1, 0.01], s_repeat: 0.5}"
+    equations = "schema: mtu/machine/1\nname: m\nequations: {Ex: a}\n"
+    (tmp_path / "m.yaml").write_text(equations + f"components:\n  a: {known}\n  b: {known}\n")
+    call = ["-m", "m.yaml", "--passes", "5", "--positions", "0:100:5", "--write-lbb", "l.csv"]
+    result = done(mtu("simulate", *call, cwd=tmp_path))
+    assert result.stderr.startswith("warning: m.yaml:6: components.b: in no equation, so nothing")
+    assert "b," not in (tmp_path / "l.csv").read_text("utf-8")
+    fitted = "  a: {of: x, unit: um}\n  b: {of: x, unit: um}\n"
+    (tmp_path / "m.yaml").write_text(equations + "components:\n" + fitted)
+    message = refused(tmp_path, "fit-components", "-m", "m.yaml", "--lbb", "l.csv")
+    assert "or coefficients here; or no such component, as no equation uses it" in message
 
 
 def test_a_study_has_no_truth_to_simulate_without_readings(work: Path) -> None:

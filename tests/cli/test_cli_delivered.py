@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runner import done, listing, prepared, shell
+from cli_runner import done, listing, mtu, prepared, shell
 
 from mtu_cli.cli import simulate
 from mtu_cli.cli.execute import deliver, execute, warning_lines
@@ -144,6 +144,24 @@ def test_counts_that_act_on_nothing_are_told(
 def test_what_the_report_alone_says() -> None:
     warned = [Warned(code="a", message="m"), Warned(code="b", message="n", report_only=True)]
     assert warning_lines([*warned, *warned]) == ["warning: m [a]"]
+
+
+def test_quiet_runs_name_what_they_warn_of(work: Path) -> None:
+    """What runs side by side leave in one log is to be told apart."""
+    given, read = work / "mtu.yaml", ("--lbb", "lbb.csv")
+    for call, of in (
+        (("lengths", work), f"{given}: "),
+        (("lengths", "-m", "machine.yaml", "-p", "part.yaml", *read), "machine.yaml: "),
+        (("lengths", work, "-m", "machine.yaml"), f"{given}: "),
+        (("lengths",), ""),
+    ):
+        plain = done(mtu(*call, "--at", "T_a_degC=1", cwd=work)).stderr.splitlines()
+        quiet = done(mtu(*call, "--at", "T_a_degC=1", "-q", cwd=work)).stderr.splitlines()
+        assert plain
+        assert quiet == [line.replace("warning: ", f"warning: {of}", 1) for line in plain]
+    assert warning_lines([Warned(code="a", message="m.yaml:3: x: y")], "m.yaml") == [
+        "warning: m.yaml:3: x: y [a]"
+    ]
 
 
 @pytest.mark.parametrize("name", ["dir_z=0", "dir_x=2", "dir_*=0.5"])

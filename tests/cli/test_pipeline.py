@@ -68,6 +68,24 @@ def test_steps_follow_from_what_a_study_names(tmp_path: Path) -> None:
     )
 
 
+def test_warnings_name_their_study(tmp_path: Path) -> None:
+    """Side by side, the lines of several studies come in any order."""
+    for name in ("mill-1", "mill-2"):
+        study = tmp_path / "shop" / name
+        study.mkdir(parents=True)
+        (study / "machine.yaml").write_bytes((GILSINN_LING / "machine.yaml").read_bytes())
+        (study / "part.yaml").write_text(PART + "z_mm: 300\n", "utf-8")
+        (study / "mtu.yaml").write_text(STUDY, "utf-8")
+    ran = make(tmp_path / "out", "-j2", f"ROOT={tmp_path / 'shop'}")
+    assert ran.returncode == 0, ran.stderr
+    told = [line for line in ran.stderr.splitlines() if line.startswith("warning: ")]
+    for name in ("mill-1", "mill-2"):
+        assert any(
+            line.startswith(f"warning: {tmp_path}/shop/{name}/mtu.yaml: ") for line in told
+        ), told
+    assert all("/shop/mill-" in line for line in told)
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [

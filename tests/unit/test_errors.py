@@ -14,6 +14,7 @@ from mtu_cli.errors import (
     cut_names,
     did_you_mean,
     fault,
+    is_near,
     shorten,
 )
 from mtu_cli.model.settings import Warned
@@ -154,6 +155,24 @@ def test_letters_in_another_order_are_nearest() -> None:
     assert closest("AZX", ["ayz", "axz"]) == "axz"
     assert closest("T_12_degC", ["T_02_degC", "T_21_degC"]) == "T_21_degC"
     assert closest("trap", ["part"]) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "other", "near"),
+    [
+        ("trails", "trials", True),
+        ("Lazer", "laser", True),
+        ("pass", "passes", True),
+        ("pass", "laser", False),
+        ("pass", "parts", False),
+        ("machine.yaml", "tm.yaml", False),
+        ("", "", True),
+    ],
+)
+def test_near_names_differ_in_a_third_of_their_letters_at_most(
+    name: str, other: str, near: bool
+) -> None:
+    assert is_near(name, other) == is_near(other, name) == near
 
 
 def test_did_you_mean() -> None:

@@ -98,6 +98,12 @@ def test_a_length_by_hand(tmp_path: Path) -> None:
     # The level cancels, the slope over 100 mm does not; two visits.
     of_lines, visits = (4.0e-4 + 9.0e-4) * 100**2, 2 * 4.0
     assert first.variance == pytest.approx((of_lines + visits) * 1e-6)
+    shares = first.shares
+    assert shares is not None
+    of_all = of_lines + visits
+    assert shares.coefficients == pytest.approx(4.0 / of_all)
+    assert shares.passes == pytest.approx(9.0 / of_all)
+    assert shares.repeatability == pytest.approx(8.0 / of_all)
     assert first.dof == pytest.approx((of_lines + visits) ** 2 / (of_lines**2 + visits**2) * 12)
     u = np.sqrt(first.variance)
     t = stats.t(first.dof).ppf(0.975)
@@ -232,6 +238,7 @@ def test_independence_is_the_papers_formula(tmp_path: Path) -> None:
         wanted = unit**2 @ (variances[i] + variances[j])  # eq. (22)
         assert item.variance == pytest.approx(wanted)
         assert item.dof == np.inf
+        assert item.shares is None
         assert item.validation.passed is not False
 
 
@@ -241,6 +248,7 @@ def test_zero_covariance_gives_zero_variance(tmp_path: Path) -> None:
     found = predict_lengths(exact, part, FAST)
     for item in found.lengths:
         assert item.variance == 0
+        assert item.shares is None
         assert item.interval95 == (item.error, item.error)
         assert item.validation.passed is True
     assert found.lengths[0].conformance is not None

@@ -169,6 +169,28 @@ def test_what_an_angle_needs(tmp_path: Path) -> None:
         predict_orthogonality(machine(), plain, FAST)
 
 
+def test_what_an_angle_consists_of(tmp_path: Path) -> None:
+    """By leaving out all but one nature of the components' variance."""
+    part = part_of(tmp_path, PART)
+    (angle,) = predict_orthogonality(machine(), part, FAST).angles
+    shares = angle.shares
+    assert shares is not None
+    u2 = angle.first_order[1] ** 2
+    sx = estimate("sx", "x", [2e-3, 1e-5], D=np.diag([4e-6, 9e-10]))
+    ez = estimate("ez", "x", [1e-5, 1e-8], C=np.diag([4e-10, 1e-14]))
+    levers = [{"x": "1", "y": "-0.5"}, {"x": "y", "y": "-x"}]
+    for kept, share in (((True, False), shares.passes), ((False, True), shares.coefficients)):
+        terms = [
+            (item if keep else estimate(item.name, "x", list(item.coefficients)), lever)
+            for item, lever, keep in zip((sx, ez), levers, kept, strict=True)
+        ]
+        (alone,) = predict_orthogonality(model_of(terms), part, FAST).angles
+        assert share == pytest.approx(alone.first_order[1] ** 2 / u2, rel=1e-9)
+    assert shares.repeatability == pytest.approx(1 - shares.passes - shares.coefficients)
+    apart = Settings(trials=2000, correlation="independent")
+    assert predict_orthogonality(machine(), part, apart).angles[0].shares is None
+
+
 def test_points_split_and_correlation(tmp_path: Path) -> None:
     part = part_of(tmp_path, PART)
     found = predict_points(machine(), part, FAST)

@@ -17,6 +17,21 @@ SIZES = [
     ("\u00b5m", 1e-6, {"m": 1}),
     ("nm", 1e-9, {"m": 1}),
     ("in", 0.0254, {"m": 1}),
+    ("inch", 0.0254, {"m": 1}),
+    ("Inches", 0.0254, {"m": 1}),
+    ("Zoll", 0.0254, {"m": 1}),
+    ("inch^2", 0.0254**2, {"m": 2}),
+    ("thou", 25.4e-6, {"m": 1}),
+    ("feet", 0.3048, {"m": 1}),
+    ("microns", 1e-6, {"m": 1}),
+    ("micron/Kelvin", 1e-6, {"m": 1, "K": -1}),
+    ("Celsius", 1.0, {"K": 1}),
+    ("deg C", 1.0, {"K": 1}),
+    ("degrees Celsius", 1.0, {"K": 1}),
+    ("1/\u2103", 1.0, {"K": -1}),
+    ("degrees", math.pi / 180, {}),
+    ("arcseconds", math.pi / 648000, {}),
+    ("gon", math.pi / 200, {}),
     ("mm^2", 1e-6, {"m": 2}),
     ("mm\u00b2", 1e-6, {"m": 2}),
     ("m/s2", 1.0, {"m": 1, "s": -2}),
@@ -90,6 +105,15 @@ MM = {"h": "mm", "L": "mm"}
             "4: equation: mm and um are added at column 3; expected one unit: what is in um times "
             "0.001",
         ),
+        (
+            "h + L",
+            "mm",
+            {"h": "inch", "L": "mm"},
+            "4: equation: inch and mm are added at column 3; expected one unit: what is in mm "
+            "times 0.0393701",
+        ),
+        ("h + L", "rad", {"h": "degrees", "L": "rad"}, "degrees and plain numbers are added at"),
+        ("asin(h/L)", "Degrees", MM, "the equation gives rad: 'Degrees'; expected rad, or"),
         ("h - t", "mm", {"h": "mm", "t": "degC"}, "4: equation: mm and degC are added at column 3"),
         (
             "L*sin(2*phi)",
@@ -134,6 +158,7 @@ def test_what_disagrees_is_refused(
         # Nobody knows what is not stated.
         ("h + L", "mm", {"h": "mm", "L": ""}),
         ("h + L", "mm", {"h": "mm", "L": "digits"}),
+        ("h + L", "inch", {"h": "inch", "L": "in"}),
         ("h + L", "length", MM),
     ],
 )

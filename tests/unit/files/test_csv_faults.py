@@ -252,6 +252,33 @@ def test_short_rows_are_not_filled(tmp_path: Path) -> None:
     assert names(empty_last, "shift") == ["", "x", ""]
 
 
+@pytest.mark.parametrize(
+    ("header", "rows", "told"),
+    [
+        (";", ",", ["a,1.5,2", "b,2.5,3"]),
+        (",", ";", ["a;1.5;2", "b;2.5;3"]),
+        (",", ";", ["a;1,5;2", "b;2,5;3"]),
+    ],
+)
+def test_mixed_separators_are_told_as_what_they_are(
+    tmp_path: Path, header: str, rows: str, told: list[str]
+) -> None:
+    """As short rows they would be told one by one."""
+    content = "\n".join([header.join(["name", "value", "size"]), *told * 10, ""])
+    signs = {",": "commas", ";": "semicolons"}
+    words = f"the separators of the columns are mixed: {signs[rows]} here, {signs[header]} in the "
+    with pytest.raises(InputError) as caught:
+        table(tmp_path, content)
+    assert str(caught.value) == (
+        f"t.csv, row 2: {words}header; expected the same ones in all rows (and rows 3 to 21)"
+    )
+
+
+def test_a_short_row_with_decimal_commas_is_a_short_row(tmp_path: Path) -> None:
+    (found,) = faults(tmp_path, "name;value;size\na;1,5;2,5\nb,x;1,5\n")
+    assert "a short row of 2 cells" in found
+
+
 def test_decimal_commas_and_points_are_not_mixed(tmp_path: Path) -> None:
     content = "name;value;c\na;1,5;2,5\nb;1,25;3\nc;1.5;4\n"
     assert faults(tmp_path, content) == [

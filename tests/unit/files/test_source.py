@@ -50,6 +50,28 @@ def test_a_missing_file_names_the_closest_one(tmp_path: Path) -> None:
     assert text.startswith(f"{tmp_path}/machin.yaml: ")
 
 
+@pytest.mark.parametrize(
+    ("name", "there", "hint"),
+    [
+        ("machine.yaml", "tm.yaml", None),
+        ("nix.csv", "drift.csv", None),
+        ("lbb.csv", "lbb.json", None),
+        ("drft.csv", "drift.csv", "drift.csv"),
+        ("lbb.csv", "lbb.csv.gz", "lbb.csv.gz"),
+        ("machine.yml", "machine.yaml", "machine.yaml"),
+        ("machine", "machine.yaml", "machine.yaml"),
+        ("lbb.cvs", "lbb.csv", "lbb.csv"),
+    ],
+)
+def test_only_near_names_of_the_same_kind_are_offered(
+    name: str, there: str, hint: str | None, tmp_path: Path
+) -> None:
+    (tmp_path / there).touch()
+    told = message(tmp_path / name)
+    assert ("did you mean" in told) == (hint is not None)
+    assert hint is None or told.endswith(f"{hint}'?")
+
+
 def test_what_is_no_input_is_told_as_it_was_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 import pytest
@@ -143,6 +143,12 @@ def test_against_the_slow_sum(seed: int, components: int, points: int, joint: bo
     assert variance.by_block.sum(axis=0) == pytest.approx(variance.total, rel=1e-12)
     parts = variance.coefficients + variance.passes + variance.repeatability
     assert parts == pytest.approx(variance.total, rel=1e-12)
+    for i, total in enumerate(variance.total):
+        shares = variance.shares(i)
+        assert (shares is None) == (total == 0)
+        if shares is not None:
+            assert shares.passes == variance.passes[i] / total
+            assert sum(astuple(shares)) == pytest.approx(1, rel=1e-12)
     assert (variance.total >= 0).all()
     own, multiplied = result.variance(), result.variance(np.eye(2 * points))
     for name in ("total", "dof", "by_block", "coefficients", "passes", "repeatability"):

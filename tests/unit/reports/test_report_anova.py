@@ -24,6 +24,7 @@ from mtu_cli.reports.anova_figure import figure
 from mtu_cli.reports.anova_table import table
 from mtu_cli.reports.anova_words import sentences
 from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.numbers import significant
 from mtu_cli.reports.tables import plain_text
 
 CONTRACT = (
@@ -132,6 +133,27 @@ def test_tables_fit_and_speak_plainly(planted: AnovaResult) -> None:
     clean = analyse_variance(study(21, 2, 4), None, "reml", Settings())
     assert sentences(clean)[0].startswith("No part stands out")
     assert "No sign that y scatters more than x" in sentences(clean)[1]
+
+
+def test_mean_squares_stand_in_a_table_of_their_own(planted: AnovaResult) -> None:
+    below = plain_text(table(planted)).partition("Mean squares\n")[2].splitlines()[2:]
+    results = document(planted)
+    listed = [(f"{x['id']}", x, "um") for x in results["lengths"]]
+    listed += [(f"{x['id']}", x, "arcsec") for x in results["orthogonality"]]
+    listed += [(f"{x['feature']} {x['axis']}", x, "um") for x in results["features"]]
+    for (name, entry, unit), line in zip(listed, below, strict=False):
+        between, within = (entry[f"ms_{of}_{unit}2"] for of in ("between", "within"))
+        assert f" {name} " in " ".join(line.replace("- ", " ").split())
+        assert line.split()[-6:] == [
+            str(entry["df_between"]),
+            str(entry["df_within"]),
+            significant(between, 3),
+            significant(within, 3),
+            f"{unit}^2",
+            significant(entry["F"], 3),
+        ]
+    for parts, repeats in ((1, 2), (8, 1)):
+        assert "Mean squares" not in spoken(study(parts, repeats, 4))[1]
 
 
 def spoken(found: Points) -> tuple[list[str], str]:

@@ -25,6 +25,7 @@ INF, NAN = float("inf"), float("nan")
         (2, 1.5, 3, 0.01, "y scatters 2.0 times as much as x {of} (95 %: 1.5 to 3.0, p = 0.010)."),
         (0.5, 0.4, 0.8, 0.01, "x scatters 2.0 times as much as y {of} (95 %: 1.2 to 2.5, "
          "p = 0.010)."),
+        (2, 1.98, 2.02, 0.01, "y scatters 2.0 times as much as x {of} (95 %: 2.0, p = 0.010)."),
         (0.2, 0, 1.1, 0.04, "x scatters more than y {of} (p = 0.040)."),
         (0.8, 0, 1.7, 0.4, "No sign that y scatters more than x or less {of} (s ratio y/x 0.80, "
          "95 %: 0 to 1.7, p = 0.40)."),

@@ -115,6 +115,19 @@ def test_tables_fit_a_hundred_columns(text: str) -> None:
         assert words in shown
 
 
+@pytest.mark.parametrize(
+    ("text", "titles"),
+    [
+        (ONE, ["contributions to l (mm)", "result for l (mm)"]),
+        (ONE.replace("quantity: {name: l, unit: mm}", ""), ["contributions to y", "result for y"]),
+    ],
+)
+def test_no_name_stands_alone_above_a_table(text: str, titles: list[str]) -> None:
+    found = evaluated(text)
+    sheets = table(found, 2)
+    assert [sheet.title for sheet in sheets] == [f"{found.name}: {title}" for title in titles]
+
+
 def test_values_are_rounded_to_their_uncertainty(one: BudgetResult) -> None:
     """u = 0.468..: the value 7.15 with two decimals, c with those of its own u."""
     lines = plain_text(table(one, 2)).splitlines()

@@ -302,6 +302,14 @@ def test_of_many_features_those_with_a_fault_are_listed_the_clearest_first(
     assert f"{count - 40} more such" in text
 
 
+def test_ratios_of_one_item_are_one_number() -> None:
+    one = result_of(grid(1, 1), axes="x", lengths=False)
+    line = next(x for x in plain_text(table(one)).splitlines() if x.startswith("features  "))
+    (summary,) = one.feature_summaries
+    found = (summary.ratio_u, summary.ratio_range, summary.paper_ratio_range)
+    assert line.split()[5:] == [significant(item.least) for item in found if item is not None]
+
+
 def test_arrows_are_the_errors_at_the_nominal_places_on_one_scale(two: CompareResult) -> None:
     page = figure(two)
     found = quivers(page)

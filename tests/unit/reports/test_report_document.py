@@ -153,6 +153,15 @@ def test_names_break_at_their_joints(name: str, width: int, lines: list[str]) ->
     assert broken(name, width) == lines
 
 
+def test_a_table_fits_where_only_names_are_broken() -> None:
+    columns = [Column(title="name", text=True, folds=True), Column(title="number")]
+    for letters, digits, fits in ((90, 87, True), (90, 88, False), (5, 94, True), (5, 95, False)):
+        sheet = Sheet(title="t", columns=columns, rows=[["n" * letters, "1" * digits]])
+        assert sheet.fits() == fits
+        if fits:
+            assert "1" * digits in plain_text([sheet])
+
+
 def test_a_long_name_in_a_table_keeps_its_number_together() -> None:
     columns = [Column(title="name", text=True, folds=True), Column(title="number")]
     rows = [["housing_upper_bore_left_0004", "1" * 80]]

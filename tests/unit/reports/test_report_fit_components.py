@@ -16,7 +16,7 @@ from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.fit import estimates_from_report
 from mtu_cli.reports import fit_components, fit_table
 from mtu_cli.reports.document import envelope
-from mtu_cli.reports.observability import NotDetermined, observability
+from mtu_cli.reports.observability import NotDetermined, observability, told
 from mtu_cli.reports.tables import plain_text
 
 CONTRACT = [
@@ -213,6 +213,26 @@ def test_observability_of_a_good_run_names_only_the_axis_angle(paper: Example) -
         "repeatability of one visit",
         "correlation of its drift with that of other components",
     }
+
+
+def test_what_is_not_determined_is_one_sentence_with_what_would(paper: Example) -> None:
+    """Each thing once, with its components: no "correlation of its drift of other components of
+    axy".
+    """
+    (warning,) = fit_components.warnings(paper.fit, paper.estimates)
+    assert warning.message == (
+        "the readings do not tell the repeatability of one visit of axy (what would: read it at "
+        "least twice in a pass, in the same set-up), nor the correlation of the drift of axy with "
+        "that of other components (what would: read it in the same passes (same set-up) as the "
+        "others, or give `time` or `setup`); why: results.observability"
+    )
+    two = ["no axis", "one run"]
+    several = [
+        NotDetermined(component=name, not_determined="it", because="so", reading_that_would=name)
+        for name in two
+    ]
+    expected = "the readings do not tell the it of no axis, one run; why: results.observability"
+    assert told(several) == expected
 
 
 def test_observability_of_stated_components_and_several_instruments(tmp_path: Path) -> None:

@@ -112,6 +112,11 @@ def test_intervals_and_degrees_of_freedom() -> None:
     assert shown == ["4.0", "9", "123", ">999", "inf"]
 
 
+def test_a_range_of_one_value_is_one_number() -> None:
+    assert numbers.span("0.58", "2.6") == "0.58 to 2.6"
+    assert numbers.span("2.0", "2.0") == "2.0"
+
+
 def test_significant_digits() -> None:
     shown = [numbers.significant(value) for value in (0.0, 0.0996, 14.46, 1234.0, 1.23e-7, nan)]
     assert shown == ["0", "0.10", "14", "1200", "1.2e-7", "-"]

@@ -14,10 +14,11 @@ from report_examples import Example, example
 from mtu_cli.files.json_file import report_bytes
 from mtu_cli.files.part import Feature
 from mtu_cli.model.settings import Settings
+from mtu_cli.model.variance import Shares
 from mtu_cli.reports import lengths, orthogonality, predict_points
 from mtu_cli.reports.csv_text import csv_text
 from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.numbers import interval, significant, with_u
 from mtu_cli.reports.tables import plain_text
 
 POINT = [
@@ -48,6 +49,7 @@ LENGTH = [
     "error_um",
     "variance_um2",
     "u_um",
+    "shares",
     "U_um",
     "k",
     "dof_effective",
@@ -136,13 +138,15 @@ def test_many_features_take_no_memory_for_their_covariance(paper: Example) -> No
 @pytest.mark.parametrize("digits", [1, 2, 4])
 def test_tables_show_u_to_the_digits_asked_for(paper: Example, digits: int) -> None:
     (points,) = predict_points.table(paper.points(), digits)
-    (long,) = lengths.table(paper.lengths(), digits)
-    (right,) = orthogonality.table(paper.angles(), 2.0, digits)
+    long, of_lengths = lengths.table(paper.lengths(), digits)
+    right, of_angles = orthogonality.table(paper.angles(), 2.0, digits)
     u_x = float(np.sqrt(paper.points().variance[0])) * 1e3
     assert points.rows[0][4] == significant(u_x, digits)
     assert long.rows[0][3] == significant(paper.lengths().lengths[0].u * 1e3, digits)
     u = float(paper.angles().angles[0].run.u[0])
     assert right.rows[0][2] == significant(u * 180 * 3600 / np.pi, digits)
+    assert of_lengths.rows[0][1] == long.rows[0][3]
+    assert of_angles.rows[0][1] == right.rows[0][5]
 
 
 def test_independent_settings_state_no_split_of_variance(paper: Example) -> None:
@@ -170,6 +174,61 @@ def test_lengths_hold_the_contract_fields(paper: Example) -> None:
     assert found["lengths"][2]["conformance"] is None
     assert found["joint_conformance"]["lengths"] == ["3-9", "9-15"]
     assert json.loads(report_bytes(found)) == found
+
+
+def test_it_is_told_what_u_consists_of(paper: Example) -> None:
+    long, right = paper.lengths(), paper.angles()
+    of_lengths = [item["shares"] for item in lengths.document(long)["lengths"]]
+    of_angles = [orthogonality.document(right, 2.0)["orthogonality"][0]["first_order"]["shares"]]
+    for shares, tables in (
+        (of_lengths, lengths.table(long)),
+        (of_angles, orthogonality.table(right, 2.0)),
+    ):
+        for item, row in zip(shares, tables[1].rows, strict=True):
+            assert list(item) == ["coefficients", "passes", "repeatability"]
+            assert sum(item.values()) == pytest.approx(1, rel=1e-12)
+            assert row[2:] == [f"{100 * share:.1f}" for share in item.values()]
+            assert item["repeatability"] > 0
+
+
+def test_shares_below_nothing_are_explained_and_none_are_made_up(paper: Example) -> None:
+    result = paper.lengths()
+    first, *others = result.lengths
+    steady = Shares(coefficients=0.25, passes=-0.05, repeatability=0.8)
+    found = [replace(first, shares=steady), *(replace(item, shares=None) for item in others)]
+    sheet = lengths.table(replace(result, lengths=tuple(found)))[1]
+    assert [row[2:] for row in sheet.rows] == [["25.0", "-5.0", "80.0"], ["-"] * 3, ["-"] * 3]
+    assert any("below 0" in note for note in sheet.notes)
+    found[0] = replace(first, shares=replace(steady, passes=0.0, repeatability=0.75))
+    sheet = lengths.table(replace(result, lengths=tuple(found)))[1]
+    assert not any("below 0" in note for note in sheet.notes)
+    apart = Settings(trials=4000, threads=1, correlation="independent")
+    assert len(lengths.table(paper.lengths(apart))) == 1
+    assert lengths.document(paper.lengths(apart))["lengths"][0]["shares"] is None
+    assert len(orthogonality.table(paper.angles(apart), 2.0)) == 1
+
+
+def test_three_axes_keep_their_95_percent(spatial: Example) -> None:
+    """Half its width where the ends have no room; a table an axis where not even that has."""
+    result = spatial.points()
+    (sheet,) = predict_points.table(result)
+    titles = [column.title for column in sheet.columns]
+    assert titles.count("95 %\n± um") == 3
+    assert not any("dof" in title for title in titles)
+    assert any(note.startswith("95 %: E ± so much") for note in sheet.notes)
+    low, high = result.interval95[2] * 1e3
+    u = float(np.sqrt(result.variance[2])) * 1e3
+    assert sheet.rows[0][-1] == with_u((high - low) / 2, u)[0]
+    apart = predict_points.table(result, 5)
+    assert [sheet.title[-7:] for sheet in apart] == ["along x", "along y", "along z"]
+    for j, sheet in enumerate(apart):
+        low, high = result.interval95[3 + j] * 1e3
+        u = float(np.sqrt(result.variance[3 + j])) * 1e3
+        assert sheet.rows[1][-1] == interval(low, high, u, 5)
+        assert sheet.rows[1][-3] == significant(u, 5)
+    lines = plain_text(apart).splitlines()
+    assert max(map(len, lines)) <= 100
+    assert sum(line.startswith("21 ") for line in lines) == 3
 
 
 def test_no_part_conforms_by_more_than_all(paper: Example) -> None:
@@ -266,7 +325,8 @@ def test_rows_beyond_the_measured_range_are_marked_alike(paper: Example) -> None
         return replace(result, prediction=replace(result.prediction, outside=beyond))
 
     def marked(sheets: Any) -> list[str]:
-        (sheet,) = sheets
+        sheet, *others = sheets
+        assert len(others) == (sheet.title in ("Lengths", "Orthogonality"))
         names = [row[0] for row in sheet.rows if row[0].endswith("†")]
         assert ("† outside the measured range of a component" in sheet.notes) == bool(names)
         return names

@@ -1,0 +1,98 @@
+"""Readings whose columns of positions and of errors are each other's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.errors import fault
+from mtu_cli.files.csv_table import Table
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+POSITION, ERROR, PASS = "position_mm", "error", "pass"
+DRIFT = "drift"
+FEWEST_TARGETS = 3
+STEEPER = 2.0
+"""Errors span so many of their unit per mm of the positions: 2 mm in a metre is no machine's."""
+SHOWN = 3
+
+
+def refuse_swapped(table: Table) -> None:
+    """Raises InputError for readings whose errors are the targets of a run, the same ones to the
+    last digit in every pass, while their positions are not: errors scatter, targets do not. One
+    component whose positions are repeated shows that the columns are what they are called.
+    """
+    if table.source.role == DRIFT or not {POSITION, ERROR, PASS} <= set(table.columns.numbers):
+        return
+    runs = {name: passes for name, passes in _runs(table) if len(passes) > 1}
+    names = [name for name, passes in runs.items() if _are_swapped(passes)]
+    if not names or any(_repeated([place for _, place in passes]) for passes in runs.values()):
+        return
+    targets = np.unique(runs[names[0]][0][0])
+    shown = ", ".join(f"{value:g}" for value in targets[:SHOWN])
+    raise fault(
+        f"the columns {ERROR!r} and {POSITION!r} look swapped: the errors of {names[0]} are "
+        f"{shown}, ... in every pass, and its positions differ from pass to pass",
+        file=table.source.shown,
+        row=table.header_row,
+        expected=f"targets in {POSITION!r}, what was read there in {ERROR!r}",
+    )
+
+
+def _runs(table: Table) -> Iterator[tuple[str, list[tuple[Floats, Floats]]]]:
+    """Errors and positions of the passes of each component; of none, where a glance tells that no
+    errors are targets.
+    """
+    numbers, component = table.columns.numbers, table.columns.texts["component"]
+    error, position, number = (numbers[name] for name in (ERROR, POSITION, PASS))
+    given = np.isfinite(error) & np.isfinite(position) & np.isfinite(number)
+    of = {
+        name: np.flatnonzero(given & (component.codes == code))
+        for code, name in enumerate(component.labels)
+    }
+    of = {name: rows for name, rows in of.items() if len(rows)}
+    if not any(_steep(error[rows], position[rows]) for rows in of.values()):
+        return
+    for name, rows in of.items():
+        order = rows[np.argsort(number[rows], kind="stable")]
+        own = np.split(order, np.flatnonzero(np.diff(number[order])) + 1)
+        yield name, [(error[run], position[run]) for run in own]
+
+
+def _steep(error: Floats, position: Floats) -> bool:
+    return bool(np.ptp(error) > STEEPER * np.ptp(position))
+
+
+def _are_swapped(passes: list[tuple[Floats, Floats]]) -> bool:
+    targets = np.sort(passes[0][0])
+    if len(np.unique(targets)) < FEWEST_TARGETS:
+        return False
+    return all(
+        np.array_equal(np.sort(error), targets)
+        and _is_run(error)
+        and _steep(error, position)
+        and len(np.unique(position)) >= FEWEST_TARGETS
+        for error, position in passes
+    )
+
+
+def _repeated(places: list[Floats]) -> bool:
+    """Whether half of the places or more stand in every pass; of few, as where each begins at its
+    zero, that says nothing.
+    """
+    own = [set(place.tolist()) for place in places]
+    fewest = min(map(len, own))
+    return fewest >= FEWEST_TARGETS and 2 * len(set.intersection(*own)) >= fewest
+
+
+def _is_run(values: Floats) -> bool:
+    """Whether values (n,) go one way, or there and back, as targets do in the order of a run."""
+    steps = np.sign(np.diff(values))
+    steps = steps[steps != 0]
+    return int((steps[1:] != steps[:-1]).sum()) <= 1

@@ -1,0 +1,134 @@
+"""Columns of positions and errors that are each other's are refused, sound ones never."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import DATA
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.csv_file import read_table
+from mtu_cli.files.readings import SPEC
+from mtu_cli.files.swapped_columns import refuse_swapped
+
+Rows = list[tuple[str, float, int, float]]
+"""Component, position in mm, pass, error in um."""
+DELIVERED = sorted(DATA.glob("*/lbb.csv")) + sorted(DATA.glob("*/laser.csv"))
+
+
+def judged(folder: Path, rows: Rows, *, swapped: bool = False, role: str = "lbb") -> str:
+    """What is said of a file, "" where nothing is."""
+    columns = ("error", "pass", "position_mm") if swapped else ("position_mm", "pass", "error")
+    lines = [f"{name},{place!r},{number},{error!r},um" for name, place, number, error in rows]
+    path = folder / "r.csv"
+    path.write_text("\n".join([f"component,{','.join(columns)},unit", *lines, ""]))
+    try:
+        refuse_swapped(read_table(path, role, SPEC))
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def run(
+    seed: int = 1,
+    passes: int = 3,
+    targets: tuple[float, ...] = (0.0, 100.0, 200.0, 300.0),
+    *,
+    jitter: float = 0.0,
+    digits: int = 3,
+) -> Rows:
+    """Passes there and back, with errors of some um; `jitter` of the positions in mm."""
+    random = np.random.default_rng(seed)
+    return [
+        (
+            "dx_x",
+            place + round(float(random.normal(0, jitter)), 4) if jitter else place,
+            number,
+            round(0.01 * place + float(random.normal(0, 2)), digits),
+        )
+        for number in range(1, passes + 1)
+        for place in (*targets, *targets[::-1])
+    ]
+
+
+def test_targets_as_errors_are_refused(tmp_path: Path) -> None:
+    rows = run()
+    assert judged(tmp_path, rows) == ""
+    assert judged(tmp_path, rows, swapped=True) == (
+        "r.csv, row 1: the columns 'error' and 'position_mm' look swapped: the errors of dx_x are "
+        "0, 100, 200, ... in every pass, and its positions differ from pass to pass; expected "
+        "targets in 'position_mm', what was read there in 'error'"
+    )
+
+
+@pytest.mark.parametrize("digits", [1, 3])
+@pytest.mark.parametrize("seed", range(5))
+def test_errors_of_few_digits_that_repeat_by_chance_do_not_hide_it(
+    seed: int, digits: int, tmp_path: Path
+) -> None:
+    assert judged(tmp_path, run(seed, 5, digits=digits), swapped=True)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        run(passes=1),
+        run(targets=(0.0, 400.0)),
+        run(jitter=0.05),
+        # Of interpolation within a pitch, by an instrument that shows whole um.
+        run(targets=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0), jitter=0.01, digits=0),
+        # Without noise, and steep.
+        [("dx_x", place, p, 5 * place) for p in (1, 2) for place in (0.0, 1.0, 2.0, 3.0)],
+        # At one place, thrice a pass.
+        [("dx_x", 50.0, p, error) for p in (1, 2, 3) for error in (0.0, 1.0, 2.0)],
+        # An instrument that drifts by a um a pass.
+        [("dx_x", 0.1 * k, p, float(k + p)) for p in (1, 2) for k in range(4)],
+    ],
+    ids=["one pass", "two places", "as reached", "whole um", "steep", "one place", "drift"],
+)
+def test_what_may_be_right_passes(rows: Rows, tmp_path: Path) -> None:
+    assert judged(tmp_path, rows) == ""
+
+
+def test_one_component_with_repeated_positions_speaks_for_the_columns(tmp_path: Path) -> None:
+    odd = [("dy_y", error, number, place) for _, place, number, error in run()]
+    assert judged(tmp_path, odd)
+    assert judged(tmp_path, [*odd, *run()]) == ""
+
+
+def test_a_component_without_an_axis_does_not(tmp_path: Path) -> None:
+    angle = [("axy", 0.0, number, 3.0 + number / 7) for number in (1, 2, 3)]
+    assert judged(tmp_path, [*run(), *angle], swapped=True)
+
+
+def test_drift_readings_are_not_judged(tmp_path: Path) -> None:
+    assert judged(tmp_path, run(), swapped=True, role="drift") == ""
+
+
+@pytest.mark.parametrize("path", DELIVERED, ids=lambda path: path.parent.name)
+def test_delivered_readings_are_sound_and_told_when_swapped(path: Path, tmp_path: Path) -> None:
+    refuse_swapped(read_table(path, "lbb", SPEC))
+    text = path.read_text()
+    header = "component,position_mm,pass,direction,error,unit"
+    other = "component,error,pass,direction,position_mm,unit"
+    assert header in text
+    rows = [line for line in text.replace(header, other).splitlines() if ",," not in line]
+    (tmp_path / "swapped.csv").write_text("\n".join(rows))
+    with pytest.raises(InputError, match="look swapped"):
+        refuse_swapped(read_table(tmp_path / "swapped.csv", "lbb", SPEC))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_positions_that_are_repeated_are_positions(seed: int, tmp_path: Path) -> None:
+    """Whatever the errors are, the same ones in every pass among them."""
+    random = np.random.default_rng(seed)
+    places = random.choice([0.0, 0.5, 1.0, 50.0, 400.0], 8)
+    errors = np.sort(random.integers(-300, 300, 8))
+    rows = [
+        ("dx_x", float(place), number, float(error))
+        for number in (1, 2)
+        for place, error in zip(places, errors, strict=True)
+    ]
+    assert judged(tmp_path, rows) == ""
