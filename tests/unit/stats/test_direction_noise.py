@@ -110,7 +110,7 @@ def judged(frame: Frame, tables: Floats, predicted: Floats) -> Floats:
             # Satterthwaite's moments are right to a few tenths of the level.
             least = binom.ppf(1e-4, count, 0.7 * level)
             assert least <= (p < level).sum() <= binom.ppf(1 - 1e-4, count, 1.3 * level)
-    return np.mean([item.variance for item in noise], axis=0)
+    return np.asarray(np.mean([item.variance for item in noise], axis=0))
 
 
 @pytest.mark.parametrize("mask", MASKS)
