@@ -30,8 +30,10 @@ def refuse_swapped(table: Table) -> None:
     """
     if table.source.role == DRIFT or not {POSITION, ERROR, PASS} <= set(table.columns.numbers):
         return
-    runs = {name: passes for name, passes in _runs(table) if len(passes) > 1}
-    names = [name for name, passes in runs.items() if _are_swapped(passes)]
+    # What is too large to be subtracted is told by who reads the cells.
+    with np.errstate(over="ignore"):
+        runs = {name: passes for name, passes in _runs(table) if len(passes) > 1}
+        names = [name for name, passes in runs.items() if _are_swapped(passes)]
     if not names or any(_repeated([place for _, place in passes]) for passes in runs.values()):
         return
     targets = np.unique(runs[names[0]][0][0])

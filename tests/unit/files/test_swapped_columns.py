@@ -132,3 +132,9 @@ def test_positions_that_are_repeated_are_positions(seed: int, tmp_path: Path) ->
         for place, error in zip(places, errors, strict=True)
     ]
     assert judged(tmp_path, rows) == ""
+
+
+@pytest.mark.parametrize("large", [1e308, -1.7e308])
+def test_what_is_too_large_to_be_subtracted_is_told_by_others(tmp_path: Path, large: float) -> None:
+    rows = [("a", place, number, 1.0) for number in (1, 2) for place in (0.0, 100.0, large, -large)]
+    assert judged(tmp_path, rows) == judged(tmp_path, rows, swapped=True) == ""
