@@ -55,8 +55,18 @@ def fellows(number: IntArray, way: IntArray) -> Fellows:
     """
     if (np.diff(number) > 0).all():
         return _of_one_count(number, way)
+    pieces = _pieces(number, way)
+    found = _paired(pieces, number, way)
+    if len(pieces) > 1 and len(set(zip(number.tolist(), way.tolist(), strict=True))) == len(way):
+        # No number stands twice in a direction: it may be one day that counts in its own way.
+        whole = _paired([np.arange(len(number))], number, way)
+        found = max(found, whole, key=len)
+    return found
+
+
+def _paired(pieces: list[IntArray], number: IntArray, way: IntArray) -> Fellows:
     found: Fellows = []
-    for own in _pieces(number, way):
+    for own in pieces:
         pairs = _alike(number[own], way[own])
         if not _most(pairs, way[own]):
             pairs = max(pairs, _neighbours(way[own]), _blocks(own - own[0], way[own]), key=len)

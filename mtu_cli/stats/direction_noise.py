@@ -87,7 +87,8 @@ def direction_noise(
             level = float(w @ predicted @ w)
             found.append(_with_level(*noise, level, parts - 1))
         else:
-            S = np.einsum("pkc,pke->ce", scatter[..., i], scatter[..., i])
+            rows = scatter[..., i].reshape(-1, parts - 1)
+            S = rows.T @ rows
             found.append(_with_scatter(*noise, t[..., i], S))
     return tuple(found)
 

@@ -41,13 +41,20 @@ class Frame:
         return expected_squares(self.strata, self.completion, self.freeing)
 
     def noise(
-        self, y: FloatArray, dof: FloatArray, nominal: FloatArray, predicted: FloatArray
+        self,
+        y: FloatArray,
+        dof: FloatArray,
+        nominal: FloatArray,
+        predicted: FloatArray,
+        predicted_dof: float = np.inf,
     ) -> EntryNoise:
         """The noise of entries by the interaction of coordinates `y` (N,) with `dof` (S,) degrees
         of freedom, of `nominal` (S,) that the table has; variances and `dof` 0 where it has none.
 
-        `predicted` (d, d) is the covariance of a part's coordinates by the machine: of parts that
-        were filled in by less than their lines, some of it is in the interaction.
+        `predicted` (d, d) is the covariance of a part's coordinates by the machine, known with
+        `predicted_dof`: of parts that were filled in by less than their lines, some of it is in
+        the interaction. What is left when it is taken off is as uncertain as both were: it has
+        fewer degrees of freedom (Satterthwaite).
         """
         P, _, A = self.strata.shape
         d = A * (1 + self.strata.lines)
@@ -62,13 +69,15 @@ class Frame:
             return EntryNoise(variance=square, dof=n, squares=squares)
         from scipy.optimize import nnls
 
-        leaks = self._noise_of(np.zeros(A), predicted, nominal).interaction
+        leaks = np.nan_to_num(self._noise_of(np.zeros(A), predicted, nominal).interaction)
+        left = np.maximum(square - leaks, LEAST * square)
         # Divided by the largest: nnls takes little for nothing.
         largest = max(float(square.max(initial=0.0)), 1e-300)
-        left = np.maximum(square - np.nan_to_num(leaks), LEAST * square) / largest
         # Freeing mixes the axes: a mean square may hold noise of another one.
-        variance = nnls((self.squares.interaction[:A] / whole).T, left)[0] * largest
+        variance = nnls((self.squares.interaction[:A] / whole).T, left / largest)[0] * largest
         squares = self._noise_of(variance, np.zeros((d, d)), nominal)
+        doubt = square**2 + leaks**2 * n / predicted_dof
+        n = n * np.divide(left**2, doubt, out=np.zeros(A), where=doubt > 0)
         return EntryNoise(variance=variance, dof=n, squares=squares)
 
     def _noise_of(self, interaction: FloatArray, part: FloatArray, dof: FloatArray) -> MeanSquares:

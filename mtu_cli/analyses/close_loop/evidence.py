@@ -52,7 +52,8 @@ def evidence(
     differently each member is judged by the scatter of the entries that it lies in.
     """
     left = pack.without_found(_evened(scan, y, aside))
-    noise = scan.frame.noise(left, pack.dof, scan.dof, scan.null.predicted_part)
+    known = scan.null.predicted_part
+    noise = scan.frame.noise(left, pack.dof, scan.dof, known, scan.predicted_dof)
     scatters = _scatters(scan, left, noise)
     statistics, found, offset = drawn_statistics(scan, pack, left[None], grand[None])
     noisy = dict(zip(scan.scatters, scatters, strict=True)).get(OPERATIONS, 1.0) < UNEVEN

@@ -160,6 +160,19 @@ def test_a_number_that_coincides_by_chance_decides_nothing(passes: str, pairs: s
     assert told(passes) == sorted(pairs.split())
 
 
+@pytest.mark.parametrize(
+    ("passes", "pairs"),
+    [
+        ("5+ 1- 6+ 2- 7+ 3-", "5+1- 6+2- 7+3-"),
+        ("1+ 2+ 3+ 6- 5- 4-", "1+6- 2+5- 3+4-"),
+        ("1+ 2+ 4- 3- 5+ 6+ 8- 7-", "1+4- 2+3- 5+8- 6+7-"),
+        ("1+ 2- 2+ 1-", "1+1- 2-2+"),
+    ],
+)
+def test_one_day_that_counts_in_its_own_way(passes: str, pairs: str) -> None:
+    assert told(passes) == sorted(pairs.split())
+
+
 def test_days_whose_way_back_counts_down() -> None:
     day = "1+ 2+ 3+ 4+ 4- 3- 2- 1-"
     assert told(f"{day} {day}") == sorted(2 * ["1+1-", "2+2-", "3+3-", "4+4-"])

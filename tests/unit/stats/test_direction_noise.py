@@ -20,6 +20,7 @@ from scipy.stats import binom
 from mtu_cli.stats import design_inputs as module
 from mtu_cli.stats import direction_noise as direction_module
 from mtu_cli.stats.loop_frame import Frame
+from mtu_cli.stats.scatter_tests import scatter_p
 
 STRATA = made(9, 8, 2)
 MASKS: dict[str, Mask] = {
@@ -133,6 +134,39 @@ def test_the_machines_own_scatter_is_taken_for_more_as_rarely_as_stated(mask: st
     found = judged(made_frame(mask, freed=False), tables, np.diag([0.0, 5.0, 5.0] * 2))
     # Of some 20 degrees of freedom a table.
     np.testing.assert_allclose(found, 1.0, rtol=4.5 * np.sqrt(2 / 20 / 2000))
+
+
+def test_directions_without_the_machines_scatter_are_judged_by_little_where_it_is_large() -> None:
+    """Most of what is in the interaction then is the machine's: what is left when it is taken off
+    tells the noise by few degrees of freedom, and no alarm of growths or of columns comes of it.
+    """
+    frame, count = made_frame("holes", freed=False), 1000
+    missing = int((~MASKS["holes"]).sum())
+    predicted, dof = np.diag([0.0, 50.0, 0.0] * 2), sizes(STRATA, missing)
+    rng = np.random.default_rng(5)
+    lines = rng.normal(size=(count, 9, 2)) * np.sqrt(50.0)
+    tables = rng.normal(size=(count, 9, 8, 2)) + rng.normal(size=(count, 1, 8, 2))
+    tables += lines[:, :, None] * STRATA.columns[:, 1][:, None]
+    y, _ = frame.coordinates(tables * MASKS["holes"][:, :, None])
+    growth = np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+    (own,) = frame.direction_noise(growth, predicted)
+    noise = [frame.noise(item, dof, dof, predicted) for item in y]
+    squares = (along(growth[0], y) ** 2).sum(axis=1)
+    p = np.array(
+        [
+            (
+                own.p(float(q), item.variance, item.dof, np.inf),
+                scatter_p(STRATA, coordinates, item, np.zeros(2), np.inf)[0],
+            )
+            for coordinates, q, item in zip(y, squares, noise, strict=True)
+        ]
+    )
+    assert ((p < 0.05).sum(axis=0) <= binom.ppf(1 - 1e-4, count, 0.06)).all()
+    assert np.median([item.dof for item in noise]) < 0.3 * dof.max()
+    # A machine that is not well known leaves less of them.
+    doubted = frame.noise(y[0], dof, dof, predicted, 4.0)
+    assert (doubted.dof < noise[0].dof).all()
+    np.testing.assert_array_equal(doubted.variance, noise[0].variance)
 
 
 def test_a_prediction_of_few_degrees_of_freedom_says_less() -> None:
