@@ -33,7 +33,7 @@ COMMON = (
 )  # fmt: skip
 """What a unit is called that the file does not name."""
 ANGLES = (
-    "rad", "deg", "arcmin", "arcsec", "gon", "\u00b0", "radian", "degree", "arcminute", "arcsecond",
+    "rad", "deg", "arcmin", "arcsec", "\u00b0", "radian", "degree", "arcminute", "arcsecond",
 )  # fmt: skip
 SIMPLE = 12
 """Numerator and denominator of the largest simple fraction."""

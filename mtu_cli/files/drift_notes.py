@@ -88,10 +88,11 @@ def _odd_one(values: Floats, i: int, start: int, end: int) -> int | None:
         return None
     fits = []
     for k in (i, i + 1):
-        near = [values[j] for j in (k - 1, k + 1) if start <= j < end]
+        # Python's own numbers: those of numpy warn where a sum is too large for them.
+        near = [float(values[j]) for j in (k - 1, k + 1) if start <= j < end]
         around = [values[j] for j in (k - 2, k - 1, k + 1, k + 2) if start <= j < end]
         if around == sorted(around):
-            fits.append((-abs(float(values[k] - np.mean(near))), k))
+            fits.append((-abs(float(values[k]) - sum(near) / len(near)), k))
     return min(fits)[1] if fits else None
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mtu_cli.errors import fault
 from mtu_cli.files.csv_table import Table
+from mtu_cli.units import LENGTH, UNITS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,8 +19,10 @@ if TYPE_CHECKING:
 POSITION, ERROR, PASS = "position_mm", "error", "pass"
 DRIFT = "drift"
 FEWEST_TARGETS = 3
-STEEPER = 2.0
-"""Errors span so many of their unit per mm of the positions: 2 mm in a metre is no machine's."""
+STEEPER = 20.0
+"""Errors span so many um (or of the unit of an angle) per mm of the positions: no machine's do,
+nor does a short stage read by a coarse display.
+"""
 SHOWN = 3
 
 
@@ -32,8 +35,9 @@ def refuse_swapped(table: Table) -> None:
         return
     # What is too large to be subtracted is told by who reads the cells.
     with np.errstate(over="ignore"):
-        runs = {name: passes for name, passes in _runs(table) if len(passes) > 1}
-        names = [name for name, passes in runs.items() if _are_swapped(passes)]
+        every = [own for own in _runs(table) if len(own[2]) > 1]
+        runs = {name: passes for name, _, passes in every}
+        names = [name for name, steep, passes in every if steep and _are_swapped(passes)]
     if not names or any(_repeated([place for _, place in passes]) for passes in runs.values()):
         return
     targets = np.unique(runs[names[0]][0][0])
@@ -47,24 +51,37 @@ def refuse_swapped(table: Table) -> None:
     )
 
 
-def _runs(table: Table) -> Iterator[tuple[str, list[tuple[Floats, Floats]]]]:
-    """Errors and positions of the passes of each component; of none, where a glance tells that no
-    errors are targets.
+def _runs(table: Table) -> Iterator[tuple[str, bool, list[tuple[Floats, Floats]]]]:
+    """Of each component whether its errors are far steeper than any machine's, and errors and
+    positions of its passes; of none, where no errors are.
     """
     numbers, component = table.columns.numbers, table.columns.texts["component"]
     error, position, number = (numbers[name] for name in (ERROR, POSITION, PASS))
+    um = error * _in_um(table)
     given = np.isfinite(error) & np.isfinite(position) & np.isfinite(number)
     of = {
         name: np.flatnonzero(given & (component.codes == code))
         for code, name in enumerate(component.labels)
     }
     of = {name: rows for name, rows in of.items() if len(rows)}
-    if not any(_steep(error[rows], position[rows]) for rows in of.values()):
+    steep = {name: _steep(um[rows], position[rows]) for name, rows in of.items()}
+    if not any(steep.values()):
         return
     for name, rows in of.items():
         order = rows[np.argsort(number[rows], kind="stable")]
         own = np.split(order, np.flatnonzero(np.diff(number[order])) + 1)
-        yield name, [(error[run], position[run]) for run in own]
+        yield name, steep[name], [(error[run], position[run]) for run in own]
+
+
+def _in_um(table: Table) -> Floats:
+    """What makes um of each row's error, where it is a length."""
+    column = table.columns.texts["unit"]
+    units = [UNITS.get(label) for label in column.labels]
+    factors = [
+        1e3 * unit.to_internal if unit is not None and unit.dimension == LENGTH else 1.0
+        for unit in units
+    ]
+    return np.array([*factors, 1.0])[column.codes]
 
 
 def _steep(error: Floats, position: Floats) -> bool:
@@ -78,7 +95,6 @@ def _are_swapped(passes: list[tuple[Floats, Floats]]) -> bool:
     return all(
         np.array_equal(np.sort(error), targets)
         and _is_run(error)
-        and _steep(error, position)
         and len(np.unique(position)) >= FEWEST_TARGETS
         for error, position in passes
     )

@@ -37,27 +37,30 @@ _PLAIN: dict[str, dict[str, float]] = {
     "h": {"s": 1, SIZE: math.log10(3600)},
     "in": {"m": 1, SIZE: math.log10(0.0254)},
     "mil": {"m": 1, SIZE: math.log10(0.0254e-3)},
-    "ft": {"m": 1, SIZE: math.log10(0.3048)},
     "deg": {SIZE: math.log10(_ANGLE)},
     "arcmin": {SIZE: math.log10(_ANGLE / 60)},
     "arcsec": {SIZE: math.log10(_ANGLE / 3600)},
-    "gon": {SIZE: math.log10(math.pi / 200)},
     "%": {SIZE: -2},
     "ppm": {SIZE: -6},
     "ppb": {SIZE: -9},
 }
-"""What may be several things has no entry: g (gram, or the acceleration), C, F, T, l."""
+"""What may be several things has no entry: g (gram, or the acceleration), C, F, T, l. Nor have
+ft and gon: 12 in and 9/10 deg, numbers that equations hold for other reasons too.
+"""
 LENGTHS_ALSO = {
     "micron": "um", "microns": "um", "inch": "in", "inches": "in", "zoll": "in", "mils": "mil",
     "thou": "mil", "feet": "ft",
 }  # fmt: skip
 """Words for units of length, in lower case: other than symbols they may have capitals."""
 _ALSO = LENGTHS_ALSO | {
-    "foot": "ft", "degree": "deg", "degrees": "deg", "arcminute": "arcmin",
+    "degree": "deg", "degrees": "deg", "arcminute": "arcmin",
     "arcminutes": "arcmin", "arcsecond": "arcsec", "arcseconds": "arcsec", "radian": "rad",
     "radians": "rad", "kelvin": "K", "celsius": "degC",
 }  # fmt: skip
 _DEGREES = re.compile(r"(?:deg(?:rees?)?|\u00b0)\s*(?:celsius|kelvin|[ck])(?![a-z])", re.IGNORECASE)
+_UNDER = re.compile(r"/\s*\(([^()/]+)\)")
+"""What is divided by as one: um/(m K)."""
+_BETWEEN = re.compile(r"\s*[*.]\s*|\s+")
 _SIGNS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u2126": "ohm", "\u03a9": "ohm",
                         "\u00b2": "2", "\u00b3": "3", "\u00b7": "*", "\u2212": "-"})  # fmt: skip
 _FACTOR = re.compile(
@@ -77,6 +80,7 @@ def unit_exponents(text: str | None) -> Exponents | None:
         return None
     plain = _DEGREES.sub("degC", text.strip().replace("\u2103", "\u00b0C"))
     plain = plain.replace("\u00b0", "deg").translate(_SIGNS)
+    plain = _UNDER.sub(lambda found: "/" + "/".join(_BETWEEN.split(found[1].strip())), plain)
     found: dict[str, float] = {SIZE: 0.0}
     position = 0
     while position < len(plain):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from mtu_cli.errors import InputError
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.readings_stream import stream_readings
 
@@ -87,3 +88,13 @@ def test_a_column_that_may_be_the_cycle_is_named(column: str, told: bool, tmp_pa
         f"column {column!r}? Rename it to 'cycle'"
     )
     assert found == [text] * told
+
+
+def test_times_too_large_to_be_added_are_refused_without_another_word(tmp_path: Path) -> None:
+    """Read piece by piece, they are looked at before they are refused."""
+    times = ascending()
+    times[-3:] = [1.2e308, 1.1e308, 1.3e308]
+    with pytest.raises(InputError, match="no time"):
+        notes(tmp_path, {"1": times})
+    with pytest.raises(InputError, match="no time"):
+        list(stream_readings([(tmp_path / "d.csv", "drift")], None))

@@ -138,3 +138,17 @@ def test_positions_that_are_repeated_are_positions(seed: int, tmp_path: Path) ->
 def test_what_is_too_large_to_be_subtracted_is_told_by_others(tmp_path: Path, large: float) -> None:
     rows = [("a", place, number, 1.0) for number in (1, 2) for place in (0.0, 100.0, large, -large)]
     assert judged(tmp_path, rows) == judged(tmp_path, rows, swapped=True) == ""
+
+
+def test_a_coarse_display_of_small_errors_is_sound(tmp_path: Path) -> None:
+    """In nm, of um steps; and of um steps over a stage of a millimetre: positions as read."""
+    read = ((0.0012, 99.998, 200.003, 299.999), (0.0007, 100.004, 199.996, 300.002))
+    for scale, unit, errors in ((1.0, "nm", (0, 1000, 2000, 3000)), (3e-3, "um", (0, 1, 2, 3))):
+        rows = [
+            f"a,{scale * place!r},{number},{error},{unit}"
+            for number, places in enumerate(read, 1)
+            for place, error in zip(places, errors, strict=True)
+        ]
+        path = tmp_path / "r.csv"
+        path.write_text("\n".join(["component,position_mm,pass,error,unit", *rows, ""]))
+        refuse_swapped(read_table(path, "lbb", SPEC))
