@@ -33,6 +33,7 @@ from mtu_cli.model.drift_simulation import simulate_drift
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.pass_draws import cut_warnings
 from mtu_cli.model.reading_simulation import ReadingsPlan, simulate_readings
 from mtu_cli.model.settings import DEFAULT_SEED, Warned
 from mtu_cli.model.simulate import PartsPlan, simulate_points
@@ -58,8 +59,10 @@ def run(options: Options) -> None:
     check_cmm_room(options)
     seed = _seed(inputs)
     check_ranges(options, seed)
-    unused = [*check_used(options), *_not_written(inputs)]
+    told = [*check_used(options), *_not_written(inputs)]
     model = modelled(inputs).model
+    if options.write_lbb is not None or options.write_cmm is not None:
+        told += cut_warnings(model)
     files: dict[Path, str] = {}
     if options.write_lbb is not None:
         files[options.write_lbb] = _readings(inputs, model, seed)
@@ -69,7 +72,7 @@ def run(options: Options) -> None:
         files[options.write_drift] = _drift(inputs, model, seed)
     content = {path: text.encode() for path, text in files.items()}
     say = partial(_say, {} if options.quiet else files)
-    deliver(content, inputs, say, warning_lines(unused))
+    deliver(content, inputs, say, warning_lines(told))
 
 
 def _not_written(inputs: Inputs) -> list[Warned]:

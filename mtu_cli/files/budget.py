@@ -16,6 +16,7 @@ from mtu_cli.files.budget_units import BudgetUnits
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings, Notice, check_contract, is_identifier
 from mtu_cli.files.source import Source
+from mtu_cli.files.unit_text import meant
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 from mtu_cli.language import EquationError, Node, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
@@ -108,7 +109,11 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
         budget=budget,
         trees=trees,
         single=budget.equation is not None,
-        warnings=(*_unused(budget, trees, document), *reading_notices(budget, document)),
+        warnings=(
+            *_unused(budget, trees, document),
+            *_unclear_units(budget, document),
+            *reading_notices(budget, document),
+        ),
         document=document,
     )
 
@@ -220,3 +225,19 @@ def _unused(
         for name in budget.inputs
         if name not in used
     )
+
+
+def _unclear_units(budget: Budget, document: YamlDocument) -> tuple[Notice, ...]:
+    """Units that are left alone, as nothing tells what stands under their line."""
+    shown = document.source.shown
+    found = []
+    for name, item in budget.inputs.items():
+        clear = meant(item.unit)
+        if clear is not None:
+            line = document.line_of("inputs", name, "unit")
+            text = (
+                f"{shown}:{line}: inputs.{name}.unit: {item.unit!r} is not read, so that no sum "
+                f"with it is checked; is {clear} meant?"
+            )
+            found.append(Notice(code="unit-unclear", message=text))
+    return tuple(found)

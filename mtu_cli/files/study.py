@@ -101,12 +101,10 @@ class LoadedStudy:
 
 
 def find_study(start: Path) -> Path | None:
-    """The ``mtu.yaml`` of the folder `start` or of the nearest folder above it; a folder of that
-    name counts, so that to read it says what it is.
-    """
+    """The ``mtu.yaml`` of the folder `start` or of the nearest folder above it."""
     for folder in (start, *start.resolve().parents):
         candidate = folder / STUDY_NAME
-        if candidate.is_file() or candidate.is_dir():
+        if candidate.is_file():
             return candidate
     return None
 

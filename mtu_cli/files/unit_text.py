@@ -114,3 +114,15 @@ def _factor(number: str | None, name: str | None) -> Mapping[str, float] | None:
             if size is not None:
                 return own | {SIZE: own.get(SIZE, 0) + size}
     return None
+
+
+def meant(text: str | None) -> str | None:
+    """How a unit with more than one factor under its line, as um/m*K, is likely meant: um/(m K).
+
+    None for one that is read, or that nobody knows.
+    """
+    if text is None or unit_exponents(text) is not None:
+        return None
+    over, _, under = text.strip().partition("/")
+    clear = f"{over}/({' '.join(_BETWEEN.split(under.strip().translate(_SIGNS)))})"
+    return None if unit_exponents(clear) is None else clear

@@ -9,9 +9,13 @@ import numpy as np
 
 from mtu_cli.model.blocks import component_blocks
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.variance import drawable_passes
+from mtu_cli.model.settings import Warned
+from mtu_cli.model.variance import Block, drawable_passes
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.positive_part import covariance_root
+
+SEEN = 0.1
+"""Share of its variances from which on it is told that a covariance was changed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,19 +42,38 @@ class PassDraws:
 
 def pass_draws(model: MachineModel) -> PassDraws:
     """Those of a machine."""
-    widths = [len(term.estimate.coefficients) for term in model.terms]
-    ends = np.cumsum(widths).tolist()
-    columns = [slice(end - k, end) for end, k in zip(ends, widths, strict=True)]
     place = {term.estimate.name: t for t, term in enumerate(model.terms)}
-    blocks = component_blocks(
-        model, np.zeros((0, sum(widths))), np.zeros((0, len(widths))), columns
-    )
     return PassDraws(
         tuple(
             (
                 tuple(place[name] for name in block.names),
                 covariance_root(drawable_passes(block.D, block.C)),
             )
-            for block in blocks
+            for block in _blocks(model)
         )
     )
+
+
+def cut_warnings(model: MachineModel) -> list[Warned]:
+    """Of components whose passes are drawn to differ by more than predictions take them to."""
+    cut: list[str] = []
+    for block in _blocks(model):
+        drawn = drawable_passes(block.D, block.C)
+        scale = np.sqrt(np.where(np.diag(drawn) > 0, np.diag(drawn), np.inf))
+        if (np.abs(drawn - block.D) > SEEN * np.outer(scale, scale)).any():
+            cut += block.names
+    if not cut:
+        return []
+    text = (
+        f"the passes of {', '.join(cut)} differ by less than their repeatability makes them: "
+        "nothing can be drawn so, and what is simulated scatters somewhat more than is predicted"
+    )
+    return [Warned(code="passes-cut", message=text)]
+
+
+def _blocks(model: MachineModel) -> list[Block]:
+    widths = [len(term.estimate.coefficients) for term in model.terms]
+    ends = np.cumsum(widths).tolist()
+    columns = [slice(end - k, end) for end, k in zip(ends, widths, strict=True)]
+    none = np.zeros((0, len(widths)))
+    return component_blocks(model, np.zeros((0, sum(widths))), none, columns)

@@ -36,7 +36,10 @@ def shares_sheets(title: str, items: Sequence[tuple[str, str, Shares | None]]) -
         "passes, which the points of one part share; repeatability: of each visit alone"
     ]
     if any(shares.passes < 0 for shares in known):
-        notes.append("below 0: passes differ by less than their repeatability makes them")
+        notes.append(
+            "below 0: passes differ by less than their repeatability makes them; if that is "
+            "chance, u is too small"
+        )
     natures = ("coefficients", "passes", "repeatability")
     columns = [
         Column(title="\n", text=True, folds=True),

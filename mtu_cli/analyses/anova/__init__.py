@@ -43,7 +43,6 @@ from mtu_cli.model.measured import (
     visits_of,
 )
 from mtu_cli.model.measured_checks import check_measured, refuse_mistaken
-from mtu_cli.model.residual_covariates import check_temperatures
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -102,10 +101,10 @@ def analyse_variance(
     `datum` takes the freedoms of a set-up by hand out of the features' errors, measurement by
     measurement; lengths and angles do not depend on it.
 
-    Raises InputError for values that cannot be what they claim, a feature that stands twice in
-    one repeat of one part, and a row or column that is off its axis.
+    Raises InputError for values that cannot be what they claim (see `check_measured` and
+    `refuse_mistaken`), a feature that stands twice in one repeat of one part, and a row or
+    column that is off its axis.
     """
-    check_temperatures(points)
     bases, warnings = _bases(points, part, datum)
     tables = (parts_table(b.tables, b.kind, b.one_way, b.reml) for b in bases)
     family, unusual = unusual_parts(side_by_side(*tables), settings.seed)

@@ -252,6 +252,13 @@ def test_faults_of_simultaneous_readings() -> None:
     assert "comes from their simultaneous readings" in stated
 
 
+def test_a_unit_that_is_not_read_is_a_warning_where_another_is_meant() -> None:
+    text = "equation: a*b\ninputs:\n  a: {value: 1, u: 1, unit: um/m K}\n"
+    (notice,) = loaded(text + "  b: {value: 1, u: 1, unit: furlong}\n").warnings
+    assert notice.code == "unit-unclear"
+    assert notice.message.startswith("b.yaml:5: inputs.a.unit: 'um/m K' is not read, so that no ")
+
+
 def test_an_unused_input_is_a_warning() -> None:
     """As an unused component of a machine is one."""
     budget = loaded("equation: a\ninputs:\n  a: {value: 1, u: 1}\n  b: {value: 1, u: 1}\n")

@@ -9,7 +9,7 @@ import pytest
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.budget import load_budget
-from mtu_cli.files.unit_text import SIZE, unit_exponents
+from mtu_cli.files.unit_text import SIZE, meant, unit_exponents
 
 # Sizes from the SI brochure (9th edition), in m, kg, s, A, K; an angle is a number.
 SIZES = [
@@ -72,6 +72,23 @@ def test_units_as_people_write_them(text: str, size: float, bases: dict[str, int
 )
 def test_units_that_nobody_knows_for_sure(text: str | None) -> None:
     assert unit_exponents(text) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "clear"),
+    [
+        ("um/m*K", "um/(m K)"),
+        ("um/m K", "um/(m K)"),
+        ("\u00b5m/m\u00b7K", "\u00b5m/(m K)"),
+        ("um/(m K)", None),
+        ("um/m/K", None),
+        ("um/mK", None),
+        ("furlong", None),
+        (None, None),
+    ],
+)
+def test_what_stands_under_a_line_is_asked_for(text: str | None, clear: str | None) -> None:
+    assert meant(text) == clear
 
 
 def faults(tmp_path: Path, equation: str, unit: str, inputs: dict[str, str]) -> list[str]:

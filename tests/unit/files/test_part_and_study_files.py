@@ -160,15 +160,6 @@ def test_the_nearest_study_above_is_found(tmp_path: Path) -> None:
     assert find_study(deep) == deep / "mtu.yaml"
 
 
-def test_a_folder_with_the_name_of_a_study_says_what_it_is(tmp_path: Path) -> None:
-    """Passed over, it would leave "no machine file is given"."""
-    (tmp_path / "mtu.yaml").mkdir()
-    found = find_study(tmp_path)
-    assert found == tmp_path / "mtu.yaml"
-    with pytest.raises(InputError, match=r"mtu\.yaml: is a folder; expected a file \(study\)"):
-        load_study(found)
-
-
 @pytest.mark.parametrize("kind", ["machine", "part", "study"])
 def test_schemas_describe_every_key(kind: str) -> None:
     schema = json_schema(kind)

@@ -9,7 +9,7 @@ from model_examples import FloatArray, estimate, model_of
 
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.pass_draws import pass_draws
+from mtu_cli.model.pass_draws import cut_warnings, pass_draws
 from mtu_cli.model.reading_simulation import ReadingsPlan, simulate_readings
 from mtu_cli.model.simulate import PartsPlan, simulate_points
 
@@ -56,6 +56,9 @@ def test_of_readings_no_more_than_a_negative_part_is_taken_off() -> None:
     assert agree(of_parts(model_of([(one, {"x": "1"})], axes=("x",))), X @ drawn @ X.T)
     assert np.linalg.eigvalsh(drawn / np.outer(*[np.sqrt(np.diag(drawn))] * 2))[0] >= -1e-9
     # What D lacks is less than the mean square of the ten passes, of which C is a tenth.
+    (warned,) = cut_warnings(model_of([(one, {"x": "1"})], axes=("x",)))
+    assert warned.code == "passes-cut"
+    assert warned.message.startswith("the passes of a differ by less than their repeatability")
     added = np.diag(X @ (drawn - moment) @ X.T)
     assert (added >= 0).all()
     assert (added <= 10 * np.diag(X @ C @ X.T)).all()
@@ -89,6 +92,7 @@ def test_parts_of_components_read_together_vary_together() -> None:
     )
     found = simulate_points(model, ["a", "b", "c"], AT, plan, 2).measured.reshape(MANY, 3, 2)
     errors = np.column_stack([found[:, :, 0] - AT[:, 0], found[:, 0, 1]])
+    assert cut_warnings(model) == []
     X = np.zeros((4, 3))
     X[:3, 0], X[:3, 1], X[3, 2] = 1.0, AT[:, 0], 1.0
     wanted = X @ D @ X.T
