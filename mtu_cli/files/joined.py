@@ -96,18 +96,19 @@ def file_indices(tables: Sequence[Table]) -> Ints:
 
 
 def integers(tables: Sequence[Table], name: str, problems: ProblemList) -> Ints:
-    """A column of whole numbers, -1 where it is not given; not to be written to."""
+    """A column of counts, whole numbers from 0 on; -1 where none is given. Not to be written to."""
     if not any(name in table.columns.numbers for table in tables):
         return np.broadcast_to(np.int64(-1), sum(len(table) for table in tables))
     values = numbers(tables, name)
-    if values.min() >= -LARGEST_INTEGER and values.max() <= LARGEST_INTEGER:
-        small = values.min() >= -SMALL_INTEGER and values.max() <= SMALL_INTEGER
-        whole = values.astype(np.int32 if small else np.int64)
+    if values.min() >= 0 and values.max() <= LARGEST_INTEGER:
+        whole = values.astype(np.int32 if values.max() <= SMALL_INTEGER else np.int64)
         if np.array_equal(whole, values):
             return whole
     faulty = (values != np.floor(values)) | (np.abs(values) > LARGEST_INTEGER)
     faulty &= ~np.isnan(values)
     _by_table(tables, faulty, name, "not a whole number", values, "a whole number", problems)
+    below = ~faulty & (values < 0)
+    _by_table(tables, below, name, "below 0", values, "a whole number from 0 on", problems)
     return np.where(faulty | np.isnan(values), -1.0, values).astype(np.int64)
 
 
