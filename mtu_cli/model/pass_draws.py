@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.errors import fault
 from mtu_cli.model.blocks import component_blocks
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.settings import Warned
@@ -41,7 +42,7 @@ class PassDraws:
 
 
 def pass_draws(model: MachineModel) -> PassDraws:
-    """Those of a machine."""
+    """Those of a machine. Raises InputError for passes of which nothing is known."""
     place = {term.estimate.name: t for t, term in enumerate(model.terms)}
     return PassDraws(
         tuple(
@@ -72,8 +73,17 @@ def cut_warnings(model: MachineModel) -> list[Warned]:
 
 
 def _blocks(model: MachineModel) -> list[Block]:
+    """Of components read together one, where it is known how far they vary together."""
+    joint = tuple(group for group in model.joint if np.isfinite(group.pass_covariance).all())
     widths = [len(term.estimate.coefficients) for term in model.terms]
     ends = np.cumsum(widths).tolist()
     columns = [slice(end - k, end) for end, k in zip(ends, widths, strict=True)]
-    none = np.zeros((0, len(widths)))
-    return component_blocks(model, np.zeros((0, sum(widths))), none, columns)
+    nothing, none = np.zeros((0, sum(widths))), np.zeros((0, len(widths)))
+    found = component_blocks(replace(model, joint=joint), nothing, none, columns)
+    unknown = [block.names[0] for block in found if not np.isfinite(block.D).all()]
+    if unknown:
+        raise fault(
+            f"how far passes of {', '.join(unknown)} differ is not known: nothing can be drawn",
+            expected="a report of readings in several passes",
+        )
+    return found

@@ -213,9 +213,10 @@ def noise_covariance(noise: FloatArray, axes: int) -> FloatArray:
 def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
     """D (k, k) without its negative part, measured in the standard uncertainties of C.
 
-    Level and slope differ in unit: without a measure the result would depend on them.
+    Level and slope differ in unit: without a measure the result would depend on them. What has no
+    uncertainty, or one that is not known (nan), is measured as it is.
     """
-    variances = np.where(np.diag(C) == 0, 1.0, np.diag(C))
+    variances = np.where(np.diag(C) > 0, np.diag(C), 1.0)
     scale = np.sqrt(variances)
     if np.linalg.eigvalsh(D / np.outer(scale, scale))[0] >= 0:
         return D

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from model_examples import FloatArray, estimate, model_of
 
+from mtu_cli.errors import InputError
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.pass_draws import cut_warnings, pass_draws
@@ -116,3 +118,23 @@ def test_passes_of_components_read_together_vary_together() -> None:
     wanted = X @ D @ X.T
     wanted[:2, 2] = wanted[2, :2] = 0.0
     assert agree(np.column_stack([back, alone]), wanted)
+
+
+def test_what_is_not_known_of_passes_together_is_drawn_apart() -> None:
+    """A report has null where readings do not tell it; alone, nothing can be drawn from it."""
+    model, D = together()
+    (group,) = model.joint
+    none = np.full_like(D, np.nan)
+    apart, alike = replace(group, pass_covariance=none), replace(group, covariance=none)
+    for changed, terms_of in ((apart, [(0,), (1,)]), (alike, [(1, 0)])):
+        unknown = replace(model, joint=(changed,))
+        blocks = pass_draws(unknown).blocks
+        assert [terms for terms, _ in blocks] == terms_of
+        for terms, root in blocks:
+            whole = D[np.ix_([2, 0, 1], [2, 0, 1])] if len(terms) > 1 else D[:2, :2]
+            wanted = D[2:, 2:] if terms == (1,) else whole
+            np.testing.assert_allclose(root @ root.T, wanted, rtol=1e-6, atol=1e-18)
+        assert cut_warnings(unknown) == []
+    alone = estimate("a", "x", [0.0, 0.0], D=np.full((2, 2), np.nan))
+    with pytest.raises(InputError, match="how far passes of a differ is not known"):
+        pass_draws(model_of([(alone, {"x": "1"})], axes=("x",)))
