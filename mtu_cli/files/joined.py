@@ -107,8 +107,10 @@ def integers(tables: Sequence[Table], name: str, problems: ProblemList) -> Ints:
     faulty = (values != np.floor(values)) | (np.abs(values) > LARGEST_INTEGER)
     faulty &= ~np.isnan(values)
     _by_table(tables, faulty, name, "not a whole number", values, "a whole number", problems)
-    below = ~faulty & (values < 0)
-    _by_table(tables, below, name, "below 0", values, "a whole number from 0 on", problems)
+    if name != "repeat":
+        # Of points a negative repeat is told by who reads them.
+        below = ~faulty & (values < 0)
+        _by_table(tables, below, name, "below 0", values, "a whole number from 0 on", problems)
     return np.where(faulty | np.isnan(values), -1.0, values).astype(np.int64)
 
 
