@@ -96,7 +96,7 @@ def file_indices(tables: Sequence[Table]) -> Ints:
 
 
 def integers(tables: Sequence[Table], name: str, problems: ProblemList) -> Ints:
-    """A column of counts, whole numbers from 0 on; -1 where none is given. Not to be written to."""
+    """A column of whole numbers, passes from 0 on; -1 where none is given. Not to be written to."""
     if not any(name in table.columns.numbers for table in tables):
         return np.broadcast_to(np.int64(-1), sum(len(table) for table in tables))
     values = numbers(tables, name)
@@ -107,8 +107,8 @@ def integers(tables: Sequence[Table], name: str, problems: ProblemList) -> Ints:
     faulty = (values != np.floor(values)) | (np.abs(values) > LARGEST_INTEGER)
     faulty &= ~np.isnan(values)
     _by_table(tables, faulty, name, "not a whole number", values, "a whole number", problems)
-    if name != "repeat":
-        # Of points a negative repeat is told by who reads them.
+    if name == "pass":
+        # Of the other counts who reads the points tells what is below 0.
         below = ~faulty & (values < 0)
         _by_table(tables, below, name, "below 0", values, "a whole number from 0 on", problems)
     return np.where(faulty | np.isnan(values), -1.0, values).astype(np.int64)
