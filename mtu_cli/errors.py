@@ -15,12 +15,14 @@ SHOWN_PROBLEMS = 20
 SHOWN_ALIKE = 3
 """Equal problems of so many rows are shown one by one, those of more by the first."""
 SHOWN_ROWS = 6
-"""Rows, or runs of rows, that a problem shown by its first is told to be in."""
+"""Rows (lines), or runs of them, that a problem shown by its first is told to be in."""
 LONGEST_PATH = 200
 LONGEST_WORDS = 500
 """Characters of a problem's parts; only names that are no names reach them."""
 _LONG_NAME = re.compile(r"([^\s'\",;]{57})[^\s'\",;]{244,}")
 """More characters than a file's name has."""
+_STEPS = re.compile(r"[^.\[\]]+")
+"""Of a path inside a YAML document."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,15 +88,15 @@ class InputError(MtuError):
 
 
 def _told_once(problems: Sequence[Problem]) -> list[tuple[Problem, list[Problem]]]:
-    """The problems to be shown, each with those that differ from it in the row alone: one fault of
-    a whole column is not told a row at a time.
+    """The problems to be shown, each with those that differ from it in the row alone, or in the
+    entry of a YAML file: one fault of a whole column is not told a row at a time.
     """
     alike: dict[tuple[object, ...], list[int]] = {}
     own: list[int] = []
     for i, p in enumerate(problems):
         # One object may stand for millions of cells.
         if i == 0 or p is not problems[i - 1]:
-            key = (p.what, p.file, p.line, p.path, p.column, p.value, p.expected)
+            key = (p.what, p.file, _entries(p), p.column, p.value, p.expected)
             own = alike.setdefault(key, [])
         own.append(i)
     shown: dict[int, list[int]] = {}
@@ -104,19 +106,32 @@ def _told_once(problems: Sequence[Problem]) -> list[tuple[Problem, list[Problem]
     return [(problems[i], [problems[j] for j in shown[i]]) for i in sorted(shown)]
 
 
+def _entries(problem: Problem) -> object:
+    """What the places of like problems share: in a path such as ``features.H1.x`` the step of the
+    entry is free, all else stands; without a path, the line.
+    """
+    if problem.path is None or problem.line is None:
+        return problem.path, problem.line
+    steps = _STEPS.findall(problem.path)
+    return (*steps[:1], *steps[2:], len(steps))
+
+
 def _others(alike: Sequence[Problem]) -> str:
     """Where the same stands again, such as `` (and rows 3 to 91)``."""
     if not alike:
         return ""
-    rows = [problem.row for problem in alike if problem.row is not None]
+    kind = "row" if alike[0].row is not None else "line"
+    places = (p.row if kind == "row" else p.line for p in alike)
+    rows = [place for place in places if place is not None]
     if len(rows) < len(alike):
         return f" (and {len(alike)} more)"
+    rows = list(dict.fromkeys(rows)) if kind == "line" else rows
     starts = [i for i, row in enumerate(rows) if i == 0 or row != rows[i - 1] + 1]
     if len(starts) > SHOWN_ROWS:
-        return f" (and {len(rows)} more rows, up to row {rows[-1]})"
+        return f" (and {len(rows)} more {kind}s, up to {kind} {rows[-1]})"
     runs = [rows[a:b] for a, b in pairwise([*starts, len(rows)])]
     told = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
-    return f" (and rows {', '.join(told)})"
+    return f" (and {kind}s {', '.join(told)})"
 
 
 def _in_file_order(problems: Iterable[Problem]) -> list[Problem]:

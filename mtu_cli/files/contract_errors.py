@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 OTHER_KEYS = {"s_pass": "pass_covariance"}
 """Keys by the names that tables give what they hold."""
+NAMED_BY = ("id", "name", "feature", "component", "key")
+"""Keys that hold the name of an entry where entries stand in a list."""
 DISTRIBUTIONS = {
     "rectangular": ("uniform", "flat", "box", "rectangle", "rect"),
     "normal": ("gaussian", "gauss", "bell"),
@@ -92,7 +94,7 @@ def to_problems(
     for item in items:
         if item["type"] == "extra_forbidden":
             *parent, key = item["loc"]
-            near = closest(str(key), _keys_at(model, tuple(parent)))
+            near = _meant(str(key), _keys_at(model, tuple(parent)))
             if near is not None:
                 misspelt.add((*parent, near))
     return [
@@ -111,9 +113,8 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
     elif item["type"] == "extra_forbidden":
         known = _keys_at(model, item["loc"][:-1])
         what, value = "unknown key", str(item["loc"][-1])
-        meant = OTHER_KEYS.get(value)
-        in_unit = _in_its_unit(value, known)
-        expected = f"{meant!r}" if meant in known else in_unit or did_you_mean(value, known)
+        meant, in_unit = _by_other_name(value, known), _in_its_unit(value, known)
+        expected = in_unit or (f"{meant!r}" if meant else did_you_mean(value, known))
         if value.isdecimal() and item["input"] is None:
             # {value: 1,5} has the keys `value` and `5`.
             expected = f"a decimal point before {value}: a comma ends a value"
@@ -137,6 +138,20 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
         value=value,
         expected=expected,
     )
+
+
+def _meant(key: str, known: Collection[str]) -> str | None:
+    """The known key that an unknown one was probably meant to be."""
+    return _by_other_name(key, known) or closest(key, known)
+
+
+def _by_other_name(key: str, known: Collection[str]) -> str | None:
+    """A known key by another name for what it holds, or by its name without the unit."""
+    with_unit = [name for name in known if name.rpartition("_")[0] == key]
+    units = {name.rpartition("_")[2] for name in with_unit}
+    names = [OTHER_KEYS.get(key), *(with_unit if units <= {*UNITS, "m"} else ())]
+    found = [name for name in names if name in known]
+    return found[0] if len(found) == 1 else None
 
 
 def _in_its_unit(key: str, known: Collection[str]) -> str | None:
@@ -172,12 +187,23 @@ def _distribution(text: str) -> str | None:
 def _expected(item: ErrorDetails) -> str:
     kind = item["type"]
     given = item["input"]
+    if kind in ("dict_type", "model_type") and isinstance(given, list):
+        return _not_a_list(given)
     if kind in ("float_type", "int_type") and isinstance(given, str):
         return number_expectation(given, _EXPECTED[kind])
     phrase = _EXPECTED.get(kind)
     if phrase is None:
         return item["msg"].removeprefix("Input should be ")
     return phrase.format(**item.get("ctx", {}))
+
+
+def _not_a_list(given: list[Any]) -> str:
+    """What belongs in the place of a list: its first item under its name, where it has one."""
+    first = given[0] if given and isinstance(given[0], dict) else {}
+    for key in NAMED_BY:
+        if isinstance(name := first.get(key), str | int):
+            return f"keys with values: '{name}: {{...}}' instead of '- {{{key}: {name}, ...}}'"
+    return _EXPECTED["dict_type"]
 
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
