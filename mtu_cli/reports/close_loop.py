@@ -11,7 +11,9 @@ found four times in five. The `rms` of an effect is over all coordinates, `expla
 share of their mean square. Fields of a candidate are of the first look at the data.
 `fixed_points` are the places where effects that grow along an axis and effects that move it as a
 whole cancel; one is `told` where its 95 % interval is no longer than the machine's travel, and
-`given` the effect it depends on where the data cannot tell that from others. `rivals` are the
+`given` the effect it depends on where the data cannot tell that from others. `neutral_points` are
+the values of a covariate at which a drift and an offset cancel, in its unit; `seen` is the range of
+the data. `rivals` are the
 others of a class of three at most, each estimated in the place of the effect. An effect that is
 one of several `alike` pitches makes the verdict `class`, though its `class` has one name.
 `apart` are those of the `class` of a scatter that it cannot be mistaken for: not much less likely.
@@ -31,6 +33,7 @@ from mtu_cli.analyses.close_loop.result import (
     FixedPoint,
     FoundEffect,
     Judged,
+    NeutralPoint,
     Scores,
     TableResult,
 )
@@ -67,6 +70,7 @@ def document(result: CloseLoopResult) -> dict[str, Any]:
         **_scored(first),
         "effects": [_effect(e, t) for t in result.tables for e in t.effects],
         "fixed_points": [_fixed_point(p, t) for t in result.tables for p in t.fixed_points],
+        "neutral_points": [_neutral(p, t) for t in result.tables for p in t.neutral_points],
         "candidates": [_candidate(c, t) for t in result.tables for c in t.candidates],
         "unexplained": {
             "found": any(something_left(item) for item in result.tables),
@@ -209,6 +213,16 @@ def _fixed_point(point: FixedPoint, item: TableResult) -> dict[str, Any]:
             "interval95": None if ends is None else [finite(end) for end in ends],
         },
         "told": point.told,
+    }
+
+
+def _neutral(point: NeutralPoint, item: TableResult) -> dict[str, Any]:
+    return {
+        "axis": point.axis,
+        "covariate": point.covariate,
+        "effects": [item.effects[e].name for e in (*point.drift, *point.offset)],
+        "at": {"value": point.at, "u": finite(point.u), "interval95": list(point.interval)},
+        "seen": list(point.seen),
     }
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 
 from mtu_cli.analyses.close_loop.one_phase import least_amplitude
-from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import amplitude, is_level, pitch_is_open, things
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_shown import (
@@ -45,75 +44,6 @@ SENTENCES = {
 SEARCHED_DIGITS = 3
 TWICE = 2.0
 """The reversal value is twice the parameter, which acts in both directions (ISO 230-2, 2.13)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sentence:
-    """What is said of `effects`: of one, of those that are one cause, or (none) of all before."""
-
-    effects: tuple[FoundEffect, ...]
-    text: str
-
-    @property
-    def named(self) -> str:
-        """The text with the names of the effects behind it."""
-        names = " and ".join(effect.name for effect in self.effects)
-        return f"{self.text} ({names})" if names else self.text
-
-
-def sentences(item: TableResult) -> list[Sentence]:
-    """One an effect, in the order found; an axis that grows from a fixed point takes one.
-
-    A drift of several axes keeps its own beside it, unless all of them grow from fixed points.
-    """
-    joined: dict[int, Sentence] = {}
-    told: dict[int, set[str]] = {}
-    last = []
-    for point in item.fixed_points:
-        if point.given is not None:
-            continue
-        first = item.effects[point.growth[0]]
-        if point.told and len(point.growth) == 1 and first.axis == point.axis:
-            text = f"{effect_text(first, item)} from a fixed point at {_place(point)}"
-            own = tuple(item.effects[e] for e in (*point.growth, *point.drift))
-            joined[point.growth[0]] = Sentence(effects=own, text=text)
-            for e in point.drift:
-                told.setdefault(e, set()).add(f"E{point.axis}")
-        else:
-            last.append(Sentence(effects=(), text=_fixed(point)))
-    return [
-        joined.get(e, Sentence(effects=(effect,), text=effect_text(effect, item)))
-        for e, effect in enumerate(item.effects)
-        if e not in told or not effect.equations.keys() <= told[e]
-    ] + last
-
-
-def one_cause(item: TableResult, place: int, own: FoundEffect) -> str | None:
-    """What follows if the effect at `place`, one of several, is `own`: with others it is an axis
-    that is fixed somewhere.
-    """
-    for point in item.fixed_points:
-        if point.given != (place, own.name) or not point.told:
-            continue
-        others = [item.effects[e].name for e in (*point.growth, *point.drift) if e != place]
-        first = own if point.growth[0] == place else item.effects[point.growth[0]]
-        verb = "shrinks" if first.parameters[0][2] < 0 else "grows"
-        return (
-            f"with {' and '.join(others)} that is one cause: {point.axis.upper()} {verb} from a "
-            f"fixed point at {_place(point)}"
-        )
-    return None
-
-
-def _fixed(point: FixedPoint) -> str:
-    axis = point.axis.upper()
-    if not point.told:
-        return f"the fixed point of {axis} is not told"
-    return f"in all, the fixed point of {axis} is {_place(point)}"
-
-
-def _place(point: FixedPoint) -> str:
-    return f"{point.axis} = {plus_minus(point.at, point.u)} mm"
 
 
 def effect_text(effect: FoundEffect, item: TableResult) -> str:

@@ -92,7 +92,8 @@ def titled(effect: FoundEffect) -> str:
 
 def one_cause_notes(item: TableResult) -> list[str]:
     """That a growth and a drift in two rows are one axis that grows from a fixed point: the growth
-    is counted from a place of its own, and the drift is how far that goes.
+    is counted from a place of its own, and the drift is how far that goes. Likewise that a drift
+    and an offset are one axis that is right at another temperature.
     """
     notes = []
     for point in item.fixed_points:
@@ -103,6 +104,14 @@ def one_cause_notes(item: TableResult) -> list[str]:
             notes.append(
                 f"{growth} is counted from {point.axis} = {significant(start, 4)} mm, and "
                 f"{drifts} is how far that place goes: one cause"
+            )
+    for neutral in item.neutral_points:
+        if math.isfinite(neutral.counted_from):
+            offsets = " and ".join(item.effects[e].name for e in neutral.offset)
+            notes.append(
+                f"{item.effects[neutral.drift[0]].name} is counted from {neutral.covariate} = "
+                f"{significant(neutral.counted_from, 4)}, and {offsets} is the error there: one "
+                "cause"
             )
     return notes
 

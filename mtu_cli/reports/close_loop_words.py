@@ -5,12 +5,8 @@ from __future__ import annotations
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import pitch_is_open, should_be_told, things
 from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
-from mtu_cli.reports.close_loop_effects import (
-    Sentence,
-    effect_text,
-    one_cause,
-    sentences,
-)
+from mtu_cli.reports.close_loop_effects import effect_text
+from mtu_cli.reports.close_loop_sentences import Sentence, one_cause, sentences
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,

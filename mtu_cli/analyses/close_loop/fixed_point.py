@@ -7,11 +7,11 @@ They are one physical cause, and what a mechanic asks is where it is fixed.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtrit
 
+from mtu_cli.analyses.close_loop.crossing import Crossing, Lever, crossing
 from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect
 from mtu_cli.analyses.close_loop.straight_lines import (
     extent,
@@ -28,16 +28,6 @@ ROUNDING = 1e-9
 """Of the places along an axis: what is nearer to 0 is 0."""
 Over = frozenset[str]
 """The one covariate that errors are proportional to; empty where they are constant."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Lever:
-    """What a parameter does at the middle of the axis, and its change over half of the places."""
-
-    effect: int
-    parameter: int
-    shift: float
-    growth: float
 
 
 def fixed_points(
@@ -72,8 +62,8 @@ def fixed_points(
             if instead is not None and instead not in unsure:
                 continue
             if growth and drift and straight and len(unsure) < 2:
-                ratio = _ratio(effects, covariance, levers)
-                point = _point(table, axis, min(own, default=None), growth, drift, ratio)
+                crossed = crossing(effects, covariance, levers)
+                point = _point(table, axis, min(own, default=None), growth, drift, crossed)
                 start = _counted_from(table, axis, levers)
                 found.append(replace(point, counted_from=start, given=given))
     return tuple(found)
@@ -92,7 +82,7 @@ def _beside(effect: FoundEffect, axis: str) -> Over | None:
 
 def _levers(
     table: ResidualTable, axis: str, effect: FoundEffect, e: int, over: Over
-) -> Iterator[_Lever]:
+) -> Iterator[Lever]:
     """Of the parameters of effect `e`; nan where it is no straight line along the axis."""
     own = [name for name, _, _, _ in effect.parameters]
     middle, half = extent(table, axis)
@@ -104,10 +94,10 @@ def _levers(
         else:
             values = in_place(node, axis, middle, half)
         shift, growth = middle_and_rise(values)
-        yield _Lever(e, own.index(name), shift, growth)
+        yield Lever(e, own.index(name), shift, growth)
 
 
-def _counted_from(table: ResidualTable, axis: str, levers: Sequence[_Lever]) -> float:
+def _counted_from(table: ResidualTable, axis: str, levers: Sequence[Lever]) -> float:
     """Where the only lever that grows is zero, mm; nan where there are others."""
     growing = [lever for lever in levers if lever.growth]
     if len(growing) != 1:
@@ -117,61 +107,27 @@ def _counted_from(table: ResidualTable, axis: str, levers: Sequence[_Lever]) -> 
     return start if abs(start) > ROUNDING * (abs(middle) + half) else 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Ratio:
-    """-a/g with its u and 95 % interval (None: unbounded), a and g sums over levers."""
-
-    value: float
-    u: float
-    interval: tuple[float, float] | None
-
-
-def _ratio(
-    effects: Sequence[FoundEffect], covariance: FloatArray, levers: Sequence[_Lever]
-) -> _Ratio:
-    first = np.cumsum([0, *(len(effect.parameters) for effect in effects)])
-    rows = [int(first[lever.effect]) + lever.parameter for lever in levers]
-    C = covariance[np.ix_(rows, rows)]
-    J = np.array([[lever.shift for lever in levers], [lever.growth for lever in levers]])
-    a, g = J @ [effects[x.effect].parameters[x.parameter][2] for x in levers]
-    if g == 0:
-        return _Ratio(np.nan, np.nan, None)
-    V = J @ C @ J.T
-    value = -a / g
-    own = np.array([1.0, value])
-    dof = min(effects[x.effect].intervals[x.parameter][2] for x in levers)
-    t2 = float(stdtrit(max(dof, 1.0), 0.975)) ** 2
-    # The r with (a + g r)^2 <= t^2 Var(a + g r).
-    A, B, C0 = g**2 - t2 * V[1, 1], a * g - t2 * V[0, 1], a**2 - t2 * V[0, 0]
-    root = np.sqrt(max(B**2 - A * C0, 0.0))
-    return _Ratio(
-        float(value),
-        float(np.sqrt(max(own @ V @ own, 0.0)) / abs(g)),
-        (float((-B - root) / A), float((-B + root) / A)) if A > 0 else None,
-    )
-
-
 def _point(
     table: ResidualTable,
     axis: str,
     covariate: str | None,
     growth: tuple[int, ...],
     drift: tuple[int, ...],
-    ratio: _Ratio,
+    crossed: Crossing,
 ) -> FixedPoint:
-    """In mm: the ratio is in halves of the places' extent from their middle."""
+    """In mm: where they cross is in halves of the places' extent from their middle."""
     middle, half = extent(table, axis)
     ends = None
-    if ratio.interval is not None:
-        low, high = ratio.interval
+    if crossed.interval is not None:
+        low, high = crossed.interval
         ends = (middle + half * low, middle + half * high)
     return FixedPoint(
         axis=axis,
         covariate=covariate,
         growth=growth,
         drift=drift,
-        at=middle + half * ratio.value,
-        u=half * ratio.u,
+        at=middle + half * crossed.value,
+        u=half * crossed.u,
         interval=ends,
         told=ends is not None and ends[1] - ends[0] <= _reach(table, axis),
     )

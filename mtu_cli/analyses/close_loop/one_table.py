@@ -23,6 +23,7 @@ from mtu_cli.analyses.close_loop.held_out import (
     scores,
     splits_of,
 )
+from mtu_cli.analyses.close_loop.neutral_point import neutral_points
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.own_constant import owners_of, with_own_constants
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
@@ -99,6 +100,7 @@ def loop_on(
         floor=_floor(told.effects.prepared),
         unexplained_rms=_unexplained(found, scored, (*fired, *twice)),
         fixed_points=_fixed_points(table, described, covariance, others),
+        neutral_points=neutral_points(table, described, covariance),
     )
     return LoopResult(result=result, covariance=covariance)
 

@@ -138,10 +138,31 @@ class FixedPoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class NeutralPoint:
+    """The value of a `covariate` at which effects (by their place in the table's list) cancel along
+    `axis`: those of `drift`, which change with it, and those of `offset`, which are constant.
+
+    `at`, its standard uncertainty `u` and 95 % `interval` in the covariate's unit; `seen` are the
+    least and the largest value of the data. None is told whose interval is longer than these span.
+    `counted_from` is where a drift that is one effect is zero by itself; nan where it is several.
+    """
+
+    axis: str
+    covariate: str
+    drift: tuple[int, ...]
+    offset: tuple[int, ...]
+    at: float
+    u: float
+    interval: tuple[float, float]
+    seen: tuple[float, float]
+    counted_from: float = math.nan
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TableResult:
     """One table (all points, or one component): its residuals (P, H, A) before and after the
     effects, the effects' contribution `explained` (P, H, A), scores held out and in sample.
-    `fixed_points` are the places where its effects cancel.
+    `fixed_points` are the places where its effects cancel, `neutral_points` the temperatures.
 
     `without_name`: a smooth drift or field explained more than any name. `twofold` are names
     that were found twice, in forms that one cause cannot have at once. `stopped`: the search
@@ -171,6 +192,7 @@ class TableResult:
     floor: float | None
     unexplained_rms: float | None
     fixed_points: tuple[FixedPoint, ...]
+    neutral_points: tuple[NeutralPoint, ...] = ()
     twofold: tuple[str, ...] = ()
     stopped: bool = False
     held_out_with_gross: tuple[Scores, Scores] | None = None

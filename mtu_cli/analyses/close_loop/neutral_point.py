@@ -1,0 +1,106 @@
+"""Where an axis that drifts with a covariate stands right: a drift and an offset found together.
+
+A drift is counted from the middle of the data's temperatures, and the offset is the error there.
+They are one cause where the machine is right at another temperature, which is what a shop asks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.crossing import Lever, crossing
+from mtu_cli.analyses.close_loop.result import FoundEffect, NeutralPoint
+from mtu_cli.analyses.close_loop.straight_lines import in_place, middle_and_rise
+from mtu_cli.language import linear_form, names, parse
+from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.least_squares import FloatArray
+
+DIRECTION = "dir_"
+"""A direction turns an error about: its middle stays where it is."""
+
+
+def neutral_points(
+    table: ResidualTable, effects: Sequence[FoundEffect], covariance: FloatArray
+) -> tuple[NeutralPoint, ...]:
+    """One an axis along which errors are a + g c, c one covariate: the c where they are zero.
+
+    `covariance` (k, k) is that of the k parameters of all effects in their order, internal units.
+    Beside an error that changes with the place or with a second covariate there is none, nor where
+    the data cannot tell one of the effects from others.
+    """
+    found = []
+    for axis in table.axes if table.component is None else ():
+        all_over = {e: _over(effect, axis) for e, effect in enumerate(effects)}
+        over = {e: own for e, own in all_over.items() if own is not None}
+        covariates = {name for own in over.values() for name in own}
+        if len(covariates) != 1 or any(len(effects[e].candidates) > 1 for e in over):
+            continue
+        (covariate,) = covariates
+        if covariate in table.covariates and (
+            point := _point(table, axis, covariate, effects, covariance, tuple(over))
+        ):
+            found.append(point)
+    return tuple(found)
+
+
+def _over(effect: FoundEffect, axis: str) -> set[str] | None:
+    """What the error along an axis depends on; None where it has none that stays."""
+    text = effect.equations.get(f"E{axis}")
+    if text is None:
+        return None
+    over = set(names(parse(text))) - {name for name, _, _, _ in effect.parameters}
+    turns = any(name.startswith(DIRECTION) for name in over)
+    return None if turns else over
+
+
+def _point(
+    table: ResidualTable,
+    axis: str,
+    covariate: str,
+    effects: Sequence[FoundEffect],
+    covariance: FloatArray,
+    chosen: Sequence[int],
+) -> NeutralPoint | None:
+    values = table.covariates[covariate]
+    known = values[np.isfinite(values)]
+    low, high = float(known.min()), float(known.max())
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    levers = [
+        lever for e in chosen for lever in _levers(effects[e], e, axis, covariate, middle, half)
+    ]
+    growing = [lever for lever in levers if lever.growth]
+    drift = tuple(dict.fromkeys(lever.effect for lever in growing))
+    offset = tuple(dict.fromkeys(x.effect for x in levers if x.shift and x.effect not in drift))
+    if not drift or not offset or not all(np.isfinite(x.shift) for x in levers):
+        return None
+    crossed = crossing(effects, covariance, levers)
+    ends = crossed.interval
+    # Wider than all that was seen it would tell nothing.
+    if ends is None or ends[1] - ends[0] > 2.0:
+        return None
+    return NeutralPoint(
+        axis=axis,
+        covariate=covariate,
+        drift=drift,
+        offset=offset,
+        at=middle + half * crossed.value,
+        u=half * crossed.u,
+        interval=(middle + half * ends[0], middle + half * ends[1]),
+        seen=(low, high),
+        counted_from=middle - half * growing[0].shift / growing[0].growth
+        if len(growing) == 1
+        else np.nan,
+    )
+
+
+def _levers(
+    effect: FoundEffect, e: int, axis: str, covariate: str, middle: float, half: float
+) -> Iterator[Lever]:
+    """Of the parameters of effect `e`; nan where it is no straight line in the covariate."""
+    own = [name for name, _, _, _ in effect.parameters]
+    form = linear_form(parse(effect.equations[f"E{axis}"]), own)
+    for name, node in form.coefficients.items():
+        shift, growth = middle_and_rise(in_place(node, covariate, middle, half))
+        yield Lever(e, own.index(name), shift, growth)

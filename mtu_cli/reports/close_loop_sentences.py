@@ -1,0 +1,101 @@
+"""What is said of the effects found: one sentence a cause, though it may be several effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mtu_cli.analyses.close_loop.result import (
+    FixedPoint,
+    FoundEffect,
+    NeutralPoint,
+    TableResult,
+)
+from mtu_cli.reports.close_loop_effects import effect_text
+from mtu_cli.reports.numbers import plus_minus
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sentence:
+    """What is said of `effects`: of one, of those that are one cause, or (none) of all before."""
+
+    effects: tuple[FoundEffect, ...]
+    text: str
+
+    @property
+    def named(self) -> str:
+        """The text with the names of the effects behind it."""
+        names = " and ".join(effect.name for effect in self.effects)
+        return f"{self.text} ({names})" if names else self.text
+
+
+def sentences(item: TableResult) -> list[Sentence]:
+    """One an effect, in the order found; an axis that grows from a fixed point, or drifts from a
+    temperature at which it is right, takes one.
+
+    A drift of several axes keeps its own beside it, unless all of them grow from fixed points.
+    """
+    joined: dict[int, Sentence] = {}
+    told: dict[int, set[str]] = {}
+    last = []
+    for point in item.fixed_points:
+        if point.given is not None:
+            continue
+        first = item.effects[point.growth[0]]
+        if point.told and len(point.growth) == 1 and first.axis == point.axis:
+            text = f"{effect_text(first, item)} from a fixed point at {_place(point)}"
+            own = tuple(item.effects[e] for e in (*point.growth, *point.drift))
+            joined[point.growth[0]] = Sentence(effects=own, text=text)
+            for e in point.drift:
+                told.setdefault(e, set()).add(f"E{point.axis}")
+        else:
+            last.append(Sentence(effects=(), text=_fixed(point)))
+    for neutral in item.neutral_points:
+        (e, *more), right = neutral.drift, _right(neutral)
+        if not more and item.effects[e].equations.keys() == {f"E{neutral.axis}"}:
+            own = tuple(item.effects[k] for k in (e, *neutral.offset))
+            text = f"{effect_text(own[0], item)}, and is right at {right}"
+            joined[e] = Sentence(effects=own, text=text)
+            for k in neutral.offset:
+                told.setdefault(k, set()).add(f"E{neutral.axis}")
+        else:
+            last.append(Sentence(effects=(), text=f"{neutral.axis.upper()} is right at {right}"))
+    return [
+        joined.get(e, Sentence(effects=(effect,), text=effect_text(effect, item)))
+        for e, effect in enumerate(item.effects)
+        if e not in told or not effect.equations.keys() <= told[e]
+    ] + last
+
+
+def one_cause(item: TableResult, place: int, own: FoundEffect) -> str | None:
+    """What follows if the effect at `place`, one of several, is `own`: with others it is an axis
+    that is fixed somewhere.
+    """
+    for point in item.fixed_points:
+        if point.given != (place, own.name) or not point.told:
+            continue
+        others = [item.effects[e].name for e in (*point.growth, *point.drift) if e != place]
+        first = own if point.growth[0] == place else item.effects[point.growth[0]]
+        verb = "shrinks" if first.parameters[0][2] < 0 else "grows"
+        return (
+            f"with {' and '.join(others)} that is one cause: {point.axis.upper()} {verb} from a "
+            f"fixed point at {_place(point)}"
+        )
+    return None
+
+
+def _right(point: NeutralPoint) -> str:
+    """Such as "T_air_degC = 22.2 ± 0.8", and what the data have where it is none of theirs."""
+    (low, high), at = point.seen, plus_minus(point.at, point.u)
+    beyond = "" if low <= point.at <= high else f" (beyond the data: {low:.4g} to {high:.4g})"
+    return f"{point.covariate} = {at}{beyond}"
+
+
+def _fixed(point: FixedPoint) -> str:
+    axis = point.axis.upper()
+    if not point.told:
+        return f"the fixed point of {axis} is not told"
+    return f"in all, the fixed point of {axis} is {_place(point)}"
+
+
+def _place(point: FixedPoint) -> str:
+    return f"{point.axis} = {plus_minus(point.at, point.u)} mm"

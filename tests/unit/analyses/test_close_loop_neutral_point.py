@@ -1,0 +1,170 @@
+"""A drift and an offset found together: where the axis is right, by hand and by trials."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from close_loop_examples import effect, on_component, on_table, result
+from scipy.stats import t as student
+
+from mtu_cli.analyses.close_loop.neutral_point import neutral_points
+from mtu_cli.analyses.close_loop.result import FoundEffect, NeutralPoint, TableResult
+from mtu_cli.reports.close_loop import document
+from mtu_cli.reports.close_loop_table import table
+from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.reports.tables import plain_text
+
+T = "T_spindle_degC"
+DRIFT, SHIFT, U_DRIFT, U_SHIFT = 1.84, 3.68, 0.17, 0.5
+DOF = 17.0
+DRIFTS: dict[str, Any] = {
+    "parameters": (("drift", "um/K", DRIFT, U_DRIFT),),
+    "equations": {"Ex": f"drift*({T} - 24.5)"},
+    "covariate": T,
+}
+OFFSET = effect(
+    "offset-x", parameters=(("shift", "um", SHIFT, U_SHIFT),), equations={"Ex": "shift"}
+)
+SCALE = effect(
+    "scale-x", parameters=(("scale", "um/m", -40.0, 3.0),), equations={"Ex": "scale*(x - 75)"}
+)
+
+
+def drifts(name: str = "thermal-drift-x", **changed: object) -> FoundEffect:
+    return effect(name, **(DRIFTS | changed))
+
+
+def found(*effects: FoundEffect, correlation: float = 0.0) -> tuple[TableResult, np.ndarray]:
+    """Spindle from 20 to 28 degC; the first and the last parameter are correlated."""
+    item = on_table("named", effects)
+    n = len(item.table.parts)
+    covariates = item.table.covariates | {
+        T: np.linspace(20.0, 28.0, n)[:, np.newaxis],
+        "T_part_degC": np.linspace(21.0, 22.0, n)[:, np.newaxis],
+    }
+    item = replace(item, table=replace(item.table, covariates=covariates))
+    u = np.array([p[3] for e in effects for p in e.parameters])
+    r = np.eye(len(u))
+    if len(u) > 1:
+        r[0, -1] = r[-1, 0] = correlation
+    covariance = np.outer(u, u) * r
+    points = neutral_points(item.table, effects, covariance)
+    return replace(item, neutral_points=points), covariance
+
+
+def told(*effects: FoundEffect, correlation: float = 0.0) -> tuple[NeutralPoint, ...]:
+    return found(*effects, correlation=correlation)[0].neutral_points
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.6, -0.6])
+def test_a_drift_and_an_offset_cancel_at_the_neutral_point(correlation: float) -> None:
+    """By hand: T = 24.5 - a/d, with u by the derivatives 1/d and a/d^2."""
+    (point,) = told(drifts(), OFFSET, correlation=correlation)
+    assert (point.axis, point.covariate, point.drift, point.offset) == ("x", T, (0,), (1,))
+    assert point.at == pytest.approx(22.5)
+    a, d = SHIFT, DRIFT
+    square = (U_SHIFT / d) ** 2 + (a * U_DRIFT / d**2) ** 2
+    square -= 2 * correlation * U_SHIFT * U_DRIFT * a / d**3
+    assert point.u == pytest.approx(np.sqrt(square))
+    assert point.seen == (20.0, 28.0)
+    assert point.counted_from == pytest.approx(24.5)
+
+
+def test_its_interval_is_fiellers_and_does_not_depend_on_the_order() -> None:
+    (point,), (other,) = told(drifts(), OFFSET), told(OFFSET, drifts())
+    k = student.ppf(0.975, DOF)
+    for end in point.interval:
+        lever = end - 24.5
+        left = abs(SHIFT + DRIFT * lever)
+        assert left == pytest.approx(k * np.hypot(U_SHIFT, lever * U_DRIFT))
+    assert other.interval == pytest.approx(point.interval)
+    assert (other.drift, other.offset) == ((1,), (0,))
+
+
+def test_its_interval_covers() -> None:
+    """Drawn about a truth of 22.5 degC with the normal law: 95 % of Fieller's intervals with the
+    normal's factor hold it (DOF is that of the examples, so its factor is put back).
+    """
+    rng, n = np.random.default_rng(11), 2000
+    k = student.ppf(0.975, DOF) / student.ppf(0.975, 1e9)
+    held = 0
+    for d, a in rng.normal([DRIFT, SHIFT], [k * U_DRIFT, k * U_SHIFT], size=(n, 2)):
+        own = drifts(parameters=(("drift", "um/K", d, U_DRIFT),))
+        offset = replace(OFFSET, parameters=(("shift", "um", a * 1e-3, U_SHIFT * 1e-3),))
+        item, _ = found(own, offset)
+        (point,) = item.neutral_points
+        held += point.interval[0] <= 22.5 <= point.interval[1]
+    assert abs(held / n - 0.95) < 3 * np.sqrt(0.95 * 0.05 / n)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        (),
+        (drifts(),),
+        (OFFSET,),
+        (drifts(), SCALE, OFFSET),
+        (
+            drifts(),
+            drifts("thermal-drift-x-2", equations={"Ex": "drift*(T_part_degC - 20)"}),
+            OFFSET,
+        ),
+        (drifts(equations={"Ex": "drift*(T_elsewhere_degC - 20)"}), OFFSET),
+        (drifts(equations={"Ex": f"drift*({T} - 24.5)**2"}), OFFSET),
+        (drifts(class_names=("thermal-drift-x", "warm-up-x")), OFFSET),
+        (drifts(parameters=(("drift", "um/K", 0.2, 0.17),)), OFFSET),
+        (drifts(), effect("offset-y", equations={"Ey": "lost_motion"})),
+        (drifts(), effect("odd-x", equations={}, chosen="H7")),
+    ],
+    ids=[
+        *("none", "no-offset", "no-drift", "place", "two-sensors", "not-in-the-data", "bent"),
+        *("class", "hardly-a-drift", "other-axis", "no-equation"),
+    ],
+)
+def test_where_no_neutral_point_is_told(effects: tuple[FoundEffect, ...]) -> None:
+    assert told(*effects) == ()
+
+
+def test_none_of_a_component() -> None:
+    item = on_component("pos_x", effects=(drifts(), OFFSET))
+    assert neutral_points(item.table, item.effects, np.eye(2)) == ()
+
+
+def test_what_turns_with_the_direction_leaves_it_where_it_is() -> None:
+    backlash = effect("backlash-x", equations={"Ex": "lost_motion*dir_x"})
+    (point,), (alone,) = told(drifts(), backlash, OFFSET), told(drifts(), OFFSET)
+    assert (point.drift, point.offset) == ((0,), (2,))
+    assert point.at == pytest.approx(alone.at)
+
+
+def test_they_are_told_as_one_cause() -> None:
+    item, covariance = found(OFFSET, drifts())
+    whole = replace(result(item), covariance=covariance)
+    said = "X drifts by 1.84 ± 0.17 um/K of T_spindle_degC, and is right at T_spindle_degC = "
+    text = verdict_text(item, whole)
+    assert text.startswith(f"{said}22.50 ± 0.33 (thermal-drift-x and offset-x). ")
+    assert "is shifted" not in text
+    note = "thermal-drift-x is counted from T_spindle_degC = 24.50, and offset-x is the error there"
+    assert note in " ".join(plain_text(table(whole)).split())
+    (point,) = document(whole)["neutral_points"]
+    assert point["effects"] == ["thermal-drift-x", "offset-x"]
+    assert point["at"]["value"] == pytest.approx(22.5)
+    assert point["seen"] == [20.0, 28.0]
+
+
+def test_beyond_the_data_says_so() -> None:
+    far = replace(OFFSET, parameters=(("shift", "um", 12 * DRIFT * 1e-3, U_SHIFT * 1e-3),))
+    item, covariance = found(drifts(parameters=(("drift", "um/K", DRIFT, 0.03),)), far)
+    text = verdict_text(item, replace(result(item), covariance=covariance))
+    assert "is right at T_spindle_degC = 12.50 ± 0.33 (beyond the data: 20 to 28)" in text
+
+
+def test_a_drift_of_several_axes_keeps_its_sentence() -> None:
+    both = {"Ex": f"drift*({T} - 24.5)", "Ey": f"drift*({T} - 24.5)"}
+    item, covariance = found(drifts("thermal-drift", axis=None, equations=both), OFFSET)
+    text = verdict_text(item, replace(result(item), covariance=covariance))
+    assert "; X is right at T_spindle_degC = 22.50 ± 0.33" in text
+    assert "everything is shifted along X" in text
