@@ -16,6 +16,8 @@ the values of a covariate at which a drift and an offset cancel, in its unit; `s
 the data. `rivals` are the
 others of a class of three at most, each estimated in the place of the effect. An effect that is
 one of several `alike` pitches makes the verdict `class`, though its `class` has one name.
+The `verdict` of an effect is its own: `named` beside a verdict `unexplained` where what has no name
+lies elsewhere, with less than 0.1 % of the posterior in its place; `unexplained` is a hint only.
 `apart` are those of the `class` of a scatter that it cannot be mistaken for: not much less likely.
 `unexplained.twofold` names effects that fit only in two forms which no one cause has at once.
 An experiment is foretold to set rivals `predicted_d` standard deviations apart, of which this data
@@ -30,19 +32,16 @@ from typing import Any
 from mtu_cli.analyses.close_loop.gross import Gross
 from mtu_cli.analyses.close_loop.result import (
     CloseLoopResult,
-    FixedPoint,
-    FoundEffect,
     Judged,
-    NeutralPoint,
     Scores,
     TableResult,
 )
-from mtu_cli.analyses.close_loop.shown import effect_rms, improvement_percent
+from mtu_cli.analyses.close_loop.shown import improvement_percent
 from mtu_cli.reports.close_loop_figure import figure
+from mtu_cli.reports.close_loop_found import effect_of, fixed_point_of, neutral_point_of
 from mtu_cli.reports.close_loop_shown import (
     class_of,
     first_table,
-    parameters_of,
     size_of,
     something_left,
     unit_of,
@@ -68,9 +67,9 @@ def document(result: CloseLoopResult) -> dict[str, Any]:
         "datum": result.datum,
         "component": first.table.component,
         **_scored(first),
-        "effects": [_effect(e, t) for t in result.tables for e in t.effects],
-        "fixed_points": [_fixed_point(p, t) for t in result.tables for p in t.fixed_points],
-        "neutral_points": [_neutral(p, t) for t in result.tables for p in t.neutral_points],
+        "effects": [effect_of(e, t) for t in result.tables for e in t.effects],
+        "fixed_points": [fixed_point_of(p, t) for t in result.tables for p in t.fixed_points],
+        "neutral_points": [neutral_point_of(p, t) for t in result.tables for p in t.neutral_points],
         "candidates": [_candidate(c, t) for t in result.tables for c in t.candidates],
         "unexplained": {
             "found": any(something_left(item) for item in result.tables),
@@ -126,103 +125,6 @@ def _scores(item: TableResult, scores: Scores) -> dict[str, Any]:
         f"p95_{unit}": size_of(item, scores.p95),
         f"max_{unit}": size_of(item, scores.largest),
         "chi2_per_dof": finite(scores.chi2_per_dof),
-    }
-
-
-def _effect(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
-    return {
-        "name": effect.name,
-        "family": effect.family,
-        "axis": effect.axis,
-        "component": effect.component,
-        "kind": effect.kind,
-        "says": effect.says,
-        "covariate": effect.covariate,
-        "chosen": effect.chosen,
-        "equations": dict(effect.equations),
-        "parameters": _parameters(effect),
-        "searched": _searched(effect),
-        "alike": [finite(value) for value in effect.alike],
-        "p_familywise": finite(effect.p_familywise),
-        "log_bayes_factor": finite(effect.log_bayes_factor),
-        "posterior": finite(effect.posterior),
-        "explained_share": finite(effect.explained_share),
-        f"rms_{item.table.unit}": size_of(item, effect_rms(effect, item)),
-        "class": list(effect.class_names),
-        "apart": list(effect.apart),
-        "aliases": list(effect.aliases),
-        "rivals": [_rival(rival) for rival in effect.rivals],
-        "folds": {"chose_it": effect.folds, "of": effect.of_folds},
-        "separates": effect.separates,
-        "experiment": None
-        if effect.experiment is None
-        else {
-            "do": effect.experiment.do,
-            "predicted_d": finite(effect.experiment.predicted_d),
-            "now_d": finite(effect.experiment.now_d),
-            "further_d": finite(effect.experiment.further_d),
-        },
-    }
-
-
-def _rival(rival: FoundEffect) -> dict[str, Any]:
-    """What is the rival's own: estimated in the place of the effect that was found."""
-    return {
-        "name": rival.name,
-        "family": rival.family,
-        "covariate": rival.covariate,
-        "equations": dict(rival.equations),
-        "parameters": _parameters(rival),
-        "searched": _searched(rival),
-    }
-
-
-def _searched(effect: FoundEffect) -> dict[str, Any]:
-    return {
-        name: {"value": finite(value), "interval95": [finite(low), finite(high)]}
-        for name, (value, low, high) in effect.searched.items()
-    }
-
-
-def _parameters(effect: FoundEffect) -> dict[str, Any]:
-    return {
-        shown.name: {
-            "value": finite(shown.value),
-            "u": finite(shown.u),
-            "unit": shown.unit,
-            "interval95": [finite(end) for end in shown.interval],
-            "dof_effective": finite(shown.dof),
-        }
-        for shown in parameters_of(effect)
-    }
-
-
-def _fixed_point(point: FixedPoint, item: TableResult) -> dict[str, Any]:
-    names = {e: effect.name for e, effect in enumerate(item.effects)}
-    if point.given is not None:
-        names |= dict([point.given])
-    ends = point.interval
-    return {
-        "axis": point.axis,
-        "covariate": point.covariate,
-        "effects": [names[e] for e in (*point.growth, *point.drift)],
-        "given": None if point.given is None else point.given[1],
-        "at_mm": {
-            "value": finite(point.at),
-            "u": finite(point.u),
-            "interval95": None if ends is None else [finite(end) for end in ends],
-        },
-        "told": point.told,
-    }
-
-
-def _neutral(point: NeutralPoint, item: TableResult) -> dict[str, Any]:
-    return {
-        "axis": point.axis,
-        "covariate": point.covariate,
-        "effects": [item.effects[e].name for e in (*point.drift, *point.offset)],
-        "at": {"value": point.at, "u": finite(point.u), "interval95": list(point.interval)},
-        "seen": list(point.seen),
     }
 
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, Judged, TableResult
-from mtu_cli.analyses.close_loop.shown import things
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Judged, TableResult
+from mtu_cli.analyses.close_loop.shown import things, verdict_on
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_cells import IntArray
 from mtu_cli.reports import figures
@@ -98,10 +98,7 @@ def _with_levels(result: CloseLoopResult, item: TableResult, levels: Maps) -> Fi
 
 
 def _title(result: CloseLoopResult, item: TableResult) -> str:
-    names = "; ".join(
-        titled(effect) if len(class_of(effect)) == 1 else either(class_of(effect))
-        for effect in item.effects
-    )
+    names = "; ".join(map(_name, item.effects))
     component = item.table.component
     of = "" if component is None else f" of {component}"
     if len(result.tables) > 1:
@@ -110,9 +107,22 @@ def _title(result: CloseLoopResult, item: TableResult) -> str:
         "none": "none found",
         "named": names,
         "class": names,
-        "unexplained": f"unexplained{'; as a hint: ' if names else ''}{names}",
+        "unexplained": _unexplained(item),
     }[item.verdict]
     return shorten(f"Undeclared effects{of}: {text}", TITLE, placeholder=" ...")
+
+
+def _name(effect: FoundEffect) -> str:
+    names = class_of(effect)
+    return titled(effect) if len(names) == 1 else either(names)
+
+
+def _unexplained(item: TableResult) -> str:
+    """What stands beside what has no name, then the hints."""
+    sure = [e for e in item.effects if verdict_on(e, item) == "named"]
+    hints = "; ".join(_name(e) for e in item.effects if verdict_on(e, item) != "named")
+    rest = f"unexplained{'; as a hint: ' if hints else ''}{hints}"
+    return "; ".join([*map(_name, sure), rest])
 
 
 def _planes(item: TableResult) -> list[Plane]:

@@ -22,6 +22,7 @@ from mtu_cli.analyses.close_loop.shown import (
     things,
 )
 from mtu_cli.reports.close_loop_effects import direction_text, searched_text
+from mtu_cli.reports.close_loop_notes import copied, left_text, untested
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,
@@ -33,7 +34,7 @@ from mtu_cli.reports.close_loop_shown import (
     ranked,
     size_of,
 )
-from mtu_cli.reports.close_loop_words import copied, left_text, untested, verdict_text
+from mtu_cli.reports.close_loop_words import verdict_text
 from mtu_cli.reports.document import finite, listed
 from mtu_cli.reports.numbers import MISSING, interval, p_value, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
-from mtu_cli.analyses.close_loop.shown import pitch_is_open, should_be_told, things
+from mtu_cli.analyses.close_loop.shown import (
+    pitch_is_open,
+    should_be_told,
+    things,
+    verdict_on,
+)
 from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
 from mtu_cli.reports.close_loop_effects import effect_text
+from mtu_cli.reports.close_loop_notes import of_p
 from mtu_cli.reports.close_loop_sentences import Sentence, one_cause, sentences
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
@@ -16,9 +22,7 @@ from mtu_cli.reports.close_loop_shown import (
     plural,
     ranked,
     size_of,
-    something_left,
 )
-from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import p_value, significant, with_u
 
 MEANINGS = {
@@ -41,8 +45,6 @@ HOPELESS = 100.0
 """Times the rms of the errors beyond which an effect would be found only in name."""
 STRONG, LONE = 5.0, 0.9
 """log Bayes factor and posterior from which on an effect that is not proven is told."""
-COPY = " is a copy of "
-"""What the note of a candidate says of a column that is."""
 
 
 def verdict_text(item: TableResult, result: CloseLoopResult) -> str:
@@ -126,11 +128,11 @@ def _unexplained(item: TableResult) -> str:
     mass = {"rows": plural(row), "columns": plural(column)}
     p = dict(item.checks)
     fired = [
-        f"{MEANINGS.get(name, name).format(**mass)} ({name}, p {_of_p(p[name])})"
+        f"{MEANINGS.get(name, name).format(**mass)} ({name}, p {of_p(p[name])})"
         for name in item.fired
     ]
     if item.without_name:
-        fired.append("a smooth drift or field explains more than any named effect")
+        fired.append("a smooth drift or field explains as much as a named effect does")
     fired += [
         f"{name} fits only twice over, in two forms that no one cause has at once, and together "
         "they are a shape without a name"
@@ -139,8 +141,22 @@ def _unexplained(item: TableResult) -> str:
     rest, floor = _together(item, item.unexplained_rms, item.floor)
     left = f"What is left has an rms of {rest} {item.table.unit}"
     left += f"; repeatability is {floor} {item.table.unit}." if item.floor is not None else "."
-    said = f"Something is there that no effect of the library describes: {'; '.join(fired)}."
-    return " ".join([said, _hint(item), *_set_up(item), left])
+    sure, rest_of = _sure(item)
+    known = "; ".join(said.named for said in sure)
+    beside = "Beside that something" if sure else "Something"
+    text = f"{beside} is there that no effect of the library describes: {'; '.join(fired)}."
+    first = [f"{_capital(known, item)}."] if sure else []
+    return " ".join([*first, text, *_hint(item, rest_of), *_set_up(item), left])
+
+
+def _sure(item: TableResult) -> tuple[list[Sentence], list[Sentence]]:
+    """What is said of effects that stand beside what has no name; then of the others."""
+    sure: list[Sentence] = []
+    others: list[Sentence] = []
+    for said in sentences(item):
+        stands = said.effects and all(verdict_on(e, item) == "named" for e in said.effects)
+        (sure if stands else others).append(said)
+    return sure, others
 
 
 def _set_up(item: TableResult) -> list[str]:
@@ -158,14 +174,16 @@ def _set_up(item: TableResult) -> list[str]:
     ]
 
 
-def _hint(item: TableResult) -> str:
-    """The nearest name, which is not to be trusted where something is left."""
-    if item.effects:
-        return f"As a hint only: {'; '.join(_hinted(s, item) for s in sentences(item))}."
+def _hint(item: TableResult, said: list[Sentence]) -> list[str]:
+    """The nearest names, of which none is to be trusted where something is left."""
+    if said:
+        return [f"As a hint only: {'; '.join(_hinted(s, item) for s in said)}."]
     best = ranked(item)
+    if item.effects:
+        return []
     if not best or (best[0].log_bayes_factor or 0.0) <= 0:
-        return "No effect comes near it."
-    return f"As a hint only: of the named effects {best[0].name} comes nearest."
+        return ["No effect comes near it."]
+    return [f"As a hint only: of the named effects {best[0].name} comes nearest."]
 
 
 def _hinted(said: Sentence, item: TableResult) -> str:
@@ -247,39 +265,3 @@ def _together(item: TableResult, *values: float | None) -> list[str]:
         with_u(value, min(value, last) if value and value > ROUNDING * largest else last)[0]
         for value in shown
     ]
-
-
-def _of_p(p: float) -> str:
-    shown = p_value(p)
-    return shown if shown.startswith("<") else f"= {shown}"
-
-
-def left_text(item: TableResult) -> str | None:
-    """The checks that what is left passed, None where they did not all."""
-    if something_left(item) or not item.checks:
-        return None
-    least = min(p for _, p in item.checks)
-    return f"nothing is left that {len(item.checks)} checks would see (smallest p {_of_p(least)})"
-
-
-def untested(item: TableResult, most: int = 4) -> list[str]:
-    """Candidates that could not be tested, a line a reason; the last one of many reasons."""
-    reasons: dict[str, list[str]] = {}
-    for judged in item.candidates:
-        if judged.unavailable is not None:
-            reasons.setdefault(judged.unavailable, []).append(judged.name)
-    texts = [f"not tested: {listed(own, 5)}: {reason}" for reason, own in reasons.items()]
-    if len(texts) <= most + 1:
-        return texts
-    rest = [name for own in list(reasons.values())[most:] for name in own]
-    count = len(reasons) - most
-    return [
-        *texts[:most],
-        f"not tested for {count} further reasons (-o FILE.json): {listed(rest, 5)}",
-    ]
-
-
-def copied(item: TableResult) -> list[str]:
-    """Columns of the data that are copies of others, once each."""
-    said = [note for judged in item.candidates for note in judged.notes if COPY in note]
-    return list(dict.fromkeys(said))

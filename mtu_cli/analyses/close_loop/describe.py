@@ -87,6 +87,7 @@ def _effect(told: Described, step: Step, place: int, experiment: Experiment | No
         folds=sum(not own.isdisjoint(names) for own in told.chosen),
         of_folds=len(told.chosen),
         apart=tuple(candidate_name(prepared, i) for i in apart_from(prepared, step)),
+        unnamed=step.unnamed,
     )
 
 

@@ -39,7 +39,7 @@ from mtu_cli.analyses.close_loop.rivals import Instead, all_instead, with_rivals
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.searched import Searched, searched
-from mtu_cli.analyses.close_loop.shown import pitch_is_open
+from mtu_cli.analyses.close_loop.shown import is_lone
 from mtu_cli.analyses.close_loop.twofold import twofold
 from mtu_cli.model.effect_library import Candidate, EffectLibrary
 from mtu_cli.model.residual_table import ResidualTable
@@ -227,8 +227,7 @@ def verdict_of(found: Search, effects: Sequence[FoundEffect], fired: Sequence[st
         return "unexplained"
     if not effects:
         return "none"
-    lone = all(len(e.candidates) == 1 and not pitch_is_open(e) for e in effects)
-    return "named" if lone else "class"
+    return "named" if all(map(is_lone, effects)) else "class"
 
 
 def _judged(first: Searched, candidates: Sequence[Candidate], alpha: float) -> tuple[Judged, ...]:

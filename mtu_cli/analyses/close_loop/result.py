@@ -44,7 +44,8 @@ class FoundEffect:
     it is out at 1 %), itself first; `aliases` those that are the same on these points whatever
     the data. `rivals` are the other names of a small class, each estimated in its place. `apart`
     are those of `class_names` that a scatter cannot be mistaken for: as likely as it, but other
-    findings. `folds` counts the held-out folds that chose it, or another of its class, of
+    findings. `unnamed` is the posterior of drifts and fields without a name in its place.
+    `folds` counts the held-out folds that chose it, or another of its class, of
     `of_folds`.
     """
 
@@ -74,6 +75,7 @@ class FoundEffect:
     alike: tuple[float, ...] = ()
     rivals: tuple[FoundEffect, ...] = ()
     apart: tuple[str, ...] = ()
+    unnamed: float = 0.0
 
     @property
     def candidates(self) -> tuple[str, ...]:

@@ -8,7 +8,8 @@ from close_loop_examples import effect, left_over, on_table, result
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult
 from mtu_cli.reports.close_loop import table
-from mtu_cli.reports.close_loop_words import untested, verdict_text
+from mtu_cli.reports.close_loop_notes import untested
+from mtu_cli.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
 
 

@@ -1,0 +1,48 @@
+"""Notes below the tables of close-loop: what was not tested, what is a copy, what is left."""
+
+from __future__ import annotations
+
+from mtu_cli.analyses.close_loop.result import TableResult
+from mtu_cli.reports.close_loop_shown import something_left
+from mtu_cli.reports.document import listed
+from mtu_cli.reports.numbers import p_value
+
+COPY = " is a copy of "
+"""What the note of a candidate says of a column that is."""
+
+
+def of_p(p: float) -> str:
+    """Such as "= 0.012", "<0.001"."""
+    shown = p_value(p)
+    return shown if shown.startswith("<") else f"= {shown}"
+
+
+def left_text(item: TableResult) -> str | None:
+    """The checks that what is left passed, None where they did not all."""
+    if something_left(item) or not item.checks:
+        return None
+    least = min(p for _, p in item.checks)
+    return f"nothing is left that {len(item.checks)} checks would see (smallest p {of_p(least)})"
+
+
+def untested(item: TableResult, most: int = 4) -> list[str]:
+    """Candidates that could not be tested, a line a reason; the last one of many reasons."""
+    reasons: dict[str, list[str]] = {}
+    for judged in item.candidates:
+        if judged.unavailable is not None:
+            reasons.setdefault(judged.unavailable, []).append(judged.name)
+    texts = [f"not tested: {listed(own, 5)}: {reason}" for reason, own in reasons.items()]
+    if len(texts) <= most + 1:
+        return texts
+    rest = [name for own in list(reasons.values())[most:] for name in own]
+    count = len(reasons) - most
+    return [
+        *texts[:most],
+        f"not tested for {count} further reasons (-o FILE.json): {listed(rest, 5)}",
+    ]
+
+
+def copied(item: TableResult) -> list[str]:
+    """Columns of the data that are copies of others, once each."""
+    said = [note for judged in item.candidates for note in judged.notes if COPY in note]
+    return list(dict.fromkeys(said))
