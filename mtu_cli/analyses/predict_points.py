@@ -16,6 +16,7 @@ from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.trials import reportable
+from mtu_cli.model.variance import Shares, Variance
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -24,8 +25,8 @@ from mtu_cli.stats.least_squares import FloatArray
 class PointsResult:
     """Errors (rows,) at all features, rows being (feature, axis); mm and mm^2.
 
-    `variance`, `dof` under the settings' correlation; `interval95` (rows, 2) with t; `passes`,
-    `repeatability`, `coefficients` (rows,) split the variance; `independent` whether the papers'
+    `variance`, `dof` under the settings' correlation; `interval95` (rows, 2) with t; `split` is the
+    variance with covariance by its nature; `independent` whether the papers'
     independence was asked for.
     """
 
@@ -35,9 +36,7 @@ class PointsResult:
     variance: FloatArray
     dof: FloatArray
     interval95: FloatArray
-    coefficients: FloatArray
-    passes: FloatArray
-    repeatability: FloatArray
+    split: Variance
     independent: bool
     warnings: tuple[Warned, ...]
 
@@ -52,6 +51,12 @@ class PointsResult:
     def U(self) -> FloatArray:
         """Expanded uncertainties k u (rows,), mm (JCGM 100, eq. (18))."""
         return self.coverage_factor * np.sqrt(self.variance)
+
+    def shares(self, row: int) -> Shares | None:
+        """What u^2 of a row consists of; None under the papers' independence, which does not tell
+        coefficients from passes, and where u is 0.
+        """
+        return None if self.independent else self.split.shares(row)
 
     def of_axis(self, values: FloatArray, axis: str) -> FloatArray:
         """What belongs to one axis, (features,), of `values` (rows,)."""
@@ -100,9 +105,7 @@ def predict_places(
         variance=total,
         dof=dof,
         interval95=np.column_stack([prediction.mean - factor * u, prediction.mean + factor * u]),
-        coefficients=split.coefficients,
-        passes=split.passes,
-        repeatability=split.repeatability,
+        split=split,
         independent=settings.independent,
         warnings=(
             *warnings,

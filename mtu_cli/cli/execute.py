@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from mtu_cli.cli.options import Options
 from mtu_cli.cli.outputs import STANDARD_OUTPUT, check_outputs
 from mtu_cli.cli.parameters import FAIL_IF
 from mtu_cli.cli.progress import LateBar
-from mtu_cli.cli.settings import read_settings
+from mtu_cli.cli.settings import doubts, read_settings
 from mtu_cli.cli.streams import write_bytes
 from mtu_cli.errors import EXIT_GATE, cut_names
 from mtu_cli.model.settings import Settings, Warned
@@ -53,6 +53,7 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
     with LateBar(options.command) as progress:
         settings = read_settings(inputs, progress)
         outcome = analyse(inputs, settings)
+        outcome = replace(outcome, warnings=[*doubts(inputs, settings), *outcome.warnings])
     files = _files(options, inputs, settings, outcome)
     report = files.pop(STANDARD_OUTPUT, None)
     gate = None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import fnmatch
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
     from mtu_cli.model.thermal import ThermalEstimate
 
 NO_READINGS = "neither readings nor coefficients"
+COLUMNS_FIRST = ("correct", "compare", "close-loop")
+"""Commands in which a column of the points comes before --at."""
+_LEADING_ZEROS = re.compile("(?<![0-9])0+(?=[0-9])")
 MOST_LACKING = 6
 """Components without readings that are told one by one, or by name."""
 
@@ -65,7 +69,8 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
     _expand(inputs.at, model.covariates())
     unused = [name for name in inputs.at if name not in model.covariates()]
     warnings += [
-        Warned(code="covariate-not-needed", message=_not_needed(name, model)) for name in unused
+        Warned(code="covariate-not-needed", message=_not_needed(name, inputs, model))
+        for name in unused
     ]
     words = fahrenheit_words({name: (value, value) for name, value in inputs.at.items()})
     if words is not None:
@@ -110,10 +115,28 @@ def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list
     ]
 
 
-def _not_needed(name: str, model: MachineModel) -> str:
-    near = closest(name, model.covariates())
+def _not_needed(name: str, inputs: Inputs, model: MachineModel) -> str:
+    """Asks whether another name is meant, of those alone that the call would take."""
+    taken = {*inputs.at, *(_columns(inputs) if inputs.options.command in COLUMNS_FIRST else ())}
+    lacking = {_own(needed): needed for needed in model.covariates() if needed not in taken}
+    own = _own(name)
+    # Numbers that differ are no slip of the fingers.
+    near = (own if own in lacking else None) if own.isdigit() else closest(own, lacking)
     # The name comes last: `correct` knows by it what its rings need.
-    return f"{f'is {near!r} meant? ' if near else ''}no equation needs --at {name}"
+    return f"{f'is {lacking[near]!r} meant? ' if near else ''}no equation needs --at {name}"
+
+
+def _columns(inputs: Inputs) -> Collection[str]:
+    from mtu_cli.model.residual_covariates import point_columns
+
+    return point_columns(inputs.points)
+
+
+def _own(name: str) -> str:
+    """What tells a temperature from others: T_air_degC is no nearer to T_18_degC than air to 18;
+    T_1_degC is T_01_degC.
+    """
+    return _LEADING_ZEROS.sub("", name.casefold().removeprefix("t_").removesuffix("_degc"))
 
 
 def _not_read(

@@ -6,8 +6,7 @@ Typer reads a command's options from its signature: the groups are joined into o
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,7 +15,14 @@ from typer.core import TyperCommand, TyperGroup
 
 from mtu_cli.cli.option_values import bad_number, check_names
 from mtu_cli.cli.parameters import FAIL_IF, Parameter
-from mtu_cli.errors import fault, is_near
+from mtu_cli.cli.usage import (
+    check_arguments,
+    check_command,
+    check_own,
+    check_values,
+    usage_faults,
+)
+from mtu_cli.errors import fault
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,45 +51,29 @@ def _shown_once(params: list[Any]) -> list[Any]:
     return params
 
 
-def _check_own(command: TyperCommand, ctx: Any, args: list[str]) -> None:
-    """Raises InputError for an option of other commands alone, and says of which."""
-    own = {
-        name for param in command.get_params(ctx) for name in (*param.opts, *param.secondary_opts)
-    }
-    others = getattr(ctx.parent.command, "commands", {}) if ctx.parent else {}
-    for name in (text.partition("=")[0] for text in args):
-        if not name.startswith("--") or name in own or name == "--":
-            continue
-        have = [key for key, other in others.items() if any(name in p.opts for p in other.params)]
-        if have:
-            expected = f"an option of its own (mtu {command.name} --help): {name} is one of"
-            raise fault(f"{command.name} has no {name}", expected=f"{expected} {', '.join(have)}")
-
-
-@contextmanager
-def _near_options() -> Iterator[None]:
-    """Of what stands for an option that does not exist, leaves the options that are nearly called
-    so, or begin so.
-    """
-    try:
-        yield
-    except Exception as error:
-        given = str(getattr(error, "option_name", "")).lstrip("-")
-        offered = getattr(error, "possibilities", None) or ()
-        bare = {name: name.lstrip("-") for name in offered}
-        near = [n for n, own in bare.items() if is_near(given, own) or own.startswith(given)]
-        if offered:
-            error.possibilities = near  # type: ignore[attr-defined]  # it has some
-        raise
-
-
 class Commands(TyperGroup):
     """Commands under one name."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """The rest of the arguments."""
-        with _near_options():
+        """The rest of the arguments; raises InputError for an unknown option.
+
+        Without any argument it is help: on standard output, for who types `mtu` and reads, with
+        exit code 2, for a script whose command's name was empty has done nothing.
+        """
+        if not args:
             return list(super().parse_args(ctx, args))
+        with usage_faults(ctx):
+            return list(super().parse_args(ctx, args))
+
+    def invoke(self, ctx: Any) -> Any:
+        """What the command returns; raises InputError where none is named."""
+        with usage_faults(ctx):
+            return super().invoke(ctx)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
+        """Name, command and the rest; raises InputError for a command that there is not."""
+        check_command(ctx, args)
+        return super().resolve_command(ctx, args)
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The parameters, as help shows them."""
@@ -101,20 +91,24 @@ class Once(TyperCommand):
         """The rest of the arguments; raises InputError where an option with a value is repeated,
         one is given that only other commands have, or a value is none.
         """
-        _check_own(self, ctx, args)
-        with _near_options():
-            raw, _, order = self.make_parser(ctx).parse_args(list(args))
+        check_own(ctx, args)
+        with usage_faults(ctx):
+            raw, extra, order = self.make_parser(ctx).parse_args(list(args))
+        check_values(ctx, raw)
         for option in dict.fromkeys(order):
             if option.multiple or getattr(option, "is_flag", True) or order.count(option) < 2:
                 continue
             name = max(option.opts, key=len)
             several = f", several gates with commas: {name} A,B" if option.name == FAIL_IF else ""
             raise fault(f"{name} is given {order.count(option)} times", expected=f"once{several}")
-        try:
-            rest = super().parse_args(ctx, args)
-        except typer.BadParameter as error:
-            told = None if error.param is None else bad_number(error.param, raw, str(error))
-            raise error if told is None else told from None
+        if not raw.get("help"):
+            check_arguments(ctx, extra)
+        with usage_faults(ctx):
+            try:
+                rest = super().parse_args(ctx, args)
+            except typer.BadParameter as error:
+                told = None if error.param is None else bad_number(error.param, raw, str(error))
+                raise error if told is None else told from None
         check_names(self.params, ctx.params, raw)
         return list(rest)
 

@@ -13,7 +13,7 @@ from mtu_cli.files.study import (
     MAX_TRIALS,
     MIN_TRIALS,
 )
-from mtu_cli.model.settings import Settings
+from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.monte_carlo import Progress
 
 OPTIONS = {
@@ -25,6 +25,10 @@ OPTIONS = {
     "threads": "threads",
 }
 """Option of each setting, which a study calls as `Settings` does."""
+BELOW_FACTOR = 20.0
+"""More than Student's factor of any 95 %; from here on a factor looks like a percentage."""
+LEAST_PROBABILITY = 0.8
+"""From here to 1 a factor looks like a coverage probability."""
 
 
 def read_settings(inputs: Inputs, progress: Progress | None) -> Settings:
@@ -34,7 +38,7 @@ def read_settings(inputs: Inputs, progress: Progress | None) -> Settings:
     settings = Settings(progress=progress, **stated)
     problems = [
         Problem(
-            what=f"--{OPTIONS[name]} is out of range",
+            what=f"{_named(inputs, name)} is out of range",
             value=str(getattr(settings, name)),
             expected=expected,
         )
@@ -44,6 +48,26 @@ def read_settings(inputs: Inputs, progress: Progress | None) -> Settings:
     if problems:
         raise InputError(problems)
     return settings
+
+
+def doubts(inputs: Inputs, settings: Settings) -> list[Warned]:
+    """Settings of the call, or of its study, that may be meant otherwise."""
+    k = settings.coverage_factor
+    if not (LEAST_PROBABILITY <= k < 1 or k >= BELOW_FACTOR):
+        return []
+    text = (
+        f"{_named(inputs, 'coverage_factor')} is {k:g}, so U is {k:g} u: it is a factor and no "
+        f"{'probability' if k < 1 else 'percentage'}; 2 is for about 95 %"
+    )
+    return [Warned(code="factor-like-probability", message=text)]
+
+
+def _named(inputs: Inputs, name: str) -> str:
+    """The option of a setting, or what the study calls it where that gives it."""
+    option = OPTIONS[name]
+    if inputs.options.values.get(option) is None and inputs.study is not None:
+        return f"settings.{name} of {inputs.study.source.shown}"
+    return f"--{option}"
 
 
 def _given(inputs: Inputs, name: str, option: str) -> Any:
@@ -59,7 +83,7 @@ def _ranges(settings: Settings) -> dict[str, tuple[bool, str]]:
     return {
         "coverage_factor": (
             0 < k < MAX_COVERAGE,
-            f"a coverage factor above 0 and below {MAX_COVERAGE:g}",
+            f"a coverage factor above 0 and below {MAX_COVERAGE:g}, 2 for about 95 %",
         ),
         "digits": (1 <= settings.digits <= MAX_DIGITS, f"1 to {MAX_DIGITS}"),
         "seed": (settings.seed >= 0, "0 or more"),

@@ -24,6 +24,7 @@ from mtu_cli.cli.simulate_drift import (
     with_readings,
 )
 from mtu_cli.cli.simulate_equations import named_equation
+from mtu_cli.cli.simulate_large import large_warnings
 from mtu_cli.cli.simulate_positions import read_positions
 from mtu_cli.cli.simulate_ranges import check_ranges, option_name
 from mtu_cli.cli.simulate_unused import CLIMATE, DRIFT_TEST, check_used
@@ -67,7 +68,8 @@ def run(options: Options) -> None:
     if options.write_lbb is not None:
         files[options.write_lbb] = _readings(inputs, model, seed)
     if options.write_cmm is not None:
-        files[options.write_cmm] = _points(inputs, model, seed)
+        files[options.write_cmm], large = _points(inputs, model, seed)
+        told += large
     if options.write_drift is not None:
         files[options.write_drift] = _drift(inputs, model, seed)
     content = {path: text.encode() for path, text in files.items()}
@@ -105,7 +107,8 @@ def _readings(inputs: Inputs, model: MachineModel, seed: int) -> str:
     return readings_csv(simulate_readings(model, plan, seed), heading)
 
 
-def _points(inputs: Inputs, model: MachineModel, seed: int) -> str:
+def _points(inputs: Inputs, model: MachineModel, seed: int) -> tuple[str, list[Warned]]:
+    """The points file, and what to ask about it."""
     options = inputs.options
     ids, points, _ = feature_points(inputs.part, model)
     plan = _parts_plan(options, model)
@@ -122,7 +125,8 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> str:
         found = with_readings(found, drift, drifts, seed)
     else:
         found = simulate_points(model, ids, points, plan, seed)
-    return points_csv(grown(found, inputs, ids, points), _heading(options, seed, named))
+    large = large_warnings(plan, found, ids, points)
+    return points_csv(grown(found, inputs, ids, points), _heading(options, seed, named)), large
 
 
 def _drift(inputs: Inputs, model: MachineModel, seed: int) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Judged, TableResult
-from mtu_cli.analyses.close_loop.shown import things, verdict_on
+from mtu_cli.analyses.close_loop.shown import own_verdict, things
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_cells import IntArray
 from mtu_cli.reports import figures
@@ -119,8 +119,8 @@ def _name(effect: FoundEffect) -> str:
 
 def _unexplained(item: TableResult) -> str:
     """What stands beside what has no name, then the hints."""
-    sure = [e for e in item.effects if verdict_on(e, item) == "named"]
-    hints = "; ".join(_name(e) for e in item.effects if verdict_on(e, item) != "named")
+    sure = [e for e in item.effects if own_verdict(e, item) == "named"]
+    hints = "; ".join(_name(e) for e in item.effects if own_verdict(e, item) != "named")
     rest = f"unexplained{'; as a hint: ' if hints else ''}{hints}"
     return "; ".join([*map(_name, sure), rest])
 

@@ -10,7 +10,7 @@ from mtu_cli.analyses.close_loop.result import (
     NeutralPoint,
     TableResult,
 )
-from mtu_cli.analyses.close_loop.shown import effect_rms, verdict_on
+from mtu_cli.analyses.close_loop.shown import effect_rms, own_verdict
 from mtu_cli.reports.close_loop_shown import parameters_of, size_of
 from mtu_cli.reports.document import finite
 
@@ -23,7 +23,7 @@ def effect_of(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
         "axis": effect.axis,
         "component": effect.component,
         "kind": effect.kind,
-        "verdict": verdict_on(effect, item),
+        "verdict": own_verdict(effect, item),
         "says": effect.says,
         "covariate": effect.covariate,
         "chosen": effect.chosen,

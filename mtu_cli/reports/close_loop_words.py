@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import (
+    own_verdict,
     pitch_is_open,
     should_be_told,
     things,
-    verdict_on,
 )
 from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
 from mtu_cli.reports.close_loop_effects import effect_text
@@ -154,7 +154,7 @@ def _sure(item: TableResult) -> tuple[list[Sentence], list[Sentence]]:
     sure: list[Sentence] = []
     others: list[Sentence] = []
     for said in sentences(item):
-        stands = said.effects and all(verdict_on(e, item) == "named" for e in said.effects)
+        stands = said.effects and all(own_verdict(e, item) == "named" for e in said.effects)
         (sure if stands else others).append(said)
     return sure, others
 

@@ -7,10 +7,10 @@ instruments, a component of the machine file); `passes_read` counts the passes o
 readings. `pass_covariance` is for people, `pass_covariance_moment` for predictions: the same
 before its negative part, if any, was set to zero. `half_difference_mean_square` is the part of
 the between-pass mean square that is of runs there and back, as `pass_covariance` stands: null
-where all passes count as independent; `pass_dof` then counts runs. `dof`, `r2`
-and the tests at the top are of the one instrument that read the component; with several they
-stand in `instruments`. `pass_dof` and `repeat_dof` null are infinite. Null tests are explained
-in `observability`.
+where all passes count as independent; `pass_dof` then counts runs. `runs` lists the passes of each
+run there and back, in time; null where no passes are given. `dof`, `r2` and the tests at the top
+are of the one instrument that read the component; with several they stand in `instruments`.
+`pass_dof` and `repeat_dof` null are infinite. Null tests are explained in `observability`.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from mtu_cli.reports.fitted import (
     single_instrument,
 )
 from mtu_cli.reports.observability import observability, told
+from mtu_cli.reports.runs import runs_fields
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.pass_tests import FTest, Shift
 
@@ -95,6 +96,7 @@ def _component(
         "n": None if found is None else sum(len(item.error) for item in instruments),
         "n_passes": estimate.n_passes,
         "passes_read": _sum_or_none([passes_read(item) for item in instruments]),
+        "runs": runs_fields(found),
         "coefficients": matrix(estimate.coefficients / f),
         "covariance": matrix(estimate.covariance / f**2),
         "covariance_independent": None

@@ -23,7 +23,9 @@ COLUMNS = 3
 NARROW = 4
 """Columns of the legend below fewer panels."""
 TITLE = 36
-"""Characters above a panel."""
+"""Characters of a line above a panel."""
+LINE = 0.16
+"""Height of a second line of it, inches."""
 MARKERS = ({1: ">", -1: "<", 0: "o"}, {1: "^", -1: "v", 0: "s"})
 """By instrument (the machine's first, others) and direction."""
 WORDS = {1: "forward", -1: "reverse", 0: "reading"}
@@ -44,16 +46,23 @@ def figure(
     components = estimates.components
     columns = min(COLUMNS, max(1, len(components)))
     rows = max(1, math.ceil(len(components) / columns))
-    page = figures.blank(3.4 * max(columns, 2), 2.15 * rows + 0.6)
+    titles = [
+        _title(name, (says or {}).get(name), stated=name not in fit.components)
+        for name in components
+    ]
+    tall = any("\n" in title for title in titles)
+    page = figures.blank(3.4 * max(columns, 2), (2.15 + LINE * tall) * rows + 0.6)
     panels = page.subplots(rows, columns, squeeze=False).ravel()
     ranges = _ranges(components)
     colours, markers = _colours(fit), _markers(fit)
-    for panel, (name, estimate) in zip(panels, components.items(), strict=False):
+    for panel, title, name in zip(panels, titles, components, strict=False):
+        estimate = components[name]
         found = fit.components.get(name)
         for item in () if found is None else found.instruments:
             _readings(panel, item, estimate, markers[item.role], colours)
         _band(panel, estimate, found, ranges, coverage_factor)
-        _label(panel, name, estimate, (says or {}).get(name), stated=found is None)
+        panel.set_title(title)
+        _label(panel, estimate, stated=found is None)
     for panel in panels[len(components) :]:
         panel.set_axis_off()
     handles = _legend(fit, coverage_factor)
@@ -156,15 +165,18 @@ def _future(estimate: ComponentEstimate, X: FloatArray) -> FloatArray:
     return np.clip(variance, 0.0, None)
 
 
-def _label(
-    panel: Axes, name: str, estimate: ComponentEstimate, says: str | None, *, stated: bool
-) -> None:
+def _title(name: str, says: str | None, *, stated: bool) -> str:
+    """A component with its meaning, on a line of its own where one line is too short for both."""
+    words = "  ".join([*([says] if says else []), *(["(machine file)"] if stated else [])])
+    title = f"{name}  {words}".rstrip()
+    if len(title) <= TITLE or not words:
+        return cut(title, TITLE)
+    return f"{cut(name, TITLE)}\n{cut(words, TITLE)}"
+
+
+def _label(panel: Axes, estimate: ComponentEstimate, *, stated: bool) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    words = f"  {says}" if says else ""
-    words += "  (machine file)" if stated else ""
-    title = f"{name}{words}"
-    panel.set_title(cut(title, TITLE))
     panel.set_ylabel(estimate.unit.name)
     if estimate.of is None:
         panel.set_xlabel("" if stated else "pass")

@@ -13,6 +13,7 @@ from mtu_cli.reports.document import listed
 from mtu_cli.reports.fitted import pass_covariance, single_instrument
 from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
 from mtu_cli.reports.observability import observability
+from mtu_cli.reports.runs import runs_notes
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.stats.family import significant as holding_out
@@ -50,7 +51,7 @@ def table(machine: str, fit: MachineFit, estimates: Estimates, digits: int = 2) 
         f"reverse; * stands out among all components at {100 * FAMILY_RATE:g} % (Bonferroni)"
     )
     notes = [legend, *_higher(estimates, digits), *_stated(fit, estimates), *_agreement(fit)]
-    notes += _open(fit, estimates)
+    notes += [*runs_notes(fit), *_open(fit, estimates)]
     return [Sheet(title=f"Components of {machine}", columns=columns, rows=rows, notes=notes)]
 
 

@@ -185,7 +185,7 @@ def _draw_bar(panel: Axes, node: Node, x: float, y: float) -> None:
 
 
 def _write_frame(panel: Axes, net: Net, layout: Layout, left: float) -> None:
-    """Title above; kinds below."""
+    """Title above; below it what is drawn, each kind once."""
     from matplotlib.patches import Circle, Rectangle
 
     of = "" if net.of is None else f": where the variance of {net.of} is from"
@@ -200,11 +200,14 @@ def _write_frame(panel: Axes, net: Net, layout: Layout, left: float) -> None:
         )
         panel.text(x + 0.22, y, kind, fontsize=7.5, va="center")
         x += KEY
-    panel.add_patch(Rectangle((x + 0.05, y - 0.1), 0.05, 0.2, color=figures.INK))
-    panel.text(x + 0.17, y, "transition", fontsize=7.5, va="center")
-    x += KEY
-    panel.add_patch(Circle((x + 0.08, y), 0.03, color=figures.INK))
-    panel.text(x + 0.17, y, "marker", fontsize=7.5, va="center")
-    x += 0.8 * KEY
-    panel.add_patch(Circle((x + 0.08, y), 0.08, facecolor="white", ec=figures.INK, lw=2.0))
-    panel.text(x + 0.22, y, "reported", fontsize=7.5, va="center")
+    if not all(node.place for node in net.nodes):
+        panel.add_patch(Rectangle((x + 0.05, y - 0.1), 0.05, 0.2, color=figures.INK))
+        panel.text(x + 0.17, y, "transition", fontsize=7.5, va="center")
+        x += KEY
+    if any(node.marked for node in net.nodes):
+        panel.add_patch(Circle((x + 0.08, y), 0.03, color=figures.INK))
+        panel.text(x + 0.17, y, "marker", fontsize=7.5, va="center")
+        x += 0.8 * KEY
+    if any(node.reported for node in net.nodes):
+        panel.add_patch(Circle((x + 0.08, y), 0.08, facecolor="white", ec=figures.INK, lw=2.0))
+        panel.text(x + 0.22, y, "reported", fontsize=7.5, va="center")

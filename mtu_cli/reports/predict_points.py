@@ -1,6 +1,7 @@
 """The report of predict-points: the error of every feature, with uncertainty.
 
 `z_mm` is null where the part gives no z: the machine then fixes it, or no equation needs it.
+`shares` (of u^2, by axis) are null under the papers' independence and where u is 0.
 """
 
 from __future__ import annotations
@@ -13,12 +14,17 @@ import numpy as np
 from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite, matrix, root, um, um2
-from mtu_cli.reports.numbers import MISSING, fixed, interval, with_u
+from mtu_cli.reports.numbers import MISSING, fixed, interval, significant, with_u
 from mtu_cli.reports.outside import components_beyond, mark_notes, marked
 from mtu_cli.reports.points_figure import figure
+from mtu_cli.reports.shares import shares_fields, shares_sheets
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
+
+SHOWN_SHARES = 24
+"""Errors whose u is taken apart in the table; of more only so many:"""
+LARGEST_SHARES = 12
 
 __all__ = ["csv_rows", "document", "figure", "table", "warnings"]
 
@@ -51,13 +57,15 @@ def _point(result: PointsResult, i: int) -> dict[str, Any]:
         variance = float(prediction.independent_variance[i * len(prediction.axes) + j])
         apart |= _scatter(axis, variance, result.coverage_factor)
     point["independent"] = apart
+    rows = {axis: i * len(prediction.axes) + j for j, axis in enumerate(prediction.axes)}
+    point["shares"] = {axis: shares_fields(result.shares(row)) for axis, row in rows.items()}
     if not result.independent:
         for j, axis in enumerate(prediction.axes):
             row = i * len(prediction.axes) + j
             point[f"variance_{axis}_um2"] = {
-                "coefficients": um2(result.coefficients[row]),
-                "passes": um2(result.passes[row]),
-                "repeatability": um2(result.repeatability[row]),
+                "coefficients": um2(result.split.coefficients[row]),
+                "passes": um2(result.split.passes[row]),
+                "repeatability": um2(result.split.repeatability[row]),
             }
     return point
 
@@ -92,8 +100,24 @@ def table(result: PointsResult, digits: int = 2) -> list[Sheet]:
     for ends in (True, False):
         sheet = _sheet(result, axes, digits, ends=ends)
         if sheet.fits():
-            return [sheet]
-    return [_sheet(result, [axis], digits, ends=True) for axis in axes]
+            return [sheet, *_shares(result, digits)]
+    sheets = [_sheet(result, [axis], digits, ends=True) for axis in axes]
+    return [*sheets, *_shares(result, digits)]
+
+
+def _shares(result: PointsResult, digits: int) -> list[Sheet]:
+    """What u consists of; of many errors of those alone that are known worst."""
+    prediction = result.prediction
+    names = [f"{name}.{axis}" for name in prediction.ids for axis in prediction.axes]
+    rows, more = list(range(len(names))), []
+    if len(rows) > SHOWN_SHARES:
+        # Equal uncertainties in the order of the table, whatever the last digit says.
+        rows.sort(key=lambda row: -float(f"{result.variance[row]:.9g}"))
+        rows = rows[:LARGEST_SHARES]
+        more = [f"the {len(rows)} largest u of {len(names)}; all are in the report (-o FILE)"]
+    u = [significant(root(float(result.variance[row])) / UM, digits) for row in rows]
+    items = [(names[row], size, result.shares(row)) for row, size in zip(rows, u, strict=True)]
+    return shares_sheets("u\num", items, more)
 
 
 def _sheet(result: PointsResult, axes: Sequence[str], digits: int, *, ends: bool) -> Sheet:

@@ -23,10 +23,14 @@ def shares_fields(shares: Shares | None) -> dict[str, float | None] | None:
     }
 
 
-def shares_sheets(title: str, items: Sequence[tuple[str, str, Shares | None]]) -> list[Sheet]:
+def shares_sheets(
+    title: str,
+    items: Sequence[tuple[str, str, Shares | None]],
+    more: Sequence[str] = (),
+) -> list[Sheet]:
     """One row an item (name, its u, shares), in percent of u^2; no sheet without any share.
 
-    `title` heads the column of u.
+    `title` heads the column of u; `more` are notes.
     """
     known = [shares for _, _, shares in items if shares is not None]
     if not known:
@@ -41,6 +45,7 @@ def shares_sheets(title: str, items: Sequence[tuple[str, str, Shares | None]]) -
             "chance, u is too small"
         )
     natures = ("coefficients", "passes", "repeatability")
+    notes += more
     columns = [
         Column(title="\n", text=True, folds=True),
         Column(title=title),

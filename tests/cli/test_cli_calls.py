@@ -62,6 +62,27 @@ def test_the_other_ends_of_the_ranges(work: Path) -> None:
     assert "--seed" in message
 
 
+def test_a_factor_that_looks_like_a_percentage_is_asked_about(work: Path) -> None:
+    meant = "so U is 95 u: it is a factor and no percentage; 2 is for about 95 %"
+    told = done(mtu("fit-components", "--k", "95", "-q", cwd=work)).stderr
+    assert f"warning: --k is 95, {meant} [factor-like-probability]" in told
+    study = (work / "mtu.yaml").read_text()
+    assert "settings: {" in study
+    stated = "settings: {coverage_factor: 95, "
+    (work / "mtu.yaml").write_text(re.sub(r"settings: {(coverage_factor: 2, )?", stated, study))
+    told = done(mtu("fit-components", "-q", cwd=work)).stderr
+    assert f"settings.coverage_factor of mtu.yaml is 95, {meant}" in told
+
+
+def test_a_factor_that_looks_like_a_probability_is_asked_about(work: Path) -> None:
+    told = done(mtu("fit-components", "--k", "0.95", "-o", "a.json", "-q", cwd=work)).stderr
+    assert "warning: --k is 0.95, so U is 0.95 u: it is a factor and no probability; 2 is" in told
+    codes = [item["code"] for item in json.loads((work / "a.json").read_text())["warnings"]]
+    assert "factor-like-probability" in codes
+    for k in ("1", "0.5", "12.7"):
+        assert "probability" not in done(mtu("fit-components", "--k", k, cwd=work)).stderr
+
+
 @pytest.mark.parametrize(
     "call",
     [
@@ -104,9 +125,44 @@ def test_only_options_that_are_nearly_called_so_are_offered(
     option: str, offered: str, work: Path
 ) -> None:
     message = refused(work, "lengths", option, "3")
-    assert f"No such option: {option}" in message
-    assert ("Possible options" in message) == bool(offered)
-    assert offered in message
+    see = "mtu lengths --help"
+    ending = (
+        f"did you mean {offered}? See {see}" if offered else f"expected one of those that {see}"
+    )
+    assert message.startswith(f"mtu: lengths has no {option}; {ending}")
+    assert len(message.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (["lengths", "--outptu", "a"], "lengths has no --outptu; did you mean --out? See mtu len"),
+        (["--vesion"], "mtu has no --vesion; did you mean --version? See mtu --help"),
+        (["--at", "T=1"], "mtu has no --at of its own; expected the command before its options"),
+        (["simulate", "-Z"], "simulate has no -Z; expected one of those that mtu simulate --help"),
+        (["graph", "draw", "--to"], "--to stands without a value; expected --to FILE, see mtu gr"),
+        (["lengths", "--out", "-q"], "--out stands without a value; expected --out FILE, see mtu "),
+        (["lengths", "--quiet=3"], "--quiet takes no value; expected --quiet alone, see mtu len"),
+        (["schema"], "schema stands without its KIND; expected mtu schema KIND, see mtu schema -"),
+        (["lengths", "a", "b"], "lengths takes no further argument: 'b'; expected STUDY alone, se"),
+        (["graph", "chek"], "unknown command: 'chek'; did you mean 'check'? See mtu graph --help"),
+        (["check", "a"], "unknown command: 'check'; did you mean 'graph check'? See mtu --help"),
+        (["predict"], "unknown command: 'predict'; did you mean 'predict-points'? See mtu --help"),
+        (["--"], "missing command; expected a call as mtu --help shows"),
+        (["lengths", "--\u65e5\u672c" * 40], "lengths has no --\u65e5\u672c--"),
+        (["\u65e5\u672c" * 40], "unknown command: '\u65e5\u672c"),
+        (["lengths", "--a\x1b[31m\n"], "lengths has no --a\\x1b[31m\\n; expected one of those"),
+    ],
+    ids=lambda value: ascii(" ".join(value)[:20]) if isinstance(value, list) else "",
+)
+def test_calls_that_are_none_are_told_in_one_line(call: list[str], words: str, work: Path) -> None:
+    message = refused(work, *call, env={"COLUMNS": "30"})
+    assert message.startswith(f"mtu: {words}")
+    assert len(message.splitlines()) == 1
+
+
+def test_help_is_shown_beside_arguments_too_many(work: Path) -> None:
+    assert "Usage: mtu lengths" in done(mtu("lengths", "a", "b", "--help", cwd=work)).stdout
 
 
 def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
@@ -211,8 +267,7 @@ def test_unknown_schema_and_command(work: Path) -> None:
     message = refused(work, "schema", "machin")
     assert message.startswith("mtu: unknown schema: 'machin'; did you mean 'machine'?")
     message = refused(work, "lenghts")
-    assert "No such command 'lenghts'" in message
-    assert "'lengths'" in message
+    assert message == "mtu: unknown command: 'lenghts'; did you mean 'lengths'? See mtu --help\n"
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from cli_runner import done, listing, mtu, prepared, shell
+from support import CONFIGS
 
 from mtu_cli.cli import simulate
 from mtu_cli.cli.execute import deliver, execute, warning_lines
@@ -107,6 +108,37 @@ def test_a_covariate_that_is_needed_by_another_name(work: Path) -> None:
     (work / "machine.yaml").write_text(text.replace("Ex: ", "Ex: 0.001*dir_x + "))
     found = modelled(Inputs(Options("lengths", {"at": ["dirx=1"]}))).warnings
     assert "is 'dir_x' meant? no equation needs --at dirx" in [x.message for x in found]
+
+
+VALDES = CONFIGS / "valdes-cmm" / "mtu.yaml"
+
+
+@pytest.mark.parametrize(
+    ("given", "hint"),
+    [
+        (["T_air_degC=20"], ""),
+        (["T_1_degC=20"], "is 'T_01_degC' meant? "),
+        (["T_99_degC=20"], ""),
+        (["T_*_degC=20", "T_1_degC=21"], ""),
+        (["t_05_degC=20"], "is 'T_05_degC' meant? "),
+        (["T_05_degC=20", "t_05_degC=21"], ""),
+    ],
+)
+def test_only_a_temperature_that_would_be_taken_is_offered(given: list[str], hint: str) -> None:
+    found = modelled(Inputs(Options("predict-points", {"study": VALDES, "at": given}))).warnings
+    (told,) = [item.message for item in found if item.code == "covariate-not-needed"]
+    assert told == f"{hint}no equation needs --at {given[-1].partition('=')[0]}"
+
+
+def test_no_column_of_the_points_is_offered(work: Path) -> None:
+    """A value of it would not be used: the points' own comes first."""
+    text = (work / "machine.yaml").read_text()
+    (work / "machine.yaml").write_text(text.replace("Ex: ", "Ex: 0.001*dir_x + "))
+    rows = "part,feature,x_mm,y_mm,dir_x\n1,A,0.001,0.001,1\n1,B,100.001,0.002,-1\n"
+    (work / "points.csv").write_text(rows)
+    values = {"at": ["dirx=1"], "cmm": [Path("points.csv")]}
+    found = modelled(Inputs(Options("compare", values))).warnings
+    assert "no equation needs --at dirx" in [item.message for item in found]
 
 
 def _simulated(**values: Any) -> None:

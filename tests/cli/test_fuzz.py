@@ -157,7 +157,7 @@ REPORT = b'{"schema": "mtu/lengths/1"}\n'
         (0, "", "table", {"out.json": REPORT}, None),
         (3, "mtu: gate", "table", {"out.json": REPORT}, None),
         (2, "mtu: a.csv: fault\n", "", {}, None),
-        (2, "Usage: mtu lengths\n", "", {}, None),
+        (2, "Usage: mtu lengths\n", "", {}, "without words of its own"),
         (1, "Traceback (most recent call last)", "", {}, "exit code 1"),
         (-9, "", "", {}, "exit code -9"),
         (0, "Traceback (most", "", {"out.json": REPORT}, "a traceback"),

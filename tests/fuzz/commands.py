@@ -109,8 +109,6 @@ def _failure_of_refusal(ended: Ended, before: Listing, after: Listing) -> str | 
         return f"exit code 2 with output: {ended.output[:300]!r}"
     if after != before:
         return f"exit code 2, but files changed: {_changes(before, after)}"
-    if ended.error.startswith("Usage: mtu"):
-        return None
     if not ended.error.startswith("mtu: "):
         return f"exit code 2 without words of its own: {ended.error[:300]!r}"
     return unclean(ended.error.removeprefix("mtu: ").removesuffix("\n"))

@@ -128,6 +128,8 @@ def record(bench: BenchDay, cell: Cell, base: int, index: int) -> Record:
         return kept
     kept |= _true(bench, truths)
     kept["lone"] = found.lone()
+    if cell.measure in ("outside", "pairs"):
+        kept["standing"] = found.standing()
     if cell.measure == "outside":
         kept["verdict"] = found.verdict()
     if cell.measure == "library":

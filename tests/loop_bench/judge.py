@@ -18,6 +18,7 @@ from mtu_cli.analyses.close_loop.one_table import verdict_of
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.result import FoundEffect, Verdict
 from mtu_cli.analyses.close_loop.search import Search, search
+from mtu_cli.analyses.close_loop.shown import verdict_on
 from mtu_cli.analyses.close_loop.twofold import twofold
 
 ALPHA = 0.05
@@ -61,6 +62,18 @@ class Diagnosis:
         told = self._told()
         fired = (*self.fired, *twofold(told))
         return verdict_of(self.found, self._effects(told), fired)
+
+    def standing(self) -> tuple[str, ...]:
+        """Names that stand though something without a name is there."""
+        if not self.unexplained:
+            return ()
+        told = self._told()
+        fired = (*self.fired, *twofold(told))
+        return tuple(
+            effect.name
+            for effect in self._effects(told)
+            if verdict_on(effect, fired, without_name=self.nameless) == "named"
+        )
 
     def _told(self) -> Described:
         effects = added(self.prepared, self.found)

@@ -78,6 +78,8 @@ def rows(drawn: Drawn, kind: Kind) -> Iterator[Row]:
     yield row("two effects at once, exact pair, 1 sigma", exact)
     quiet = share(exact_pair(r) and not flagged(r) for r in pairs)
     yield row("  and no check fired", quiet)
+    beside = [r for r in pairs if r["standing"]]
+    yield row("  of `unexplained`, a name that stands is right", share(map(_right, beside)))
     times = [r["ms"] for r in of("null-normal") if not r["gross"]]
     yield row("ms a diagnosis after calibration (median, 5-95 %)", median(times))
     yield from (row(*item) for item in _of_readings(of("laser-clean"), of("laser-1")))
@@ -151,6 +153,7 @@ def _outside(outside: Mapping[str, Sequence[Record]]) -> Iterator[tuple[str, Fig
         yield f"  {name}", share((bool(r["lone"]) for r in own), None, (0.0, 0.0))
     yield "outside the library, `named`, 1 sigma", share(map(_as_named, every))
     yield "  with one name", share(_as_named(r) and len(r["names"]) == 1 for r in every)
+    yield "  a name that stands beside `unexplained`", share(bool(r["standing"]) for r in every)
 
 
 def _of_readings(
@@ -167,6 +170,12 @@ def _of_readings(
     yield "  right name first, given detection", share(map(right_first, found))
     judged = [r["covers"] for r in planted if r["covers"] is not None]
     yield "  95 % intervals cover", share(judged, (0.93, 0.97), (0.94, 0.96))
+
+
+def _right(record: Record) -> bool:
+    """Whether all names that stand are true."""
+    true = {name for own in (record["truths"], *record["aliases"]) for name in own}
+    return true.issuperset(record["standing"])
 
 
 def _as_named(record: Record) -> bool:

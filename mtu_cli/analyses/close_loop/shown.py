@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -55,15 +56,20 @@ def is_lone(effect: FoundEffect) -> bool:
     return len(effect.candidates) == 1 and not pitch_is_open(effect)
 
 
-def verdict_on(effect: FoundEffect, item: TableResult) -> Verdict:
-    """The verdict on one effect of a table: what has no name need not touch all of them.
+def own_verdict(effect: FoundEffect, item: TableResult) -> Verdict:
+    """The verdict on one effect of a table."""
+    return verdict_on(effect, (*item.fired, *item.twofold), without_name=item.without_name)
 
-    Where a check of what is left fired, or an effect was found twice over, each is a hint only.
+
+def verdict_on(effect: FoundEffect, fired: Sequence[str], *, without_name: bool) -> Verdict:
+    """The verdict on one effect: what has no name (`without_name`) need not touch all of them.
+
+    Where a check of what is left `fired`, or an effect was found twice over, each is a hint only.
     """
     lone = is_lone(effect)
-    if item.fired or item.twofold:
+    if fired:
         return "unexplained"
-    if item.without_name:
+    if without_name:
         return "named" if lone and effect.unnamed < SURE else "unexplained"
     return "named" if lone else "class"
 

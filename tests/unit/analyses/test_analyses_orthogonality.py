@@ -194,7 +194,8 @@ def test_what_an_angle_consists_of(tmp_path: Path) -> None:
 def test_points_split_and_correlation(tmp_path: Path) -> None:
     part = part_of(tmp_path, PART)
     found = predict_points(machine(), part, FAST)
-    assert found.coefficients + found.passes + found.repeatability == pytest.approx(found.variance)
+    split = found.split
+    assert split.coefficients + split.passes + split.repeatability == pytest.approx(found.variance)
     assert np.diag(found.covariance) == pytest.approx(found.variance)
     x, y = PLACES.T
     of_sx = 4e-6 + 9e-10 * x**2 + 4e-6

@@ -181,6 +181,23 @@ def test_figure_has_a_panel_a_component_and_the_same_bytes(case: str, tmp_path: 
     assert figure_bytes(first, "png") == figure_bytes(page(), "png")
 
 
+def test_a_title_too_long_for_a_line_takes_two_and_is_not_cut(paper: Example) -> None:
+    words = "straightness of Y in direction X"
+    page = fit_components.figure(paper.fit, paper.estimates, 2.0, says={"dx_x": words, "axy": "a"})
+    titles = [panel.get_title(loc="left") for panel in page.axes]
+    assert f"dx_x\n{words}" in titles
+    assert "axy  a" in titles
+    page.canvas.draw()
+    renderer = page.canvas.get_renderer()  # type: ignore[attr-defined]  # Agg has one
+    boxes = [panel.get_tightbbox(renderer) for panel in page.axes if panel.axison]
+    title = page.axes[titles.index(f"dx_x\n{words}")]._left_title  # type: ignore[attr-defined]
+    box = title.get_window_extent(renderer)
+    assert page.bbox.x0 <= box.x0 < box.x1 <= page.bbox.x1
+    assert sum(box.overlaps(other) for other in boxes if other is not None) == 1
+    plain = fit_components.figure(paper.fit, paper.estimates, 2.0)
+    assert page.get_figheight() > plain.get_figheight()
+
+
 def test_band_is_that_of_a_future_reading(paper: Example) -> None:
     page = fit_components.figure(paper.fit, paper.estimates, 2.0)
     panel = next(p for p in page.axes if p.get_title(loc="left").startswith("dx_x"))

@@ -41,6 +41,17 @@ def net(name: str, shares: bool) -> Net:
     return net_for(shipped(name), OF[name] if shares else None)
 
 
+@pytest.mark.parametrize(("name", "marked"), [("bore-to-bore", False), ("ball-centre", True)])
+def test_only_what_is_drawn_is_explained_below(name: str, marked: bool) -> None:
+    drawn = net(name, False)
+    assert any(node.marked for node in drawn.nodes) == marked
+    told = [text.get_text() for text in drawing(drawn).axes[0].texts]
+    assert ("marker" in told) == marked
+    assert {"transition", "reported"} <= set(told)
+    unread = replace(drawn, nodes=tuple(replace(node, reported=False) for node in drawn.nodes))
+    assert "reported" not in [text.get_text() for text in drawing(unread).axes[0].texts]
+
+
 def test_six_graphs_are_shipped() -> None:
     assert {path.stem for path in SHIPPED} == set(OF)
 

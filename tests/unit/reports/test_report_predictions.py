@@ -137,7 +137,7 @@ def test_many_features_take_no_memory_for_their_covariance(paper: Example) -> No
 
 @pytest.mark.parametrize("digits", [1, 2, 4])
 def test_tables_show_u_to_the_digits_asked_for(paper: Example, digits: int) -> None:
-    (points,) = predict_points.table(paper.points(), digits)
+    points, of_points = predict_points.table(paper.points(), digits)
     long, of_lengths = lengths.table(paper.lengths(), digits)
     right, of_angles = orthogonality.table(paper.angles(), 2.0, digits)
     u_x = float(np.sqrt(paper.points().variance[0])) * 1e3
@@ -145,6 +145,8 @@ def test_tables_show_u_to_the_digits_asked_for(paper: Example, digits: int) -> N
     assert long.rows[0][3] == significant(paper.lengths().lengths[0].u * 1e3, digits)
     u = float(paper.angles().angles[0].run.u[0])
     assert right.rows[0][2] == significant(u * 180 * 3600 / np.pi, digits)
+    u = float(np.sqrt(paper.points().variance.max())) * 1e3
+    assert of_points.rows[0][1] == significant(u, digits)
     assert of_lengths.rows[0][1] == long.rows[0][3]
     assert of_angles.rows[0][1] == right.rows[0][5]
 
@@ -191,6 +193,44 @@ def test_it_is_told_what_u_consists_of(paper: Example) -> None:
             assert item["repeatability"] > 0
 
 
+def test_it_is_told_what_u_of_a_point_consists_of(paper: Example) -> None:
+    result = paper.points()
+    found = predict_points.document(result)["points"]
+    for point in found:
+        for axis in "xy":
+            shares = point["shares"][axis]
+            assert sum(shares.values()) == pytest.approx(1, rel=1e-12)
+            parts = {
+                k: v / point[f"var_{axis}_um2"] for k, v in point[f"variance_{axis}_um2"].items()
+            }
+            assert shares == pytest.approx(parts)
+    sheet = predict_points.table(result)[-1]
+    assert sheet.title == "What u consists of"
+    u = {f"u({x['id']}.{axis})": x[f"u_{axis}_um"] for x in found for axis in "xy"}
+    assert [row[0] for row in sheet.rows] == sorted(u, key=lambda name: -float(f"{u[name]:.9g}"))[
+        :12
+    ]
+    assert "the 12 largest u of 48; all are in the report (-o FILE)" in sheet.notes
+    apart = paper.points(Settings(correlation="independent"))
+    assert predict_points.document(apart)["points"][0]["shares"] == {"x": None, "y": None}
+    assert len(predict_points.table(apart)) == 1
+
+
+def test_the_u_of_few_points_are_taken_apart_in_their_order(paper: Example) -> None:
+    result = paper.points()
+    few = replace(
+        result,
+        prediction=result.prediction.first(2), points=result.points[:2],
+        variance=result.variance[:4], interval95=result.interval95[:4],
+    )  # fmt: skip
+    sheet = predict_points.table(few)[-1]
+    first, second = result.prediction.ids[:2]
+    names = [f"{first}.x", f"{first}.y", f"{second}.x", f"{second}.y"]
+    assert [row[0] for row in sheet.rows] == [f"u({name})" for name in names]
+    assert float(sheet.rows[2][1]) == pytest.approx(np.sqrt(result.variance[2]) * 1e3, rel=0.05)
+    assert not any("largest" in note for note in sheet.notes)
+
+
 def test_shares_below_nothing_are_explained_and_none_are_made_up(paper: Example) -> None:
     result = paper.lengths()
     first, *others = result.lengths
@@ -211,7 +251,7 @@ def test_shares_below_nothing_are_explained_and_none_are_made_up(paper: Example)
 def test_three_axes_keep_their_95_percent(spatial: Example) -> None:
     """Half its width where the ends have no room; a table an axis where not even that has."""
     result = spatial.points()
-    (sheet,) = predict_points.table(result)
+    sheet, _ = predict_points.table(result)
     titles = [column.title for column in sheet.columns]
     assert titles.count("95 %\n± um") == 3
     assert not any("dof" in title for title in titles)
@@ -219,7 +259,7 @@ def test_three_axes_keep_their_95_percent(spatial: Example) -> None:
     low, high = result.interval95[2] * 1e3
     u = float(np.sqrt(result.variance[2])) * 1e3
     assert sheet.rows[0][-1] == with_u((high - low) / 2, u)[0]
-    apart = predict_points.table(result, 5)
+    apart = predict_points.table(result, 5)[:-1]
     assert [sheet.title[-7:] for sheet in apart] == ["along x", "along y", "along z"]
     for j, sheet in enumerate(apart):
         low, high = result.interval95[3 + j] * 1e3
@@ -326,7 +366,7 @@ def test_rows_beyond_the_measured_range_are_marked_alike(paper: Example) -> None
 
     def marked(sheets: Any) -> list[str]:
         sheet, *others = sheets
-        assert len(others) == (sheet.title in ("Lengths", "Orthogonality"))
+        assert len(others) == 1
         names = [row[0] for row in sheet.rows if row[0].endswith("†")]
         assert ("† outside the measured range of a component" in sheet.notes) == bool(names)
         return names

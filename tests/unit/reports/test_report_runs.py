@@ -1,0 +1,102 @@
+"""Which passes are one run: in the report of fit-components, and below its table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from model_examples import Segment, loaded, readings
+from numpy.typing import NDArray
+
+from mtu_cli.files.readings import Readings
+from mtu_cli.model.fit import estimates_from_fit, fit_machine
+from mtu_cli.reports.fit_components import document, table
+from mtu_cli.reports.runs import runs_notes
+
+MACHINE = """
+components: {a: {of: x, unit: mm}, b: {of: y, unit: mm}, c: {of: x, unit: mm}}
+equations: {Ex: a + c, Ey: b}
+"""
+P = np.linspace(0.0, 90.0, 4)
+IntArray = NDArray[np.int64]
+
+
+def segment(name: str, numbers: list[int], ways: list[int], role: str = "lbb") -> Segment:
+    """One component in passes of these numbers and directions."""
+    rng = np.random.default_rng(7)
+    each = (len(numbers), len(P))
+    return Segment(
+        name=name,
+        position=np.tile(P, len(numbers)),
+        error=(rng.normal(size=(len(numbers), 1)) + 0.1 * rng.standard_normal(each)).ravel(),
+        passes=np.repeat(numbers, len(P)),
+        direction=np.repeat(ways, len(P)),
+        role=role,
+    )
+
+
+def each_its_own() -> Readings:
+    """a, b: six passes of one direction each; c: three passes that run both ways."""
+    turns, ways = [1, 2, 3, 4, 5, 6], [1, -1, 1, -1, 1, -1]
+    both = segment("c", [1, 1, 2, 2, 3, 3], ways)
+    return readings([segment("a", turns, ways), segment("b", turns, ways), both])
+
+
+def test_the_report_lists_the_passes_of_every_run(tmp_path: Path) -> None:
+    known = loaded(tmp_path, MACHINE)
+    fit = fit_machine(known, each_its_own())
+    found = document("m", fit, estimates_from_fit(known, fit))["components"]
+    first = {"file": 1, "pass": 3, "direction": 1}
+    assert found["a"]["runs"][1] == {
+        "role": "lbb", "passes": [first, {"file": 1, "pass": 4, "direction": -1}],
+    }  # fmt: skip
+    assert found["a"]["runs"] == found["b"]["runs"]
+    numbers = [[item["pass"] for item in run["passes"]] for run in found["c"]["runs"]]
+    assert numbers == [[1, 1], [2, 2], [3, 3]]
+
+
+def test_the_table_tells_runs_of_components_alike_in_one_line(tmp_path: Path) -> None:
+    known = loaded(tmp_path, MACHINE)
+    fit = fit_machine(known, each_its_own())
+    notes = [
+        "a, b: 6 passes in 3 runs (there and back): 1+2, 3+4, 5+6",
+        "c: 3 passes in 3 runs (there and back)",
+    ]
+    assert runs_notes(fit) == notes
+    (sheet,) = table("m", fit, estimates_from_fit(known, fit))
+    assert set(notes) <= set(sheet.notes)
+
+
+def test_passes_without_a_way_back_are_told_apart(tmp_path: Path) -> None:
+    known = loaded(tmp_path, MACHINE)
+    alone = [1, 2, 3, 4, 5], [1, -1, 1, -1, 1]
+    one = [1, 2, 3], [1, 1, 1]
+    given = [segment("a", *alone), segment("b", *one), segment("c", *one)]
+    fit = fit_machine(known, readings(given))
+    assert runs_notes(fit) == ["a: 5 passes in 3 runs (2 there and back): 1+2, 3+4, 5"]
+    found = document("m", fit, estimates_from_fit(known, fit))["components"]["b"]["runs"]
+    assert [len(run["passes"]) for run in found] == [1, 1, 1]
+
+
+def test_passes_of_several_files_are_named_with_their_file(tmp_path: Path) -> None:
+    known = loaded(tmp_path, MACHINE.replace(", c: {of: x, unit: mm}", "").replace(" + c", ""))
+    there, back = ([1, 2], [1, 1]), ([1, 2], [-1, -1])
+    given = [segment(name, *own, role=role) for name in "ab"
+             for role, own in (("lbb", there), ("laser", back))]  # fmt: skip
+    apart = readings(given)
+    fit = fit_machine(known, replace(apart, roles=("lbb", "lbb")))
+    assert runs_notes(fit) == [
+        "a, b: 4 passes in 2 runs (file.pass, there and back): 1.1+2.1, 1.2+2.2"
+    ]
+    found = document("m", fit, estimates_from_fit(known, fit))["components"]["a"]["runs"]
+    assert [item["file"] for item in found[0]["passes"]] == [1, 2]
+
+
+def test_without_passes_there_are_no_runs(tmp_path: Path) -> None:
+    known = loaded(tmp_path, MACHINE)
+    given = [Segment(name=name, position=P, error=np.array([0.1, 0.3, 0.2, 0.5])) for name in "abc"]
+    fit = fit_machine(known, readings(given))
+    found = document("m", fit, estimates_from_fit(known, fit))["components"]
+    assert found["a"]["runs"] is None
+    assert runs_notes(fit) == []
