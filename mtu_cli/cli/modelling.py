@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import fnmatch
 import json
-import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mtu_cli.cli.inputs import Inputs, unlike_cells
-from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.fahrenheit import fahrenheit_words
 from mtu_cli.files.source import hash_of, shown_path
 from mtu_cli.files.study import find_study
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 NO_READINGS = "neither readings nor coefficients"
 COLUMNS_FIRST = ("correct", "compare", "close-loop")
 """Commands in which a column of the points comes before --at."""
-_LEADING_ZEROS = re.compile("(?<![0-9])0+(?=[0-9])")
 MOST_LACKING = 6
 """Components without readings that are told one by one, or by name."""
 
@@ -118,25 +117,15 @@ def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list
 def _not_needed(name: str, inputs: Inputs, model: MachineModel) -> str:
     """Asks whether another name is meant, of those alone that the call would take."""
     taken = {*inputs.at, *(_columns(inputs) if inputs.options.command in COLUMNS_FIRST else ())}
-    lacking = {_own(needed): needed for needed in model.covariates() if needed not in taken}
-    own = _own(name)
-    # Numbers that differ are no slip of the fingers.
-    near = (own if own in lacking else None) if own.isdigit() else closest(own, lacking)
+    near = closest_covariate(name, [n for n in model.covariates() if n not in taken])
     # The name comes last: `correct` knows by it what its rings need.
-    return f"{f'is {lacking[near]!r} meant? ' if near else ''}no equation needs --at {name}"
+    return f"{f'is {near!r} meant? ' if near else ''}no equation needs --at {name}"
 
 
 def _columns(inputs: Inputs) -> Collection[str]:
     from mtu_cli.model.residual_covariates import point_columns
 
     return point_columns(inputs.points)
-
-
-def _own(name: str) -> str:
-    """What tells a temperature from others: T_air_degC is no nearer to T_18_degC than air to 18;
-    T_1_degC is T_01_degC.
-    """
-    return _LEADING_ZEROS.sub("", name.casefold().removeprefix("t_").removesuffix("_degc"))
 
 
 def _not_read(

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+
+from mtu_cli.errors import closest
 
 DIRECTIONS = ("dir_x", "dir_y", "dir_z")
 COVARIATES = (*DIRECTIONS, "time_min", "sequence")
@@ -14,6 +17,7 @@ COLDEST_K, HOTTEST_K = 230.0, 400.0
 _TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
 _START = re.compile(r"^(?:temp(?:erature?)?(?=$|[\W_\d])|t(?=[\W_\d]))[\W_]*", re.IGNORECASE)
 _ENDING = re.compile(r"[\W_]*(?:deg[\W_]*[ckf]?|celsius|kelvin|(?<=[\W_])[ckf])\W*$", re.IGNORECASE)
+_LEADING_ZEROS = re.compile("(?<![0-9])0+(?=[0-9])")
 _MEANT = re.compile(
     # What begins as a temperature does, and what is given in degC; t_min may be a time.
     r"^T[\W_\d]|^(?i:temp(?:erature?)?)(?:$|[\W_\d])"
@@ -38,6 +42,24 @@ def as_temperature(name: str) -> str | None:
     core = re.sub(r"\W+", "_", _START.sub("", core)).strip("_")
     found = f"T_{core}_degC"
     return found if core and is_temperature(found) else None
+
+
+def closest_covariate(name: str, known: Iterable[str]) -> str | None:
+    """The known covariate that a name was probably meant to be: of temperatures by their sensors,
+    for T_air_degC is no nearer to T_18_degC than air to 18, and T_1_degC is T_01_degC.
+    """
+    sensors: dict[str, str] = {}
+    for other in known:
+        sensors.setdefault(_sensor(other), other)
+    own = _sensor(name)
+    # Numbers that differ are no slip of the fingers.
+    near = (own if own in sensors else None) if own.isdigit() else closest(own, sensors)
+    return None if near is None else sensors[near]
+
+
+def _sensor(name: str) -> str:
+    """What tells a temperature from others; any other name is its own."""
+    return _LEADING_ZEROS.sub("", name.casefold().removeprefix("t_").removesuffix("_degc"))
 
 
 def is_temperature(name: str) -> bool:

@@ -20,6 +20,8 @@ from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.model.thermal_terms import leftover_estimate, temperature_estimate
 
 AXES = ("x", "y", "z")
+MOST_SENSORS = 4
+"""Missing temperatures that are told one by one, or by name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,18 +222,41 @@ def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
     missing = [name for name in model.covariates() if name not in given]
     if missing:
         drifts = sensors_of(model)
+        sensors = [name for name in missing if name in drifts]
+        together = sensors if len(sensors) > MOST_SENSORS else []
         raise InputError(
             [
-                Problem(
-                    what=f"the drift of {', '.join(drifts[name])} needs the temperature {name!r}"
-                    if name in drifts
-                    else f"the equations of {model.name!r} need the covariate {name!r}",
-                    expected=f"--at {name}=VALUE"
-                    + (f"; given: {', '.join(given)}" if given else ""),
-                )
-                for name in missing
+                *_needed_together(drifts, together, given),
+                *(
+                    Problem(
+                        what=f"the drift of {', '.join(drifts[name])} needs the temperature "
+                        f"{name!r}"
+                        if name in drifts
+                        else f"the equations of {model.name!r} need the covariate {name!r}",
+                        expected=f"--at {name}=VALUE{_given(given)}",
+                    )
+                    for name in missing
+                    if name not in together
+                ),
             ]
         )
+
+
+def _needed_together(
+    drifts: Mapping[str, Sequence[str]], sensors: Sequence[str], given: Mapping[str, object]
+) -> list[Problem]:
+    """One problem for many sensors that nobody gave."""
+    if not sensors:
+        return []
+    of = dict.fromkeys(name for sensor in sensors for name in drifts[sensor])
+    listed = f"{', '.join(sensors[:MOST_SENSORS])} and {len(sensors) - MOST_SENSORS} more"
+    each = f"--at {sensors[0]}=VALUE and so on, or --at 'T_*_degC=VALUE' for all of them"
+    what = f"the drift of {', '.join(of)} needs the temperatures {listed}"
+    return [Problem(what=what, expected=f"{each}{_given(given)}")]
+
+
+def _given(given: Mapping[str, object]) -> str:
+    return f"; given: {', '.join(given)}" if given else ""
 
 
 def _check_temperatures(model: MachineModel, given: Mapping[str, object]) -> None:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.covariates import (
     HOTTEST_DEGC,
     as_temperature,
+    closest_covariate,
     expected_temperature,
     is_temperature,
 )
@@ -201,7 +202,8 @@ def missing_sensor(
 
 
 def _lacks(points: Points, name: str, known: Sequence[str], what: str) -> Problem:
-    near = next((n for n in known if as_temperature(n) == name), None) or closest(name, known)
+    near = next((n for n in known if as_temperature(n) == name), None)
+    near = near or closest_covariate(name, known)
     return Problem(
         what=f"{what} {name!r}",
         file=", ".join(source.shown for source in points.sources),

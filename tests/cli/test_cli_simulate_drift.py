@@ -227,4 +227,4 @@ def test_the_shipped_machine_predicts_with_its_temperatures(tmp_path: Path) -> N
     done(mtu("predict-points", CMM, *at, "-q", "-o", tmp_path / "r.json"))
     result = mtu("predict-points", CMM, "-q", "-o", tmp_path / "n.json")
     assert result.returncode == 2
-    assert "the drift of ry_x" in result.stderr
+    assert "the drift of pos_y, yaw_y, ry_x needs the temperatures T_01_degC, " in result.stderr

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.analyses.correct.result import Size
-from mtu_cli.errors import InputError, Problem, closest, did_you_mean
+from mtu_cli.errors import InputError, Problem, did_you_mean
+from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
 from mtu_cli.model.residual_covariates import numbers_of, point_columns
@@ -123,7 +124,7 @@ def calibration_of(
 
 
 def _missing(name: str, points: Points, at: Mapping[str, float]) -> str:
-    near = closest(name, [*point_columns(points), *at])
+    near = closest_covariate(name, [*point_columns(points), *at])
     meant = f" (there is {near!r})" if near else ""
     return f"{name!r}, is neither a column of the points{meant} nor given by --at"
 

@@ -208,3 +208,16 @@ def test_without_times_all_temperatures_count_as_settled() -> None:
         {"T_a_degC": 24.0, "T_b_degC": 21.0, "time_min": np.arange(6.0)}, 6
     )
     assert one == pytest.approx(np.tile([24.0, 21.0], (6, 1)), rel=1e-14)
+
+
+def test_many_missing_sensors_are_one_problem(tmp_path: Path) -> None:
+    sensors = tuple(f"T_{i:02d}_degC" for i in range(1, 8))
+    model = machine(tmp_path, drift("px", "x", sensors, np.ones((1, 7))))
+    with pytest.raises(InputError) as raised:
+        predict(model, IDS, POINTS, {"T_02_degC": 21.0})
+    (told,) = (str(problem) for problem in raised.value.problems)
+    assert told == (
+        "the drift of px needs the temperatures T_01_degC, T_03_degC, T_04_degC, T_05_degC and 2 "
+        "more; expected --at T_01_degC=VALUE and so on, or --at 'T_*_degC=VALUE' for all of them; "
+        "given: T_02_degC"
+    )

@@ -1,0 +1,24 @@
+"""Which covariate was meant: temperatures are told apart by their sensors alone."""
+
+from __future__ import annotations
+
+import pytest
+
+from mtu_cli.files.covariates import closest_covariate
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "meant"),
+    [
+        ("T_air_degC", ["T_18_degC", "T_02_degC"], None),
+        ("T_1_degC", ["T_01_degC", "T_10_degC"], "T_01_degC"),
+        ("T_17_degC", ["T_18_degC", "T_7_degC"], None),
+        ("T_spindel_degC", ["T_room_degC", "T_spindle_degC"], "T_spindle_degC"),
+        ("t_spindle_degc", ["T_room_degC", "T_spindle_degC"], "T_spindle_degC"),
+        ("time", ["time_min", "dir_x"], "time_min"),
+        ("load", ["T_load_degC"], "T_load_degC"),
+        ("load", [], None),
+    ],
+)
+def test_the_covariate_that_was_meant(name: str, known: list[str], meant: str | None) -> None:
+    assert closest_covariate(name, known) == meant
