@@ -21,6 +21,7 @@ LONGEST_WORDS = 500
 """Characters of a problem's parts; only names that are no names reach them."""
 _LONG_NAME = re.compile(r"([^\s'\",;]{57})[^\s'\",;]{244,}")
 """More characters than a file's name has."""
+_ENDINGS = re.compile(r"(?<=.)(?:\.[a-z]{1,5}){1,2}$")
 _STEPS = re.compile(r"[^.\[\]]+")
 """Of a path inside a YAML document."""
 
@@ -208,9 +209,9 @@ def closest(name: str, names: Iterable[str]) -> str | None:
 
 def is_near(name: str, other: str) -> bool:
     """Whether at most a third of the letters of two names differ: who wrote one may have meant the
-    other even where a folder holds little else.
+    other even where a folder holds little else. The endings of files say what they are, not which.
     """
-    a, b = name.casefold(), other.casefold()
+    a, b = (_ENDINGS.sub("", each.casefold()) for each in (name, other))
     matcher = difflib.SequenceMatcher(None, a, b, autojunk=False)
     longest = max(len(a), len(b))
     return 3 * (longest - sum(block.size for block in matcher.get_matching_blocks())) <= longest

@@ -8,8 +8,10 @@ unit is not stated or not known.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 from mtu_cli.files.unit_text import SIZE, Exponents, unit_exponents
 from mtu_cli.language import EquationError, Node
@@ -26,15 +28,22 @@ from mtu_cli.language.dimensions import (
 from mtu_cli.language.tree import Binary, Call, Number, children, walk
 
 BASES = ("m", "kg", "s", "A", "K", SIZE)
+TURNS = ("deg", "arcmin", "arcsec")
 COMMON = (
     "mm", "um", "nm", "m", "km", "mm^2", "um^2", "m^2", "mm^3", "degC", "1/degC", "s", "ms", "m/s",
     "V", "mV", "kV", "A", "mA", "ohm", "kohm", "W", "mW", "N", "kN", "J", "Pa", "kPa", "MPa", "kg",
-    "%", "ppm",
+    "%", "ppm", *TURNS,
 )  # fmt: skip
 """What a unit is called that the file does not name."""
 ANGLES = (
     "rad", "deg", "arcmin", "arcsec", "\u00b0", "radian", "degree", "arcminute", "arcsecond",
 )  # fmt: skip
+FACTORS = 3
+"""Units of inputs, at most, by which another one is told."""
+MOST = 8
+"""Of so many of them: there are ever more products."""
+_ONE = re.compile(r"[^\s*./()\d][^\s*./()]*")
+"""A unit that may stand in a product: of um/m*K nobody knows what is meant."""
 SIMPLE = 12
 """Numerator and denominator of the largest simple fraction."""
 
@@ -53,10 +62,13 @@ def _simple(value: float) -> Exponent:
 
 @dataclass(frozen=True, slots=True)
 class BudgetUnits:
-    """What the units of the inputs tell: a scale for each of `BASES`, and units by their text."""
+    """What the units of the inputs tell: a scale for each of `BASES`, and units by their text, of
+    which some are `stated`.
+    """
 
     scales: Mapping[str, Scale]
     named: Mapping[str, Exponents | None]
+    stated: Sequence[str]
 
     @classmethod
     def of_inputs(cls, units: Mapping[str, str | None]) -> BudgetUnits:
@@ -76,7 +88,7 @@ class BudgetUnits:
             )
             for base in BASES
         }
-        return cls(scales, named)
+        return cls(scales, named, tuple(dict.fromkeys(filter(None, units.values()))))
 
     def faults(self, tree: Node) -> Iterator[EquationError]:
         """Where numbers of different units are added, and where a function of plain numbers has
@@ -170,18 +182,39 @@ class BudgetUnits:
         return found
 
     def text(self, found: Exponents) -> str:
-        """A unit as the file calls it, or in base units."""
+        """A unit as the file calls it, or by those that it does (arcsec*mm), or in base units."""
         if not _differ(found, {}) and abs(found[SIZE]) < SAME:
             return "plain numbers"
         for text, item in self.named.items():
-            if item is not None and not _differ(found, item) and not _sizes_differ(found, item):
+            if item is not None and _same(found, item):
                 return text
+        if (told := self._product(found)) is not None:
+            return told
         bases = [
             base if found[base] == 1 else f"{base}^{found[base]:g}"
             for base in BASES[:-1]
             if found[base]
         ]
         return " ".join([f"units of {10.0 ** found[SIZE]:.6g}", *bases])
+
+    def _product(self, found: Exponents) -> str | None:
+        """A unit as the shortest product of those of the inputs; None where there is none."""
+        texts = [text for text in self.stated if _ONE.fullmatch(text)][:MOST]
+        units = {text: item for text in (*texts, *TURNS) if (item := self.named.get(text))}
+        factors = [(f"{sign}{text}", item) for text, item in units.items() for sign in "*/"]
+        for count in range(1, FACTORS):
+            for first, *others in product(factors[::2], *[factors] * count):
+                if _same(found, _multiplied(first, *others)):
+                    return "".join(text for text, _ in (first, *others)).removeprefix("*")
+        return None
+
+
+def _multiplied(*factors: tuple[str, Exponents]) -> dict[str, float]:
+    """Exponents of a product of factors that are told as `*mm` or `/min`."""
+    return {
+        base: sum(item.get(base, 0.0) * (-1.0 if text[0] == "/" else 1.0) for text, item in factors)
+        for base in BASES
+    }
 
 
 def _has_shift(tree: Node) -> bool:
@@ -204,6 +237,10 @@ def _literals(node: Node) -> Iterator[Node]:
 
 def _differ(one: Exponents, other: Exponents) -> bool:
     return any(abs(one.get(base, 0.0) - other.get(base, 0.0)) > SAME for base in BASES[:-1])
+
+
+def _same(one: Exponents, other: Exponents) -> bool:
+    return not _differ(one, other) and not _sizes_differ(one, other)
 
 
 def _sizes_differ(one: Exponents, other: Exponents) -> bool:

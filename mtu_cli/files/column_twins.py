@@ -1,11 +1,14 @@
-"""Columns that may be meant as one of the contract: by their letters, or as a count."""
+"""Columns that may be meant as one of the contract: by their letters, as a count or as signs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+import numpy as np
+
+from mtu_cli.files.column_words import direction_along, plain
 from mtu_cli.files.contracts import Notice
-from mtu_cli.files.csv_header import DRIFT, may_count
+from mtu_cli.files.csv_header import DRIFT, MEASUREMENTS, may_count
 from mtu_cli.files.csv_table import Table, TableSpec
 
 COUNTS = ("repeat", "pass")
@@ -13,12 +16,18 @@ COUNTS = ("repeat", "pass")
 
 def column_twins(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
     """One warning a column: of `error` and `Error` the first alone is read, and a reader of the
-    table may take the other for it; a `Run` may be the repeat, or the pass.
+    table may take the other for it; a `Run` may be the repeat, or the pass, and `Richtung_x` the
+    direction along x.
     """
     for table in tables:
-        counts = [name for name in COUNTS if name in spec.names][:1]
-        if table.source.role != DRIFT and not {*counts} & {*table.header}:
-            yield from _counted(table, counts)
+        for other in table.covariates:
+            own = _maybe(other, table, spec)
+            if own is not None and own not in table.header:
+                text = (
+                    f"{table.source.shown}, row {table.header_row}: the column {other!r} is not "
+                    f"used as {own!r}: rename it where it {_holds(own)}"
+                )
+                yield Notice(code="column-not-used", message=text)
         named = {name.casefold(): name for name in table.header if spec.named(name)}
         for other in table.covariates:
             own = named.get(other.casefold())
@@ -31,12 +40,29 @@ def column_twins(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
                 yield Notice(code="columns-alike", message=text)
 
 
-def _counted(table: Table, counts: list[str]) -> Iterator[Notice]:
-    for other in table.covariates:
-        if may_count(other):
-            for own in counts:
-                text = (
-                    f"{table.source.shown}, row {table.header_row}: the column {other!r} is not "
-                    f"used as {own!r}: rename it where it numbers these"
-                )
-                yield Notice(code="column-not-used", message=text)
+def _holds(own: str) -> str:
+    return "numbers these" if own in COUNTS else f"is the direction along {own[-1]}, -1 or +1"
+
+
+def _maybe(other: str, table: Table, spec: TableSpec) -> str | None:
+    """The column of the contract that one beside it may be, as far as its cells allow."""
+    along = direction_along(other)
+    if along is not None:
+        return along if spec.named(along) and _signs(table, other) else None
+    if table.source.role == DRIFT:
+        return None
+    own = next((name for name in COUNTS if spec.named(name)), None)
+    # Of points a measurement is a value, unless its cells are numbers as of repeats.
+    measured = own == "repeat" and plain(other).strip() in MEASUREMENTS
+    return own if may_count(other) or (measured and _counts(table, other)) else None
+
+
+def _signs(table: Table, name: str) -> bool:
+    cells = table.columns.numbers.get(name, np.zeros(0))
+    return bool((np.isnan(cells) | (np.abs(cells) == 1)).all() and (cells == cells).any())
+
+
+def _counts(table: Table, name: str) -> bool:
+    """Whether cells are numbered from 0 or 1 on."""
+    cells = table.columns.numbers.get(name, np.zeros(0))
+    return bool(len(cells) and cells.min() in (0, 1) and (cells == np.floor(cells)).all())

@@ -4,58 +4,99 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable
 
 WORDS = {
-    "part": ("part", "workpiece", "piece", "serial", "werkstuck", "werkstueck", "teil", "bauteil",
-             "teilenummer", "seriennummer", "pieza", "pezzo"),
-    "feature": ("feature", "hole", "bore", "characteristic", "element", "merkmal", "bohrung",
-                "loch", "punkt", "caracteristique", "alesage", "trou", "caracteristica", "agujero",
-                "taladro", "foro"),
+    "part": ("part", "workpiece", "piece", "serial", "sample", "specimen", "werkstuck",
+             "werkstueck", "teil", "bauteil", "prufteil", "prufling", "pruefling", "serien",
+             "pieza", "pezzo"),
+    "feature": ("feature", "hole", "bore", "characteristic", "char", "element", "merkmal",
+                "bohrung", "loch", "punkt", "messpunkt", "caracteristique", "alesage", "trou",
+                "caracteristica", "agujero", "taladro", "foro"),
     "repeat": ("repeat", "repetition", "wiederholung", "repeticion", "ripetizione"),
     "component": ("component", "komponente", "composante", "componente"),
     "error": ("error", "err", "deviation", "dev", "abweichung", "abw", "fehler", "messabweichung",
               "erreur", "ecart", "desviacion", "errore", "scostamento"),
     "unit": ("unit", "units", "einheit", "masseinheit", "unite", "unidad", "unita"),
     "position_mm": ("position", "pos", "messposition", "posicion", "posizione"),
+    "direction": ("direction", "richtung", "direccion", "direzione"),
+    "sequence": ("sequence", "sequenz", "reihenfolge", "secuencia", "sequenza"),
+    "time": ("time", "zeit", "timestamp", "zeitstempel", "datetime"),
 }  # fmt: skip
 ACTUAL = ("actual", "act", "measured", "meas", "measurement", "ist", "istmass", "istwert",
           "gemessen", "mess", "messwert", "mesure", "mesuree", "medido", "medida", "real",
           "misurato")  # fmt: skip
-NOMINAL = ("nominal", "nom", "soll", "sollmass", "sollwert", "nennmass", "nennwert", "theorique",
-           "nominale", "teorico")  # fmt: skip
+NOMINAL = ("nominal", "nom", "soll", "sollmass", "sollwert", "nenn", "nennmass", "nennwert",
+           "theorique", "nominale", "teorico")  # fmt: skip
 """Without accents and in lower case; `x`, `y` or `z` stands before or behind."""
 VALUE = ("value", "val", "wert", "mass", "coordinate", "coord", "koordinate", "koord", "valeur",
          "coordonnee", "valor", "coordenada", "valore", "coordinata")  # fmt: skip
 """Of a coordinate, it is the measured one; beside ACTUAL and NOMINAL they say nothing more."""
-NUMBER = {"no", "nr", "n", "number", "id", "num", "numero"}
+NUMBER = {"no", "nr", "n", "number", "id", "num", "numero", "nummer"}
+NAME = {"name", "bezeichnung"}
+NAMING = NUMBER | NAME | {"ident", "label", "code", "tag"}
+ENDS = sorted((NUMBER | NAME) - {"n"}, key=len, reverse=True)
+"""What stands behind a word without a gap: `Teilenummer`, `PartNo`."""
+LINKS = ("", "e", "s")
+"""Between them in German: `Teile-Nr.`, `Merkmalsname`."""
+IDENTIFIED = ("part", "feature", "repeat", "component", "sequence")
+"""What has a number or a name; that of an error or a time is something else."""
+NOMINAL_SIGN = "n"
+"""Behind the axis, as in `Xn`; before it (`nx`) it is of a normal."""
+MINUTES = "min"
 UNIT = "mm"
 AXES = ("x", "y", "z")
 LONGEST = 200
 """Signs of a name that are looked at: none of those known is nearly so long."""
 
 
-def by_common_word(name: str, others: Iterable[str]) -> str | None:
-    """The first of other columns that common words say is the column `name`."""
-    return next((other for other in others if meant_by(other) == name), None)
-
-
 def meant_by(other: str) -> str | None:
     """The column that common words mean: `part` by `Werkstück-Nr.`, `nominal_x_mm` by
-    `Nennmaß X [mm]`.
+    `Nennmaß X [mm]`. One of several that are counted (`Ist X 2`) is none of them.
     """
-    words = [word for word in re.findall("[a-z]+", plain(other)) if word != UNIT]
+    told = plain(other)
+    words = [word for word in re.findall("[a-z]+", told) if word != UNIT]
+    if re.search("[0-9]", told):
+        return None
     axes = [word for word in words if word in AXES]
     if len(axes) == 1:
         return _coordinate([word for word in words if word not in AXES], axes[0])
     for word in words if len(words) == 1 else ():
+        if len(word) == 2 and word[0] in AXES and word[1] == NOMINAL_SIGN:
+            return f"nominal_{word[0]}_mm"
         for axis, rest in ((word[0], word[1:]), (word[-1], word[:-1])):
             if axis in AXES and (own := _coordinate([rest], axis)):
                 return own
-    left = [word for word in words if word not in NUMBER]
-    return next(
-        (name for name, known in WORDS.items() if len(left) == 1 and left[0] in known), None
-    )
+    return _named(words)
+
+
+def _named(words: list[str]) -> str | None:
+    """What is not along an axis, by its word, its number or its name."""
+    left = [word for word in words if word not in NUMBER | NAME]
+    if MINUTES in left[1:]:
+        left.remove(MINUTES)
+        return "time_min" if len(left) == 1 and left[0] in WORDS["time"] else None
+    if len(left) != 1:
+        return None
+    end = next((end for end in ENDS if left[0].endswith(end) and left[0] != end), "")
+    stem = left[0].removesuffix(end)
+    identified = bool(end) or len(left) < len(words)
+    meant = {left[0], *(stem.removesuffix(link) for link in LINKS if identified)}
+    names = (name for name, known in WORDS.items() if not meant.isdisjoint(known))
+    return next((name for name in names if not identified or name in IDENTIFIED), None)
+
+
+def may_name(other: str) -> bool:
+    """Whether a column that no known word explains tells one thing from another: `Ident-Nr.`."""
+    words = re.findall("[a-z]+", plain(other))
+    return meant_by(other) is None and not NAMING.isdisjoint(words)
+
+
+def direction_along(other: str) -> str | None:
+    """The column `dir_x` that `Richtung_x` or `direction X` may mean, where its cells are signs."""
+    words = re.findall("[a-z]+", plain(other))
+    axes = [word for word in words if word in AXES]
+    ways = [word for word in words if word in WORDS["direction"]]
+    return f"dir_{axes[0]}" if len(axes) == len(ways) == 1 and len(words) == 2 else None
 
 
 def _coordinate(words: list[str], axis: str) -> str | None:

@@ -28,6 +28,12 @@ MAX_DEGREE = 9
 OWN_SIZES = ("budget",)
 """Kinds of files whose checks know by themselves how large their numbers may be."""
 
+LEAST = {
+    "pass": (0, "below 0", "a whole number from 0 on"),
+    "repeat": (0, "a negative repeat", "0, 1, 2, ..."),
+}
+"""Of columns of counts the least value, what a lesser one is, and what is expected."""
+
 NonNegative = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
 
@@ -109,7 +115,7 @@ def check_contract(
     Raises InputError with all problems, in the order of their lines.
     """
     _check_kind(document, kind)
-    findings = Findings(document, list(document.duplicates))
+    findings = Findings(document)
     sound = document.data
     try:
         checked = model.model_validate(document.data)
@@ -173,7 +179,7 @@ def _check_kind(document: YamlDocument, kind: str) -> None:
     wanted = f"mtu/{kind}/{SCHEMA_VERSION}"
     what = f"not {'an' if kind[0] in 'aeiou' else 'a'} {kind} file"
     data = document.data
-    findings = Findings(document, list(document.duplicates))
+    findings = Findings(document)
     if not isinstance(data, dict):
         is_table = ".csv" in document.source.path.name
         hint = " (a CSV file is given with its option, such as --cmm FILE)" if is_table else ""
@@ -185,7 +191,7 @@ def _check_kind(document: YamlDocument, kind: str) -> None:
         near = closest("schema", [key for key in data if key != "name"])
         hint = f" (rename {near!r})" if near is not None else ""
         findings.add((), "the key 'schema' is missing", expected=f"'schema: {wanted}'{hint}")
-    if len(findings.problems) > len(document.duplicates):
+    if findings.problems:
         raise InputError(findings.problems)
 
 

@@ -6,22 +6,24 @@ import re
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 
-from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.errors import InputError, Problem, closest, is_near
 from mtu_cli.files.column_lengths import deviation_along, in_other_unit, renaming
-from mtu_cli.files.column_words import by_common_word, meant_by, plain
+from mtu_cli.files.column_words import direction_along, may_name, meant_by, plain
 from mtu_cli.files.csv_mistaken import refuse_other_table
 from mtu_cli.files.csv_table import TableSpec
 from mtu_cli.files.csv_text import CsvText
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 
-RUNS = ("run", "durchgang", "durchlauf", "lauf")
+RUNS = ("run", "durchgang", "durchlauf", "lauf", "trial", "versuch")
 """Of repeats, or of anything else."""
 REPEATS = ("repeat", "rep", "replicate", "replication", "repetition", "wiederholung", "wdh", *RUNS)
 MEASUREMENTS = ("measurement", "meas", "messung", "mess")
 """Of a point, where they are numbered; without a number they are what was measured."""
+POS = "pos"
+"""In a list of characteristics their number; beside names and numbers of others nobody knows."""
 OTHER_WORDS = {
-    "part": ("serial", "serial_number", "serial_no", "workpiece", "piece", "sn"),
-    "feature": ("hole", "bore", "point", "ring", "feature_id", "element"),
+    "part": ("serial", "serial_number", "serial_no", "workpiece", "piece", "sn", "s/n"),
+    "feature": ("hole", "bore", "point", "ring", "feature_id", "element", POS),
     "repeat": REPEATS,
     "pass": ("passes", *REPEATS),
     "cycle": ("warm_up", "zyklus"),
@@ -76,9 +78,13 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
             what = f"both {first!r} and {second!r} are given"
             problems.append(Problem(what=what, file=shown, row=row, expected="one of them"))
     named = list(_named_otherwise(text, spec, wanted))
-    # What may be a count of its own is no fault by itself: `column_twins` tells of it.
-    if problems or not all(may_count(str(problem.column)) for problem in named):
+    # What may be a column of its own is no fault by itself: `column_twins` tells of it.
+    if problems or not all(_doubtful(str(problem.column)) for problem in named):
         raise InputError(problems + named)
+
+
+def _doubtful(name: str) -> bool:
+    return may_count(name) or direction_along(name) is not None
 
 
 def may_count(name: str) -> bool:
@@ -113,8 +119,9 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
     for other in header:
         # Without its unit a name is meant as it stands: `nominal` is no slip of `nominal_z`.
         name = _meant(other, known) or bare.get(_folded(_IN_MM.sub("", other)))
-        if name is None and (by_words := meant_by(other)) in known.values():
-            name = by_words
+        if name is None:
+            by_words = (meant_by(other), direction_along(other))
+            name = next((word for word in by_words if word in known.values()), None)
         if name is None:
             name = in_other_unit(other, converted)
         if other and not spec.named(other) and name is not None and name not in shut:
@@ -123,8 +130,13 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
                 file=text.source.shown,
                 row=text.header_row,
                 column=other,
-                expected=f"{renaming(other, name)}, or to a name of its own",
+                expected=f"{renaming(other, name)}{_minutes(name)}, or to a name of its own",
             )
+
+
+def _minutes(name: str) -> str:
+    """What else a column of times may be: only its cells tell dates from minutes."""
+    return " ('time_min' where it counts minutes)" if name == "time" else ""
 
 
 def _meant(name: str, known: Mapping[str, str]) -> str | None:
@@ -163,12 +175,7 @@ def missing_column(
     along = {other: deviation_along(other) for other in others} if axis else {}
     others = [other for other in others if not along.get(other)]
     near = next((other for other in others if in_other_unit(other, (name,))), None)
-    near = (
-        near
-        or closest(name, others)
-        or _by_another_word(name, others)
-        or by_common_word(name, others)
-    )
+    near = near or _by_words(name, others)
     if near is not None:
         hint = renaming(near, name)
     elif own := [other for other, of in along.items() if of == axis]:
@@ -177,6 +184,24 @@ def missing_column(
     else:
         hint = f"a column {name!r} (the columns are {', '.join(header)})"
     return Problem(what=f"the column {name!r} is missing", file=shown, row=row, expected=hint)
+
+
+def _by_words(name: str, others: list[str]) -> str | None:
+    """The column that is called nearly so, or so by another program; none where several are."""
+    same = [other for other in others if plain(other) == name]
+    own = [other for other in others if meant_by(other) == name]
+    if same or len(own) == 1:
+        return (same or own)[0]
+    if own:
+        return None
+    # What is surely another column is no slip of this one, nor is a `Temperature` of a feature.
+    free = [other for other in others if meant_by(other) is None]
+    near = closest(name, free)
+    if near is not None and (is_near(name, near) or plain(near)[:1] == name[:1]):
+        return near
+    if any(may_name(other) for other in others):
+        others = [other for other in others if plain(other) != POS]
+    return _by_another_word(name, others)
 
 
 def _by_another_word(name: str, others: list[str]) -> str | None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.contracts import LEAST
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_table import LARGEST_INTEGER, ProblemList, Table, TableSpec, cell_text
 from mtu_cli.files.csv_table import LARGEST_READING as LARGEST_READING
@@ -96,21 +97,21 @@ def file_indices(tables: Sequence[Table]) -> Ints:
 
 
 def integers(tables: Sequence[Table], name: str, problems: ProblemList) -> Ints:
-    """A column of whole numbers, passes from 0 on; -1 where none is given. Not to be written to."""
+    """A column of whole numbers, none below its least; -1 where none is given. Not to be written
+    to.
+    """
     if not any(name in table.columns.numbers for table in tables):
         return np.broadcast_to(np.int64(-1), sum(len(table) for table in tables))
     values = numbers(tables, name)
-    if values.min() >= 0 and values.max() <= LARGEST_INTEGER:
+    least, lesser, wanted = LEAST.get(name, (-LARGEST_INTEGER, "", ""))
+    if values.min() >= max(0, least) and values.max() <= LARGEST_INTEGER:
         whole = values.astype(np.int32 if values.max() <= SMALL_INTEGER else np.int64)
         if np.array_equal(whole, values):
             return whole
     faulty = (values != np.floor(values)) | (np.abs(values) > LARGEST_INTEGER)
     faulty &= ~np.isnan(values)
     _by_table(tables, faulty, name, "not a whole number", values, "a whole number", problems)
-    if name == "pass":
-        # Of the other counts who reads the points tells what is below 0.
-        below = ~faulty & (values < 0)
-        _by_table(tables, below, name, "below 0", values, "a whole number from 0 on", problems)
+    _by_table(tables, ~faulty & (values < least), name, lesser, values, wanted, problems)
     return np.where(faulty | np.isnan(values), -1.0, values).astype(np.int64)
 
 

@@ -14,6 +14,7 @@ from mtu_cli.files import doubled, joined
 from mtu_cli.files.column_twins import column_twins
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
+from mtu_cli.files.features_alike import features_alike
 from mtu_cli.files.point_temperatures import check_temperatures_of_points, temperature_notes
 from mtu_cli.files.sensor_names import check_temperature_names, sensor_name_notes
 from mtu_cli.files.source import Source
@@ -63,7 +64,7 @@ class Points:
     order in which parts first appear; `direction` (n, 3) -1, +1, or nan where not given;
     `covariates` floats (nan where not given) or texts ("" where not given); `row` counts as a
     text editor in the file `sources[file_index[i]]`. Arrays may be read-only. `notes` say which
-    sensors look odd, and which columns are none.
+    sensors look odd, which columns are none, and which features stand at one place.
     """
 
     parts: tuple[str, ...]
@@ -112,7 +113,7 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
     check_temperatures_of_points(tables, points, problems)
     problems.raise_if_any()
     notes = (*temperature_notes(tables, points), *sensor_name_notes(tables))
-    return replace(points, notes=(*column_twins(tables, SPEC), *notes))
+    return replace(points, notes=(*column_twins(tables, SPEC), *features_alike(points), *notes))
 
 
 def _check_table(table: Table, features: Mapping[str, Place] | None, problems: ProblemList) -> None:

@@ -31,16 +31,14 @@ YamlPath = tuple[str | int, ...]
 class YamlDocument:
     """A YAML file: plain data, and the 1-based line of each value by its path.
 
-    The line of a mapping's entry is its key's. `duplicates` are keys that appear twice: faults
-    that `check_contract` raises together with all that it finds itself, as it does `odd_numbers`,
-    by the path of their list. `content` are the bytes of the file, none where the text came from
-    elsewhere.
+    The line of a mapping's entry is its key's. `odd_numbers`, by the path of their list, are faults
+    that `check_contract` raises together with all that it finds itself. `content` are the bytes of
+    the file, none where the text came from elsewhere.
     """
 
     source: Source
     data: Any
     lines: Mapping[YamlPath, int]
-    duplicates: tuple[Problem, ...] = ()
     odd_numbers: Mapping[YamlPath, OddNumber] = field(default_factory=dict)
     content: bytes = b""
 
@@ -82,10 +80,10 @@ def read_yaml(path: Path, role: str) -> YamlDocument:
 def parse_yaml(text: str, source: Source) -> YamlDocument:
     """YAML text as plain data with lines.
 
-    Raises InputError, with the line, for text that is no YAML, a tag beyond the core schema (and
-    duplicate keys beside it), an alias inside its own anchor, more than one document, more than
-    60 levels, a text of more than 120 000 characters, or more than 500 000 values once aliases
-    are expanded.
+    Raises InputError, with the line, for text that is no YAML, tags beyond the core schema and
+    keys that appear twice (nobody knows which of their values is meant), an alias inside its own
+    anchor, more than one document, more than 60 levels, a text of more than 120 000 characters, or
+    more than 500 000 values once aliases are expanded.
     """
     shown = source.shown
     try:
@@ -97,16 +95,12 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     except yaml.YAMLError as error:
         what = f"not readable as YAML: {str(error).splitlines()[0]}"
         raise fault(what, file=shown, line=control_line(text)) from None
-    if composer.bad_tags:
-        problems = [*composer.bad_tags, *composer.duplicates]
+    if problems := [*composer.bad_tags, *composer.duplicates]:
         raise InputError(sorted(problems, key=lambda problem: problem.line or 0))
     if root is None:
         raise fault("the file holds no values", file=shown, expected=f"a {source.role} file")
     data, lines, odd = _expand(root)
-    duplicates = tuple(composer.duplicates)
-    return YamlDocument(
-        source=source, data=data, lines=lines, duplicates=duplicates, odd_numbers=odd
-    )
+    return YamlDocument(source=source, data=data, lines=lines, odd_numbers=odd)
 
 
 def yaml_events(text: str) -> Iterator[Any]:

@@ -119,11 +119,14 @@ def not_finite(model: MachineModel, axis: str, point: FloatArray) -> Problem:
     """The Problem of the equation of an axis that has no value at `point` (3,), mm."""
     used = coordinates_of(model, axis)
     unknown = [name for k, name in enumerate(AXES) if np.isnan(point[k]) and name in used]
-    place = ", ".join(f"{name}={point[AXES.index(name)]:g}" for name in used)
+    known = [f"{name}={point[AXES.index(name)]:g}" for name in used if name not in unknown]
+    at = f" at {', '.join(known)}" if known else ""
+    without = f" without a {unknown[0]}, which nothing states" if unknown else ""
     return Problem(
-        what=f"the equation E{axis} of {model.name!r} has no finite value at {place}",
+        what=f"the equation E{axis} of {model.name!r} has no finite value{at}{without}",
         expected=(
-            f"a value for {unknown[0]} (z_mm in the part, or a constant of the machine)"
+            f"a value for {unknown[0]} (z_mm in the part, nominal_z_mm of the points, or a "
+            "constant of the machine)"
             if unknown
             else "an equation that is defined at every feature (no division by 0, no root or "
             "logarithm of a negative number, no exponential of millimetres)"

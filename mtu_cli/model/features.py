@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mtu_cli.errors import InputError
+from mtu_cli.files.features_alike import part_features_alike
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.design import without_coordinate
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -47,6 +48,10 @@ def feature_points(
                     "is used for nominal lengths only",
                 )
             )
+    warnings += [
+        Warned(code=notice.code, message=notice.message)
+        for notice in part_features_alike(part.source.shown, ids, points)
+    ]
     return ids, points, warnings
 
 

@@ -134,9 +134,15 @@ class Needed:
 
 
 def needed_covariates(
-    model: MachineModel, points: Points, columns: Columns, at: Mapping[str, float]
+    model: MachineModel,
+    points: Points,
+    columns: Columns,
+    at: Mapping[str, float],
+    *,
+    at_nominal: bool = False,
 ) -> Needed:
-    """The model's covariates at every point; the points' own `columns` come before `at`.
+    """The model's covariates at every point; the points' own `columns` come before `at`. A model
+    that is asked `at_nominal` places has no use for measured coordinates in their place.
 
     Times are added where a drift lags behind its temperatures.
 
@@ -162,17 +168,18 @@ def needed_covariates(
     if not problems and (problem := moment_problem(model, points, values)) is not None:
         problems.append(problem)
     if not problems:
-        problems += _without_place(model, points)
+        problems += _without_place(model, points, at_nominal=at_nominal)
     if problems:
         raise InputError(problems)
     return Needed(values=values, warnings=tuple(warnings))
 
 
-def _without_place(model: MachineModel, points: Points) -> Iterator[Problem]:
+def _without_place(model: MachineModel, points: Points, *, at_nominal: bool) -> Iterator[Problem]:
     """Points without a coordinate that an equation needs, neither measured nor nominal."""
-    found = without_coordinate(
-        model, np.where(np.isnan(points.nominal), points.measured, points.nominal)
-    )
+    places = points.nominal
+    if not at_nominal:
+        places = np.where(np.isnan(places), points.measured, places)
+    found = without_coordinate(model, places)
     if found is not None:
         lacking, problem = found
         i = int(lacking[0])

@@ -162,7 +162,7 @@ def _measured(
     cells = layout.cells
     columns = point_columns(points)
     check_temperatures(points)
-    needed = needed_covariates(model, points, columns, at)
+    needed = needed_covariates(model, points, columns, at, at_nominal=True)
     shown, gaps = table_covariates(columns, cells, (points.file_index, points.sources))
     shapes = {name: value.shape for name, value in shown.items()}
     found = cell_model(model, points.nominal, needed.values, cells, shapes)

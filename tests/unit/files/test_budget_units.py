@@ -147,6 +147,23 @@ MM = {"h": "mm", "L": "mm"}
         ("atan2(h, L)", "rad", {"h": "mm", "L": "um"}, "4: equation: mm and um are compared"),
         ("a*L*t", "um", {"a": "um/m/K", "L": "mm", "t": "degC"}, "gives nm: 'um'; expected nm, or"),
         ("V/I", "ohm", {"V": "V", "I": "mA"}, "gives kohm: 'ohm'; expected kohm, or the equation"),
+        (
+            "phi*L",
+            "um",
+            {"phi": "arcsec", "L": "mm"},
+            "the equation gives arcsec*mm: 'um'; expected arcsec*mm, or the equation times "
+            "0.00484814",
+        ),
+        (
+            "phi*L + h",
+            "um",
+            {"phi": "deg", "L": "mm", "h": "um"},
+            "deg*mm and um are added at column 7; expected one unit: what is in um times 0.0572958",
+        ),
+        ("phi*L*t", "um", {"phi": "arcsec/K", "L": "mm", "t": "K"}, "gives mm*arcsec: 'um'"),
+        ("h*L**2/t", "mm", {"h": "deg", "L": "in", "t": "min"}, "gives units of 1.87669e-07 m^2 s"),
+        ("h*L/t", "mm", {"h": "deg", "L": "in", "t": "min"}, "gives deg*in/min: 'mm'; expected"),
+        ("atan(h)/2 + L", "rad", {"h": "1", "L": "arcsec"}, "plain numbers and arcsec are added"),
         ("h*L", "mm", MM, "the equation gives mm^2: 'mm'; expected mm^2, or an equation that"),
         # 1 + 12 ppm is no 1.000012, and no factor mends that.
         ("L*(1 + a*t)", "mm", {"L": "mm", "a": "ppm/K", "t": "K"}, "gives nm: 'mm'; expected nm"),

@@ -56,28 +56,60 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
         {"Teil": "part", "Bohrung": "feature", "Mess_X": "x_mm", "Mess_Y": "y_mm",
          "Soll_X": "nominal_x_mm", "Soll_Y": "nominal_y_mm", "Wdh.-Nr.": "repeat"},
         {"Pieza": "part", "Agujero": "feature", "x medido": "x_mm", "y medido": "y_mm"},
+        {"Prüfling": "part", "Merkmalsname": "feature", "Ist X": "x_mm", "Ist Y": "y_mm",
+         "Nenn X": "nominal_x_mm", "Nenn Y": "nominal_y_mm", "Sequenz": "sequence",
+         "Richtung_x": "dir_x", "Lauf": "repeat"},
+        {"Teile-Nr.": "part", "Merkmals-Nr.": "feature", "X": "x_mm", "Y": "y_mm",
+         "Xn": "nominal_x_mm", "Yn": "nominal_y_mm", "Zeit [min]": "time_min"},
+        {"Teilenummer": "part", "Pos": "feature", "x": "x_mm", "y": "y_mm"},
+        {"Serial No": "part", "Char": "feature", "Actual X": "x_mm", "Meas Y": "y_mm",
+         "Nominal X": "nominal_x_mm", "Nominal Y": "nominal_y_mm", "Trial": "repeat"},
+        {"Sample": "part", "FeatureName": "feature", "X": "x_mm", "Y": "y_mm", "Temperature": ""},
+        {"Part ID": "part", "Char No": "feature", "X": "x_mm", "Y": "y_mm", "Ist X 2": ""},
     ],
     ids=["German", "English", "joined", "French", "short", "values", "values too", "runs", "Mess",
-         "Spanish"],
+         "Spanish", "names", "numbers", "positions", "characters", "samples", "IDs"],
 )  # fmt: skip
 def test_common_words_for_columns_are_known(pairs: dict[str, str], tmp_path: Path) -> None:
     lines = refused(tmp_path, ",".join(pairs), ",".join("1" * len(pairs)) + "\n")
-    pairs = {other: name for other, name in pairs.items() if other != name}
+    pairs = {other: name for other, name in pairs.items() if name not in (other, "")}
     assert len(lines) == len(pairs)
     for other, name in pairs.items():
         assert sum(f"expected {other!r} renamed to {name!r}" in line for line in lines) == 1
 
 
+@pytest.mark.parametrize(
+    ("header", "name"),
+    [("Teil,Auftragsteil-Nr,Seriennummer,feature", "part"), ("part,Name,Pos", "feature"),
+     ("part,Bohrung,Merkmal", "feature"), ("part,Temperature,Load", "feature"),
+     ("Probe,feature", "part")],
+)  # fmt: skip
+def test_of_columns_that_are_as_likely_none_is_told(header: str, name: str, tmp_path: Path) -> None:
+    row = ",".join("1" * (header.count(",") + 3))
+    lines = refused(tmp_path, f"{header},x_mm,y_mm", f"{row}\n")
+    wanted = f"expected a column {name!r} (the columns are {', '.join(header.split(','))}, x_mm, y"
+    assert wanted in lines[0]
+
+
+def test_times_may_be_dates_or_minutes(tmp_path: Path) -> None:
+    (line,) = refused(tmp_path, "part,feature,x_mm,y_mm,Zeit")
+    assert line.endswith(
+        "expected 'Zeit' renamed to 'time' ('time_min' where it counts minutes), or to a name of "
+        "its own"
+    )
+
+
 def test_common_words_of_readings_are_known() -> None:
     words = {"Komponente": "component", "Abweichung": "error", "Einheit": "unit", "Écart": "error",
-             "Messposition [mm]": "position_mm"}  # fmt: skip
+             "Messposition [mm]": "position_mm", "Richtung": "direction"}  # fmt: skip
     assert {word: meant_by(word) for word in words} == words
 
 
 @pytest.mark.parametrize(
     "other",
     ["Befund", "Werkzeug", "x y ist", "Ist", "mm", "°", "Höhe", "Prüfer", "Wert", "Z-Achse",
-     "Z-Wert [µm]", "x ist soll", "xray", "Measurement", "Messung"],
+     "Z-Wert [µm]", "x ist soll", "xray", "Measurement", "Messung", "nx", "Zeit-Nr.", "Soll X 2",
+     "Uhrzeit", "Datum", "Fehlername", "n"],
 )  # fmt: skip
 def test_other_words_are_columns_of_their_own(other: str, tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
@@ -186,6 +218,29 @@ def test_a_count_that_may_be_of_the_repeats_is_told_of(column: str, tmp_path: Pa
             for item in read_points([(path, "cmm")], None).notes
             if item.code == "column-not-used"
         ]
+
+
+@pytest.mark.parametrize(
+    ("column", "cells", "own"),
+    [("Richtung_x", "1,-1", "'dir_x': rename it where it is the direction along x, -1 or +1"),
+     ("Direction Y", ",-1", "'dir_y': rename it where it is the direction along y, -1 or +1"),
+     ("Richtung_x", "1,2", None), ("direction_x", ",", None), ("Richtung_x", "+,left", None),
+     ("Messung", "1,2", "'repeat': rename it where it numbers these"),
+     ("Measurement", "0,1", "'repeat': rename it where it numbers these"),
+     ("Messung", "1,1.5", None), ("Messung", "7,8", None), ("Messung", "1,", None),
+     ("Trial", "a,b", "'repeat': rename it where it numbers these"),
+     ("Versuch Nr.", "1,2", "'repeat': rename it where it numbers these")],
+)  # fmt: skip
+def test_what_cells_allow_is_told_of(
+    column: str, cells: str, own: str | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "cmm.csv"
+    first, second = cells.split(",")
+    head = f"part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,{column}"
+    path.write_text(f"{head}\nP,A,1,1,1,1,{first}\nQ,A,1,1,1,1,{second}\n", "utf-8")
+    found = [n.message for n in read_points([(path, "cmm")], None).notes]
+    wanted = f"cmm.csv, row 1: the column {column!r} is not used as {own}"
+    assert found == [wanted] * (own is not None)
 
 
 @pytest.mark.parametrize("column", ["rep", "Repeat", "Wdh."])

@@ -201,6 +201,6 @@ def test_a_study_names_one_components_report_or_several(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         load_study(path)
     assert [str(problem) for problem in caught.value.problems] == [
-        "mtu.yaml:3: components[2]: no such file: 'u.json'; did you mean 't.json'?",
+        "mtu.yaml:3: components[2]: no such file: 'u.json'",
         "mtu.yaml:3: components[1]: the file is listed twice: 'c.json'",
     ]

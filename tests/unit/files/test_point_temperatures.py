@@ -28,7 +28,8 @@ def points_of(
     lines = []
     for i, value in enumerate(values):
         time = "" if minutes is None else f",{minutes[i]:g}"
-        lines.append(f"{i // ROWS},h{i % ROWS},0,0,{i / 1000},0,{value}{time}")
+        x = 10 * (i % ROWS)
+        lines.append(f"{i // ROWS},h{i % ROWS},{x},0,{x + i / 1000},0,{value}{time}")
     head = f"{HEAD},{sensor}{'' if minutes is None else ',time_min'}\n"
     paths = []
     for k in range(files):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mtu_cli.errors import InputError
+from mtu_cli.files.contracts import LEAST
 from mtu_cli.files.points import Place, Points, read_points
 
 PART: dict[str, Place] = {"h2": (10.0, 20.0, None), "h1": (0.0, 0.0, 5.0), "h10": (1.0, 1.0, None)}
@@ -146,6 +147,28 @@ def test_equal_rows_where_repeats_are_told_apart(tmp_path: Path) -> None:
         "p0.csv, row 3: the same as row 2 in every column; expected each reading once"
     ]
     assert len(read(tmp_path, f"{HEAD},other\n{rows}")) == 3
+
+
+def test_repeats_are_counted_from_zero(tmp_path: Path) -> None:
+    """Also where all of a file are -1, which stands for a file without repeats."""
+    rows = f"{HEAD},repeat\n7,h1,0,0,-1\n7,h2,10,20,-1\n"
+    expected = "'repeat': a negative repeat: '-1'; expected 0, 1, 2, ..."
+    found = faults(tmp_path, rows, f"{HEAD}\n8,h1,0,0\n")
+    assert found == [f"p0.csv, row {row}, column {expected}" for row in (2, 3)]
+    assert read(tmp_path, f"{HEAD},sequence\n7,h1,0,0,-4\n").sequence.tolist() == [-4]
+
+
+@pytest.mark.parametrize("least", [-1, 0, 2])
+def test_a_count_has_the_least_value_of_its_contract(
+    least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(LEAST, "repeat", (least, "too few", "more"))
+    rows = [f"7,h1,0,{i},{count}\n" for i, count in enumerate((-2, -1, 0, 1, 2))]
+    bad = [count for count in (-2, -1, 0, 1) if count < least]
+    found = faults(tmp_path, f"{HEAD},repeat\n{''.join(rows)}")
+    assert [line.split(": ", 1)[1] for line in found] == [
+        f"too few: '{count}'; expected more" for count in bad
+    ]
 
 
 def test_many_points(tmp_path: Path) -> None:

@@ -54,6 +54,7 @@ def test_a_missing_file_names_the_closest_one(tmp_path: Path) -> None:
     ("name", "there", "hint"),
     [
         ("machine.yaml", "tm.yaml", None),
+        ("p.yaml", "t.yaml", None),
         ("nix.csv", "drift.csv", None),
         ("lbb.csv", "lbb.json", None),
         ("drft.csv", "drift.csv", "drift.csv"),
