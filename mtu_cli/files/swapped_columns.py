@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 POSITION, ERROR, PASS = "position_mm", "error", "pass"
 DRIFT = "drift"
 FEWEST_TARGETS = 3
-STEEPER = 20.0
-"""Errors span so many um (or of the unit of an angle) per mm of the positions: no machine's do,
-nor does a short stage read by a coarse display.
+STEEPER, TRAVEL = 2.0, 20.0
+"""Errors span so many um (or of the unit of an angle) per mm of the positions, and in all: no
+machine's do, nor does a short stage read by a coarse display.
 """
 SHOWN = 3
 
@@ -34,7 +34,7 @@ def refuse_swapped(table: Table) -> None:
     if table.source.role == DRIFT or not {POSITION, ERROR, PASS} <= set(table.columns.numbers):
         return
     # What is too large to be subtracted is told by who reads the cells.
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         every = [own for own in _runs(table) if len(own[2]) > 1]
         runs = {name: passes for name, _, passes in every}
         names = [name for name, steep, passes in every if steep and _are_swapped(passes)]
@@ -85,7 +85,8 @@ def _in_um(table: Table) -> Floats:
 
 
 def _steep(error: Floats, position: Floats) -> bool:
-    return bool(np.ptp(error) > STEEPER * np.ptp(position))
+    span = float(np.ptp(error))
+    return span > TRAVEL and span > STEEPER * float(np.ptp(position))
 
 
 def _are_swapped(passes: list[tuple[Floats, Floats]]) -> bool:

@@ -58,9 +58,9 @@ _ALSO = LENGTHS_ALSO | {
     "radians": "rad", "kelvin": "K", "celsius": "degC",
 }  # fmt: skip
 _DEGREES = re.compile(r"(?:deg(?:rees?)?|\u00b0)\s*(?:celsius|kelvin|[ck])(?![a-z])", re.IGNORECASE)
-_UNDER = re.compile(r"/\s*\(([^()/]+)\)")
-"""What is divided by as one: um/(m K)."""
-_BETWEEN = re.compile(r"\s*[*.]\s*|\s+")
+_UNDER = re.compile(r"/\s*\(([^()/]+)\)(?!\s*(?:\^|\*\*|[\d\u00b2\u00b3]))")
+"""What is divided by as one: um/(m K); a power of it as a whole is not read."""
+_BETWEEN = re.compile(r"\s*(?:(?<!\*)\*(?!\*)|\.(?!\d))\s*|\s+")
 _SIGNS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u2126": "ohm", "\u03a9": "ohm",
                         "\u00b2": "2", "\u00b3": "3", "\u00b7": "*", "\u2212": "-"})  # fmt: skip
 _FACTOR = re.compile(
@@ -124,5 +124,8 @@ def meant(text: str | None) -> str | None:
     if text is None or unit_exponents(text) is not None:
         return None
     over, _, under = text.strip().partition("/")
-    clear = f"{over}/({' '.join(_BETWEEN.split(under.strip().translate(_SIGNS)))})"
+    factors = _BETWEEN.split(under.strip().translate(_SIGNS))
+    if "" in factors or any("-" in factor for factor in factors):
+        return None
+    clear = f"{over}/({' '.join(factors)})"
     return None if unit_exponents(clear) is None else clear

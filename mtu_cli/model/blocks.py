@@ -30,7 +30,7 @@ def component_blocks(
             _own_block(model.terms[i], J[:, columns[i]], levers[:, i])
             for i in (index[name] for name in kept)
         ]
-        blocks.append(_joint_block(group, _positions_in_group(group, kept), own))
+        blocks.append(_joint_block(group, positions_in_group(group, kept), own))
         taken.update(kept)
     for t, term in enumerate(model.terms):
         if term.estimate.name not in taken:
@@ -38,7 +38,7 @@ def component_blocks(
     return blocks
 
 
-def _positions_in_group(group: JointPasses, kept: Sequence[str]) -> list[int]:
+def positions_in_group(group: JointPasses, kept: Sequence[str]) -> list[int]:
     """Rows of the kept components in a group's covariance."""
     starts = np.concatenate([[0], np.cumsum(group.widths)]).astype(int)
     return [

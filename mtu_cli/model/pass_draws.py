@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtu_cli.errors import fault
-from mtu_cli.model.blocks import component_blocks
+from mtu_cli.model.blocks import component_blocks, positions_in_group
+from mtu_cli.model.estimates import JointPasses
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.variance import Block, drawable_passes
@@ -59,22 +60,34 @@ def cut_warnings(model: MachineModel) -> list[Warned]:
     """Of components whose passes are drawn to differ by more than predictions take them to."""
     cut: list[str] = []
     for block in _blocks(model):
-        drawn = drawable_passes(block.D, block.C)
-        scale = np.sqrt(np.where(np.diag(drawn) > 0, np.diag(drawn), np.inf))
-        if (np.abs(drawn - block.D) > SEEN * np.outer(scale, scale)).any():
-            cut += block.names
+        if not _is_cut(block.D, block.C):
+            continue
+        own = [
+            name
+            for name, part in zip(block.names, block.columns, strict=True)
+            if _is_cut(block.D[part, part], block.C[part, part])
+        ]
+        cut += own or [f"{' and '.join(block.names)} together"]
     if not cut:
         return []
     text = (
         f"the passes of {', '.join(cut)} differ by less than their repeatability makes them: "
-        "nothing can be drawn so, and what is simulated scatters somewhat more than is predicted"
+        "nothing can be drawn so, and what is simulated scatters more than is predicted"
     )
     return [Warned(code="passes-cut", message=text)]
 
 
+def _is_cut(D: FloatArray, C: FloatArray) -> bool:
+    """Whether passes are drawn with another covariance than D (k, k)."""
+    drawn = drawable_passes(D, C)
+    # Where nothing is left to be drawn, by what noise alone gives.
+    scale = np.sqrt(np.fmax(np.diag(drawn), np.diag(C)))
+    return bool((np.abs(drawn - D) > SEEN * np.outer(scale, scale)).any())
+
+
 def _blocks(model: MachineModel) -> list[Block]:
     """Of components read together one, where it is known how far they vary together."""
-    joint = tuple(group for group in model.joint if np.isfinite(group.pass_covariance).all())
+    joint = tuple(group for group in model.joint if _known_together(group, model))
     widths = [len(term.estimate.coefficients) for term in model.terms]
     ends = np.cumsum(widths).tolist()
     columns = [slice(end - k, end) for end, k in zip(ends, widths, strict=True)]
@@ -87,3 +100,10 @@ def _blocks(model: MachineModel) -> list[Block]:
             expected="a report of readings in several passes",
         )
     return found
+
+
+def _known_together(group: JointPasses, model: MachineModel) -> bool:
+    """Whether it is known how far those of a group that the machine has vary together."""
+    used = {term.estimate.name for term in model.terms}
+    kept = positions_in_group(group, [name for name in group.components if name in used])
+    return bool(np.isfinite(group.pass_covariance[np.ix_(kept, kept)]).all())

@@ -57,8 +57,11 @@ def fellows(number: IntArray, way: IntArray) -> Fellows:
         return _of_one_count(number, way)
     pieces = _pieces(number, way)
     found = _paired(pieces, number, way)
-    if len(pieces) > 1 and len(set(zip(number.tolist(), way.tolist(), strict=True))) == len(way):
-        # No number stands twice in a direction: it may be one day that counts in its own way.
+    starts = {int(number[own[0]]) for own in pieces}
+    anew = len(starts) == 1 and all(len(np.unique(way[own])) > 1 for own in pieces)
+    if not anew and len(set(zip(number.tolist(), way.tolist(), strict=True))) == len(way):
+        # No number stands twice in a direction, and no day of both begins as the others do: it
+        # may be one day that counts in its own way.
         whole = _paired([np.arange(len(number))], number, way)
         found = max(found, whole, key=len)
     return found

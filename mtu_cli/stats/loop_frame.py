@@ -53,8 +53,8 @@ class Frame:
 
         `predicted` (d, d) is the covariance of a part's coordinates by the machine, known with
         `predicted_dof`: of parts that were filled in by less than their lines, some of it is in
-        the interaction. What is left when it is taken off is as uncertain as both were: it has
-        fewer degrees of freedom (Satterthwaite).
+        the interaction. What is left when it is taken off is as uncertain as both were, the leak
+        by one degree of freedom a part that leaks: it has fewer of them (Satterthwaite).
         """
         P, _, A = self.strata.shape
         d = A * (1 + self.strata.lines)
@@ -76,9 +76,15 @@ class Frame:
         # Freeing mixes the axes: a mean square may hold noise of another one.
         variance = nnls((self.squares.interaction[:A] / whole).T, left / largest)[0] * largest
         squares = self._noise_of(variance, np.zeros((d, d)), nominal)
-        doubt = square**2 + leaks**2 * n / predicted_dof
-        n = n * np.divide(left**2, doubt, out=np.zeros(A), where=doubt > 0)
+        doubt = square**2 + leaks**2 * (n / predicted_dof + np.maximum(n / self._leaking - 1, 0))
+        n = n * np.divide(left**2, doubt, out=np.ones(A), where=doubt > 0)
         return EntryNoise(variance=variance, dof=n, squares=squares)
+
+    @property
+    def _leaking(self) -> int:
+        """Parts of whose scatter some is in the interaction, 1 at least."""
+        incomplete = int((~self.completion.observed).any(axis=1).sum())
+        return max(incomplete if self.freeing is None else len(self.completion.observed), 1)
 
     def _noise_of(self, interaction: FloatArray, part: FloatArray, dof: FloatArray) -> MeanSquares:
         none, nothing = np.zeros_like(interaction), np.zeros_like(part)

@@ -171,7 +171,7 @@ def test_counts_that_act_on_nothing_are_told(
     first, cut = capsys.readouterr().err.splitlines()
     assert first == f"{told} beside it [option-not-used]"
     # Of the study's own two passes, which differ by little.
-    assert cut.startswith("warning: the passes of dx_x, ")
+    assert cut.startswith("warning: the passes of dx_x and ez_x and dy_y together differ by less ")
     assert cut.endswith(" [passes-cut]")
     with pytest.raises(InputError, match="--one-way changes nothing in what is written; exp"):
         _simulated(write_cmm=work / "c.csv", one_way=True)
@@ -236,3 +236,11 @@ def test_rows_are_told_once_they_are_written(
         _simulated(write_lbb=work / "l.csv", write_cmm=Path("/dev/full"))
     assert capsys.readouterr().out == ""
     assert listing(work) == before
+
+
+def test_of_drift_readings_no_passes_are_told(
+    work: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(simulate, "_drift", lambda *_: "a\n1\n")
+    _simulated(write_drift=work / "d.csv")
+    assert "passes-cut" not in capsys.readouterr().err

@@ -351,3 +351,9 @@ def test_planted_parts_are_found_and_a_clean_study_is_silent(
     found, alarms = planted_and_clean(part_file(tmp_path), 100)
     assert found >= 0.95
     assert alarms <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / 100)
+
+
+def test_temperatures_of_a_furnace_stop_no_anova() -> None:
+    found = study(6, 2, 1)
+    hot = replace(found, covariates={"T_bed_degC": np.full(len(found.part), 700.0)})
+    assert analysed(hot).warnings == analysed(found).warnings

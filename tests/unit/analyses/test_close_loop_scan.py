@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.model.effect_candidate import Candidate
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.family_gate import Gate
+from mtu_cli.stats.loop_frame import Frame
+from mtu_cli.stats.mean_squares import EntryNoise
 
 SHAPE = (12, 10, 2)
 RNG = np.random.default_rng(1)
@@ -199,3 +202,17 @@ def test_beside_what_was_found_the_gate_is_that_of_what_is_left() -> None:
     drawn = calibrated(left.scan, 999, 4)
     assert rest.null.tobytes() == drawn.null.tobytes() != gate.null.tobytes()
     assert rest.stream == gate.stream == (4, 0)
+
+
+def test_how_well_the_machine_is_known_reaches_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    own, _ = ready("holes")
+    given: list[tuple[object, ...]] = []
+    noise = Frame.noise
+
+    def seen(*words: Any) -> EntryNoise:
+        given.append(words[5:])
+        return noise(*words)
+
+    monkeypatch.setattr(Frame, "noise", seen)
+    looked(replace(own, scan=replace(own.scan, predicted_dof=4.0)))
+    assert given == [(4.0,)]

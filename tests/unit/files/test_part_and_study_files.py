@@ -204,3 +204,10 @@ def test_a_study_names_one_components_report_or_several(tmp_path: Path) -> None:
         "mtu.yaml:3: components[2]: no such file: 'u.json'",
         "mtu.yaml:3: components[1]: the file is listed twice: 'c.json'",
     ]
+
+
+def test_a_folder_with_the_name_of_a_study_is_passed_over(tmp_path: Path) -> None:
+    deep = tmp_path / "a"
+    (deep / "mtu.yaml").mkdir(parents=True)
+    (tmp_path / "mtu.yaml").write_text("schema: mtu/study/1\n")
+    assert find_study(deep) == tmp_path.resolve() / "mtu.yaml"

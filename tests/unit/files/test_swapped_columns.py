@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -151,4 +152,50 @@ def test_a_coarse_display_of_small_errors_is_sound(tmp_path: Path) -> None:
         ]
         path = tmp_path / "r.csv"
         path.write_text("\n".join(["component,position_mm,pass,error,unit", *rows, ""]))
+        refuse_swapped(read_table(path, "lbb", SPEC))
+
+
+def test_errors_in_nm_are_held_against_um(tmp_path: Path) -> None:
+    """Of 10 um steps over 300 mm: 100 nm per mm, but 0.1 um."""
+    read_at = ((0.0012, 99.998, 200.003, 299.999), (0.0007, 100.004, 199.996, 300.002))
+    rows = [
+        f"a,{place!r},{number},{error},nm"
+        for number, places in enumerate(read_at, 1)
+        for place, error in zip(places, (0, 10_000, 20_000, 30_000), strict=True)
+    ]
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join(["component,position_mm,pass,error,unit", *rows, ""]))
+    refuse_swapped(read_table(path, "lbb", SPEC))
+
+
+def test_only_a_component_that_is_steep_itself_has_swapped_columns(tmp_path: Path) -> None:
+    coarse = [
+        ("a", place + 0.001 * number * (place + 1), number, error)
+        for number in (1, 2)
+        for place, error in zip((0.0, 100.0, 200.0, 300.0), (0.0, 1.0, 2.0, 3.0), strict=True)
+    ]
+    steep = [("b", float(i), number, 1e4 * i + number) for number in (1, 2) for i in range(2)]
+    assert judged(tmp_path, coarse + steep) == ""
+
+
+@pytest.mark.parametrize(("travel", "most"), [(300, 15), (300, 100), (500, 30), (1000, 50)])
+def test_machines_of_all_sizes_with_swapped_columns_are_refused(
+    tmp_path: Path, travel: int, most: int
+) -> None:
+    """Targets of a tenth of the travel, errors that rise to `most` um and scatter by 1 um."""
+    rng = np.random.default_rng(3)
+    rows = [
+        ("a", float(most * i / 10 + rng.normal()), number, float(travel * i / 10))
+        for number in (1, 2, 3)
+        for i in range(11)
+    ]
+    assert "look swapped" in judged(tmp_path, rows)
+
+
+def test_numbers_without_a_difference_give_no_warning(tmp_path: Path) -> None:
+    rows = [f"a,{50 * i},{number},1e307,mm" for number in (1, 2, 3) for i in range(7)]
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join(["component,position_mm,pass,error,unit", *rows, ""]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
         refuse_swapped(read_table(path, "lbb", SPEC))

@@ -138,3 +138,48 @@ def test_what_is_not_known_of_passes_together_is_drawn_apart() -> None:
     alone = estimate("a", "x", [0.0, 0.0], D=np.full((2, 2), np.nan))
     with pytest.raises(InputError, match="how far passes of a differ is not known"):
         pass_draws(model_of([(alone, {"x": "1"})], axes=("x",)))
+
+
+@pytest.mark.parametrize(("correlation", "seen"), [(0.9, False), (1.05, False), (1.3, True)])
+def test_passes_drawn_much_as_predicted_are_not_told(correlation: float, seen: bool) -> None:
+    D = np.array([[1e-6, correlation * 1e-8], [correlation * 1e-8, 1e-10]])
+    one = estimate("a", "x", [0.0, 0.0], C=D * np.eye(2) / 10, D=D)
+    assert bool(cut_warnings(model_of([(one, {"x": "1"})], axes=("x",)))) == seen
+
+
+def test_the_largest_cut_of_all_is_told() -> None:
+    """Passes that differ by less than nothing: not drawn at all."""
+    one = estimate("a", "x", [0.0], C=np.array([[1e-7]]), D=np.array([[-1e-6]]))
+    (warned,) = cut_warnings(model_of([(one, {"x": "1"})], axes=("x",)))
+    assert warned.message.startswith("the passes of a differ by less")
+
+
+def test_those_that_are_used_are_drawn_together_though_a_third_is_not_known() -> None:
+    model, D = together()
+    (group,) = model.joint
+    whole = np.full((4, 4), np.nan)
+    whole[:3, :3] = group.pass_covariance
+    wider = replace(
+        group,
+        components=("b", "a", "c"),
+        widths=(1, 2, 1),
+        covariance=np.zeros((4, 4)),
+        pass_covariance=whole,
+    )
+    ((terms, root),) = pass_draws(replace(model, joint=(wider,))).blocks
+    assert terms == (1, 0)
+    np.testing.assert_allclose(root @ root.T, D[np.ix_([2, 0, 1], [2, 0, 1])], atol=1e-18)
+
+
+def test_of_components_read_together_those_are_named_that_are_cut() -> None:
+    """b alone has less than nothing; or neither, and only the two together."""
+    model, _ = together()
+    (group,) = model.joint
+    D = np.diag([1.0, 1.0, 1e-3])
+    cut, both = D.copy(), D.copy()
+    cut[0, 0] = -1.0
+    both[0, 1] = both[1, 0] = 1.5
+    for own, named in ((cut, "of b differ"), (both, "of b and a together differ")):
+        changed = replace(group, pass_covariance=own, covariance=0.1 * D)
+        (warned,) = cut_warnings(replace(model, joint=(changed,)))
+        assert named in warned.message

@@ -154,6 +154,9 @@ def told(text: str) -> list[str]:
         ("1+ 2- 3+ 4- 4+ 5- 6+ 7-", "1+2- 3+4- 4+5- 6+7-"),
         ("1+ 2- 3+ 4- 5+ 6- 1- 2+", "1+2- 3+4- 5+6- 1-2+"),
         ("1+ 2+ 3+ 4+ 5+ 5- 6- 7- 8- 9-", "1+5- 2+6- 3+7- 4+8- 5+9-"),
+        # The next day begins where the machine stands.
+        ("1+ 2- 3+ 1- 2+ 3-", "1+2- 1-2+"),
+        ("1+ 2- 3+ 4- 5+ 1- 2+ 3- 4+ 5-", "1+2- 3+4- 1-2+ 3-4+"),
     ],
 )
 def test_a_number_that_coincides_by_chance_decides_nothing(passes: str, pairs: str) -> None:
@@ -386,3 +389,7 @@ def test_further_readings_share_what_these_did(tmp_path: Path, shared: float) ->
     np.testing.assert_allclose(
         found[~same], (X @ K @ X.T)[~same], rtol=1e-6, atol=1e-9 * found.max()
     )
+
+
+def test_a_number_that_stands_twice_in_a_direction_is_of_several_days() -> None:
+    assert told("1+ 1+ 1- 2-") == ["1+1-"]

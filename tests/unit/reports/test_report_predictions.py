@@ -239,6 +239,7 @@ def test_shares_below_nothing_are_explained_and_none_are_made_up(paper: Example)
     sheet = lengths.table(replace(result, lengths=tuple(found)))[1]
     assert [row[2:] for row in sheet.rows] == [["25.0", "-5.0", "80.0"], ["-"] * 3, ["-"] * 3]
     assert any("below 0" in note for note in sheet.notes)
+    assert sheet.notes[-1].endswith("if that is chance, u is too small")
     found[0] = replace(first, shares=replace(steady, passes=0.0, repeatability=0.75))
     sheet = lengths.table(replace(result, lengths=tuple(found)))[1]
     assert not any("below 0" in note for note in sheet.notes)

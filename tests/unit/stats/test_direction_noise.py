@@ -173,3 +173,36 @@ def test_a_prediction_of_few_degrees_of_freedom_says_less() -> None:
     (own, _) = made_frame("complete", freed=False).direction_noise(DIRECTIONS, PREDICTED)
     q, one, many = 3 * float(own.mean.sum()), np.ones(2), np.full(2, 1e9)
     assert own.p(q, one, many, 4.0) > own.p(q, one, many, np.inf)
+
+
+def test_the_leak_of_one_part_is_known_by_one_degree_of_freedom() -> None:
+    """What is left of the interaction varies by it from table to table."""
+    observed = np.ones((9, 8), bool)
+    observed[3, :4] = False
+    frame, count, size = frame_of(STRATA, observed), 4000, 100.0
+    dof = sizes(STRATA, 4)
+    rng = np.random.default_rng(8)
+    lines = rng.normal(size=(count, 9, 1, 2)) * np.sqrt(size) * STRATA.columns[:, 1][:, None]
+    y, _ = frame.coordinates((rng.normal(size=(count, 9, 8, 2)) + lines) * observed[:, :, None])
+    noise = [frame.noise(own, dof, dof, np.diag([0.0, size, 0.0] * 2)) for own in y]
+    growth = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    (own,) = frame.direction_noise(growth[None], np.diag([0.0, size, 0.0] * 2))
+    squares = (along(growth, y) ** 2).sum(axis=1)
+    p = np.array(
+        [
+            own.p(float(q), item.variance, item.dof, np.inf)
+            for q, item in zip(squares, noise, strict=True)
+        ]
+    )
+    for level in (0.05, 0.01):
+        assert (p < level).sum() <= binom.ppf(1 - 1e-4, count, level)
+
+
+def test_an_axis_without_any_scatter_silences_no_other() -> None:
+    frame = made_frame("holes", freed=False)
+    dof = sizes(STRATA, int((~MASKS["holes"]).sum()))
+    tables = np.random.default_rng(9).normal(size=(9, 8, 2)) * [1.0, 0.0]
+    y, _ = frame.coordinates(tables * MASKS["holes"][:, :, None])
+    noise = frame.noise(y, dof, dof, NOTHING)
+    assert noise.dof[1] == pytest.approx(noise.dof[0])
+    assert noise.variance[1] == 0.0
