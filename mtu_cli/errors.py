@@ -22,6 +22,9 @@ LONGEST_WORDS = 500
 _LONG_NAME = re.compile(r"([^\s'\",;]{57})[^\s'\",;]{244,}")
 """More characters than a file's name has."""
 _ENDINGS = re.compile(r"(?<=.)(?:\.[a-z]{1,5}){1,2}$")
+ENTRY_STEPS = 3
+MISSING_KEY = "the key "
+"""How a problem begins whose path is that of the entry which lacks a key."""
 _STEPS = re.compile(r"[^.\[\]]+")
 """Of a path inside a YAML document."""
 
@@ -82,7 +85,9 @@ class InputError(MtuError):
 
     def __str__(self) -> str:
         lines = _told_once(self.problems)
-        shown = [f"{problem}{_others(others)}" for problem, others in lines[:SHOWN_PROBLEMS]]
+        shown = [
+            f"{problem}{_others(problem, others)}" for problem, others in lines[:SHOWN_PROBLEMS]
+        ]
         if left := sum(1 + len(others) for _, others in lines[SHOWN_PROBLEMS:]):
             shown.append(f"... and {left} more")
         return "\n".join(shown)
@@ -109,15 +114,18 @@ def _told_once(problems: Sequence[Problem]) -> list[tuple[Problem, list[Problem]
 
 def _entries(problem: Problem) -> object:
     """What the places of like problems share: in a path such as ``features.H1.x`` the step of the
-    entry is free, all else stands; without a path, the line.
+    entry is free, all else stands. In ``settings.seed`` the second step is a key of the contract
+    that must be named, but for what is missing in ``features.H1``. Without a path, the line.
     """
     if problem.path is None or problem.line is None:
         return problem.path, problem.line
     steps = _STEPS.findall(problem.path)
+    if len(steps) < ENTRY_STEPS and not problem.what.startswith(MISSING_KEY):
+        return problem.path, problem.line
     return (*steps[:1], *steps[2:], len(steps))
 
 
-def _others(alike: Sequence[Problem]) -> str:
+def _others(first: Problem, alike: Sequence[Problem]) -> str:
     """Where the same stands again, such as `` (and rows 3 to 91)``."""
     if not alike:
         return ""
@@ -127,12 +135,14 @@ def _others(alike: Sequence[Problem]) -> str:
     if len(rows) < len(alike):
         return f" (and {len(alike)} more)"
     rows = list(dict.fromkeys(rows)) if kind == "line" else rows
+    if rows == [first.line]:
+        return f" (and {len(alike)} more)"
     starts = [i for i, row in enumerate(rows) if i == 0 or row != rows[i - 1] + 1]
     if len(starts) > SHOWN_ROWS:
         return f" (and {len(rows)} more {kind}s, up to {kind} {rows[-1]})"
     runs = [rows[a:b] for a, b in pairwise([*starts, len(rows)])]
     told = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
-    return f" (and {kind}s {', '.join(told)})"
+    return f" (and {kind}{'s' if len(rows) > 1 else ''} {', '.join(told)})"
 
 
 def _in_file_order(problems: Iterable[Problem]) -> list[Problem]:

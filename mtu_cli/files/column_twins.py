@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from mtu_cli.files.column_words import direction_along, plain
+from mtu_cli.files.column_words import direction_along, nominal_by_sign, plain
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_header import DRIFT, MEASUREMENTS, may_count
 from mtu_cli.files.csv_table import Table, TableSpec
 
 COUNTS = ("repeat", "pass")
+NOMINAL = "nominal_"
 
 
 def column_twins(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
@@ -41,7 +42,11 @@ def column_twins(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
 
 
 def _holds(own: str) -> str:
-    return "numbers these" if own in COUNTS else f"is the direction along {own[-1]}, -1 or +1"
+    if own in COUNTS:
+        return "numbers these"
+    if own.startswith(NOMINAL):
+        return "is the nominal coordinate"
+    return f"is the direction along {own[-1]}, -1 or +1"
 
 
 def _maybe(other: str, table: Table, spec: TableSpec) -> str | None:
@@ -49,17 +54,33 @@ def _maybe(other: str, table: Table, spec: TableSpec) -> str | None:
     along = direction_along(other)
     if along is not None:
         return along if spec.named(along) and _signs(table, other) else None
+    nominal = nominal_by_sign(other)
+    if nominal is not None:
+        return nominal if spec.named(nominal) and not _directs(table, other) else None
     if table.source.role == DRIFT:
         return None
     own = next((name for name in COUNTS if spec.named(name)), None)
     # Of points a measurement is a value, unless its cells are numbers as of repeats.
     measured = own == "repeat" and plain(other).strip() in MEASUREMENTS
-    return own if may_count(other) or (measured and _counts(table, other)) else None
+    counts = measured and _counts(table, other)
+    return own if counts or (may_count(other) and _whole(table, other)) else None
 
 
 def _signs(table: Table, name: str) -> bool:
     cells = table.columns.numbers.get(name, np.zeros(0))
     return bool((np.isnan(cells) | (np.abs(cells) == 1)).all() and (cells == cells).any())
+
+
+def _directs(table: Table, name: str) -> bool:
+    """Whether cells are components of a direction, or no numbers."""
+    cells = table.columns.numbers.get(name, np.zeros(0))
+    return bool((np.isnan(cells) | (np.abs(cells) <= 1)).all())
+
+
+def _whole(table: Table, name: str) -> bool:
+    """Whether cells may number something: whole numbers, or texts."""
+    cells = table.columns.numbers.get(name, np.zeros(0))
+    return bool((np.isnan(cells) | (cells == np.floor(cells))).all())
 
 
 def _counts(table: Table, name: str) -> bool:

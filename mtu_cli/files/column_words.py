@@ -40,6 +40,8 @@ LINKS = ("", "e", "s")
 """Between them in German: `Teile-Nr.`, `Merkmalsname`."""
 IDENTIFIED = ("part", "feature", "repeat", "component", "sequence")
 """What has a number or a name; that of an error or a time is something else."""
+COUNTED = ("repeat", "sequence")
+"""What has a number alone: a `Sequence name` is of an operation."""
 NOMINAL_SIGN = "n"
 """Behind the axis, as in `Xn`; before it (`nx`) it is of a normal."""
 MINUTES = "min"
@@ -61,12 +63,18 @@ def meant_by(other: str) -> str | None:
     if len(axes) == 1:
         return _coordinate([word for word in words if word not in AXES], axes[0])
     for word in words if len(words) == 1 else ():
-        if len(word) == 2 and word[0] in AXES and word[1] == NOMINAL_SIGN:
-            return f"nominal_{word[0]}_mm"
+        if own := nominal_by_sign(word):
+            return own
         for axis, rest in ((word[0], word[1:]), (word[-1], word[:-1])):
             if axis in AXES and (own := _coordinate([rest], axis)):
                 return own
     return _named(words)
+
+
+def nominal_by_sign(other: str) -> str | None:
+    """The column that `Xn` means, or a normal: its cells tell which."""
+    word = plain(other).removesuffix(UNIT).strip(" _-[]()")
+    return f"nominal_{word[0]}_mm" if re.fullmatch("[xyz]" + NOMINAL_SIGN, word) else None
 
 
 def _named(words: list[str]) -> str | None:
@@ -82,7 +90,9 @@ def _named(words: list[str]) -> str | None:
     identified = bool(end) or len(left) < len(words)
     meant = {left[0], *(stem.removesuffix(link) for link in LINKS if identified)}
     names = (name for name, known in WORDS.items() if not meant.isdisjoint(known))
-    return next((name for name in names if not identified or name in IDENTIFIED), None)
+    by_name = end in NAME or not NAME.isdisjoint(words)
+    fit = (name for name in names if not (by_name and name in COUNTED))
+    return next((name for name in fit if not identified or name in IDENTIFIED), None)
 
 
 def may_name(other: str) -> bool:

@@ -8,7 +8,13 @@ from difflib import get_close_matches
 
 from mtu_cli.errors import InputError, Problem, closest, is_near
 from mtu_cli.files.column_lengths import deviation_along, in_other_unit, renaming
-from mtu_cli.files.column_words import direction_along, may_name, meant_by, plain
+from mtu_cli.files.column_words import (
+    direction_along,
+    may_name,
+    meant_by,
+    nominal_by_sign,
+    plain,
+)
 from mtu_cli.files.csv_mistaken import refuse_other_table
 from mtu_cli.files.csv_table import TableSpec
 from mtu_cli.files.csv_text import CsvText
@@ -84,7 +90,7 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
 
 
 def _doubtful(name: str) -> bool:
-    return may_count(name) or direction_along(name) is not None
+    return may_count(name) or bool(direction_along(name) or nominal_by_sign(name))
 
 
 def may_count(name: str) -> bool:
@@ -125,6 +131,7 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
         if name is None:
             name = in_other_unit(other, converted)
         if other and not spec.named(other) and name is not None and name not in shut:
+            shut |= {b for pair in spec.exclusive if name in pair for b in pair if b != name}
             yield Problem(
                 what=f"the column {other!r} would not be read as {name!r}",
                 file=text.source.shown,
@@ -196,12 +203,19 @@ def _by_words(name: str, others: list[str]) -> str | None:
         return None
     # What is surely another column is no slip of this one, nor is a `Temperature` of a feature.
     free = [other for other in others if meant_by(other) is None]
+    if name in COORDINATES:
+        free = [other for other in free if plain(other)[:1] == name[:1]]
     near = closest(name, free)
-    if near is not None and (is_near(name, near) or plain(near)[:1] == name[:1]):
+    if near is not None and (is_near(name, near) or _shortened(plain(near), name)):
         return near
     if any(may_name(other) for other in others):
         others = [other for other in others if plain(other) != POS]
     return _by_another_word(name, others)
+
+
+def _shortened(other: str, name: str) -> bool:
+    """Whether one of two names is the beginning of the other: `val` of `value`."""
+    return len(other) > 2 and (name.startswith(other) or other.startswith(name))
 
 
 def _by_another_word(name: str, others: list[str]) -> str | None:

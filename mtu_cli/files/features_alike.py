@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
-from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,49 +23,56 @@ DEEPER_MM = 0.1
 """Measured z that differ by more are of two depths, where no nominal one tells."""
 SHOWN = 3
 
-Pair = tuple[int, int]
+Place = tuple[list[int], "Floats"]
+"""Features, and their nominal coordinates (3,) in mm."""
 
 
 def features_alike(points: Points) -> Iterator[Notice]:
-    """One warning of all such pairs: coordinates of a common place cannot tell which is which.
+    """One warning of all such places: coordinates of a common place cannot tell which is which.
 
     A hole at two depths differs in z: its nominal one, or else the measured one. Features of
     different parts, or of different operations, never meet.
     """
     if len(points.features) < 2:
         return
-    # From the last to the first: what is written last stays.
+    shown = [source.shown for source in points.sources]
+    rank = np.unique(shown, return_inverse=True)[1].reshape(-1)
+    # From the last to the first: what is written last stays, whichever file comes first.
+    order = np.lexsort((points.row, rank[points.file_index]))[::-1]
     rows = np.zeros(len(points.features), np.int64)
-    rows[points.feature[::-1]] = np.arange(len(points))[::-1]
-    groups = _groups(points.nominal[rows], points.measured[rows, 2])
-    listed = [sorted(group, key=lambda feature: int(rows[feature])) for group in groups]
-    pairs = sorted(_pairs(points, listed), key=lambda pair: int(rows[pair[1]]))
-    if not pairs:
+    rows[points.feature[order]] = order
+    nominal, names = points.nominal[rows], points.features
+
+    def first(feature: int) -> tuple[str, int]:
+        row = int(rows[feature])
+        return shown[points.file_index[row]], int(points.row[row])
+
+    groups = [*_groups(nominal, points.measured[rows, 2])]
+    met = [sorted(own, key=lambda f: names[f]) for own in _that_meet(points, groups)]
+    if not met:
         return
-    row = int(rows[pairs[0][1]])
-    where = f"{points.sources[points.file_index[row]].shown}, row {points.row[row]}"
-    yield _notice(where, points.features, points.nominal[rows], pairs)
+    met.sort(key=lambda own: sorted(map(first, own))[1])
+    name, row = sorted(map(first, met[0]))[1]
+    yield _notice(f"{name}, row {row}", names, [(own, nominal[own[0]]) for own in met])
 
 
 def part_features_alike(where: str, names: Sequence[str], nominal: Floats) -> Iterator[Notice]:
     """The same of the features of a part file, (n,), and their nominal places (n, 3) in mm, nan
     where not given.
     """
-    groups = _groups(nominal, np.full(len(names), np.nan))
-    pairs = sorted(
-        (pair for group in groups for pair in pairwise(sorted(group))), key=itemgetter(1)
-    )
-    if pairs:
-        yield _notice(where, names, nominal, pairs)
+    groups = [*_groups(nominal, np.full(len(names), np.nan))]
+    if groups:
+        yield _notice(where, names, [(own, nominal[own[0]]) for own in map(sorted, groups)])
 
 
-def _notice(where: str, names: Sequence[str], nominal: Floats, pairs: Sequence[Pair]) -> Notice:
-    shown = [_words(names, nominal, pair) for pair in pairs[:SHOWN]]
-    more = f", and {len(pairs) - SHOWN} more" if len(pairs) > SHOWN else ""
-    depth = np.isnan(nominal[pairs[0][0], 2])
+def _notice(where: str, names: Sequence[str], places: Sequence[Place]) -> Notice:
+    shown = [_words([names[f] for f in own], at) for own, at in places[:SHOWN]]
+    more = f", and {len(places) - SHOWN} places more" if len(places) > SHOWN else ""
+    depth = np.isnan(places[0][1][2])
     text = (
         f"{where}: features at the same nominal place: {', '.join(shown)}{more}; look whether one "
-        f"is mistyped{', or give them a nominal z where they differ in depth' if depth else ''}"
+        f"is mistyped, or there on purpose"
+        f"{', or give them a nominal z of their own' if depth else ''}"
     )
     return Notice(code="features-alike", message=text)
 
@@ -79,35 +84,37 @@ def _groups(nominal: Floats, measured_z: Floats) -> Iterator[list[int]]:
     for feature, place in enumerate(places.tolist()):
         at[tuple(None if value != value else value for value in place)].append(feature)
     for place, features in at.items():
-        if len(features) > 1:
-            depths = measured_z[features]
-            if place[2] is not None or np.isnan(depths).any():
-                depths = np.zeros(len(features))
-            order = np.argsort(depths, kind="stable")
-            apart = np.flatnonzero(np.diff(depths[order]) > DEEPER_MM) + 1
-            yield from ([features[i] for i in group] for group in np.split(order, apart))
+        depths = measured_z[features]
+        if place[2] is not None or np.isnan(depths).any():
+            depths = np.zeros(len(features))
+        order = np.argsort(depths, kind="stable")
+        apart = np.flatnonzero(np.diff(depths[order]) > DEEPER_MM) + 1
+        for group in np.split(order, apart):
+            if len(group) > 1:
+                yield [features[i] for i in group]
 
 
-def _pairs(points: Points, groups: list[list[int]]) -> dict[Pair, None]:
-    """Neighbours among those of a group that are measured in one operation of a part."""
-    alike = np.zeros(len(points.features), bool)
-    alike[[feature for group in groups for feature in group]] = True
-    own = np.flatnonzero(alike[points.feature])
-    visit = points.part[own] * (len(points.operations) + 1) + points.operation[own]
-    visits: dict[int, set[int]] = defaultdict(set)
-    for feature, one in zip(points.feature[own].tolist(), visit.tolist(), strict=True):
-        visits[feature].add(one)
-    found: dict[Pair, None] = {}
-    for group in groups:
-        last: dict[int, int] = {}
-        for feature in group:
-            found |= {(last[one], feature): None for one in visits[feature] if one in last}
-            last |= dict.fromkeys(visits[feature], feature)
-    return found
+def _that_meet(points: Points, groups: Sequence[list[int]]) -> Iterator[list[int]]:
+    """Of each group those that are measured beside another one in an operation of a part."""
+    if not groups:
+        return
+    of = np.full(len(points.features), -1)
+    for g, group in enumerate(groups):
+        of[group] = g
+    own = np.flatnonzero(of[points.feature] >= 0)
+    visit = np.column_stack([of[points.feature[own]], points.part[own], points.operation[own]])
+    _, code = np.unique(visit, axis=0, return_inverse=True)
+    pairs = np.unique(np.column_stack([code.reshape(-1), points.feature[own]]), axis=0)
+    together = np.bincount(pairs[:, 0])[pairs[:, 0]] > 1
+    met = np.unique(pairs[together, 1])
+    for g, group in enumerate(groups):
+        found = [feature for feature in group if feature in met[of[met] == g]]
+        if found:
+            yield found
 
 
-def _words(names: Sequence[str], nominal: Floats, pair: Pair) -> str:
-    first, second = (repr(names[feature]) for feature in pair)
-    place = zip(AXES, nominal[pair[0]].tolist(), strict=True)
-    told = ", ".join(f"{axis}={value:.9g}" for axis, value in place if value == value)
-    return f"{first} and {second} ({told} mm)"
+def _words(names: Sequence[str], place: Floats) -> str:
+    *others, last = map(repr, names)
+    told = zip(AXES, place.tolist(), strict=True)
+    at = ", ".join(f"{axis}={value:.9g}" for axis, value in told if value == value)
+    return f"{', '.join(others)} and {last} ({at} mm)"

@@ -10,16 +10,20 @@ from mtu_cli.analyses.close_loop.result import (
     NeutralPoint,
     TableResult,
 )
+from mtu_cli.analyses.close_loop.shown import own_verdict
 from mtu_cli.reports.close_loop_effects import effect_text
 from mtu_cli.reports.numbers import plus_minus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sentence:
-    """What is said of `effects`: of one, of those that are one cause, or (none) of all before."""
+    """What is said of `effects`: of one, of those that are one cause, or (none) what follows from
+    those of several sentences (`of`).
+    """
 
     effects: tuple[FoundEffect, ...]
     text: str
+    of: tuple[FoundEffect, ...] = ()
 
     @property
     def named(self) -> str:
@@ -32,7 +36,8 @@ def sentences(item: TableResult) -> list[Sentence]:
     """One an effect, in the order found; an axis that grows from a fixed point, or drifts from a
     temperature at which it is right, takes one.
 
-    A drift of several axes keeps its own beside it, unless all of them grow from fixed points.
+    A drift of several axes keeps its own beside it, unless all of them grow from fixed points; so
+    do effects of which one stands and another is a hint.
     """
     joined: dict[int, Sentence] = {}
     told: dict[int, set[str]] = {}
@@ -41,29 +46,37 @@ def sentences(item: TableResult) -> list[Sentence]:
         if point.given is not None:
             continue
         first = item.effects[point.growth[0]]
-        if point.told and len(point.growth) == 1 and first.axis == point.axis:
+        own = tuple(item.effects[e] for e in (*point.growth, *point.drift))
+        one = point.told and len(point.growth) == 1 and first.axis == point.axis
+        if one and _alike(own, item):
             text = f"{effect_text(first, item)} from a fixed point at {_place(point)}"
-            own = tuple(item.effects[e] for e in (*point.growth, *point.drift))
             joined[point.growth[0]] = Sentence(effects=own, text=text)
             for e in point.drift:
                 told.setdefault(e, set()).add(f"E{point.axis}")
         else:
-            last.append(Sentence(effects=(), text=_fixed(point)))
+            last.append(Sentence(effects=(), text=_fixed(point), of=own))
     for neutral in item.neutral_points:
         (e, *more), right = neutral.drift, _right(neutral)
-        if not more and item.effects[e].equations.keys() == {f"E{neutral.axis}"}:
-            own = tuple(item.effects[k] for k in (e, *neutral.offset))
+        own = tuple(item.effects[k] for k in (*neutral.drift, *neutral.offset))
+        one = not more and own[0].equations.keys() == {f"E{neutral.axis}"}
+        if one and _alike(own, item):
             text = f"{effect_text(own[0], item)}, and is right at {right}"
             joined[e] = Sentence(effects=own, text=text)
             for k in neutral.offset:
                 told.setdefault(k, set()).add(f"E{neutral.axis}")
         else:
-            last.append(Sentence(effects=(), text=f"{neutral.axis.upper()} is right at {right}"))
+            text = f"{neutral.axis.upper()} is right at {right}"
+            last.append(Sentence(effects=(), text=text, of=own))
     return [
         joined.get(e, Sentence(effects=(effect,), text=effect_text(effect, item)))
         for e, effect in enumerate(item.effects)
         if e not in told or not effect.equations.keys() <= told[e]
     ] + last
+
+
+def _alike(effects: tuple[FoundEffect, ...], item: TableResult) -> bool:
+    """Whether all of them stand, or none."""
+    return len({own_verdict(effect, item) == "named" for effect in effects}) == 1
 
 
 def one_cause(item: TableResult, place: int, own: FoundEffect) -> str | None:

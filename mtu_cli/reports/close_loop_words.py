@@ -154,7 +154,8 @@ def _sure(item: TableResult) -> tuple[list[Sentence], list[Sentence]]:
     sure: list[Sentence] = []
     others: list[Sentence] = []
     for said in sentences(item):
-        stands = said.effects and all(own_verdict(e, item) == "named" for e in said.effects)
+        about = said.effects or said.of
+        stands = all(own_verdict(e, item) == "named" for e in about)
         (sure if stands else others).append(said)
     return sure, others
 

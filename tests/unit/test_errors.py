@@ -211,3 +211,29 @@ def test_a_warning_of_a_part_with_a_long_name_stays_short() -> None:
         [Warned(code="empty-cells", message=f"part '{'z' * 100_000}' is short")]
     )
     assert line == f"warning: part '{'z' * 57}...' is short [empty-cells]"
+
+
+def in_line(path: str, line: int, what: str = "wrong value") -> Problem:
+    return Problem(what=what, file="s.yaml", line=line, path=path, value="abc", expected="a number")
+
+
+def test_like_faults_of_many_entries_are_told_once() -> None:
+    alike = [in_line(f"features.H{i}.{key}", i) for i in range(5) for key in ("x_mm", "y_mm")]
+    first, second = str(InputError(alike)).splitlines()
+    assert first == (
+        "s.yaml:0: features.H0.x_mm: wrong value: 'abc'; expected a number (and lines 1 to 4)"
+    )
+    assert "features.H0.y_mm" in second
+    missing = [in_line(f"features.H{i}", i, "the key 'x_mm' is missing") for i in range(1, 6)]
+    assert str(InputError(missing)).count("missing") == 1
+    flow = [in_line(f"features.H{i}.x_mm", 3) for i in range(6)]
+    assert str(InputError(flow)).endswith("(and 5 more)")
+    two = [in_line(f"features.H{i}.x_mm", 3 + (i == 5)) for i in range(6)]
+    assert str(InputError(two)).endswith("(and lines 3 to 4)")
+
+
+def test_other_keys_are_told_by_themselves() -> None:
+    keys = ("seed", "digits", "trials", "threads", "coverage_factor")
+    text = str(InputError([in_line(f"settings.{key}", i) for i, key in enumerate(keys, 3)]))
+    assert all(f"settings.{key}: " in text for key in keys)
+    assert str(InputError([in_line(f"a{i}.b", i) for i in range(5)])).count("wrong value") == 5

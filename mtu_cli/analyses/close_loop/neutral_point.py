@@ -13,10 +13,13 @@ import numpy as np
 from mtu_cli.analyses.close_loop.crossing import Lever, crossing
 from mtu_cli.analyses.close_loop.result import FoundEffect, NeutralPoint
 from mtu_cli.analyses.close_loop.straight_lines import in_place, middle_and_rise
+from mtu_cli.files.covariates import is_temperature
 from mtu_cli.language import linear_form, names, parse
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
+WIDEST, FARTHEST = 2.0, 2.0
+"""Of an interval, and of its nearer end from the middle, in halves of the data's range."""
 DIRECTION = "dir_"
 """A direction turns an error about: its middle stays where it is."""
 
@@ -24,11 +27,12 @@ DIRECTION = "dir_"
 def neutral_points(
     table: ResidualTable, effects: Sequence[FoundEffect], covariance: FloatArray
 ) -> tuple[NeutralPoint, ...]:
-    """One an axis along which errors are a + g c, c one covariate: the c where they are zero.
+    """One an axis along which errors are a + g c, c one temperature: the c where they are zero.
 
     `covariance` (k, k) is that of the k parameters of all effects in their order, internal units.
     Beside an error that changes with the place or with a second covariate there is none, nor where
-    the data cannot tell one of the effects from others.
+    the data cannot tell one of the effects from others, nor farther from the temperatures of the
+    data than half of their range.
     """
     found = []
     for axis in table.axes if table.component is None else ():
@@ -38,9 +42,8 @@ def neutral_points(
         if len(covariates) != 1 or any(len(effects[e].candidates) > 1 for e in over):
             continue
         (covariate,) = covariates
-        if covariate in table.covariates and (
-            point := _point(table, axis, covariate, effects, covariance, tuple(over))
-        ):
+        known = is_temperature(covariate) and covariate in table.covariates
+        if known and (point := _point(table, axis, covariate, effects, covariance, tuple(over))):
             found.append(point)
     return tuple(found)
 
@@ -77,8 +80,8 @@ def _point(
         return None
     crossed = crossing(effects, covariance, levers)
     ends = crossed.interval
-    # Wider than all that was seen it would tell nothing.
-    if ends is None or ends[1] - ends[0] > 2.0:
+    # Wider than all that was seen it would tell nothing; far from it every line is zero somewhere.
+    if ends is None or ends[1] - ends[0] > WIDEST or min(map(abs, ends)) > FARTHEST:
         return None
     return NeutralPoint(
         axis=axis,

@@ -141,12 +141,13 @@ class FixedPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NeutralPoint:
-    """The value of a `covariate` at which effects (by their place in the table's list) cancel along
-    `axis`: those of `drift`, which change with it, and those of `offset`, which are constant.
+    """The temperature (`covariate`) at which effects (by their place in the table's list) cancel
+    along `axis`: those of `drift`, which change with it, and those of `offset`, which are constant.
 
     `at`, its standard uncertainty `u` and 95 % `interval` in the covariate's unit; `seen` are the
-    least and the largest value of the data. None is told whose interval is longer than these span.
-    `counted_from` is where a drift that is one effect is zero by itself; nan where it is several.
+    least and the largest value of the data. None is told whose interval is longer than these span,
+    or farther from them than half of that. `counted_from` is where a drift that is one effect is
+    zero by itself; nan where it is several.
     """
 
     axis: str

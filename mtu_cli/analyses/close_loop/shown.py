@@ -70,7 +70,9 @@ def verdict_on(effect: FoundEffect, fired: Sequence[str], *, without_name: bool)
     if fired:
         return "unexplained"
     if without_name:
-        return "named" if lone and effect.unnamed < SURE else "unexplained"
+        # Of a scatter it is not known how much has no name: drifts are of the mean.
+        sure = lone and effect.kind != "scatter" and effect.unnamed < SURE
+        return "named" if sure else "unexplained"
     return "named" if lone else "class"
 
 

@@ -182,3 +182,11 @@ def test_another_form_of_a_cause_that_is_there_is_no_rival() -> None:
         assert effect.class_names == (name,)
         assert effect.aliases == ()
         assert effect.posterior == pytest.approx(1, abs=1e-6)
+
+
+def test_the_posterior_of_what_has_no_name_is_the_steps() -> None:
+    own = told(strong(7))
+    steps = tuple(replace(step, unnamed=0.1 * i) for i, step in enumerate(own.found.steps, 1))
+    own = replace(own, found=replace(own.found, steps=steps))
+    found = found_effects(own, [None] * len(steps))
+    assert [effect.unnamed for effect in found] == [step.unnamed for step in steps]

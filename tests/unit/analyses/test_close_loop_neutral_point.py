@@ -155,11 +155,24 @@ def test_they_are_told_as_one_cause() -> None:
     assert point["seen"] == [20.0, 28.0]
 
 
-def test_beyond_the_data_says_so() -> None:
-    far = replace(OFFSET, parameters=(("shift", "um", 12 * DRIFT * 1e-3, U_SHIFT * 1e-3),))
-    item, covariance = found(drifts(parameters=(("drift", "um/K", DRIFT, 0.03),)), far)
+def test_beyond_the_data_says_so_and_far_from_it_nothing() -> None:
+    """From 20 to 28 degC: 17 is told, -30 is not, where any line is zero somewhere."""
+    steep = drifts(parameters=(("drift", "um/K", DRIFT, 0.03),))
+    near = replace(OFFSET, parameters=(("shift", "um", 7.5 * DRIFT * 1e-3, 1e-4),))
+    item, covariance = found(steep, near)
     text = verdict_text(item, replace(result(item), covariance=covariance))
-    assert "is right at T_spindle_degC = 12.50 ± 0.33 (beyond the data: 20 to 28)" in text
+    assert "is right at T_spindle_degC = 17.00 ± 0.13 (beyond the data: 20 to 28)" in text
+    far = replace(OFFSET, parameters=(("shift", "um", 54 * DRIFT * 1e-3, 1e-4),))
+    assert told(drifts(parameters=(("drift", "um/K", DRIFT, 1e-3),)), far) == ()
+
+
+def test_a_wear_has_no_number_of_a_part_at_which_all_is_right() -> None:
+    wears = drifts("trend-x", equations={"Ex": "drift*(sequence - 5)"}, covariate="sequence")
+    item, covariance = found(wears, OFFSET)
+    count = len(item.table.parts)
+    order = np.arange(1.0, count + 1)[:, np.newaxis]
+    own = replace(item.table, covariates=item.table.covariates | {"sequence": order})
+    assert neutral_points(own, item.effects, covariance) == ()
 
 
 def test_a_drift_of_several_axes_keeps_its_sentence() -> None:
@@ -168,3 +181,47 @@ def test_a_drift_of_several_axes_keeps_its_sentence() -> None:
     text = verdict_text(item, replace(result(item), covariance=covariance))
     assert "; X is right at T_spindle_degC = 22.50 ± 0.33" in text
     assert "everything is shifted along X" in text
+
+
+def test_an_interval_longer_than_the_data_is_not_told() -> None:
+    wide = replace(OFFSET, parameters=(("shift", "um", 1e-3 * SHIFT, 4e-3),))
+    assert told(drifts(parameters=(("drift", "um/K", DRIFT, 0.5),)), wide) == ()
+
+
+def test_the_least_degrees_of_freedom_count() -> None:
+    few = replace(OFFSET, intervals=((0.0, 0.0, 4.0),))
+    (own,), (more,) = told(drifts(), few), told(drifts(), OFFSET)
+    assert own.interval[0] < more.interval[0]
+    assert own.interval[1] > more.interval[1]
+
+
+def test_a_gap_in_the_temperatures_is_none_of_their_range() -> None:
+    item, covariance = found(drifts(), OFFSET)
+    values = item.table.covariates[T].copy()
+    values[3] = np.nan
+    own = replace(item.table, covariates=item.table.covariates | {T: values})
+    (point,) = neutral_points(own, item.effects, covariance)
+    assert point.seen == (20.0, 28.0)
+
+
+def test_a_component_with_the_temperature_has_none() -> None:
+    item, covariance = found(drifts(), OFFSET)
+    own = replace(item.table, component="pos_x")
+    assert neutral_points(own, item.effects, covariance) == ()
+
+
+@pytest.mark.parametrize("unnamed", [(0.0, 0.3), (0.3, 0.0)])
+def test_where_one_of_them_is_a_hint_each_is_told_by_itself(unnamed: tuple[float, float]) -> None:
+    """What follows from both is a hint, too."""
+    item, covariance = found(drifts(unnamed=unnamed[0]), replace(OFFSET, unnamed=unnamed[1]))
+    own = replace(item, verdict="unexplained", without_name=True)
+    whole = replace(result(own), covariance=covariance)
+    verdicts = [effect["verdict"] for effect in document(whole)["effects"]]
+    assert sorted(verdicts) == ["named", "unexplained"]
+    stands, _ = verdict_text(own, whole).split("As a hint only: ")
+    assert ("um/K" in stands) == (verdicts[0] == "named")
+    assert ("is shifted" in stands) == (verdicts[1] == "named")
+    both = replace(own, effects=(drifts(), OFFSET))
+    text = verdict_text(both, replace(result(both), covariance=covariance))
+    assert text.startswith("X drifts by 1.84 ± 0.17 um/K of T_spindle_degC, and is right at ")
+    assert "hint" not in text

@@ -9,7 +9,7 @@ import pytest
 
 from mtu_cli.errors import InputError
 from mtu_cli.files import column_words, csv_file
-from mtu_cli.files.column_words import meant_by
+from mtu_cli.files.column_words import may_name, meant_by
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.points import read_points
 from mtu_cli.files.readings import SPEC as READINGS
@@ -228,6 +228,8 @@ def test_a_count_that_may_be_of_the_repeats_is_told_of(column: str, tmp_path: Pa
      ("Messung", "1,2", "'repeat': rename it where it numbers these"),
      ("Measurement", "0,1", "'repeat': rename it where it numbers these"),
      ("Messung", "1,1.5", None), ("Messung", "7,8", None), ("Messung", "1,", None),
+     ("Trial", "1.5,2", None), ("Sequence name", "drill,mill", None), ("Xn", "0,-1", None),
+     ("Xn", "0,50", "'nominal_x_mm': rename it where it is the nominal coordinate"),
      ("Trial", "a,b", "'repeat': rename it where it numbers these"),
      ("Versuch Nr.", "1,2", "'repeat': rename it where it numbers these")],
 )  # fmt: skip
@@ -236,9 +238,10 @@ def test_what_cells_allow_is_told_of(
 ) -> None:
     path = tmp_path / "cmm.csv"
     first, second = cells.split(",")
-    head = f"part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,{column}"
-    path.write_text(f"{head}\nP,A,1,1,1,1,{first}\nQ,A,1,1,1,1,{second}\n", "utf-8")
-    found = [n.message for n in read_points([(path, "cmm")], None).notes]
+    path.write_text(
+        f"part,feature,x_mm,y_mm,{column}\nP,A,1,1,{first}\nQ,A,1,1,{second}\n", "utf-8"
+    )
+    found = [n.message for n in read_points([(path, "cmm")], {"A": (1, 1, None)}).notes]
     wanted = f"cmm.csv, row 1: the column {column!r} is not used as {own}"
     assert found == [wanted] * (own is not None)
 
@@ -462,3 +465,21 @@ def test_a_name_of_megabytes_is_looked_at_in_its_beginning(monkeypatch: pytest.M
     assert column_words.meant_by("é" * 4_000_000) is None
     assert column_words.plain("É") == "é"
     assert max(seen) <= column_words.LONGEST
+
+
+def test_of_two_columns_for_one_thing_one_is_offered(tmp_path: Path) -> None:
+    lines = refused(tmp_path, "part,feature,x_mm,y_mm,Timestamp,Zeit [min]")
+    assert sum("renamed to 'time" in line for line in lines) == 1
+
+
+def test_no_column_is_offered_that_is_none(tmp_path: Path) -> None:
+    """One letter in common, or a unit, is no slip of the fingers."""
+    lines = refused(tmp_path, "Pallet,Feature,d_mm,r_mm,max_mm")
+    for wanted in ("part", "x_mm", "y_mm"):
+        (line,) = (line for line in lines if f"the column {wanted!r} is missing" in line)
+        assert "renamed" not in line
+
+
+def test_columns_by_sight() -> None:
+    assert meant_by("min time") is None
+    assert not may_name("Teil-Nr.")

@@ -30,13 +30,13 @@ def test_both_and_their_place_are_named(tmp_path: Path) -> None:
     rows = ["P,A,1,2", "P,B,1,2.1", "P,C,3,2"]
     assert told(read(tmp_path, rows, features=places)) == [
         "cmm.csv, row 3: features at the same nominal place: 'A' and 'B' (x=1, y=2, z=5 mm); look "
-        "whether one is mistyped"
+        "whether one is mistyped, or there on purpose"
     ]
     head = f"{HEAD},nominal_x_mm,nominal_y_mm"
     own = ["P,A,1,2,1,2", "P,B,1,2.1,1,2", "P,C,3,2,3,2"]
     assert told(read(tmp_path, own, head)) == [
         "cmm.csv, row 3: features at the same nominal place: 'A' and 'B' (x=1, y=2 mm); look "
-        "whether one is mistyped, or give them a nominal z where they differ in depth"
+        "whether one is mistyped, or there on purpose, or give them a nominal z of their own"
     ]
 
 
@@ -44,7 +44,7 @@ def test_many_are_counted_once(tmp_path: Path) -> None:
     places: dict[str, Place] = {f"F{i}": (float(i // 2), 0.0, 1.0) for i in range(14)}
     rows = [f"{part},F{i},{i // 2}.0{part}{i:02},0" for part in (1, 2) for i in range(14)]
     (text,) = told(read(tmp_path, rows, features=places))
-    assert "'F4' and 'F5' (x=2, y=0, z=1 mm), and 4 more; look" in text
+    assert "'F4' and 'F5' (x=2, y=0, z=1 mm), and 4 places more; look" in text
 
 
 @pytest.mark.parametrize(
@@ -89,6 +89,25 @@ def test_features_of_a_part_file_are_told_in_the_same_words() -> None:
     assert (note.code, note.message) == (
         "features-alike",
         "part.yaml: features at the same nominal place: 'A' and 'C' (x=1, y=2 mm); look whether "
-        "one is mistyped, or give them a nominal z where they differ in depth",
+        "one is mistyped, or there on purpose, or give them a nominal z of their own",
     )
     assert not [*part_features_alike("part.yaml", "AB", nominal[:2])]
+
+
+def test_one_nominal_z_is_one_place_whatever_was_measured(tmp_path: Path) -> None:
+    file = tmp_path / "k.csv"
+    head = "part,feature,x_mm,y_mm,z_mm,nominal_x_mm,nominal_y_mm,nominal_z_mm"
+    file.write_text(f"{head}\nP1,A,1,2,0.0,1,2,5\nP1,B,1,2,0.9,1,2,5\n")
+    assert [n.code for n in read_points([(file, "cmm")], None).notes] == ["features-alike"]
+
+
+def test_the_order_of_files_does_not_change_what_is_told(tmp_path: Path) -> None:
+    places: dict[str, Place] = dict.fromkeys("ABCD", (1, 2, 5))
+    (tmp_path / "a.csv").write_text(f"{HEAD}\nP,A,1,2\nP,B,1,2.1\nP,C,1,2.2\n")
+    (tmp_path / "b.csv").write_text(f"{HEAD}\nQ,C,1,2\nQ,A,1,2.1\nQ,D,1,2.2\n")
+    files = [(tmp_path / name, "cmm") for name in ("a.csv", "b.csv")]
+    first, second = (told(read_points(own, places)) for own in (files, files[::-1]))
+    assert first == second
+    assert first[0].startswith(
+        "a.csv, row 3: features at the same nominal place: 'A', 'B', 'C' and"
+    )

@@ -53,6 +53,7 @@ def test_a_lone_name_stands_where_what_has_no_name_lies_elsewhere() -> None:
     "changed",
     [
         {"unnamed": SURE},
+        {"kind": "scatter", "equations": {}, "parameters": ()},
         {"class_names": ("backlash-x", "abbe-x")},
         {"aliases": ("covariate-x",)},
     ],
