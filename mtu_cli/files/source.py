@@ -48,9 +48,14 @@ def shown_path(path: Path) -> str:
     if not path.is_absolute():
         return _text(Path(os.path.normpath(path)))
     try:
-        return _text(path.resolve().relative_to(Path.cwd().resolve()))
+        return _text(resolved(path).relative_to(resolved(Path.cwd())))
     except (ValueError, OSError):
         return _text(Path(path.name))
+
+
+def resolved(path: Path) -> Path:
+    """Where a path leads, as far as its links can be followed: a loop of them stays as it is."""
+    return Path(os.path.realpath(path))
 
 
 def given_path(path: Path) -> str:

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from mtu_cli.files.contracts import Contract, Findings, check_contract, duplicates
-from mtu_cli.files.source import Source, missing_file
+from mtu_cli.files.source import Source, missing_file, resolved
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 
 STUDY_NAME = "mtu.yaml"
@@ -102,7 +102,7 @@ class LoadedStudy:
 
 def find_study(start: Path) -> Path | None:
     """The ``mtu.yaml`` of the folder `start` or of the nearest folder above it."""
-    for folder in (start, *start.resolve().parents):
+    for folder in (start, *resolved(start).parents):
         candidate = folder / STUDY_NAME
         if candidate.is_file():
             return candidate

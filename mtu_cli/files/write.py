@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mtu_cli.errors import InputError, MtuError, Problem, fault, reason
-from mtu_cli.files.source import given_path
+from mtu_cli.files.source import given_path, resolved
 
 
 @dataclass(slots=True)
@@ -46,7 +46,7 @@ def made_ready(
     missing folder, or may not be written; no target is changed then.
     """
     check_targets(list(contents), list(inputs))
-    pending = [_Pending(path, path.resolve()) for path in contents]
+    pending = [_Pending(path, resolved(path)) for path in contents]
     files = [item for item in pending if _is_replaceable(item.target)]
     try:
         for item in files:
@@ -92,7 +92,7 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
     seen: dict[Path, Path] = {}
     for path in targets:
         shown = given_path(path)
-        target = path.resolve()
+        target = resolved(path)
         try:
             folder = path.is_dir()
         except OSError as error:
@@ -116,7 +116,7 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
 def overwrites(path: Path, other: Path) -> bool:
     """Whether writing to `path` changes the file `other`, whatever links are between."""
     try:
-        return path.resolve() == other.resolve() or path.samefile(other)
+        return resolved(path) == resolved(other) or path.samefile(other)
     except OSError:
         return False
 

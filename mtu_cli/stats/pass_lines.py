@@ -118,15 +118,17 @@ def between_passes(
     different positions. None where the common powers are not determined within passes but
     needed to compare them.
     """
-    hat = fixed @ np.linalg.solve(fixed.T @ fixed, fixed.T)
     dof = len(fixed) - fixed.shape[1]
-    apart = np.eye(len(fixed)) - hat
-    deviations = apart @ stage.coefficients
-    carried = np.einsum("gh,hia->gia", apart, stage.carried)
+    # What is left of passes beside `fixed`, without a matrix of all by all of them.
+    by_fixed = np.linalg.solve(fixed.T @ fixed, fixed.T)
+    apart = 1.0 - np.einsum("gf,fg->g", fixed, by_fixed)
+    deviations = stage.coefficients - fixed @ (by_fixed @ stage.coefficients)
+    of_fixed = np.einsum("fg,gia->fia", by_fixed, stage.carried)
+    carried = stage.carried - np.einsum("gf,fia->gia", fixed, of_fixed)
     null = stage.shared.null_space
     if (np.abs(carried @ null) > 1e-9 * (np.abs(stage.carried).max(axis=0) @ np.abs(null))).any():
         return None
-    of_lines = np.einsum("g,gij->ij", np.diag(apart), stage.inverses)
+    of_lines = np.einsum("g,gij->ij", apart, stage.inverses)
     of_powers = np.einsum("gia,ab,gjb->ij", carried, stage.shared.unscaled_covariance, carried)
     size = np.einsum("gi,gij,gj->", deviations, stage.precisions, deviations)
     if size <= stage.rounding:

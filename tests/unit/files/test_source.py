@@ -16,6 +16,7 @@ from mtu_cli.files.json_file import read_json
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.readings_stream import stream_readings
 from mtu_cli.files.source import check_text, hash_of, read_source, shown_path
+from mtu_cli.files.write import check_targets, write_files
 from mtu_cli.files.yaml_file import read_yaml
 
 T = TypeVar("T")
@@ -158,3 +159,15 @@ def test_a_folder_and_a_large_file(tmp_path: Path) -> None:
     (tmp_path / "f").write_bytes(b"123456")
     with pytest.raises(InputError, match="has 6 bytes; expected at most 5"):
         read_source(tmp_path / "f", "machine", max_bytes=5)
+
+
+def test_a_loop_of_links_is_told(tmp_path: Path) -> None:
+    """Neither as an input nor as an output does it end in the system's own words."""
+    loop = tmp_path / "loop.csv"
+    loop.symlink_to("loop.csv")
+    with pytest.raises(InputError, match=r"loop\.csv: cannot be read: too many levels"):
+        read_source(loop, "cmm")
+    assert shown_path(loop) == "loop.csv"
+    check_targets([tmp_path / "out.json"], [loop])
+    write_files({loop: b"new"})
+    assert loop.read_bytes() == b"new"
