@@ -11,6 +11,7 @@ from typing import Any
 
 import typer
 
+from mtu_cli.cli.parameters import FAIL_IF
 from mtu_cli.errors import InputError, fault, is_near, shorten
 
 UsageError: Any = typer.BadParameter.__base__
@@ -88,14 +89,19 @@ def check_own(ctx: Any, args: Sequence[str]) -> None:
 
 
 def check_values(ctx: Any, raw: Mapping[str, Any]) -> None:
-    """Raises InputError where the value of an option is the next option: its own was forgotten."""
+    """Raises InputError where the value of an option is the next option, or a gate is empty, as a
+    variable of a script may be: its own was forgotten.
+    """
     options = _options(ctx)
     for param in ctx.command.params:
         value = raw.get(param.name)
         for item in value if isinstance(value, list) else [value]:
-            if param.param_type_name == "option" and item in options:
+            # Of a gate that is no text nothing would fail; files and names are told by who reads.
+            empty = item == "" and param.name == FAIL_IF
+            if param.param_type_name == "option" and (empty or item in options):
                 name = max(param.opts, key=len)
-                expected = f"{_with_value(name, param, ctx)}; {item} is an option"
+                note = f"; {item} is an option" if item else ""
+                expected = f"{_with_value(name, param, ctx)}{note}"
                 raise fault(f"{name} stands without a value", expected=expected)
 
 

@@ -148,7 +148,9 @@ def _copies(columns: Mapping[str, FloatArray]) -> dict[str, str]:
     found: dict[str, str] = {}
     for names in by_shape.values():
         centred = [(columns[name] - columns[name].mean()).ravel() for name in names]
-        unit = np.array([v / np.sqrt(v @ v) for v in centred])
+        # First by the largest: squares of 1e-200 or of 1e200 are no numbers.
+        scaled = [v / np.abs(v).max() for v in centred]
+        unit = np.array([v / np.sqrt(v @ v) for v in scaled])
         alike = (unit @ unit.T) ** 2 > COPY
         for i, name in enumerate(names):
             first = int(np.argmax(alike[i]))

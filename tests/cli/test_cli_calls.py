@@ -141,6 +141,10 @@ def test_only_options_that_are_nearly_called_so_are_offered(
         (["--at", "T=1"], "mtu has no --at of its own; expected the command before its options"),
         (["simulate", "-Z"], "simulate has no -Z; expected one of those that mtu simulate --help"),
         (["graph", "draw", "--to"], "--to stands without a value; expected --to FILE, see mtu gr"),
+        (
+            ["close-loop", "--fail-if", ""],
+            "--fail-if stands without a value; expected --fail-if GATE",
+        ),
         (["lengths", "--out", "-q"], "--out stands without a value; expected --out FILE, see mtu "),
         (["lengths", "--quiet=3"], "--quiet takes no value; expected --quiet alone, see mtu len"),
         (["schema"], "schema stands without its KIND; expected mtu schema KIND, see mtu schema -"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -543,6 +544,18 @@ def test_which_columns_count_parts(
         counts and any("n" in note for note in found["trend-x"].notes)
     )
     assert ("n" in {m.covariate for m in found["covariate-x"].members}) == (not counts)
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+def test_the_unit_of_a_column_makes_it_no_other(library: EffectLibrary, size: float) -> None:
+    """Its square is no number then."""
+    covariates = shop_covariates(9, 12)
+    covariates["press"] = size * covariates["T_part_degC"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = by_name(candidates(table(covariates=covariates), library))
+    notes = found["thermal-drift-x"].notes + found["covariate-x"].notes
+    assert any("press is a copy of T_part_degC" in note for note in notes)
 
 
 def test_copies_are_named_and_tested_once(library: EffectLibrary) -> None:
