@@ -25,7 +25,7 @@ from mtu_cli.model.fit import (
     machine_warnings,
 )
 from mtu_cli.model.fit_warnings import limit_warnings, limits_of, scatter_warnings
-from mtu_cli.model.machine_model import MachineModel, build_model
+from mtu_cli.model.machine_model import AXES, MachineModel, build_model
 from mtu_cli.model.reading_doubts import reading_doubts
 from mtu_cli.model.settings import Warned
 
@@ -117,6 +117,8 @@ def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list
 def _not_needed(name: str, inputs: Inputs, model: MachineModel) -> str:
     """Asks whether another name is meant, of those alone that the call would take."""
     taken = {*inputs.at, *(_columns(inputs) if inputs.options.command in COLUMNS_FIRST else ())}
+    if name in AXES:
+        return f"{name} is a position, which features have, and no covariate: not used: --at {name}"
     near = closest_covariate(name, [n for n in model.covariates() if n not in taken])
     # The name comes last: `correct` knows by it what its rings need.
     return f"{f'is {near!r} meant? ' if near else ''}no equation needs --at {name}"

@@ -44,8 +44,10 @@ def _told(error: Any, ctx: Any) -> InputError:
         return fault(f"{name} stands without a value", expected=_with_value(name, param, ctx))
     param = getattr(error, "param", None)
     if hasattr(error, "param_type") and param is not None:
-        what = f"{_called(ctx)} stands without its {param.metavar}"
-        return fault(what, expected=f"{ctx.command_path} {param.metavar}, see {_help(ctx)}")
+        option = param.param_type_name == "option"
+        own = f"{max(param.opts, key=len)} {param.metavar}" if option else param.metavar
+        what = f"{_called(ctx)} stands without its {own}"
+        return fault(what, expected=f"{ctx.command_path} {own}, see {_help(ctx)}")
     text = error.format_message().rstrip(".")
     return fault(text[:1].lower() + text[1:], expected=f"a call as {_help(ctx)} shows")
 

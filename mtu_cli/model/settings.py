@@ -14,6 +14,10 @@ Correlation = Literal["shared", "independent"]
 PROBABILITY = 0.95
 
 DEFAULT_SEED = 20040126
+MOST_TRIALS, ENOUGH_TRIALS = 10_000_000, 300_000
+"""Where the count adapts: of one output at most so many, of many at least these."""
+MOST_DRAWN = 60_000_000
+"""Values of all outputs together: some seconds. What clause 8 cannot decide by then is told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +51,7 @@ class Settings:
             probability=PROBABILITY,
             digits=self.digits,
             tolerance_fraction=CONVERGED_TO,
+            max_trials=min(MOST_TRIALS, max(ENOUGH_TRIALS, MOST_DRAWN // len(model.names))),
             threads=self.threads,
             keep=keep,
             progress=self.progress,

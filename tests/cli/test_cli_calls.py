@@ -147,6 +147,10 @@ def test_only_options_that_are_nearly_called_so_are_offered(
         ),
         (["lengths", "--out", "-q"], "--out stands without a value; expected --out FILE, see mtu "),
         (["lengths", "--quiet=3"], "--quiet takes no value; expected --quiet alone, see mtu len"),
+        (
+            ["graph", "sweep", "g.yaml"],
+            "graph sweep stands without its --vary NAME=LOW:HIGH:COUNT;",
+        ),
         (["schema"], "schema stands without its KIND; expected mtu schema KIND, see mtu schema -"),
         (["lengths", "a", "b"], "lengths takes no further argument: 'b'; expected STUDY alone, se"),
         (["graph", "chek"], "unknown command: 'chek'; did you mean 'check'? See mtu graph --help"),

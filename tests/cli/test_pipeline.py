@@ -103,3 +103,41 @@ def test_a_gate_that_finds_no_study_does_not_pass(tmp_path: Path, call: str, wor
     assert ran.returncode == 2
     assert words.format(tmp_path) in ran.stderr
     assert "grep" not in ran.stderr
+
+
+def test_another_root_has_an_output_of_its_own(tmp_path: Path) -> None:
+    """A study of the same name with older files would keep the reports of the other one."""
+    for shop in ("first", "second"):
+        study = tmp_path / shop / "mill"
+        study.mkdir(parents=True)
+        (study / "machine.yaml").write_bytes((GILSINN_LING / "machine.yaml").read_bytes())
+        (study / "part.yaml").write_text(PART, "utf-8")
+        (study / "mtu.yaml").write_text(STUDY, "utf-8")
+    call = ["make", "-n", "-C", str(CONFIGS / "pipeline"), f"MTU={MTU}"]
+    told = [
+        subprocess.run(
+            [*call, f"ROOT={tmp_path / shop}"],
+            env=environment({"MAKEFLAGS": ""}),
+            capture_output=True,
+            encoding="utf-8",
+            timeout=90,
+            check=True,
+        ).stdout
+        for shop in ("first", "second")
+    ]
+    folders = [{word for word in text.split() if word.endswith("lengths.json")} for text in told]
+    assert folders[0]
+    assert folders[0].isdisjoint(folders[1])
+
+
+def test_quoted_names_and_whole_paths_are_found(tmp_path: Path) -> None:
+    study = tmp_path / "shop" / "mill"
+    study.mkdir(parents=True)
+    (study / "machine.yaml").write_bytes((GILSINN_LING / "machine.yaml").read_bytes())
+    (tmp_path / "part.yaml").write_text(PART, "utf-8")
+    text = STUDY.replace("part: part.yaml", f"part: '{tmp_path}/part.yaml'")
+    assert text != STUDY
+    (study / "mtu.yaml").write_text(text, "utf-8")
+    done = make(tmp_path / "out", f"ROOT={study.parent}", "-n")
+    assert done.returncode == 0, done.stderr
+    assert "lengths" in done.stdout
