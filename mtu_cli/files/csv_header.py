@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 
-from mtu_cli.errors import InputError, Problem, closest, is_near
+from mtu_cli.errors import InputError, Problem, closest, is_near, shorten
 from mtu_cli.files.column_lengths import deviation_along, in_other_unit, renaming
 from mtu_cli.files.column_words import (
     direction_along,
@@ -189,7 +189,7 @@ def missing_column(
         hint = f"a column {name!r} with the measured coordinate, nominal plus deviation, in mm "
         hint += f"({own[0]!r} looks like the deviation)"
     else:
-        hint = f"a column {name!r} (the columns are {', '.join(header)})"
+        hint = f"a column {name!r} (the columns are {', '.join(map(shorten, header))})"
     return Problem(what=f"the column {name!r} is missing", file=shown, row=row, expected=hint)
 
 

@@ -6,29 +6,23 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.errors import InputError, fault
 from mtu_cli.files.points import Points
-from mtu_cli.files.row_marks import fingerprints
+from mtu_cli.model.copied_parts import copied_parts
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured_rows import check_rows
 from mtu_cli.model.measured_slips import slips
 from mtu_cli.model.measured_units import EXPLAINS, look_like_errors, parts_of_other_units
 from mtu_cli.model.settings import Warned
-from mtu_cli.model.visits import axes_of, operations_of
+from mtu_cli.model.visits import axes_of
 from mtu_cli.stats.least_squares import FloatArray
 
 SUSPICIOUS_MM = 0.5
 """A typical error beyond this is not one of a machine tool."""
+SAME_MM = 1e-6
 ORIGIN = "origin"
 MOST: Datum = "offset,rotation"
-FEWEST_COPIED = 4
-"""Fewer equal values than this are no reason to speak."""
-CHANCE = 1e-3
-"""Equal parts are refused where chance alone would make a pair less often than this."""
-MOST_ALIKE = 6
-"""Equal parts that a warning names."""
-SAME_MM = 1e-6
 _BLOCK = 1 << 15
 
 
@@ -44,7 +38,7 @@ def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
     return [
         *(Warned(code=note.code, message=note.message) for note in points.notes),
         *rows,
-        *_copies(points, axes),
+        *copied_parts(points, axes),
         *_left_out(points, axes),
         *_moved(points, axes),
         *_far(points, freed(points, axes, datum)[0], axes),
@@ -217,69 +211,3 @@ def _of_one(measured: FloatArray, axis: int, factor: float) -> FloatArray:
 
 def _typical(errors: FloatArray) -> float:
     return float(np.median(np.abs(errors).max(axis=1)))
-
-
-def _copies(points: Points, axes: tuple[int, ...]) -> list[Warned]:
-    """Parts whose values of an operation agree with an earlier part's in every feature, in
-    whatever order.
-    """
-    parts = len(points.parts)
-    operations, operation = operations_of(points)
-    columns = [points.feature, operation, *(points.measured[:, axis] for axis in axes)]
-    several = len(operations) > 1
-    # Files of one operation each are copied one by one: a part need not be a copy in all.
-    run = operation.astype(np.int64) * parts + points.part if several else points.part
-    marks = fingerprints(columns, run, len(operations) * parts)
-    first: dict[bytes, int] = {}
-    problems, alike = [], []
-    for copy in np.flatnonzero(marks[:, 0]).tolist():
-        other = first.setdefault(marks[copy].tobytes(), copy)
-        if other == copy:
-            continue
-        rows = np.flatnonzero(run == copy)
-        if len(rows) * len(axes) < FEWEST_COPIED:
-            continue
-        part, twin = points.parts[copy % parts], points.parts[other % parts]
-        own = several and operations[copy // parts]
-        where = f" in operation {operations[copy // parts]!r}" if own else ""
-        if _chance(points, rows, axes) >= CHANCE:
-            alike.append((part, f"{twin!r}{where}"))
-            continue
-        problems.append(
-            Problem(
-                what=f"part {part!r} has the same values as part {twin!r}{where}",
-                file=points.sources[points.file_index[rows[0]]].shown,
-                row=int(points.row[rows[0]]),
-                column="part",
-                expected="each part once; repeated measurements are numbered in `repeat`",
-            )
-        )
-    if problems:
-        raise InputError(problems)
-    return [Warned(code="parts-alike", message=_twice(alike))] if alike else []
-
-
-def _twice(alike: Sequence[tuple[str, str]]) -> str:
-    """One question on all parts that agree with another one, the first few of them by name."""
-    if len(alike) == 1:
-        ((part, twin),) = alike
-        return f"part {part!r} has the same values as part {twin}: was it measured twice?"
-    more = len(alike) - MOST_ALIKE
-    shown = ", ".join(f"{part!r} as {twin}" for part, twin in alike[:MOST_ALIKE])
-    return (
-        f"{len({part for part, _ in alike})} parts have the same values as another one: {shown}"
-        f"{f' and {more} more' if more > 0 else ''}: were they measured twice?"
-    )
-
-
-def _chance(points: Points, rows: np.ndarray, axes: tuple[int, ...]) -> float:
-    """Expected number of pairs of parts that agree by chance in as many values as this one.
-
-    Two errors agree as often as two of the part's own: coarse or vanishing errors often do.
-    """
-    errors = np.concatenate(
-        [points.measured[rows, axis] - points.nominal[rows, axis] for axis in axes]
-    )
-    count = np.unique(np.round(errors / SAME_MM), return_counts=True)[1] / len(errors)
-    pairs = len(points.parts) * (len(points.parts) - 1) / 2
-    return float(pairs * (count**2).sum() ** len(errors))

@@ -483,3 +483,12 @@ def test_no_column_is_offered_that_is_none(tmp_path: Path) -> None:
 def test_columns_by_sight() -> None:
     assert meant_by("min time") is None
     assert not may_name("Teil-Nr.")
+
+
+def test_a_quote_that_takes_many_lines_into_a_name_is_not_told_whole(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text('component,position_mm,pass,"' + ",error,unit\npitch_x,1,1,1,um" * 40 + '"\n')
+    with pytest.raises(InputError) as caught:
+        read_table(path, "lbb", READINGS)
+    assert all(len(line) < 300 for line in str(caught.value).splitlines())
+    assert "(the columns are component, position_mm, pass, ,error,unit" in str(caught.value)

@@ -460,3 +460,25 @@ def test_names_that_look_alike() -> None:
     assert {first.code, second.code} == {"names-alike"}
     assert "'sn001' and 'SN001'; did you mean the same?" in first.message
     assert second.message.startswith("features whose names")
+
+
+def test_parts_that_differ_by_less_than_the_last_digit_are_no_copies() -> None:
+    """A CMM that rounds to 0.01 mm, parts within 1.5 um: some of ten agree in all features.
+
+    To the last digit of a CMM that shows more, they are copies.
+    """
+    rng = np.random.default_rng(4)
+    own = {name: rng.uniform(-0.03, 0.03, 2) for name in PLACES}
+    rows = [
+        (f"P{p}", name, 1, *(error + rng.normal(scale=1.5e-3, size=2)))
+        for p in range(10)
+        for name, error in own.items()
+    ]
+    fine = points(rows)
+    coarse = with_measured(fine, np.round(fine.measured, 2))
+    (warning,) = check_measured(coarse)
+    assert warning.code == "parts-alike"
+    measured = fine.measured.copy()
+    measured[fine.part == 7] = measured[fine.part == 2]
+    with pytest.raises(InputError, match=r"part 'P7' has the same values as part 'P2'"):
+        check_measured(with_measured(fine, measured))

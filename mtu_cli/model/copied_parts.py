@@ -1,0 +1,118 @@
+"""Parts that are copies of others: all their values agree, to the last digit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.points import Points
+from mtu_cli.files.row_marks import fingerprints
+from mtu_cli.model.residual_cells import IntArray
+from mtu_cli.model.settings import Warned
+from mtu_cli.model.visits import operations_of
+from mtu_cli.stats.least_squares import FloatArray
+
+FEWEST_COPIED = 4
+"""Fewer equal values than this are no reason to speak."""
+CHANCE = 1e-3
+"""Equal parts are refused where chance alone would make a pair less often than this."""
+MOST_ALIKE = 6
+"""Equal parts that a warning names."""
+SAME_MM = 1e-6
+
+
+def copied_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+    """A warning of parts whose values of an operation agree with an earlier part's in every
+    feature, in whatever order.
+
+    Raises InputError for those that are no chance.
+    """
+    parts = len(points.parts)
+    operations, operation = operations_of(points)
+    columns = [points.feature, operation, *(points.measured[:, axis] for axis in axes)]
+    several = len(operations) > 1
+    # Files of one operation each are copied one by one: a part need not be a copy in all.
+    run = operation.astype(np.int64) * parts + points.part if several else points.part
+    marks = fingerprints(columns, run, len(operations) * parts)
+    first: dict[bytes, int] = {}
+    problems, alike, agreement = [], [], None
+    for copy in np.flatnonzero(marks[:, 0]).tolist():
+        other = first.setdefault(marks[copy].tobytes(), copy)
+        if other == copy:
+            continue
+        rows = np.flatnonzero(run == copy)
+        if len(rows) * len(axes) < FEWEST_COPIED:
+            continue
+        part, twin = points.parts[copy % parts], points.parts[other % parts]
+        name = operations[copy // parts] if several else ""
+        where = f" in operation {name!r}" if name else ""
+        if agreement is None:
+            agreement = _agreement(points, operation, axes)
+        if _chance(points, rows, axes, agreement) >= CHANCE:
+            alike.append((part, f"{twin!r}{where}"))
+            continue
+        what = f"part {part!r} has the same values as part {twin!r}{where}"
+        problems.append(_problem(points, int(rows[0]), what))
+    if problems:
+        raise InputError(problems)
+    return [Warned(code="parts-alike", message=_twice(alike))] if alike else []
+
+
+def _problem(points: Points, row: int, what: str) -> Problem:
+    return Problem(
+        what=what,
+        file=points.sources[points.file_index[row]].shown,
+        row=int(points.row[row]),
+        column="part",
+        expected="each part once; repeated measurements are numbered in `repeat`",
+    )
+
+
+def _twice(alike: Sequence[tuple[str, str]]) -> str:
+    """One question on all parts that agree with another one, the first few of them by name."""
+    if len(alike) == 1:
+        ((part, twin),) = alike
+        return f"part {part!r} has the same values as part {twin}: was it measured twice?"
+    more = len(alike) - MOST_ALIKE
+    shown = ", ".join(f"{part!r} as {twin}" for part, twin in alike[:MOST_ALIKE])
+    return (
+        f"{len({part for part, _ in alike})} parts have the same values as another one: {shown}"
+        f"{f' and {more} more' if more > 0 else ''}: were they measured twice?"
+    )
+
+
+def _chance(points: Points, rows: IntArray, axes: tuple[int, ...], alike: FloatArray) -> float:
+    """Expected number of pairs of parts that agree by chance in as many values as this one.
+
+    Two errors agree as often as two of the part's own: coarse or vanishing errors often do. Or as
+    two of other parts in the same place do (`alike`): where the CMM's last digit is larger than
+    what parts differ by.
+    """
+    errors = np.concatenate(
+        [points.measured[rows, axis] - points.nominal[rows, axis] for axis in axes]
+    )
+    count = np.unique(np.round(errors / SAME_MM), return_counts=True)[1] / len(errors)
+    pairs = len(points.parts) * (len(points.parts) - 1) / 2
+    each = np.maximum(alike[rows], (count**2).sum())
+    return float(pairs * np.exp(np.log(each).sum()))
+
+
+def _agreement(points: Points, operation: IntArray, axes: tuple[int, ...]) -> FloatArray:
+    """How often (n, axes) two measurements of a feature and operation agree, a point's own left
+    out; 0 where there are no two others.
+    """
+    cell = operation.astype(np.int64) * len(points.features) + points.feature
+    found = np.zeros((len(points), len(axes)))
+    for k, axis in enumerate(axes):
+        value = np.unique(np.round(points.measured[:, axis] / SAME_MM), return_inverse=True)[1]
+        key = cell * (int(value.max(initial=0)) + 1) + value.reshape(-1)
+        _, code, count = np.unique(key, return_inverse=True, return_counts=True)
+        own = count[code.reshape(-1)]
+        # Each of n points counts its fellows: twice the pairs.
+        pairs = np.bincount(cell, weights=own - 1.0) / 2
+        n = np.bincount(cell)[cell]
+        others = (n - 1) * (n - 2) / 2
+        np.divide(pairs[cell] - (own - 1), others, out=found[:, k], where=others > 0)
+    return found
