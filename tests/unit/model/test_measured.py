@@ -470,9 +470,10 @@ def test_parts_that_differ_by_less_than_the_last_digit_are_no_copies() -> None:
     rng = np.random.default_rng(4)
     own = {name: rng.uniform(-0.03, 0.03, 2) for name in PLACES}
     rows = [
-        (f"P{p}", name, 1, *(error + rng.normal(scale=1.5e-3, size=2)))
+        (f"P{p}", name, repeat, *(error + rng.normal(scale=1.5e-3, size=2)))
         for p in range(10)
         for name, error in own.items()
+        for repeat in (1, 2)
     ]
     fine = points(rows)
     coarse = with_measured(fine, np.round(fine.measured, 2))
