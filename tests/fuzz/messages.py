@@ -7,7 +7,7 @@ import re
 LONGEST = 2000
 """Characters of a line; a message may list what is known, but not a file's content."""
 _PROGRAM = re.compile(
-    r"Traceback|<class |object at 0x|pydantic|numpy|np\.|pandas|Exception\b|NoneType"
+    r"Traceback|<class |object at 0x|pydantic|numpy|np\.[a-z]|pandas|Exception\b|NoneType"
     r"|(?:Value|Type|Key|Index|Attribute|Recursion|Unicode|Assertion|Overflow)Error|Errno|sys\."
 )
 """Words of the program in place of words about the file."""
