@@ -11,6 +11,9 @@ from scipy.special import stdtrit
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.stats.least_squares import FloatArray
 
+ROUNDING = 1e-9
+"""Of the places along an axis, or the values of a covariate: what is nearer to 0 is 0."""
+
 
 @dataclass(frozen=True, slots=True)
 class Lever:
@@ -31,6 +34,24 @@ class Crossing:
     value: float
     u: float
     interval: tuple[float, float] | None
+
+    def over(self, middle: float, half: float) -> Crossing:
+        """The same in the unit of an extent about its middle, half of which is `half`."""
+        ends = self.interval
+        return Crossing(
+            middle + half * self.value,
+            half * self.u,
+            None if ends is None else (middle + half * ends[0], middle + half * ends[1]),
+        )
+
+
+def counted_from(levers: Sequence[Lever], middle: float, half: float) -> float:
+    """Where the only lever that grows is zero; nan where there are others."""
+    growing = [lever for lever in levers if lever.growth]
+    if len(growing) != 1:
+        return np.nan
+    start = middle - half * growing[0].shift / growing[0].growth
+    return start if abs(start) > ROUNDING * (abs(middle) + half) else 0.0
 
 
 def crossing(

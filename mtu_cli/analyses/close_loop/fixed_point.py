@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.crossing import Crossing, Lever, crossing
+from mtu_cli.analyses.close_loop.crossing import Crossing, Lever, counted_from, crossing
 from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect
 from mtu_cli.analyses.close_loop.straight_lines import (
     extent,
@@ -24,8 +24,6 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
-ROUNDING = 1e-9
-"""Of the places along an axis: what is nearer to 0 is 0."""
 Over = frozenset[str]
 """The one covariate that errors are proportional to; empty where they are constant."""
 
@@ -64,7 +62,7 @@ def fixed_points(
             if growth and drift and straight and len(unsure) < 2:
                 crossed = crossing(effects, covariance, levers)
                 point = _point(table, axis, min(own, default=None), growth, drift, crossed)
-                start = _counted_from(table, axis, levers)
+                start = counted_from(levers, *extent(table, axis))
                 found.append(replace(point, counted_from=start, given=given))
     return tuple(found)
 
@@ -97,16 +95,6 @@ def _levers(
         yield Lever(e, own.index(name), shift, growth)
 
 
-def _counted_from(table: ResidualTable, axis: str, levers: Sequence[Lever]) -> float:
-    """Where the only lever that grows is zero, mm; nan where there are others."""
-    growing = [lever for lever in levers if lever.growth]
-    if len(growing) != 1:
-        return np.nan
-    middle, half = extent(table, axis)
-    start = middle - half * growing[0].shift / growing[0].growth
-    return start if abs(start) > ROUNDING * (abs(middle) + half) else 0.0
-
-
 def _point(
     table: ResidualTable,
     axis: str,
@@ -116,18 +104,15 @@ def _point(
     crossed: Crossing,
 ) -> FixedPoint:
     """In mm: where they cross is in halves of the places' extent from their middle."""
-    middle, half = extent(table, axis)
-    ends = None
-    if crossed.interval is not None:
-        low, high = crossed.interval
-        ends = (middle + half * low, middle + half * high)
+    found = crossed.over(*extent(table, axis))
+    ends = found.interval
     return FixedPoint(
         axis=axis,
         covariate=covariate,
         growth=growth,
         drift=drift,
-        at=middle + half * crossed.value,
-        u=half * crossed.u,
+        at=found.value,
+        u=found.u,
         interval=ends,
         told=ends is not None and ends[1] - ends[0] <= _reach(table, axis),
     )

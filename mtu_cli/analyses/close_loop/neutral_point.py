@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.crossing import Lever, crossing
+from mtu_cli.analyses.close_loop.crossing import Lever, counted_from, crossing
 from mtu_cli.analyses.close_loop.result import FoundEffect, NeutralPoint
 from mtu_cli.analyses.close_loop.straight_lines import in_place, middle_and_rise
 from mtu_cli.files.covariates import is_temperature
@@ -73,28 +73,27 @@ def _point(
     levers = [
         lever for e in chosen for lever in _levers(effects[e], e, axis, covariate, middle, half)
     ]
-    growing = [lever for lever in levers if lever.growth]
-    drift = tuple(dict.fromkeys(lever.effect for lever in growing))
+    drift = tuple(dict.fromkeys(lever.effect for lever in levers if lever.growth))
     offset = tuple(dict.fromkeys(x.effect for x in levers if x.shift and x.effect not in drift))
     if not drift or not offset or not all(np.isfinite(x.shift) for x in levers):
         return None
-    crossed = crossing(effects, covariance, levers)
-    ends = crossed.interval
+    point = crossing(effects, covariance, levers).over(middle, half)
+    ends = point.interval
     # Wider than all that was seen it would tell nothing; far from it every line is zero somewhere.
-    if ends is None or ends[1] - ends[0] > WIDEST or min(map(abs, ends)) > FARTHEST:
+    if ends is None or ends[1] - ends[0] > WIDEST * half:
+        return None
+    if min(abs(end - middle) for end in ends) > FARTHEST * half:
         return None
     return NeutralPoint(
         axis=axis,
         covariate=covariate,
         drift=drift,
         offset=offset,
-        at=middle + half * crossed.value,
-        u=half * crossed.u,
-        interval=(middle + half * ends[0], middle + half * ends[1]),
+        at=point.value,
+        u=point.u,
+        interval=ends,
         seen=(low, high),
-        counted_from=middle - half * growing[0].shift / growing[0].growth
-        if len(growing) == 1
-        else np.nan,
+        counted_from=counted_from(levers, middle, half),
     )
 
 
