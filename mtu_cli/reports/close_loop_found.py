@@ -107,10 +107,14 @@ def fixed_point_of(point: FixedPoint, item: TableResult) -> dict[str, Any]:
 
 def neutral_point_of(point: NeutralPoint, item: TableResult) -> dict[str, Any]:
     """At which value of a covariate effects of a table cancel."""
+    names = {e: effect.name for e, effect in enumerate(item.effects)}
+    if point.given is not None:
+        names |= dict([point.given])
     return {
         "axis": point.axis,
         "covariate": point.covariate,
-        "effects": [item.effects[e].name for e in (*point.drift, *point.offset)],
+        "effects": [names[e] for e in (*point.drift, *point.offset)],
+        "given": None if point.given is None else point.given[1],
         "at": {"value": point.at, "u": finite(point.u), "interval95": list(point.interval)},
         "seen": list(point.seen),
     }

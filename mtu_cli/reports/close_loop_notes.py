@@ -7,6 +7,10 @@ from mtu_cli.reports.close_loop_shown import something_left
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import p_value
 
+LEVEL = (
+    "level: the constant of an equation and no effect of its own: the error where the effects of "
+    "its axis are 0. Beside a growth or a drift it holds their constant part and any offset"
+)
 COPY = " is a copy of "
 """What the note of a candidate says of a column that is."""
 

@@ -40,11 +40,9 @@ def sentences(item: TableResult) -> list[Sentence]:
     do effects of which one stands and another is a hint.
     """
     joined: dict[int, Sentence] = {}
-    told: dict[int, set[str]] = {}
+    told = _told_by_each(item)
     last = []
-    for point in item.fixed_points:
-        if point.given is not None:
-            continue
+    for point in (p for p in item.fixed_points if p.given is None):
         first = item.effects[point.growth[0]]
         own = tuple(item.effects[e] for e in (*point.growth, *point.drift))
         one = point.told and len(point.growth) == 1 and first.axis == point.axis
@@ -55,7 +53,7 @@ def sentences(item: TableResult) -> list[Sentence]:
                 told.setdefault(e, set()).add(f"E{point.axis}")
         else:
             last.append(Sentence(effects=(), text=_fixed(point), of=own))
-    for neutral in item.neutral_points:
+    for neutral in (p for p in item.neutral_points if p.given is None):
         (e, *more), right = neutral.drift, _right(neutral)
         own = tuple(item.effects[k] for k in (*neutral.drift, *neutral.offset))
         one = not more and own[0].equations.keys() == {f"E{neutral.axis}"}
@@ -79,9 +77,28 @@ def _alike(effects: tuple[FoundEffect, ...], item: TableResult) -> bool:
     return len({own_verdict(effect, item) == "named" for effect in effects}) == 1
 
 
+def _told_by_each(item: TableResult) -> dict[int, set[str]]:
+    """Offsets, by their place with the equations, that are one cause with each of a class that the
+    data cannot tell apart: what is said of each of them holds them.
+    """
+    told: dict[int, set[str]] = {}
+    for point in item.neutral_points:
+        place = None if point.given is None else point.given[0]
+        if place is None or place not in point.drift:
+            continue
+        own = {p.given for p in item.neutral_points if p.axis == point.axis}
+        whole = {(place, name) for name in item.effects[place].candidates} <= own
+        about = {own_verdict(item.effects[e], item) for e in (place, *point.offset)}
+        # Beside a hint what stands is told by itself.
+        if whole and about != {"unexplained", "named"}:
+            for e in point.offset:
+                told.setdefault(e, set()).add(f"E{point.axis}")
+    return told
+
+
 def one_cause(item: TableResult, place: int, own: FoundEffect) -> str | None:
     """What follows if the effect at `place`, one of several, is `own`: with others it is an axis
-    that is fixed somewhere.
+    that is fixed somewhere, or right at a temperature.
     """
     for point in item.fixed_points:
         if point.given != (place, own.name) or not point.told:
@@ -93,6 +110,13 @@ def one_cause(item: TableResult, place: int, own: FoundEffect) -> str | None:
             f"with {' and '.join(others)} that is one cause: {point.axis.upper()} {verb} from a "
             f"fixed point at {_place(point)}"
         )
+    for neutral in item.neutral_points:
+        if neutral.given == (place, own.name):
+            others = [item.effects[e].name for e in (*neutral.drift, *neutral.offset) if e != place]
+            return (
+                f"with {' and '.join(others)} that is one cause: {neutral.axis.upper()} is right "
+                f"at {_right(neutral)}"
+            )
     return None
 
 

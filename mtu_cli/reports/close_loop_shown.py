@@ -106,7 +106,7 @@ def one_cause_notes(item: TableResult) -> list[str]:
                 f"{drifts} is how far that place goes: one cause"
             )
     for neutral in item.neutral_points:
-        if math.isfinite(neutral.counted_from):
+        if math.isfinite(neutral.counted_from) and neutral.given is None:
             offsets = " and ".join(item.effects[e].name for e in neutral.offset)
             notes.append(
                 f"{item.effects[neutral.drift[0]].name} is counted from {neutral.covariate} = "

@@ -22,7 +22,7 @@ from mtu_cli.analyses.close_loop.shown import (
     things,
 )
 from mtu_cli.reports.close_loop_effects import direction_text, searched_text
-from mtu_cli.reports.close_loop_notes import copied, left_text, untested
+from mtu_cli.reports.close_loop_notes import LEVEL, copied, left_text, untested
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,
@@ -119,7 +119,7 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
     notes += [f"{name}: {way}" for name, way in ways if way is not None]
     notes += [note for item in result.tables for note in one_cause_notes(item)]
     if any(is_level(name) for effect in result.effects for name, _, _, _ in effect.parameters):
-        notes.insert(0, "level: a constant of the equation, the error where the effect itself is 0")
+        notes.insert(0, LEVEL)
     return notes
 
 

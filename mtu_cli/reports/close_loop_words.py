@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import (
+    CloseLoopResult,
+    FoundEffect,
+    Judged,
+    TableResult,
+)
 from mtu_cli.analyses.close_loop.shown import (
+    most_left,
     own_verdict,
     pitch_is_open,
     should_be_told,
@@ -80,7 +86,9 @@ def _class(item: TableResult) -> str:
                     f"Not much less likely, but no readings of it: {either(effect.apart)}."
                 )
         elif nearly_alone(effect):
-            words.append(f"Most likely {said.named}; {either(names[1:])} is not excluded.")
+            place = next(e for e, own in enumerate(item.effects) if own is effect)
+            likely = "; ".join(filter(None, [said.named, one_cause(item, place, effect)]))
+            words.append(f"Most likely {likely}; {either(names[1:])} is not excluded.")
         else:
             more = " (see the table)" if len(names) > RIVALS else ""
             words.append(f"{either(names)}{more}: this data cannot tell.")
@@ -138,8 +146,12 @@ def _unexplained(item: TableResult) -> str:
         "they are a shape without a name"
         for name in item.twofold
     ]
-    rest, floor = _together(item, item.unexplained_rms, item.floor)
+    where = most_left(item)
+    rest, floor, *at = _together(item, item.unexplained_rms, item.floor, where.along, where.there)
     left = f"What is left has an rms of {rest} {item.table.unit}"
+    along = f"along {where.axis.upper()} ({at[0]} {item.table.unit}), and there "
+    left += f": most {along if item.table.component is None else ''}at {column} {where.column}"
+    left += f" ({at[1]} {item.table.unit})"
     left += f"; repeatability is {floor} {item.table.unit}." if item.floor is not None else "."
     sure, rest_of = _sure(item)
     known = "; ".join(said.named for said in sure)
@@ -182,8 +194,8 @@ def _hint(item: TableResult, said: list[Sentence]) -> list[str]:
     best = ranked(item)
     if item.effects:
         return []
-    if not best or (best[0].log_bayes_factor or 0.0) <= 0:
-        return ["No effect comes near it."]
+    if not best or not _strong(best[0]):
+        return ["No effect of the library comes near it."]
     return [f"As a hint only: of the named effects {best[0].name} comes nearest."]
 
 
@@ -229,13 +241,20 @@ def _likely(item: TableResult) -> list[str]:
     if not 1 < count < FEW_PARTS or not best:
         return []
     first = best[0]
-    if (first.log_bayes_factor or 0.0) < STRONG or (first.posterior or 0.0) < LONE:
+    if not _strong(first):
         return []
     row, _ = things(item)
     return [
         f"{first.name} fits best by far, but {count} {plural(row)} cannot prove it "
         f"(p {p_value(first.p_familywise or 1.0)}): {plural(row)} may scatter that much. Take more."
     ]
+
+
+def _strong(judged: Judged) -> bool:
+    """Whether a candidate that is not proven is so much the best that its name is of use: of many
+    there is always one that fits noise best.
+    """
+    return (judged.log_bayes_factor or 0.0) >= STRONG and (judged.posterior or 0.0) >= LONE
 
 
 def _before_after(item: TableResult) -> str:

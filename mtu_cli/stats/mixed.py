@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import LeastSquares, least_squares, polynomial
 from mtu_cli.stats.pass_design import PassDesign, pass_design
-from mtu_cli.stats.pass_lines import between_passes, own_lines
+from mtu_cli.stats.pass_lines import between_passes, own_lines, rounding_of
 from mtu_cli.stats.pass_pairs import bounded, covariance_in_runs, half_differences
 from mtu_cli.stats.positive_part import positive_part
 
@@ -51,6 +51,7 @@ class PassFit:
     squares is divided by for `between`. `separated` is False where the
     data cannot tell D from s2.
     `pooled_rss` with `pooled_dof` is the residual sum of squares of one line a direction.
+    `rounding` is what sums of the readings may be off by arithmetic alone.
     """
 
     plain: LeastSquares
@@ -73,6 +74,7 @@ class PassFit:
     half_differences: FloatArray | None
     pooled_rss: float
     pooled_dof: int
+    rounding: float
 
     @property
     def n_passes(self) -> int:
@@ -100,10 +102,10 @@ def fit_passes(
     plain = least_squares(polynomial(position, degree), y)
     center = float(position.mean())
     if group is None:
-        return _single(plain, center)
+        return _single(y, plain, center)
     design = pass_design(position, center, degree, group, direction, runs)
     found = _separated(y, design, plain, center) if design.dof_between > 0 else None
-    return _single(plain, center, design) if found is None else found
+    return _single(y, plain, center, design) if found is None else found
 
 
 def _separated(
@@ -144,6 +146,7 @@ def _separated(
         half_differences=half_differences(moment + within, K, design.pairs, G),
         pooled_rss=pooled.rss,
         pooled_dof=pooled.dof,
+        rounding=rounding_of(y),
     )
 
 
@@ -153,7 +156,9 @@ def _line_a_direction(y: FloatArray, design: PassDesign) -> LeastSquares:
     return least_squares(np.column_stack([*lines, design.common]), y[design.rows])
 
 
-def _single(plain: LeastSquares, center: float, design: PassDesign | None = None) -> PassFit:
+def _single(
+    y: FloatArray, plain: LeastSquares, center: float, design: PassDesign | None = None
+) -> PassFit:
     """One pass, or none known: all scatter counts as repeatability."""
     q = min(2, len(plain.coefficients))
     empty = np.zeros((0, q))
@@ -178,6 +183,7 @@ def _single(plain: LeastSquares, center: float, design: PassDesign | None = None
         half_differences=None,
         pooled_rss=plain.rss,
         pooled_dof=plain.dof,
+        rounding=rounding_of(y),
     )
 
 

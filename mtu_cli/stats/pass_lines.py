@@ -18,6 +18,8 @@ IntArray = NDArray[np.int64]
 
 ROUNDING = 32 * float(np.finfo(np.float64).eps)
 """Scatter below this share of the largest reading is arithmetic, not measurement."""
+FEWEST_ROUNDINGS = 32
+"""Operations, each rounded, between a reading and what is told of it, if it is never summed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +41,16 @@ class OwnLines:
     rss: float
     dof: int
     rounding: float
+
+
+def rounding_of(y: FloatArray) -> float:
+    """What a mean of the readings (n,), or a line through them, may be off by arithmetic alone.
+
+    A sum of n numbers is rounded n times, by half of the spacing of numbers of its size each;
+    few numbers are scaled, centred and turned more often than they are summed.
+    """
+    steps = max(len(y), FEWEST_ROUNDINGS)
+    return steps * float(np.spacing(np.abs(y).max(initial=0.0)))
 
 
 def own_lines(

@@ -17,6 +17,8 @@ from mtu_cli.stats.pass_pairs import FEWEST_RUNS
 
 MAX_POSITIONS = 400
 """More distinct positions than this count as a continuous run, without replicates."""
+FEWEST_PASSES = 3
+"""Two passes have one difference, which is the reversal itself."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,10 +51,13 @@ def f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest | 
     return FTest(F=F, p=float(fdtrc(df1, df2, F)), df_numerator=df1, df_denominator=df2)
 
 
-def _shift(value: float, u: float, dof: int) -> Shift | None:
+def _shift(value: float, u: float, dof: int, rounding: float) -> Shift | None:
+    """None where nothing scatters, or where both value and u are what rounding left of 0: the
+    errors of sums depend on their order, and look as steady as any trend.
+    """
     from scipy.special import stdtr
 
-    if dof < 1 or u <= 0:
+    if dof < 1 or u <= 0 or max(abs(value), u) <= rounding:
         return None
     return Shift(value=value, u=u, p=float(2 * stdtr(dof, -abs(value) / u)), dof=dof)
 
@@ -90,7 +95,7 @@ def pass_trend(fit: PassFit, order: IntArray | FloatArray) -> Shift | None:
     if line.rank < len(line.coefficients) or line.dof < 1:
         return None
     u = float(np.sqrt(line.s2 * line.unscaled_covariance[-1, -1]))
-    return _shift(float(line.coefficients[-1]), u, line.dof)
+    return _shift(float(line.coefficients[-1]), u, line.dof, fit.rounding)
 
 
 def _ranks(order: IntArray | FloatArray) -> FloatArray:
@@ -111,17 +116,21 @@ def reversal(fit: PassFit, order: IntArray | FloatArray, *, timed: bool = True) 
     repeated. None with two passes, whose only difference is the reversal itself.
     """
     forward, reverse = fit.group_direction > 0, fit.group_direction < 0
-    if not fit.separated or not forward.any() or not reverse.any() or fit.n_passes < 3:
+    if not fit.separated or not forward.any() or not reverse.any() or fit.n_passes < FEWEST_PASSES:
         return None
     level = fit.pass_coefficients[:, 0]
     if len(fit.pairs) >= FEWEST_RUNS:
-        return _reversal_of_runs(level[fit.pairs], _ranks(order)[fit.pairs], timed)
+        ranks = _ranks(order)[fit.pairs]
+        return _reversal_of_runs(level[fit.pairs], ranks, timed, fit.rounding)
     value = float(level[forward].mean() - level[reverse].mean())
     count = 1 / forward.sum() + 1 / reverse.sum()
-    return _shift(value, float(np.sqrt(fit.between[0, 0] * count)), fit.pass_dof)
+    u = float(np.sqrt(fit.between[0, 0] * count))
+    return _shift(value, u, fit.pass_dof, fit.rounding)
 
 
-def _reversal_of_runs(level: FloatArray, rank: FloatArray, timed: bool) -> Shift | None:
+def _reversal_of_runs(
+    level: FloatArray, rank: FloatArray, timed: bool, rounding: float
+) -> Shift | None:
     """From levels and places in time (P, 2) of the passes there and back."""
     P = len(level)
     mean, time = level.mean(axis=1), rank.mean(axis=1) - rank.mean()
@@ -137,7 +146,7 @@ def _reversal_of_runs(level: FloatArray, rank: FloatArray, timed: bool) -> Shift
         value += drift * apart
     else:
         u2 += (drift * apart) ** 2
-    return _shift(value, float(np.sqrt(u2)), P - 1)
+    return _shift(value, float(np.sqrt(u2)), P - 1, rounding)
 
 
 def lack_of_fit(

@@ -7,6 +7,7 @@ They are one cause where the machine is right at another temperature, which is w
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,26 +26,35 @@ DIRECTION = "dir_"
 
 
 def neutral_points(
-    table: ResidualTable, effects: Sequence[FoundEffect], covariance: FloatArray
+    table: ResidualTable,
+    effects: Sequence[FoundEffect],
+    covariance: FloatArray,
+    instead: int | None = None,
 ) -> tuple[NeutralPoint, ...]:
     """One an axis along which errors are a + g c, c one temperature: the c where they are zero.
 
     `covariance` (k, k) is that of the k parameters of all effects in their order, internal units.
-    Beside an error that changes with the place or with a second covariate there is none, nor where
-    the data cannot tell one of the effects from others, nor farther from the temperatures of the
-    data than half of their range.
+    Beside an error that changes with the place or with a second covariate there is none, nor
+    farther from the temperatures of the data than half of their range. An effect that is one of
+    several which the data cannot tell apart gives one if it is that (`given`); two of them give
+    none. `instead` is the place of an effect that stands for one found: what has no part of it is
+    not told again.
     """
     found = []
     for axis in table.axes if table.component is None else ():
         all_over = {e: _over(effect, axis) for e, effect in enumerate(effects)}
         over = {e: own for e, own in all_over.items() if own is not None}
         covariates = {name for own in over.values() for name in own}
-        if len(covariates) != 1 or any(len(effects[e].candidates) > 1 for e in over):
+        unsure = [e for e in over if len(effects[e].candidates) > 1]
+        given = next(((e, effects[e].name) for e in unsure), None)
+        if len(covariates) != 1 or len(unsure) > 1:
+            continue
+        if instead is not None and instead not in unsure:
             continue
         (covariate,) = covariates
         known = is_temperature(covariate) and covariate in table.covariates
         if known and (point := _point(table, axis, covariate, effects, covariance, tuple(over))):
-            found.append(point)
+            found.append(replace(point, given=given))
     return tuple(found)
 
 

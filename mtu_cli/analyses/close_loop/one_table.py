@@ -31,6 +31,7 @@ from mtu_cli.analyses.close_loop.result import (
     FixedPoint,
     FoundEffect,
     Judged,
+    NeutralPoint,
     Scores,
     TableResult,
     Verdict,
@@ -100,7 +101,7 @@ def loop_on(
         floor=_floor(told.effects.prepared),
         unexplained_rms=_unexplained(found, scored, (*fired, *twice)),
         fixed_points=_fixed_points(table, described, covariance, others),
-        neutral_points=neutral_points(table, described, covariance),
+        neutral_points=_neutral_points(table, described, covariance, others),
     )
     return LoopResult(result=result, covariance=covariance)
 
@@ -129,6 +130,18 @@ def _fixed_points(
     """Those of the effects as found, then those that a rival in the place of one would give."""
     found = [fixed_points(table, effects, covariance)]
     found += [fixed_points(table, x.effects, x.covariance, instead=x.place) for x in others]
+    return tuple(point for points in found for point in points)
+
+
+def _neutral_points(
+    table: ResidualTable,
+    effects: Sequence[FoundEffect],
+    covariance: FloatArray,
+    others: Sequence[Instead],
+) -> tuple[NeutralPoint, ...]:
+    """The same, in a temperature."""
+    found = [neutral_points(table, effects, covariance)]
+    found += [neutral_points(table, x.effects, x.covariance, instead=x.place) for x in others]
     return tuple(point for points in found for point in points)
 
 

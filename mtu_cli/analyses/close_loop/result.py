@@ -147,7 +147,8 @@ class NeutralPoint:
     `at`, its standard uncertainty `u` and 95 % `interval` in the covariate's unit; `seen` are the
     least and the largest value of the data. None is told whose interval is longer than these span,
     or farther from them than half of that. `counted_from` is where a drift that is one effect is
-    zero by itself; nan where it is several.
+    zero by itself; nan where it is several. `given` is as of a `FixedPoint`: an effect that the
+    data cannot tell from others; if it is that, all of these are one cause.
     """
 
     axis: str
@@ -159,6 +160,7 @@ class NeutralPoint:
     interval: tuple[float, float]
     seen: tuple[float, float]
     counted_from: float = math.nan
+    given: tuple[int, str] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

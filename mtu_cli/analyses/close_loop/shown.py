@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -89,6 +90,35 @@ def should_be_told(effect: FoundEffect) -> bool:
 def effect_rms(effect: FoundEffect, item: TableResult) -> float:
     """Root mean square of an effect over all coordinates of a table, mm (rad)."""
     return math.sqrt(effect.explained_share) * item.in_sample_before.rms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MostLeft:
+    """Where errors beside the effects found are largest: the axis with the largest root mean square
+    `along` it, and the column (feature) with the largest over the rows `there`; mm (rad).
+    """
+
+    axis: str
+    along: float
+    column: str
+    there: float
+
+
+def most_left(item: TableResult) -> MostLeft:
+    """In sample, of what was not set aside."""
+    table = item.table
+    present = table.there[:, :, np.newaxis]
+    squares = np.where(present, table.errors - item.explained, 0.0) ** 2
+    along = np.sqrt(squares.sum(axis=(0, 1)) / max(int(table.there.sum()), 1))
+    a = int(np.argmax(along))
+    there = np.sqrt(squares[:, :, a].sum(axis=0) / np.maximum(table.there.sum(axis=0), 1))
+    h = int(np.argmax(there))
+    return MostLeft(
+        axis=table.axes[a],
+        along=float(along[a]),
+        column=table.features[h],
+        there=float(there[h]),
+    )
 
 
 def improvement_percent(item: TableResult) -> float | None:

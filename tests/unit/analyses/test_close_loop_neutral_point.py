@@ -114,14 +114,17 @@ def test_its_interval_covers() -> None:
         ),
         (drifts(equations={"Ex": "drift*(T_elsewhere_degC - 20)"}), OFFSET),
         (drifts(equations={"Ex": f"drift*({T} - 24.5)**2"}), OFFSET),
-        (drifts(class_names=("thermal-drift-x", "warm-up-x")), OFFSET),
+        (
+            drifts(class_names=("thermal-drift-x", "warm-up-x")),
+            replace(OFFSET, class_names=("offset-x", "unnamed-field-x")),
+        ),
         (drifts(parameters=(("drift", "um/K", 0.2, 0.17),)), OFFSET),
         (drifts(), effect("offset-y", equations={"Ey": "lost_motion"})),
         (drifts(), effect("odd-x", equations={}, chosen="H7")),
     ],
     ids=[
         *("none", "no-offset", "no-drift", "place", "two-sensors", "not-in-the-data", "bent"),
-        *("class", "hardly-a-drift", "other-axis", "no-equation"),
+        *("two-classes", "hardly-a-drift", "other-axis", "no-equation"),
     ],
 )
 def test_where_no_neutral_point_is_told(effects: tuple[FoundEffect, ...]) -> None:
@@ -225,3 +228,62 @@ def test_where_one_of_them_is_a_hint_each_is_told_by_itself(unnamed: tuple[float
     text = verdict_text(both, replace(result(both), covariance=covariance))
     assert text.startswith("X drifts by 1.84 ± 0.17 um/K of T_spindle_degC, and is right at ")
     assert "hint" not in text
+
+
+CLASS = ("thermal-drift-x", "warm-up-x")
+HEATS = drifts(
+    "screw-heat-x", parameters=(("drift", "um/K", 1.6, U_DRIFT),), class_names=CLASS[::-1]
+)
+
+
+def of_a_class(*rivals: FoundEffect, names: tuple[str, ...], **changed: object) -> str:
+    """What is said of a drift that may be each of the rivals, beside an offset."""
+    item, covariance = found(drifts(class_names=names, rivals=rivals), OFFSET)
+    points = neutral_points(item.table, item.effects, covariance)
+    for rival in rivals:
+        points += neutral_points(item.table, (rival, OFFSET), covariance, instead=0)
+    own = replace(item, verdict="class", neutral_points=points, **changed)  # type: ignore[arg-type]
+    whole = replace(result(own), covariance=covariance)
+    given = [point["given"] for point in document(whole)["neutral_points"]]
+    assert given == [point.given[1] for point in points if point.given is not None]
+    assert "one cause" not in " ".join(plain_text(table(whole)).split()).split("Effects")[-1]
+    return verdict_text(own, whole)
+
+
+def test_a_drift_that_may_be_another_has_one_if_it_is_that() -> None:
+    """The offset keeps its sentence: of a rise in time it is none."""
+    warms = effect("warm-up-x", equations={"Ex": "lost_motion*time_min"}, class_names=CLASS[::-1])
+    text = of_a_class(warms, names=CLASS)
+    one = "with offset-x that is one cause: X is right at T_spindle_degC = 22.50 ± 0.33. "
+    assert f"of T_spindle_degC; {one}If warm-up-x: " in text
+    assert text.count("one cause") == 1
+    assert "Everything is shifted along X by 3.68" in text
+
+
+def test_where_each_of_a_class_has_one_the_offset_is_told_with_them() -> None:
+    names = ("thermal-drift-x", "screw-heat-x")
+    text = of_a_class(replace(HEATS, class_names=names[::-1]), names=names)
+    assert text.count("with offset-x that is one cause: X is right at T_spindle_degC = ") == 2
+    assert "22.50 ± 0.33" in text
+    assert "22.20 ± 0.40" in text
+    assert "verything is shifted" not in text
+
+
+def test_beside_a_hint_an_offset_that_stands_is_told() -> None:
+    names = ("thermal-drift-x", "screw-heat-x")
+    heats = replace(HEATS, class_names=names[::-1])
+    item, covariance = found(drifts(class_names=names, rivals=(heats,)), OFFSET)
+    points = neutral_points(item.table, item.effects, covariance)
+    points += neutral_points(item.table, (heats, OFFSET), covariance, instead=0)
+    own = replace(item, verdict="unexplained", without_name=True, neutral_points=points)
+    stands, hint = verdict_text(own, replace(result(own), covariance=covariance)).split("hint only")
+    assert "verything is shifted along X" in stands
+    assert hint.count("one cause") == 2
+
+
+def test_most_likely_a_drift_is_right_at_a_temperature() -> None:
+    names = ("thermal-drift-x", "unnamed-drift-x")
+    text = of_a_class(names=names)
+    assert "(thermal-drift-x); with offset-x that is one cause: X is right at " in text
+    assert "; a smooth drift in x without a name is not excluded. " in text
+    assert "Everything is shifted along X by 3.68" in text

@@ -223,3 +223,30 @@ def test_a_direction_with_one_pass() -> None:
     assert fit.pass_dof == 3
     np.testing.assert_allclose(fit.deviations[4], 0.0, atol=1e-9)
     assert fit.between[0, 0] < 5 * DRIFT[0, 0]
+
+
+@pytest.mark.parametrize("count", [5, 8, 13, 40])
+@pytest.mark.parametrize("value", [0.0037, 0.1, 1 / 3, 1000.1])
+def test_the_rounding_of_readings_that_repeat_exactly_is_no_reversal(
+    value: float, count: int
+) -> None:
+    """Read there and back, the same numbers are summed in another order: what that leaves is as
+    steady as a reversal and a trend of 1e-19 would be. A step of the last digit read is none.
+    """
+    runs = np.repeat(np.arange(6), 2 * count)
+    group, sign = np.repeat(np.arange(12), count), np.tile([1.0, -1.0], 6)
+    place = np.sqrt(np.arange(1.0, count + 1)) * 40
+    position = np.tile(np.concatenate([place, place[::-1]]), 6)
+    exact = np.round(value * (1 + 0.01 * position), 7)
+    for y in (np.full(len(position), value), exact):
+        fit = fit_passes(y, position, 1, group, np.repeat(sign, count), runs)
+        assert reversal(fit, np.arange(12.0)) is None
+        assert pass_trend(fit, np.arange(12.0)) is None
+    digits = np.random.default_rng(1).integers(-1, 2, size=len(exact))
+    step = 4 * (np.repeat(sign, count) > 0)
+    fit = fit_passes(
+        exact + 1e-7 * (digits + step), position, 1, group, np.repeat(sign, count), runs
+    )
+    found = reversal(fit, np.arange(12.0))
+    assert found is not None
+    assert abs(found.value - 4e-7) < 4 * found.u
