@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 AXES = ("x", "y", "z")
 SAME_MM = 1e-6
+"""Coordinates that differ by less are one: a nanometre, which nobody measures."""
 DEEPER_MM = 0.1
 """Measured z that differ by more are of two depths, where no nominal one tells."""
 SHOWN = 3
@@ -106,9 +107,9 @@ def _that_meet(points: Points, groups: Sequence[list[int]]) -> Iterator[list[int
     _, code = np.unique(visit, axis=0, return_inverse=True)
     pairs = np.unique(np.column_stack([code.reshape(-1), points.feature[own]]), axis=0)
     together = np.bincount(pairs[:, 0])[pairs[:, 0]] > 1
-    met = np.unique(pairs[together, 1])
-    for g, group in enumerate(groups):
-        found = [feature for feature in group if feature in met[of[met] == g]]
+    met = set(pairs[together, 1].tolist())
+    for group in groups:
+        found = [feature for feature in group if feature in met]
         if found:
             yield found
 

@@ -23,6 +23,8 @@ STEEPER, TRAVEL = 2.0, 20.0
 """Errors span so many um (or of the unit of an angle) per mm of the positions, and in all: no
 machine's do, nor does a short stage read by a coarse display.
 """
+NEARLY = 0.1
+"""Of a step: places that are read back differ by less from pass to pass, errors by more."""
 SHOWN = 3
 
 
@@ -103,8 +105,13 @@ def _are_swapped(passes: list[tuple[Floats, Floats]]) -> bool:
 
 def _repeated(places: list[Floats]) -> bool:
     """Whether half of the places or more stand in every pass; of few, as where each begins at its
-    zero, that says nothing.
+    zero, that says nothing. Or whether all do nearly, as places that are read back.
     """
+    if len({len(place) for place in places}) == 1:
+        by_size = np.sort(places, axis=1)
+        step = np.diff(by_size.mean(axis=0)).min(initial=np.inf)
+        if len(by_size[0]) >= FEWEST_TARGETS and np.ptp(by_size, axis=0).max() < NEARLY * step:
+            return True
     own = [set(place.tolist()) for place in places]
     fewest = min(map(len, own))
     return fewest >= FEWEST_TARGETS and 2 * len(set.intersection(*own)) >= fewest

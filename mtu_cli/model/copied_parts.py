@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.features_alike import SAME_MM
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import fingerprints
 from mtu_cli.model.residual_cells import IntArray
+from mtu_cli.model.residual_datum import BoolArray
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import operations_of
 from mtu_cli.stats.least_squares import FloatArray
@@ -20,7 +23,17 @@ CHANCE = 1e-3
 """Equal parts are refused where chance alone would make a pair less often than this."""
 MOST_ALIKE = 6
 """Equal parts that a warning names."""
-SAME_MM = 1e-6
+COMPARED = 200
+"""Other parts, about, that a part is held against: enough to know the likest."""
+
+
+class _Values(NamedTuple):
+    """Of each value (n, axes): a number that equal ones of a feature and operation share, and how
+    often two others there agree.
+    """
+
+    code: IntArray
+    agree: FloatArray
 
 
 def copied_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
@@ -37,9 +50,12 @@ def copied_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
     run = operation.astype(np.int64) * parts + points.part if several else points.part
     marks = fingerprints(columns, run, len(operations) * parts)
     first: dict[bytes, int] = {}
-    problems, alike, agreement = [], [], None
+    problems, alike = [], []
+    values: _Values | None = None
+    chances: dict[bytes, float] = {}
     for copy in np.flatnonzero(marks[:, 0]).tolist():
-        other = first.setdefault(marks[copy].tobytes(), copy)
+        mark = marks[copy].tobytes()
+        other = first.setdefault(mark, copy)
         if other == copy:
             continue
         rows = np.flatnonzero(run == copy)
@@ -48,9 +64,11 @@ def copied_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
         part, twin = points.parts[copy % parts], points.parts[other % parts]
         name = operations[copy // parts] if several else ""
         where = f" in operation {name!r}" if name else ""
-        if agreement is None:
-            agreement = _agreement(points, operation, axes)
-        if _chance(points, rows, axes, agreement) >= CHANCE:
+        if mark not in chances:
+            values = _values(points, operation, axes) if values is None else values
+            equal = (marks == marks[copy]).all(axis=1)[run]
+            chances[mark] = _chance(points, rows, axes, values, equal)
+        if chances[mark] >= CHANCE:
             alike.append((part, f"{twin!r}{where}"))
             continue
         what = f"part {part!r} has the same values as part {twin!r}{where}"
@@ -83,36 +101,50 @@ def _twice(alike: Sequence[tuple[str, str]]) -> str:
     )
 
 
-def _chance(points: Points, rows: IntArray, axes: tuple[int, ...], alike: FloatArray) -> float:
+def _chance(
+    points: Points, rows: IntArray, axes: tuple[int, ...], values: _Values, equal: BoolArray
+) -> float:
     """Expected number of pairs of parts that agree by chance in as many values as this one.
 
     Two errors agree as often as two of the part's own: coarse or vanishing errors often do. Or as
-    two of other parts in the same place do (`alike`): where the CMM's last digit is larger than
-    what parts differ by.
+    two of other parts in the same place do, or this part and the one most like it, those that are
+    `equal` (n,) left out: where the CMM's last digit is larger than what parts differ by, be it
+    feature by feature or as a whole. Repeats that agree are one value. Infinite of parts that are
+    all equal.
     """
     errors = np.concatenate(
         [points.measured[rows, axis] - points.nominal[rows, axis] for axis in axes]
     )
     count = np.unique(np.round(errors / SAME_MM), return_counts=True)[1] / len(errors)
     pairs = len(points.parts) * (len(points.parts) - 1) / 2
-    each = np.maximum(alike[rows], (count**2).sum())
+    others = np.flatnonzero(~equal & (points.part % (1 + len(points.parts) // COMPARED) == 0))
+    hits = np.isin(values.code[others], values.code[rows]).sum(axis=1)
+    nearest = np.bincount(points.part[others], hits, minlength=1).max() / values.code[rows].size
+    if not others.size:
+        # Nothing tells what parts differ by: a coarse digit, or one part measured twice.
+        return np.inf
+    first = np.unique(values.code[rows], return_index=True)[1]
+    alike = values.agree[rows].ravel()[first]
+    each = np.maximum(alike, min(max(nearest, (count**2).sum()), 1.0))
     return float(pairs * np.exp(np.log(each).sum()))
 
 
-def _agreement(points: Points, operation: IntArray, axes: tuple[int, ...]) -> FloatArray:
-    """How often (n, axes) two measurements of a feature and operation agree, a point's own left
-    out; 0 where there are no two others.
+def _values(points: Points, operation: IntArray, axes: tuple[int, ...]) -> _Values:
+    """How often two measurements of a feature and operation agree, a point's own left out; 0
+    where there are no two others.
     """
     cell = operation.astype(np.int64) * len(points.features) + points.feature
-    found = np.zeros((len(points), len(axes)))
+    codes = np.zeros((len(points), len(axes)), np.int64)
+    agree = np.zeros(codes.shape)
     for k, axis in enumerate(axes):
         value = np.unique(np.round(points.measured[:, axis] / SAME_MM), return_inverse=True)[1]
         key = cell * (int(value.max(initial=0)) + 1) + value.reshape(-1)
         _, code, count = np.unique(key, return_inverse=True, return_counts=True)
+        codes[:, k] = code.reshape(-1) * len(axes) + k
         own = count[code.reshape(-1)]
         # Each of n points counts its fellows: twice the pairs.
         pairs = np.bincount(cell, weights=own - 1.0) / 2
         n = np.bincount(cell)[cell]
         others = (n - 1) * (n - 2) / 2
-        np.divide(pairs[cell] - (own - 1), others, out=found[:, k], where=others > 0)
-    return found
+        np.divide(pairs[cell] - (own - 1), others, out=agree[:, k], where=others > 0)
+    return _Values(codes, agree)

@@ -58,7 +58,7 @@ def fellows(number: IntArray, way: IntArray) -> Fellows:
     pieces = _pieces(number, way)
     found = _paired(pieces, number, way)
     starts = {int(number[own[0]]) for own in pieces}
-    anew = len(starts) == 1 and all(len(np.unique(way[own])) > 1 for own in pieces)
+    anew = len(starts) == 1 and all(len(own) > 1 and np.diff(way[own]).all() for own in pieces)
     if not anew and len(set(zip(number.tolist(), way.tolist(), strict=True))) == len(way):
         # No number stands twice in a direction, and no day of both begins as the others do: it
         # may be one day that counts in its own way.

@@ -155,6 +155,26 @@ def test_a_coarse_display_of_small_errors_is_sound(tmp_path: Path) -> None:
         refuse_swapped(read_table(path, "lbb", SPEC))
 
 
+@pytest.mark.parametrize("places", [(0.0, 2.5, 5.0, 7.5, 10.0), (0.0, 5.0, 10.0, 20.0, 30.0)])
+@pytest.mark.parametrize("falling", [False, True])
+def test_places_read_back_of_a_short_stage_are_places(
+    places: tuple[float, ...], falling: bool, tmp_path: Path
+) -> None:
+    """Whatever steep errors its display of 5 arcsec shows, the same in every pass.
+
+    Places that differ by half of their steps are none.
+    """
+    errors = (0.0, 5.0, 10.0, 15.0, 25.0)[:: -1 if falling else 1]
+    for jitter, sound in ((0.002, True), (1.25, False)):
+        rng = np.random.default_rng(3)
+        rows = [
+            ("a", round(place + float(rng.uniform(-jitter, jitter)), 4), number, 4 * error)
+            for number in (1, 2, 3)
+            for place, error in zip(places, errors, strict=True)
+        ]
+        assert (judged(tmp_path, rows) == "") == sound
+
+
 def test_errors_in_nm_are_held_against_um(tmp_path: Path) -> None:
     """Of 10 um steps over 300 mm: 100 nm per mm, but 0.1 um."""
     read_at = ((0.0012, 99.998, 200.003, 299.999), (0.0007, 100.004, 199.996, 300.002))

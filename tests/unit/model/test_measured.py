@@ -483,3 +483,41 @@ def test_parts_that_differ_by_less_than_the_last_digit_are_no_copies() -> None:
     measured[fine.part == 7] = measured[fine.part == 2]
     with pytest.raises(InputError, match=r"part 'P7' has the same values as part 'P2'"):
         check_measured(with_measured(fine, measured))
+
+
+@pytest.mark.parametrize(
+    ("digits", "shift", "scatter", "repeats"),
+    [(2, 0.0, 3e-3, 5), (2, 3e-3, 2e-4, 1), (3, 1e-3, 1e-4, 1)],
+    ids=["repeats agree", "parts shift as a whole", "finer digit"],
+)
+@pytest.mark.parametrize("seed", range(8))
+def test_honest_parts_of_a_coarse_digit_are_never_refused(
+    seed: int, digits: int, shift: float, scatter: float, repeats: int
+) -> None:
+    """Twenty parts: equal ones by rounding, whose rows are not independent of each other."""
+    rng = np.random.default_rng(seed)
+    own = {name: rng.uniform(-0.03, 0.03, 2) for name in PLACES}
+    rows = []
+    for p in range(20):
+        whole = rng.normal(scale=shift, size=2)
+        for name, error in own.items():
+            hole = error + whole + rng.normal(scale=scatter, size=2)
+            rows += [
+                (f"P{p}", name, repeat, *(hole + rng.normal(scale=scatter / 10, size=2)))
+                for repeat in range(1, repeats + 1)
+            ]
+    fine = points(rows)
+    found = check_measured(with_measured(fine, np.round(fine.measured, digits)))
+    assert {warning.code for warning in found} <= {"parts-alike"}
+
+
+def test_two_equal_parts_alone_are_asked_about() -> None:
+    """Nothing tells what parts differ by; of three that are compared something does."""
+    rng = np.random.default_rng(5)
+    rows = [("P0", name, 1, *rng.normal(scale=0.02, size=2)) for name in PLACES]
+    both = [*rows, *(("P1", *row[1:]) for row in rows)]
+    (warning,) = check_measured(points(both))
+    assert (warning.code, "was it measured twice?" in warning.message) == ("parts-alike", True)
+    third = [("P2", name, 1, *rng.normal(scale=0.02, size=2)) for name in PLACES]
+    with pytest.raises(InputError, match="same values"):
+        check_measured(points([*both, *third]))

@@ -170,6 +170,10 @@ def test_a_number_that_coincides_by_chance_decides_nothing(passes: str, pairs: s
         ("1+ 2+ 3+ 6- 5- 4-", "1+6- 2+5- 3+4-"),
         ("1+ 2+ 4- 3- 5+ 6+ 8- 7-", "1+4- 2+3- 5+8- 6+7-"),
         ("1+ 2- 2+ 1-", "1+1- 2-2+"),
+        # A programme, and the same driven the other way.
+        ("1+ 2+ 3+ 4- 1- 2- 3- 4+", "1+1- 2+2- 3+3- 4-4+"),
+        ("1+ 2- 3- 1- 2+ 3+", "1+1- 2-2+ 3-3+"),
+        ("1+ 2+ 3- 1- 2- 3+", "1+1- 2+2- 3-3+"),
     ],
 )
 def test_one_day_that_counts_in_its_own_way(passes: str, pairs: str) -> None:
@@ -281,7 +285,7 @@ def test_runs_that_differ_by_the_same_are_read_back(tmp_path: Path) -> None:
     found = report.components["a"].half_difference_mean_square
     assert found is not None
     np.testing.assert_allclose(found, 0, atol=1e-12)
-    for damaged, told in (([[None, 0], [0, 0]], "valid number"), ([[1.0]], "not 2 x 2")):
+    for damaged, told in (([[None, 0], [0, 0]], "not a number"), ([[1.0]], "not 2 x 2")):
         results["components"]["a"]["half_difference_mean_square"] = damaged
         with pytest.raises(InputError, match=told):
             components_from(source, {"schema": "mtu/fit-components/1", "results": results})
