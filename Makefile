@@ -41,20 +41,20 @@ $(VENV)/.peers: $(VENV)/.dev
 
 demo: $(VENV)/.base
 	@mkdir -p $(OUT)
-	@echo "== simulated ball-bar readings of the machine -> its components"
+	@echo "== 1: a simulated machine (configs/gilsinn-ling-simulated): ball-bar readings -> components"
 	$(MTU) fit-components configs/gilsinn-ling-simulated -o $(OUT)/components.json --plot $(OUT)/components.png
-	@echo "== and what its parts will be like"
+	@echo "== 1: the same machine: what a part will be like ($(GL)/part.yaml)"
 	$(MTU) predict-points -m $(GL)-simulated/machine.yaml -p $(GL)/part.yaml \
 	  -c $(OUT)/components.json --plot $(OUT)/points.png
-	$(MTU) orthogonality configs/gilsinn-ling --plot $(OUT)/orthogonality.png
-	@echo "== lengths of the paper's machine (Gilsinn & Ling 2004)"
-	$(MTU) lengths configs/gilsinn-ling -o $(OUT)/lengths.json --plot $(OUT)/lengths.png
-	@echo "== parts came back from the CMM: are they what was predicted?"
+	@echo "== 2: another machine, that of the paper (Gilsinn & Ling 2004, $(GL)): lengths, right angle"
+	$(MTU) lengths $(GL) -o $(OUT)/lengths.json --plot $(OUT)/lengths.png
+	$(MTU) orthogonality $(GL) --plot $(OUT)/orthogonality.png
+	@echo "== 3: a synthetic mill ($(UN)): parts came back from the CMM: are they what was predicted?"
 	$(MTU) compare $(UN)
-	@echo "== they are not: what does the machine file not know?"
+	@echo "== 3: they are not: what does the machine file of this mill not know?"
 	$(MTU) close-loop $(UN) -o $(OUT)/loop.json --plot $(OUT)/loop.png \
 	  --write-machine $(OUT)/machine-extended.yaml --write-components $(OUT)/components-extended.json
-	@echo "== the same parts by the machine with the effect added; pictures are in $(OUT)/"
+	@echo "== 3: the same parts by this mill with the effect added; pictures are in $(OUT)/"
 	$(MTU) compare $(UN) -m $(OUT)/machine-extended.yaml --plot $(OUT)/compare.png
 
 # Many tests start the command: its modules are compiled once before. Those of tests are by pytest.

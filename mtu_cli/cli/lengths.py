@@ -10,7 +10,7 @@ from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled, one_direction
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
-from mtu_cli.model.settings import Settings
+from mtu_cli.model.settings import Settings, Warned
 
 
 def run(options: Options) -> None:
@@ -31,6 +31,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         figure=lambda: report.figure(result),
         warnings=[
             *found.warnings,
+            *(Warned(code=item.code, message=item.message) for item in inputs.part.warnings),
             *one_direction(inputs, found.model),
             *result.warnings,
             *report.warnings(result),

@@ -94,7 +94,7 @@ class Once(TyperCommand):
         check_own(ctx, args)
         with usage_faults(ctx):
             raw, extra, order = self.make_parser(ctx).parse_args(list(args))
-        check_values(ctx, raw)
+        check_values(ctx, args, raw)
         for option in dict.fromkeys(order):
             if option.multiple or getattr(option, "is_flag", True) or order.count(option) < 2:
                 continue

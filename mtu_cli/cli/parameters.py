@@ -7,10 +7,13 @@ that `--seed` or `--out` means the same, and is documented the same, everywhere.
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from mtu_cli.errors import fault
 
 Parameter = tuple[str, Any, Any]
 """(name, annotation, default)."""
@@ -273,7 +276,23 @@ KIND: list[Parameter] = [
 FAIL_IF = "fail_if"
 
 
+def _filled(option: str, metavar: str) -> Callable[[str], str]:
+    """The reader of an option of which an empty value, as a variable of a script may be, must not
+    pass for none. Empty names of files are told by who reads them.
+    """
+
+    def read(text: str) -> str:
+        if not text:
+            raise fault(f"{option} stands without a value", expected=f"{option} {metavar}")
+        return text
+
+    return read
+
+
 def fail_if(gates: str) -> list[Parameter]:
     """`--fail-if`, with the gates that a command knows."""
-    option = typer.Option("--fail-if", metavar="GATE", help=f"Exit with 3 if met: {gates}.")
+    name, metavar = "--fail-if", "GATE"
+    option = typer.Option(
+        name, metavar=metavar, parser=_filled(name, metavar), help=f"Exit with 3 if met: {gates}."
+    )
     return [(FAIL_IF, Annotated[str | None, option], None)]

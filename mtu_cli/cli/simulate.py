@@ -60,7 +60,7 @@ def run(options: Options) -> None:
     check_cmm_room(options)
     seed = _seed(inputs)
     check_ranges(options, seed)
-    told = [*check_used(options), *_not_written(inputs)]
+    told = [*check_used(options), *_doubts(inputs)]
     model = modelled(inputs).model
     if options.write_lbb is not None or options.write_cmm is not None:
         told += cut_warnings(model)
@@ -77,12 +77,22 @@ def run(options: Options) -> None:
     deliver(content, inputs, say, warning_lines(told))
 
 
-def _not_written(inputs: Inputs) -> list[Warned]:
-    """Of components that stand in no equation nothing is simulated."""
+LARGE = ("constant-large", "coefficients-large")
+"""What a machine file says of errors that no machine has."""
+
+
+def _doubts(inputs: Inputs) -> list[Warned]:
+    """Of components that stand in no equation nothing is simulated; of numbers in another unit
+    than the file's too much.
+    """
+    unused = ", so nothing of it is written"
     return [
-        Warned(code=notice.code, message=f"{notice.message}, so nothing of it is written")
+        Warned(
+            code=notice.code,
+            message=notice.message + ("" if notice.code in LARGE else unused),
+        )
         for notice in inputs.machine.warnings
-        if notice.code == "unused-component"
+        if notice.code in ("unused-component", *LARGE)
     ]
 
 

@@ -23,17 +23,19 @@ DRIFT_TEST = (
     "room_wobble_degc", "reading_noise_um", "reading_noise_arcsec",
 )  # fmt: skip
 MEASURED_ROOM = ("cmm_wobble_degc",)
-COUNTS = ("passes", "parts", "repeats")
-"""What a script gives to all its calls, whatever each one writes: told, not refused."""
+PLAN = (*READINGS, "parts", "repeats")
+"""How, and how often, readings and parts are taken, which a script gives to all its calls, whatever
+each one writes: told, not refused. What it takes for an error of the machine is refused.
+"""
 
 
 def check_used(options: Options) -> list[Warned]:
-    """Warnings of counts that change nothing in what is written.
+    """Warnings of a plan of what is not written.
 
     Raises InputError with every other given option that changes nothing.
     """
     found = list(_unused(options))
-    problems = [problem for name, problem in found if name not in COUNTS]
+    problems = [problem for name, problem in found if name not in PLAN]
     if problems:
         raise InputError(problems)
     return [Warned(code="option-not-used", message=str(problem)) for _, problem in found]

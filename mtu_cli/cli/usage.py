@@ -11,7 +11,6 @@ from typing import Any
 
 import typer
 
-from mtu_cli.cli.parameters import FAIL_IF
 from mtu_cli.errors import InputError, fault, is_near, shorten
 
 UsageError: Any = typer.BadParameter.__base__
@@ -48,6 +47,10 @@ def _told(error: Any, ctx: Any) -> InputError:
         own = f"{max(param.opts, key=len)} {param.metavar}" if option else param.metavar
         what = f"{_called(ctx)} stands without its {own}"
         return fault(what, expected=f"{ctx.command_path} {own}, see {_help(ctx)}")
+    commands: Mapping[str, Any] = getattr(ctx.command, "commands", {})
+    if commands and param is None:
+        expected = f"{ctx.command_path} COMMAND, one of {', '.join(commands)}; see {_help(ctx)}"
+        return fault("no command is named", expected=expected)
     text = error.format_message().rstrip(".")
     return fault(text[:1].lower() + text[1:], expected=f"a call as {_help(ctx)} shows")
 
@@ -90,20 +93,21 @@ def check_own(ctx: Any, args: Sequence[str]) -> None:
             raise fault(f"{ctx.command.name} has no {name}", expected=expected)
 
 
-def check_values(ctx: Any, raw: Mapping[str, Any]) -> None:
-    """Raises InputError where the value of an option is the next option, or a gate is empty, as a
-    variable of a script may be: its own was forgotten.
+def check_values(ctx: Any, args: Sequence[str], raw: Mapping[str, Any]) -> None:
+    """Raises InputError where the value of an option is another option: its own was forgotten.
+
+    `raw` are the values in `args`, as they were written.
     """
     options = _options(ctx)
     for param in ctx.command.params:
         value = raw.get(param.name)
         for item in value if isinstance(value, list) else [value]:
-            # Of a gate that is no text nothing would fail; files and names are told by who reads.
-            empty = item == "" and param.name == FAIL_IF
-            if param.param_type_name == "option" and (empty or item in options):
+            if param.param_type_name == "option" and item in options:
                 name = max(param.opts, key=len)
-                note = f"; {item} is an option" if item else ""
-                expected = f"{_with_value(name, param, ctx)}{note}"
+                expected = _with_value(name, param, ctx)
+                if any(f"{opt}={item}" in args for opt in param.opts):
+                    raise fault(f"{name} has an option as its value", value=item, expected=expected)
+                expected += f"; {item} is an option"
                 raise fault(f"{name} stands without a value", expected=expected)
 
 

@@ -82,7 +82,9 @@ def _by_part(result: AnovaResult) -> Figure:
 
 def _legend(page: Figure, result: AnovaResult, drawn: int) -> None:
     total = len(result.shown)
-    some = "" if drawn == total else f": {drawn} of {total}, what stands out and the largest first"
+    some = ""
+    if drawn != total:
+        some = f": {drawn} of {total} features, those that stand out and the largest first"
     found = {
         label: handle
         for panel in page.axes

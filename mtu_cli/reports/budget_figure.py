@@ -129,11 +129,12 @@ def _headline(result: BudgetResult, output: OutputBudget, index: int) -> str:
     first = output.first
     value, _ = with_u(first.value, first.u if first.u > 0.0 else None)
     own = float(result.run.u[index])
-    found = f"{cut(first.name, NAME)} = {value}"
+    unit = f" {output.unit}" if output.unit else ""
+    found = f"{cut(first.name, NAME)} = {value}{unit}"
     if math.isfinite(first.u):
-        found += f", u = {significant(first.u)}"
+        found += f", u = {significant(first.u)}{unit}"
     if math.isfinite(own):
-        found += f", by Monte Carlo {significant(own)}"
+        found += f", by Monte Carlo {significant(own)}{unit}"
     else:
         found += ", none by Monte Carlo"
     return found if len(found) <= TITLE else found.replace(", ", "\n", 1)

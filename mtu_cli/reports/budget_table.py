@@ -25,7 +25,7 @@ SHORT = {"curvilinear-trapezoidal": "curv. trap.", "rectangular": "rect.", "tria
 
 OF_COVARIANCE = (
     "share, of correlated inputs: (c_i u_i)^2 + sum over the others of c_i c_j u(x_i, x_j), over "
-    "u^2: each of two has half of what their covariance adds to u^2; 100 % in all, below 0 where "
+    "u^2. Each of two has half of what their covariance adds to u^2. 100 % in all, below 0 where "
     "an input makes u smaller"
 )
 """c is the sensitivity: GUM eq. (13), by rows."""

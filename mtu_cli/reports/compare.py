@@ -28,10 +28,12 @@ def document(result: CompareResult) -> dict[str, Any]:
         "features": list(_items(result.features, k)),
         "lengths": [] if result.lengths is None else list(_items(result.lengths, k)),
         "summary": {
-            "features": [_summary(item, "features") for item in result.feature_summaries],
+            "features": [
+                _summary(item, "features", result.stands_out) for item in result.feature_summaries
+            ],
             "lengths": None
             if result.lengths is None
-            else [_summary(item, "lengths") for item in result.length_summaries],
+            else [_summary(item, "lengths", result.stands_out) for item in result.length_summaries],
         },
     }
 
@@ -104,11 +106,11 @@ def _paper(found: Compared, i: int) -> dict[str, Any]:
     }
 
 
-def _summary(item: Summary, kind: str) -> dict[str, Any]:
+def _summary(item: Summary, kind: str, stands_out: bool) -> dict[str, Any]:
     """One entry an operation: verdicts and faults counted, ratios from least to largest."""
     return {
         "operation": item.operation or None,
-        "verdict_text": verdict_text(item, kind),
+        "verdict_text": verdict_text(item, kind, stands_out=stands_out),
         "items": item.items,
         "verdicts": item.verdicts,
         "not_tested": item.not_tested,

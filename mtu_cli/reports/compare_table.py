@@ -52,7 +52,9 @@ def _kinds(result: CompareResult) -> list[tuple[str, Summary]]:
 
 def _words(result: CompareResult) -> Text:
     """A sentence for each operation and kind."""
-    sentences = [verdict_text(item, kind) for kind, item in _kinds(result)]
+    sentences = [
+        verdict_text(item, kind, stands_out=result.stands_out) for kind, item in _kinds(result)
+    ]
     set_up = set_up_text(result)
     sentences += [] if set_up is None else [set_up]
     text = Text("Predicted against measured\n", style="bold")
@@ -131,12 +133,12 @@ def _sheet(
         Column(title="verdict\n", text=True, folds=True),
     ]
     rows = [_row(found, i, digits) for i in items]
-    note = (
-        "predicted, measured: mean ± u of one future part (in anova ± is the u of the mean); "
+    notes = [told] if told else []
+    notes += [
+        "predicted, measured: mean ± u of one future part (in anova ± is the u of the mean)",
         "bias ± its u; E_n = bias/(k u of the bias); p: how often chance alone gives such a bias, "
-        "or scatter, somewhere among all items (Holm)"
-    )
-    notes = [told, note] if told else [note]
+        "or scatter, somewhere among all items (Holm)",
+    ]
     return Sheet(title=title, columns=columns, rows=rows, notes=notes)
 
 

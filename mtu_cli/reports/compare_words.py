@@ -6,10 +6,14 @@ from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
 from mtu_cli.reports.numbers import significant, span
 from mtu_cli.units import UM
 
+STANDS_OUT = "but single readings stand out (see the warning)"
 
-def verdict_text(item: Summary, kind: str) -> str:
+
+def verdict_text(item: Summary, kind: str, *, stands_out: bool = False) -> str:
     """Such as "drilled features: under-predicted: the scatter is 3.1 to 4.7 times the predicted
     one (48 of 48)", every fault that was found with its size.
+
+    Where `stands_out` says that single readings pull the figures, no verdict stands without it.
     """
     name = f"{item.operation} {kind}" if item.operation else kind
     faults = [text for text in (_under(item), _biased(item), _unclear(item), _over(item)) if text]
@@ -17,12 +21,12 @@ def verdict_text(item: Summary, kind: str) -> str:
         return f"{name}: not tested"
     untested = _untested(item)
     if not faults:
-        faults = [
-            "consistent: no difference from what was predicted is beyond chance, all items counted"
-        ]
-        if untested:
-            faults = ["consistent as far as it could be tested"]
-    return f"{name}: {'; '.join([*faults, *untested])}"
+        faults = ["consistent as far as it could be tested"]
+        if not untested:
+            but = f", {STANDS_OUT}" if stands_out else ""
+            told = "no difference from what was predicted is beyond chance, all items counted"
+            return f"{name}: consistent{but}: {told}"
+    return f"{name}: {'; '.join([*faults, *untested, *([STANDS_OUT] if stands_out else [])])}"
 
 
 def set_up_text(result: CompareResult) -> str | None:
@@ -39,7 +43,7 @@ def set_up_text(result: CompareResult) -> str | None:
         ):
             return (
                 "Features scatter and lengths do not: it may be that each part was set up by hand "
-                "(on the machine or the CMM), with an offset of its own: --datum offset takes that "
+                "(on the machine or the CMM), with an offset of its own. --datum offset takes that "
                 "out."
             )
     return None

@@ -234,7 +234,25 @@ def warnings(fit: MachineFit, estimates: Estimates) -> list[Warned]:
                 "stand under `instruments`",
             )
         )
-    return noted
+    return noted + _order_of_files(fit)
+
+
+def _order_of_files(fit: MachineFit) -> list[Warned]:
+    """Of trends through several files without times: the order of the files is their time."""
+    names = [
+        name
+        for name, found in fit.components.items()
+        for item in found.instruments
+        if item.passes is not None and not item.passes.timed and item.trend is not None
+        if len({file for file, _, _ in item.passes.keys}) > 1
+    ]
+    if not names:
+        return []
+    text = (
+        f"{listed(dict.fromkeys(names))}: several files and no times. The trend takes the files in "
+        "the order in which they are given; in another order it is another. A column `time` tells"
+    )
+    return [Warned(code="order-of-files", message=text)]
 
 
 CSV_COLUMNS = [

@@ -45,12 +45,13 @@ def table(machine: str, fit: MachineFit, estimates: Estimates, digits: int = 2) 
         _row(name, item, fit.components.get(name), standing_out, digits)
         for name, item in estimates.components.items()
     ]
-    legend = (
+    legend = [
         "± is one standard uncertainty; drift: passes differ by more than repeatability; trend: "
-        "steady from pass to pass; misfit: the polynomial does not fit; reversal: forward minus "
-        f"reverse; * stands out among all components at {100 * FAMILY_RATE:g} % (Bonferroni)"
-    )
-    notes = [legend, *_higher(estimates, digits), *_stated(fit, estimates), *_agreement(fit)]
+        "steady from pass to pass; misfit: the polynomial does not fit",
+        "reversal: forward minus reverse; * stands out among all components at "
+        f"{100 * FAMILY_RATE:g} % (Bonferroni)",
+    ]
+    notes = [*legend, *_higher(estimates, digits), *_stated(fit, estimates), *_agreement(fit)]
     notes += [*runs_notes(fit), *_open(fit, estimates)]
     return [Sheet(title=f"Components of {machine}", columns=columns, rows=rows, notes=notes)]
 

@@ -140,7 +140,7 @@ def table(result: GraphSimulation, digits: int = 2) -> list[Sheet]:
 def _places(title: str, coordinates: Sequence[SimulatedCoordinate], digits: int) -> Sheet:
     columns = [
         Column(title="place\n", text=True, folds=True),
-        Column(title="nominal\nmm, rad, 1"),
+        Column(title="nominal\n"),
         Column(title="mean less\nnominal"),
         Column(title="u\n"),
         Column(title="95 % interval\nless nominal"),
@@ -189,9 +189,10 @@ def _row(item: SimulatedCoordinate, digits: int) -> list[str]:
     factor, unit = small_unit(item.output.unit)
     u = item.u * factor
     low, high = ((end - item.nominal) * factor for end in item.interval)
+    nominal = "0" if item.at_zero else significant(item.nominal, PLAIN_DIGITS)
     return [
         str(item.output),
-        "0" if item.at_zero else significant(item.nominal, PLAIN_DIGITS),
+        nominal if item.output.unit == "1" else f"{nominal} {item.output.unit}",
         with_u((item.mean - item.nominal) * factor, u, digits)[0],
         significant(u, digits),
         "fixed" if item.fixed else interval(low, high, u, digits),

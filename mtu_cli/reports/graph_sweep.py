@@ -24,6 +24,8 @@ from mtu_cli.units import UM
 
 MOST_DECIMALS = 4
 """Of a column of means; of less u each row has its own."""
+ROUNDING_PERCENT = 1e-9
+"""Of doubles that went through a fit: a smaller error of the formula is none."""
 UNLIKELY = 0.01
 """Below this probability the formula's errors are not the Monte Carlo's alone."""
 
@@ -165,11 +167,16 @@ def _uncertainties(result: Sweep, digits: int) -> tuple[list[Column], list[list[
             significant(item.u * factor, 4),
             significant(item.first_order_u * factor, 4),
             significant(item.formula_u * factor, 4),
-            significant(item.error_percent),
+            _percent(item.error_percent),
         ]
         for item, mean in zip(result.grid, means, strict=True)
     ]
     return columns, cells
+
+
+def _percent(error: float) -> str:
+    """An error of the formula, without what rounding leaves of none."""
+    return significant(0.0 if abs(error) < ROUNDING_PERCENT else error)
 
 
 def _in_one_place(values: Sequence[float], u: Sequence[float], digits: int) -> list[str]:
@@ -200,7 +207,7 @@ def _notes(result: Sweep) -> list[str]:
     values = ", ".join(f"{name} = {significant(v, 4)}" for name, v in found.coefficients.items())
     notes = [
         f"{found.form}; {values}",
-        f"largest error {significant(found.max_error_percent)} %; the Monte Carlo's standard error "
+        f"largest error {_percent(found.max_error_percent)} %; the Monte Carlo's standard error "
         f"is {significant(found.monte_carlo_percent)} %, which alone makes "
         f"{significant(found.expected_max_percent)} % the largest of {len(result.grid)}",
     ]

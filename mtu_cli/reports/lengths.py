@@ -127,8 +127,8 @@ def table(result: LengthsResult, digits: int = 2) -> list[Sheet]:
 
 
 def _shares(result: LengthsResult, digits: int) -> list[Sheet]:
-    items = [(x.id, significant(x.u / UM, digits), x.shares) for x in result.lengths]
-    return shares_sheets("u\num", items)
+    items = [(x.id, x.u / UM, x.shares) for x in result.lengths]
+    return shares_sheets("u", "um", items, digits)
 
 
 def _row(item: Length, toleranced: bool, digits: int) -> list[str]:
@@ -225,7 +225,7 @@ def _draw(panel: Axes, row: int, item: Length) -> None:
         panel.text(
             1.01,
             row + offset,
-            plus_minus(item.error / UM, item.k * u / UM),
+            f"{plus_minus(item.error / UM, item.k * u / UM)} um",
             transform=panel.get_yaxis_transform(),
             va="center",
             fontsize=7.5,

@@ -12,7 +12,7 @@ from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.fitted import passes_read
-from mtu_cli.stats.pass_tests import MAX_POSITIONS
+from mtu_cli.stats.pass_tests import FEWEST_PASSES, MAX_POSITIONS
 
 _ALONE = "correlation of its drift with that of other components"
 _GROUPS = "correlation of their drift with that of the other groups"
@@ -66,8 +66,8 @@ def observability(fit: MachineFit, estimates: Estimates) -> list[NotDetermined]:
 
 
 def told(found: Iterable[NotDetermined]) -> str:
-    """All of it in one sentence: each thing once, with its components and, where one kind of
-    reading would tell it of all of them, that kind.
+    """All of it, a sentence for each thing, with its components; where one kind of reading would
+    tell it of all of them, a sentence with that kind.
     """
     grouped: dict[str, list[NotDetermined]] = {}
     for item in found:
@@ -75,9 +75,9 @@ def told(found: Iterable[NotDetermined]) -> str:
     parts = []
     for items in grouped.values():
         would = {item.reading_that_would for item in items}
-        tell = f" (what would: {would.pop()})" if len(would) == 1 else ""
-        parts.append(f"the {items[0].of(listed(item.shown for item in items))}{tell}")
-    return f"the readings do not tell {', nor '.join(parts)}; why: results.observability"
+        tell = f" What would: {would.pop()}." if len(would) == 1 else ""
+        parts.append(f"the {items[0].of(listed(item.shown for item in items))}.{tell}")
+    return f"the readings do not tell {' Nor '.join(parts)} Why: results.observability"
 
 
 def _of_instrument(name: str, fit: ComponentFit, item: InstrumentFit) -> list[NotDetermined]:
@@ -162,6 +162,8 @@ def _reversal(item: InstrumentFit) -> Check:
         return "reversal", "no `direction` is given", would
     if {-1, 1} - seen:
         return "reversal", f"read {'forward' if 1 in seen else 'in reverse'} only", would
+    if item.fit.separated and item.fit.n_passes >= FEWEST_PASSES:
+        return "reversal", "its passes do not differ", "readings that scatter"
     few = "too few passes to judge it by their scatter"
     return "reversal", few, "at least 3 passes there and back"
 

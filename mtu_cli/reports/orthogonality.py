@@ -154,10 +154,8 @@ def table(result: OrthogonalityResult, coverage_factor: float, digits: int = 2) 
 
 
 def _shares(result: OrthogonalityResult, digits: int) -> list[Sheet]:
-    items = [
-        (x.id, significant(x.first_order[1] / ARCSEC, digits), x.shares) for x in result.angles
-    ]
-    return shares_sheets("first order u\narcsec", items)
+    items = [(x.id, x.first_order[1] / ARCSEC, x.shares) for x in result.angles]
+    return shares_sheets("first order u", "arcsec", items, digits)
 
 
 CSV_COLUMNS = [

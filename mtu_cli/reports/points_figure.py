@@ -62,8 +62,7 @@ def _by_level(result: PointsResult) -> Figure:
     at = [AXES.index(axis) for axis in axes]
     errors, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
     errors[:, at] = result.prediction.mean.reshape(n, a) / UM
-    blocks = result.covariance.reshape(n, a, n, a)[np.arange(n), :, np.arange(n), :]
-    covariance[np.ix_(range(n), at, at)] = blocks / UM**2
+    covariance[np.ix_(range(n), at, at)] = result.own_covariances / UM**2
     side = Side(name="", colour=figures.BLUE, errors=errors, covariance=covariance)
     maps = Maps(
         ids=result.prediction.ids, places=result.points, axes=axes, groups=(("", (side,)),),
@@ -83,12 +82,11 @@ def _plane(result: PointsResult) -> Plane:
     axes = result.prediction.axes
     n, a = len(result.prediction.ids), len(axes)
     chosen = [axes.index("x"), axes.index("y")]
-    blocks = result.covariance.reshape(n, a, n, a)[np.arange(n), :, np.arange(n), :]
     return Plane(
         ids=result.prediction.ids,
         places=result.points[:, :2],
         errors=result.prediction.mean.reshape(n, a)[:, chosen] / UM,
-        covariance=blocks[:, chosen][:, :, chosen] / UM**2,
+        covariance=result.own_covariances[:, chosen][:, :, chosen] / UM**2,
         k=result.coverage_factor,
     )
 

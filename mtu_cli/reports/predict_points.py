@@ -14,7 +14,7 @@ import numpy as np
 from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite, matrix, root, um, um2
-from mtu_cli.reports.numbers import MISSING, fixed, interval, significant, with_u
+from mtu_cli.reports.numbers import MISSING, fixed, interval, with_u
 from mtu_cli.reports.outside import components_beyond, mark_notes, marked
 from mtu_cli.reports.points_figure import figure
 from mtu_cli.reports.shares import shares_fields, shares_sheets
@@ -115,9 +115,10 @@ def _shares(result: PointsResult, digits: int) -> list[Sheet]:
         rows.sort(key=lambda row: -float(f"{result.variance[row]:.9g}"))
         rows = rows[:LARGEST_SHARES]
         more = [f"the {len(rows)} largest u of {len(names)}; all are in the report (-o FILE)"]
-    u = [significant(root(float(result.variance[row])) / UM, digits) for row in rows]
-    items = [(names[row], size, result.shares(row)) for row, size in zip(rows, u, strict=True)]
-    return shares_sheets("u\num", items, more)
+    items = [
+        (names[row], root(float(result.variance[row])) / UM, result.shares(row)) for row in rows
+    ]
+    return shares_sheets("u", "um", items, digits, more)
 
 
 def _sheet(result: PointsResult, axes: Sequence[str], digits: int, *, ends: bool) -> Sheet:

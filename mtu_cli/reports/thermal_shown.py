@@ -39,8 +39,8 @@ def nothing_held_out(item: ComponentDrift) -> str:
     cycles = len(item.cycles)
     if cycles <= 1:
         return (
-            "all readings are of one cycle, so none is left to test the model on, and how well it "
-            "fits says little about another day; a second warm-up or cool-down would"
+            "all readings are of one cycle, so none is left to test the model on. How well it fits "
+            "says little about another day; a second warm-up or cool-down would"
         )
     if cycles < FEWEST_NESTED:
         return (

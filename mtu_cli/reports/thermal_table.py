@@ -33,7 +33,7 @@ NO_LAG = "lagged, no lag found"
 """The model of who asked for lags, where none is worth it."""
 SENSOR_LEGEND = (
     "± is one standard uncertainty; its part: root mean square of what the sensor adds to the "
-    "modelled drift (parts of sensors that move together may cancel); lag: time constant; VIF: how "
+    "modelled drift (parts of sensors that move together may cancel). Lag: time constant. VIF: how "
     "many times the other sensors inflate the variance of its gradient"
 )
 
@@ -68,8 +68,9 @@ def _summary(fit: ThermalFit, items: Sequence[ComponentDrift]) -> Sheet:
     notes = [
         f"root mean square of the drift without and with temperatures (above {fit.reference:g} "
         "degC); degree: of the polynomial in position; sensors: how many, those of the largest "
-        "part first; held-out: cycles that took no part in fit or choice; all sensors: the same "
-        "cycles by ordinary least squares on all sensors"
+        "part first",
+        "held-out: cycles that took no part in fit or choice; all sensors: the same cycles by "
+        "ordinary least squares on all sensors",
     ]
     grouped: dict[str, list[str]] = {}
     for item in items:

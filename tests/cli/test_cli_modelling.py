@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from cli_runner import prepared
+from cli_runner import mtu, prepared
 
 from mtu_cli.cli.close_loop import _tables as tables_of
 from mtu_cli.cli.close_loop_choices import read_choices
@@ -107,6 +107,35 @@ def test_coefficients_are_asked_about_where_nothing_wins_over_them(work: Path) -
     assert large("fit-components", lbb=rest)
     assert large("lengths", components=report)
     assert large("close-loop", lbb=rest, components=report)
+
+
+def test_coefficients_that_readings_win_over_are_named(work: Path) -> None:
+    """Of components that the equations use; not of those that nothing else gives."""
+    old = "{of: x, unit: um, says: X positioning}"
+    edited(work / "machine.yaml", old, "{of: x, unit: um, coefficients: [2, 30], u_future: 1}")
+    lines = (work / "lbb.csv").read_text().splitlines()
+    (work / "rest.csv").write_text("\n".join(x for x in lines if x[:4] != "dx_x") + "\n")
+    assert told("coefficients-not-used", lbb=[Path("rest.csv")]) == []
+    (own,) = told("coefficients-not-used", lbb=[Path("lbb.csv")])
+    assert "components dx_x: their coefficients are not used: readings" in own
+    edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
+    assert told("coefficients-not-used", lbb=[Path("lbb.csv")]) == []
+
+
+def test_numbers_in_another_unit_reach_who_asks(work: Path) -> None:
+    """A constant in mm of an equation, wherever errors are made of it; a tolerance in mm."""
+    edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: 5 + dx_x - y*axy")
+    for call in (["lengths"], ["simulate", "--write-lbb", "s.csv"]):
+        found = mtu(*call, cwd=work).stderr
+        assert "its constant terms make 5 mm" in found, found
+    edited(work / "part.yaml", "tolerance_um: 30", "tolerance_um: 0.025")
+    found = mtu("lengths", cwd=work).stderr
+    assert found.count("[tolerance-small]") == 1, found
+
+
+def test_a_position_is_no_covariate_to_be_given(work: Path) -> None:
+    found = mtu("lengths", "--at", "x=5", cwd=work).stderr
+    assert "x is a position, which features have, and no covariate: not used: --at x" in found
 
 
 def drifting(path: Path) -> None:

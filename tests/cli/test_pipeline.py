@@ -19,10 +19,13 @@ lengths: [{from: a, to: b, tolerance_um: 5}]
 """
 
 
-def make(out: Path, *args: str) -> subprocess.CompletedProcess[str]:
+def make(out: Path, *args: str, called: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """A run of the pipeline, as if it were `called` from that folder."""
+    env = {"MAKEFLAGS": ""} if called is None else {"MAKEFLAGS": "", "PWD": str(called)}
     return subprocess.run(
         ["make", "-C", str(CONFIGS / "pipeline"), f"OUT={out}", f"MTU={MTU}", *args],
-        env=environment({"MAKEFLAGS": ""}),
+        env=environment(env),
+        cwd=called,
         stdin=subprocess.DEVNULL,
         capture_output=True,
         encoding="utf-8",
@@ -141,3 +144,29 @@ def test_quoted_names_and_whole_paths_are_found(tmp_path: Path) -> None:
     done = make(tmp_path / "out", f"ROOT={study.parent}", "-n")
     assert done.returncode == 0, done.stderr
     assert "lengths" in done.stdout
+
+
+def test_a_gate_runs_all_studies_and_sums_them_up(tmp_path: Path) -> None:
+    """The second of three is not as its tolerance asks for; folders count from the call."""
+    for name, tolerance in (("mill-1", 50), ("mill-2", 5), ("mill-3", 50)):
+        study = tmp_path / "shop" / name
+        study.mkdir(parents=True)
+        (study / "machine.yaml").write_bytes((GILSINN_LING / "machine.yaml").read_bytes())
+        part = PART.replace("tolerance_um: 5", f"tolerance_um: {tolerance}")
+        (study / "part.yaml").write_text(part, "utf-8")
+        (study / "mtu.yaml").write_text(STUDY, "utf-8")
+    ran = make(Path("out"), "-j2", "ROOT=shop", "GATE=1", called=tmp_path)
+    assert ran.returncode == 2
+    assert ran.stdout.splitlines()[-5:-1] == [
+        "study: passed, or which of its steps have not",
+        "mill-1: passed",
+        "mill-2: not passed: lengths",
+        "mill-3: passed",
+    ]
+    passed = {path.parent.name for path in (tmp_path / "out").glob("*/lengths.passed")}
+    assert passed == {"mill-1", "mill-3"}
+    mended = tmp_path / "shop" / "mill-2" / "part.yaml"
+    mended.write_text(PART.replace("tolerance_um: 5", "tolerance_um: 50"), "utf-8")
+    again = make(Path("out"), "ROOT=shop", "GATE=1", called=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert "mill-2: passed" in again.stdout.splitlines()

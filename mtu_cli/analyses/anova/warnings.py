@@ -31,8 +31,8 @@ CONDITIONS: dict[str, tuple[Condition, str]] = {
     ),
     "no-repeats": (
         lambda found: found.one_way.df_within < 1,
-        "no part was measured twice: nothing can be said of the CMM's scatter, and what is given "
-        "of the scatter from part to part and of a future part holds it",
+        "no part was measured twice: nothing can be said of the CMM's scatter. The scatter from "
+        "part to part, and of a future part, holds it",
     ),
     "zero-variance": (
         lambda found: (found.one_way.df_within > 0) & (found.one_way.ms_within == 0),

@@ -159,8 +159,8 @@ def _weaker(source: Source, inputs: Sequence[InputQuantity]) -> str:
     said = ""
     if times:
         said = (
-            " before each input of finite degrees of freedom is given a random scale of its own; "
-            "what is drawn has a smaller coefficient: the stated one times the factors of both "
+            " before each input of finite degrees of freedom is given a random scale of its own. "
+            "What is drawn has a smaller coefficient: the stated one times the factors of both "
             f"inputs, which are {', '.join(times)} (1 for others)"
         )
     if none:

@@ -54,7 +54,8 @@ __all__ = [
 class CompareResult:
     """Features and lengths, predicted against measured; nominal `places` (ids, 3) in mm.
 
-    The summaries have one entry an operation.
+    The summaries have one entry an operation; `stands_out` says whether single readings of a part
+    pull these figures (a warning names them).
     """
 
     ids: tuple[str, ...]
@@ -66,6 +67,7 @@ class CompareResult:
     datum: Datum
     coverage_factor: float
     warnings: tuple[Warned, ...]
+    stands_out: bool = False
 
 
 def compare(
@@ -78,10 +80,9 @@ def compare(
 ) -> CompareResult:
     """Gilsinn & Ling 2004, section 5 and Table 10, with tests in place of a look.
 
-    The machine is predicted once an operation, with `covariates`, or the points' own: what
-    these change from part to part in the modelled error is taken out of the points. Means and
-    scatter are tested item by item (see `Evidence`), all tests as
-    one family (Holm, 5 %): of clean studies one in twenty at most has another verdict.
+    The machine is predicted once an operation, with `covariates`, or the points' own: what these
+    change from part to part is taken out of the points. Means and scatter are tested item by item
+    (`Evidence`), as one family (Holm, 5 %): of clean studies one in twenty is no "consistent".
 
     Raises InputError for points that cannot be what they claim or share no axis with the
     machine, and for a missing covariate or one with gaps.
@@ -91,12 +92,12 @@ def compare(
     foreseen = predict_operations(model, points, covariates or {})
     predictions, given, points = foreseen.predictions, points, foreseen.points
     tables, more = _freed_tables(points, axes, datum)
-    k = settings.coverage_factor
+    k, seen = settings.coverage_factor, np.unique(points.feature)
     features = evidence(tables, foretold_features(predictions, tables.labels, axes, datum), k)
     lengths = _lengths(predictions, part, points, None if datum != "none" else features, k)
     found, others = judged(features, lengths)
-    warnings += [*more, *foreseen.warnings, *outlying_warnings(tables, given)]
-    seen = np.unique(points.feature)
+    outlying = outlying_warnings(tables, given)
+    warnings += [*more, *foreseen.warnings, *outlying]
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),
         places=visits_of(points).nominal[seen],
@@ -107,6 +108,7 @@ def compare(
         datum=datum,
         coverage_factor=k,
         warnings=(*warnings, *compare_warnings(model, part, points, tables, found, others)),
+        stands_out=bool(outlying),
     )
 
 

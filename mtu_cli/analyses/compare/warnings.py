@@ -129,9 +129,9 @@ def _tests(kinds: list[Compared]) -> list[Warned]:
     withheld = sum(sum(kind.withheld) for kind in kinds)
     if withheld:
         text = (
-            "the scatter is not judged: the readings have so few passes, or parts are so few, "
-            "that even ten times the predicted scatter would pass for chance; read the machine in "
-            "more passes"
+            "the scatter is not judged. Of so few passes of the readings, or so few parts, even "
+            "ten times the predicted scatter would pass for chance; read the machine in more "
+            "passes"
         )
         found.append(Warned(code="scatter-not-tested", message=_some(withheld, total) + text))
     return found

@@ -33,7 +33,7 @@ def unused_warmth(model: MachineModel, points: Points, reference: float) -> list
     others = f"; {len(far) - 1} more sensors" if len(far) > 1 else ""
     text = (
         f"the points are off the reference of {reference:.4g} degC ({name} reads {far[name]:.4g} "
-        f"degC{others}), but the model has no thermal component: what the temperature does to the "
-        "machine is not corrected (--drift FILE, or -c with a report of thermal-fit)"
+        f"degC{others}), but the model has no thermal component. What the temperature does to the "
+        "machine is not corrected; --drift FILE, or -c with a report of thermal-fit, would"
     )
     return [Warned(code="no-thermal-component", message=text)]

@@ -37,7 +37,7 @@ def gross_warnings(lib: Library, rest: Rest, drift: ComponentDrift) -> list[Warn
     more += f"; and {len(gross) - SHOWN} more" if len(gross) > SHOWN else ""
     text = (
         f"{drift.name}: {len(gross)} of {len(away)} readings are more than {GROSS:g} robust "
-        f"standard deviations off what the others make one expect, the worst {places[0]}{more}: a "
+        f"standard deviations off what the others make one expect, the worst {places[0]}{more}. A "
         "slip of one reading pulls the whole fit"
     )
     return [Warned(code="outlier-readings", message=text)]

@@ -353,4 +353,4 @@ def test_features_left_out_of_the_picture_are_counted() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(anova_figure, "FEATURES", 2)
         title = figure(result).legends[0].get_title().get_text()
-    assert title == f"{whole}: 2 of 3, what stands out and the largest first"
+    assert title == f"{whole}: 2 of 3 features, those that stand out and the largest first"

@@ -188,6 +188,17 @@ def test_figures_that_cannot_be_had_are_null(two: CompareResult) -> None:
     assert results["summary"]["features"][0]["ratio_u"] is None
 
 
+def test_no_verdict_stands_without_readings_that_pull_it(two: CompareResult) -> None:
+    """Of readings that stand out, the headline says so beside "consistent", and the report."""
+    result = replace(with_features(two, decreed(two.features, biased=(1,))), stands_out=True)
+    drilled, milled = document(result)["summary"]["features"]
+    told = "but single readings stand out (see the warning)"
+    assert drilled["verdict_text"].endswith(f"(1 of 48); {told}")
+    assert milled["verdict_text"].startswith(f"milled features: consistent, {told}: no difference")
+    text = " ".join(plain_text(table(result)).split())
+    assert milled["verdict_text"] in text
+
+
 def test_one_sentence_an_operation_and_kind(two: CompareResult) -> None:
     """Both faults of an item are told, the graver one first, with their sizes."""
     found = decreed(two.features, under=(0, 1), biased=(1, 2))

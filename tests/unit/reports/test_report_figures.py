@@ -12,6 +12,7 @@ from model_examples import Segment, loaded, readings
 from report_examples import SAYS, SETTINGS, Example, example
 
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
+from mtu_cli.model.settings import Settings
 from mtu_cli.reports import arrows, fit_components, labels, lengths, orthogonality, predict_points
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.fitted import passes_read
@@ -61,24 +62,48 @@ def test_a_third_axis_has_a_panel_of_its_own(spatial: Example, paper: Example) -
 
 
 def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
-    from matplotlib.patches import Ellipse
+    from matplotlib.collections import EllipseCollection
 
     result = paper.points()
     (panel,) = predict_points.figure(result).axes
-    found = [patch for patch in panel.patches if isinstance(patch, Ellipse)]
-    assert len(found) == 24
-    for i, patch in enumerate(found):
-        place, tip = result.points[i, :2], np.array(patch.center)
+    (found,) = [item for item in panel.collections if isinstance(item, EllipseCollection)]
+    drawn = list(
+        zip(
+            np.asarray(found.get_offsets()),
+            np.asarray(found.get_widths()),
+            np.asarray(found.get_heights()),
+            np.asarray(found.get_angles()),
+            strict=True,
+        )
+    )
+    assert len(drawn) == 24
+    for i, (tip, width, height, turned) in enumerate(drawn):
+        place = result.points[i, :2]
         scale = np.linalg.norm(tip - place) / np.linalg.norm(
             result.prediction.mean[2 * i : 2 * i + 2]
         )
         block = result.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] * scale**2
-        angle = np.radians(patch.angle)
+        angle = np.radians(turned)
         along = np.array([np.cos(angle), np.sin(angle)])
-        assert (patch.width / 2) ** 2 == pytest.approx(4 * along @ block @ along, rel=1e-6)
+        assert (width / 2) ** 2 == pytest.approx(4 * along @ block @ along, rel=1e-6)
         across = np.array([-along[1], along[0]])
-        assert (patch.height / 2) ** 2 == pytest.approx(4 * across @ block @ across, rel=1e-6)
+        assert (height / 2) ** 2 == pytest.approx(4 * across @ block @ across, rel=1e-6)
         assert abs(along @ block @ across) <= 1e-9 * np.trace(block)
+
+
+def test_the_covariance_of_each_feature_is_a_block_of_the_whole(paper: Example) -> None:
+    """Also where a negative D keeps the whole from being a covariance, and u from it."""
+    known = paper.points()
+    n, a = len(known.prediction.ids), len(known.prediction.axes)
+    first, *others = known.prediction.blocks
+    less = replace(first, D=first.D - 3 * np.abs(np.diag(np.diag(first.C + first.D))), between=None)
+    prediction = replace(known.prediction, blocks=(less, *others))
+    negative = replace(known, prediction=prediction, variance=prediction.variance().total)
+    assert not np.allclose(np.diag(prediction.covariance), negative.variance, rtol=1e-9)
+    apart = paper.points(Settings(correlation="independent"))
+    for result in (known, negative, apart):
+        blocks = result.covariance.reshape(n, a, n, a)[np.arange(n), :, np.arange(n), :]
+        np.testing.assert_allclose(result.own_covariances, blocks, rtol=1e-9, atol=1e-18)
 
 
 def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example) -> None:

@@ -215,23 +215,23 @@ def test_observability_of_a_good_run_names_only_the_axis_angle(paper: Example) -
     }
 
 
-def test_what_is_not_determined_is_one_sentence_with_what_would(paper: Example) -> None:
+def test_what_is_not_determined_is_told_once_with_what_would(paper: Example) -> None:
     """Each thing once, with its components: no "correlation of its drift of other components of
     axy".
     """
     (warning,) = fit_components.warnings(paper.fit, paper.estimates)
     assert warning.message == (
-        "the readings do not tell the repeatability of one visit of axy (what would: read it at "
-        "least twice in a pass, in the same set-up), nor the correlation of the drift of axy with "
-        "that of other components (what would: read it in the same passes (same set-up) as the "
-        "others, or give `time` or `setup`); why: results.observability"
+        "the readings do not tell the repeatability of one visit of axy. What would: read it at "
+        "least twice in a pass, in the same set-up. Nor the correlation of the drift of axy with "
+        "that of other components. What would: read it in the same passes (same set-up) as the "
+        "others, or give `time` or `setup`. Why: results.observability"
     )
     two = ["no axis", "one run"]
     several = [
         NotDetermined(component=name, not_determined="it", because="so", reading_that_would=name)
         for name in two
     ]
-    expected = "the readings do not tell the it of no axis, one run; why: results.observability"
+    expected = "the readings do not tell the it of no axis, one run. Why: results.observability"
     assert told(several) == expected
 
 
@@ -267,7 +267,7 @@ def test_components_of_a_group_stay_together_in_a_list_of_groups(
     text = plain_text(fit_components.table("machine", paper.fit, paper.estimates))
     assert "not determined of dx_x + dy_x, ex_y + ey_y: it (so); what would: that" in text
     (warning,) = fit_components.warnings(paper.fit, paper.estimates)
-    assert "it of dx_x + dy_x, ex_y + ey_y (" in warning.message
+    assert "it of dx_x + dy_x, ex_y + ey_y." in warning.message
 
 
 @pytest.mark.parametrize("case", [*CASES, "long"])

@@ -195,6 +195,11 @@ def test_report_of_a_sweep() -> None:
     assert all(len(row) == len(header) for row in rows)
     notes = graph_sweep.table(result)[0].notes
     assert "Monte Carlo's standard error is 2.2 %" in " ".join(notes)
+    # What rounding leaves of no error is none; an error that is one is shown.
+    noisy = [replace(item, error_percent=5.9e-13) for item in result.grid[:1]]
+    noisy += [replace(item, error_percent=5.9e-5) for item in result.grid[1:2]]
+    sheet = graph_sweep.table(replace(result, grid=(*noisy, *result.grid[2:])))[0]
+    assert [row[-2] for row in sheet.rows[:2]] == ["0", "5.9e-5"]
     figure = graph_figure.swept(result)
     assert figure_bytes(figure, "svg").startswith(b"<?xml")
     (panel,) = figure.axes
@@ -332,8 +337,8 @@ transitions:
     result = simulate_graph(graph_of(tmp_path, text), Settings(trials=1000))
     (sheet,) = graph_simulate.table(result)
     shown = {row[0]: row[1] for row in sheet.rows}
-    assert shown["y"] == "0"
-    assert float(shown["z"]) == pytest.approx(1e-5, abs=size * 1.2e-16)
+    assert shown["y"] == "0 mm"
+    assert float(shown["z"].removesuffix(" mm")) == pytest.approx(1e-5, abs=size * 1.2e-16)
     assert "first-order u: differences over one standard uncertainty" in sheet.notes[0]
 
 

@@ -189,7 +189,7 @@ def test_it_is_told_what_u_consists_of(paper: Example) -> None:
         for item, row in zip(shares, tables[1].rows, strict=True):
             assert list(item) == ["coefficients", "passes", "repeatability"]
             assert sum(item.values()) == pytest.approx(1, rel=1e-12)
-            assert row[2:] == [f"{100 * share:.1f}" for share in item.values()]
+            assert row[2:5] == [f"{100 * share:.1f}" for share in item.values()]
             assert item["repeatability"] > 0
 
 
@@ -237,12 +237,18 @@ def test_shares_below_nothing_are_explained_and_none_are_made_up(paper: Example)
     steady = Shares(coefficients=0.25, passes=-0.05, repeatability=0.8)
     found = [replace(first, shares=steady), *(replace(item, shares=None) for item in others)]
     sheet = lengths.table(replace(result, lengths=tuple(found)))[1]
-    assert [row[2:] for row in sheet.rows] == [["25.0", "-5.0", "80.0"], ["-"] * 3, ["-"] * 3]
+    # What u would be had the passes not taken 5 % off its square: u sqrt(0.25 + 0.8).
+    without = f"{first.u * 1e3 * 1.05**0.5:.1f}"
+    assert sheet.columns[-1].title == "u without\npasses, um"
+    rows = [["25.0", "-5.0", "80.0", without], ["-"] * 4, ["-"] * 4]
+    assert [row[2:] for row in sheet.rows] == rows
     assert any("below 0" in note for note in sheet.notes)
-    assert sheet.notes[-1].endswith("if that is chance, u is too small")
+    assert sheet.notes[-1].endswith("take the u without passes for one part to come")
+    assert any(note.startswith("u is of one part to come; of the mean") for note in sheet.notes)
     found[0] = replace(first, shares=replace(steady, passes=0.0, repeatability=0.75))
     sheet = lengths.table(replace(result, lengths=tuple(found)))[1]
     assert not any("below 0" in note for note in sheet.notes)
+    assert [len(row) for row in sheet.rows] == [5] * 3
     apart = Settings(trials=4000, threads=1, correlation="independent")
     assert len(lengths.table(paper.lengths(apart))) == 1
     assert lengths.document(paper.lengths(apart))["lengths"][0]["shares"] is None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
-from mtu_cli.reports.fit_components import document, table
+from mtu_cli.reports.fit_components import document, table, warnings
 from mtu_cli.reports.runs import runs_notes
 
 MACHINE = """
@@ -91,6 +91,27 @@ def test_passes_of_several_files_are_named_with_their_file(tmp_path: Path) -> No
     ]
     found = document("m", fit, estimates_from_fit(known, fit))["components"]["a"]["runs"]
     assert [item["file"] for item in found[0]["passes"]] == [1, 2]
+
+
+def test_a_trend_through_files_without_times_says_so(tmp_path: Path) -> None:
+    """Their order stands for time: given the other way round, the trend is another."""
+    known = loaded(tmp_path, MACHINE.replace(", c: {of: x, unit: mm}", "").replace(" + c", ""))
+    passes = [1, 2, 3], [1, 1, 1]
+    given = [segment(name, *passes, role=role) for name in "ab" for role in ("lbb", "laser")]
+    fit = fit_machine(known, replace(readings(given), roles=("lbb", "lbb")))
+    (told,) = [
+        item
+        for item in warnings(fit, estimates_from_fit(known, fit))
+        if item.code == "order-of-files"
+    ]
+    assert told.message.startswith("a, b: several files and no times. The trend takes the files")
+    timed = [replace(item, time=np.arange(12.0) + 100 * (item.role == "laser")) for item in given]
+    one_file = [segment("a", *passes), segment("b", *passes)]
+    clocked = replace(readings(timed), roles=("lbb", "lbb"))
+    for silent in (clocked, readings(one_file)):
+        fit = fit_machine(known, silent)
+        codes = {item.code for item in warnings(fit, estimates_from_fit(known, fit))}
+        assert "order-of-files" not in codes
 
 
 def test_without_passes_there_are_no_runs(tmp_path: Path) -> None:
