@@ -22,9 +22,8 @@ LONGEST_WORDS = 500
 _LONG_NAME = re.compile(r"([^\s'\",;]{57})[^\s'\",;]{244,}")
 """More characters than a file's name has."""
 _ENDINGS = re.compile(r"(?<=.)(?:\.[a-z]{1,5}){1,2}$")
-ENTRY_STEPS = 3
-MISSING_KEY = "the key "
-"""How a problem begins whose path is that of the entry which lacks a key."""
+MOST_KEYS = 12
+"""Of a section of a contract: like problems of more places in it are of the user's own entries."""
 _STEPS = re.compile(r"[^.\[\]]+")
 """Of a path inside a YAML document."""
 
@@ -35,7 +34,8 @@ class Problem:
 
     `line` is a line of a YAML file or a row of a CSV file, both as a text editor counts
     them. `path` is a place inside a YAML document (``components.dx_x.unit``), `column` the
-    name of a CSV column or the 1-based character of an equation.
+    name of a CSV column or the 1-based character of an equation. `lacks` is the key that the
+    entry at `path` has not.
     """
 
     what: str
@@ -46,6 +46,7 @@ class Problem:
     value: str | None = None
     expected: str | None = None
     row: int | None = None
+    lacks: str | None = None
 
     def __str__(self) -> str:
         place = cut_names(self.file or "")
@@ -107,22 +108,27 @@ def _told_once(problems: Sequence[Problem]) -> list[tuple[Problem, list[Problem]
         own.append(i)
     shown: dict[int, list[int]] = {}
     for own in alike.values():
-        few = own if len(own) <= SHOWN_ALIKE else own[:1]
+        few = own if len(own) <= _told_singly(problems[own[0]]) else own[:1]
         shown |= {i: [] for i in few} | {few[-1]: own[len(few) :]}
     return [(problems[i], [problems[j] for j in shown[i]]) for i in sorted(shown)]
 
 
 def _entries(problem: Problem) -> object:
     """What the places of like problems share: in a path such as ``features.H1.x`` the step of the
-    entry is free, all else stands. In ``settings.seed`` the second step is a key of the contract
-    that must be named, but for what is missing in ``features.H1``. Without a path, the line.
+    entry is free, all else stands. Without a path, the line.
     """
     if problem.path is None or problem.line is None:
         return problem.path, problem.line
     steps = _STEPS.findall(problem.path)
-    if len(steps) < ENTRY_STEPS and not problem.what.startswith(MISSING_KEY):
-        return problem.path, problem.line
-    return (*steps[:1], *steps[2:], len(steps))
+    return (*steps[:1], *steps[2:], len(steps)) if len(steps) > 1 else (problem.path, problem.line)
+
+
+def _told_singly(problem: Problem) -> int:
+    """How many like problems are told each by itself: in ``settings.seed`` the second step is a
+    key of the contract that must be named, but for what is missing in ``features.H1``.
+    """
+    own_key = problem.path is not None and len(_STEPS.findall(problem.path)) == 2
+    return MOST_KEYS if own_key and problem.lacks is None else SHOWN_ALIKE
 
 
 def _others(first: Problem, alike: Sequence[Problem]) -> str:
@@ -231,7 +237,11 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
     """The ending of an unknown-name message: the closest name, or the known ones."""
     known = list(names)
     near = closest(name, known)
-    if near is not None:
-        return f"did you mean {near!r}?"
-    listing = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
-    return f"one of: {listing}" if known else "none is known here"
+    return listing(known) if near is None else f"did you mean {near!r}?"
+
+
+def listing(names: Iterable[str]) -> str:
+    """The ending of an unknown-name message that no known name is like."""
+    known = list(names)
+    shown = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
+    return f"one of: {shown}" if known else "no such name: none is known here"

@@ -43,6 +43,15 @@ UNITS: dict[str, Unit] = {
 UM = UNITS["um"].to_internal
 ARCSEC = UNITS["arcsec"].to_internal
 
+_MICRO = str.maketrans({"\u00b5": "u", "\u03bc": "u"})
+"""The sign for micro and the Greek letter, which look alike."""
+
+
+def plain_unit(text: str) -> str:
+    """A unit with u for either sign of micro, as the names of UNITS have it."""
+    return text.strip().translate(_MICRO)
+
+
 DIMENSION_NAMES: dict[float, str] = {LENGTH: "a length (mm)", ANGLE: "an angle or ratio (rad)"}
 
 

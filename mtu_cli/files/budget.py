@@ -129,7 +129,7 @@ def _equations(budget: Budget, findings: Findings) -> list[tuple[str, YamlPath, 
     if len(given) == 2:
         findings.add(("equations",), "both `equation` and `equations` are given", expected="one")
     elif not given:
-        findings.add((), "the key 'equation' is missing", expected="equation: or equations:")
+        findings.add_missing((), "equation", expected="equation: or equations:")
     found: list[tuple[str, YamlPath, str]] = []
     if budget.equation is not None:
         found.append((_output_name(budget, findings), ("equation",), budget.equation))
@@ -196,6 +196,9 @@ def _tree(text: str, known: tuple[str, ...], place: YamlPath, findings: Findings
         tree = parse(text, BUDGET_FUNCTIONS)
     except EquationError as error:
         _add(findings, place, error)
+        return None
+    if not known:
+        # That is told; so every name would be unknown.
         return None
     unknown = [(name, column) for name, column in names(tree).items() if name not in known]
     for name, column in unknown:

@@ -94,9 +94,9 @@ def _check_kind(
     if item.inexact is not None and kind != "curvilinear-trapezoidal":
         findings.add((*path, "inexact"), "`inexact` belongs to curvilinear-trapezoidal")
     if kind == "trapezoidal" and item.top is None:
-        findings.add(path, "the key 'top' is missing", expected="half-width of the flat top")
+        findings.add_missing(path, "top", expected="half-width of the flat top")
     if kind == "curvilinear-trapezoidal" and item.inexact is None and item.dof is None:
-        findings.add(path, "the key 'inexact' is missing", expected="half-range of the half-width")
+        findings.add_missing(path, "inexact", expected="half-range of the half-width")
     half = _half_width(item)
     if half is not None:
         for key in ("top", "inexact"):
@@ -130,7 +130,7 @@ def _check_value(item: Input, path: YamlPath, findings: Findings) -> None:
         what = "`low` and `high` beside `readings`"
         findings.add((*path, "low"), what, expected="half_width, about the mean of the readings")
     if item.value is None and item.readings is None and not limits:
-        findings.add(path, "the key 'value' is missing", expected="a value or readings")
+        findings.add_missing(path, "value", expected="a value or readings")
     if item.value is not None and item.low is not None and item.high is not None:
         middle = 0.5 * (item.low + item.high)
         if abs(item.value - middle) > ROUNDING * max(abs(item.low), abs(item.high)):

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mtu_cli.files.contract_errors import number_expectation, told
+from mtu_cli.files.contract_errors import lists_within, number_expectation, told
 from mtu_cli.files.contracts import Contract, NonNegative, Positive
 from mtu_cli.files.study import MAX_COVERAGE
 
@@ -60,9 +60,9 @@ def _plain_number(value: object) -> object:
     """`g: 9.81` is short for `g: {value: 9.81}`: exactly known."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return {"value": value}
-    if isinstance(value, str):
-        expected = number_expectation(value)
-        keys = ", or keys with values" if expected == "a number" else ""
+    if isinstance(value, (str, list)):
+        expected = number_expectation(value) if isinstance(value, str) else "a number"
+        keys = ", or keys with values: {value: 10, u: 0.1}" if expected == "a number" else ""
         raise told("wrong value", expected + keys)
     return value
 
@@ -126,10 +126,10 @@ class Budget(Contract):
         ],
         Field(min_length=1),
     ]
-    correlations: list[Correlation] = Field(
+    correlations: Annotated[list[Correlation], BeforeValidator(lists_within)] = Field(
         default=[], description="[input, input, correlation coefficient]"
     )
-    simultaneous: list[Annotated[list[str], Field(min_length=2)]] = Field(
-        default=[], description="Inputs whose readings were taken together"
-    )
+    simultaneous: Annotated[
+        list[Annotated[list[str], Field(min_length=2)]], BeforeValidator(lists_within)
+    ] = Field(default=[], description="Inputs whose readings were taken together")
     coverage: Coverage = Field(default=Coverage(), description="Default: probability 0.95")

@@ -6,11 +6,19 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from mtu_cli.files.column_dimensions import POSITIONS
 from mtu_cli.files.column_words import direction_along, nominal_by_sign, plain
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_header import DRIFT, MEASUREMENTS, may_count
 from mtu_cli.files.csv_table import Table, TableSpec
+from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
+TAKEN = (
+    dict.fromkeys(POSITIONS, "the position")
+    | dict.fromkeys(MACHINE_FUNCTIONS, "a function")
+    | {"pi": "a number"}
+)
+"""What the equation language means by names that columns may have."""
 COUNTS = ("repeat", "pass")
 NOMINAL = "nominal_"
 
@@ -18,9 +26,17 @@ NOMINAL = "nominal_"
 def column_twins(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
     """One warning a column: of `error` and `Error` the first alone is read, and a reader of the
     table may take the other for it; a `Run` may be the repeat, or the pass, and `Richtung_x` the
-    direction along x.
+    direction along x. Nor is a column that an equation cannot name.
     """
     for table in tables:
+        for other in table.covariates:
+            if other in TAKEN:
+                text = (
+                    f"{table.source.shown}, row {table.header_row}: the column {other!r} cannot be "
+                    f"named in an equation, where {other!r} is {TAKEN[other]}; rename it where one "
+                    f"needs it, such as to '{other}_value'"
+                )
+                yield Notice(code="column-name-taken", message=text)
         for other in table.covariates:
             own = _maybe(other, table, spec)
             if own is not None and own not in table.header:

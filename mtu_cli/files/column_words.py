@@ -28,6 +28,8 @@ ACTUAL = ("actual", "act", "measured", "meas", "measurement", "ist", "istmass", 
 NOMINAL = ("nominal", "nom", "soll", "sollmass", "sollwert", "nenn", "nennmass", "nennwert",
            "theorique", "nominale", "teorico")  # fmt: skip
 """Without accents and in lower case; `x`, `y` or `z` stands before or behind."""
+AXIS = ("axis", "achse", "axe", "eje", "asse")
+"""Of a report with a row for each of them."""
 VALUE = ("value", "val", "wert", "mass", "coordinate", "coord", "koordinate", "koord", "valeur",
          "coordonnee", "valor", "coordenada", "valore", "coordinata")  # fmt: skip
 """Of a coordinate, it is the measured one; beside ACTUAL and NOMINAL they say nothing more."""

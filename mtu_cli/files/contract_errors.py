@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection
-from types import UnionType
-from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin
+from collections.abc import Collection, Iterable
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
 from mtu_cli.errors import Problem, closest, did_you_mean
+from mtu_cli.files.contract_keys import expected_key, meant, torn_values
+from mtu_cli.files.contract_shapes import annotation_at, expected_keys, expected_list, keys_at
+from mtu_cli.files.yaml_entries import COLON, as_entry
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 from mtu_cli.units import UNITS
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-OTHER_KEYS = {"s_pass": "pass_covariance"}
-"""Keys by the names that tables give what they hold."""
-NAMED_BY = ("id", "name", "feature", "component", "key")
-"""Keys that hold the name of an entry where entries stand in a list."""
 DISTRIBUTIONS = {
     "rectangular": ("uniform", "flat", "box", "rectangle", "rect"),
     "normal": ("gaussian", "gauss", "bell"),
@@ -31,12 +29,19 @@ DISTRIBUTIONS = {
     "trapezoidal": ("trapezoid", "trapeze"),
 }
 """Distributions by what else they are called; `-` stands for blanks and underscores too."""
-_EXPECTED = {
+NOT_FINITE = ("inf", "infinite", "infinity", "nan", "∞")
+EXPECTED = {
     "float_type": "a number",
+    "float_parsing": "a number",
     "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
     "string_type": "a text",
+    "string_unicode": "a text of letters",
     "bool_type": "true or false",
+    "bool_parsing": "true or false",
     "list_type": "a list",
+    "tuple_type": "a list",
     "dict_type": "keys with values",
     "model_type": "keys with values",
     "finite_number": "a finite number",
@@ -49,6 +54,8 @@ _EXPECTED = {
     "string_too_short": "a text that is not empty",
     "value_error": "{error}",
 }
+ANOTHER = "another value"
+"""Of what no contract has asked for yet."""
 
 
 TOLD = "told"
@@ -60,6 +67,13 @@ def told(what: str, expected: str) -> PydanticCustomError:
     return PydanticCustomError(TOLD, "{what}", {"what": what, "expected": expected})
 
 
+def lists_within(value: object) -> object:
+    """A list of lists; one of them alone, ``[a, b]`` for ``[[a, b]]``, is a single fault."""
+    if isinstance(value, list) and value and not any(isinstance(item, list) for item in value):
+        raise told("not a list of lists", "brackets around each of them too, [[...], [...]]")
+    return value
+
+
 def path_text(path: YamlPath) -> str:
     """A path as text: ``lengths[0].from``."""
     text = ""
@@ -69,8 +83,10 @@ def path_text(path: YamlPath) -> str:
 
 
 def existing_path(path: YamlPath, document: YamlDocument) -> YamlPath:
-    """A path without indices that the file lacks: a single value may stand for a list."""
-    while path and isinstance(path[-1], int) and path not in document.lines:
+    """A path without indices and numbers that the file lacks: a single value may stand for a list,
+    or for one by temperature.
+    """
+    while path and not isinstance(path[-1], str) and path not in document.lines:
         path = path[:-1]
     return path
 
@@ -85,39 +101,79 @@ def shown_value(value: object) -> str:
         return str(value)
 
 
+def missing_key(key: str) -> str:
+    """What is wrong where an entry lacks a key."""
+    return f"the key {key!r} is missing"
+
+
 def to_problems(
     error: ValidationError, document: YamlDocument, model: type[BaseModel]
 ) -> list[Problem]:
-    """One Problem for each fault; a required key that was only misspelt is told once."""
+    """One Problem for each fault: a required key that was only misspelt is told once, and so is
+    what a comma has torn to pieces.
+    """
     items = error.errors(include_url=False)
     misspelt: set[YamlPath] = set()
+    alone: dict[YamlPath, list[YamlPath]] = {}
     for item in items:
         if item["type"] == "extra_forbidden":
             *parent, key = item["loc"]
-            near = _meant(str(key), _keys_at(model, tuple(parent)))
+            near = meant(str(key), keys_at(model, tuple(parent)))
             if near is not None:
                 misspelt.add((*parent, near))
-    return [
+            if item["input"] is None:
+                alone.setdefault(tuple(parent), []).append(item["loc"])
+    torn = _torn(alone, items, document, model)
+    pieces = {(*path[:-1], key) for path, parts in torn.items() for key in parts[1:]} | set(torn)
+    problems = [
         _problem(item, document, model)
         for item in items
-        if not (item["type"] == "missing" and item["loc"] in misspelt)
+        if item["loc"] not in pieces and not (item["type"] == "missing" and item["loc"] in misspelt)
     ]
+    return [*problems, *(_torn_problem(path, torn[path], document) for path in torn)]
+
+
+def _torn(
+    alone: dict[YamlPath, list[YamlPath]],
+    items: Iterable[ErrorDetails],
+    document: YamlDocument,
+    model: type[BaseModel],
+) -> dict[YamlPath, list[str]]:
+    """As `torn_values`, but for numbers with a decimal comma, ``{x_mm: 20,5}``."""
+    lists = {item["loc"] for item in items if item["type"] == "list_type"}
+    return {
+        path: parts
+        for parent, unknown in alone.items()
+        for path, parts in torn_values(unknown, keys_at(model, parent), document).items()
+        if path in lists or not all(part.isdecimal() for part in parts[1:])
+    }
+
+
+def _torn_problem(path: YamlPath, parts: list[str], document: YamlDocument) -> Problem:
+    text = ", ".join(parts)
+    return Problem(
+        what="a comma ends a value",
+        file=document.source.shown,
+        line=document.line_of(*path),
+        path=path_text(path),
+        value=text,
+        expected=f"a list in brackets, [{text}], or quotes around a text that holds a comma",
+    )
 
 
 def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel]) -> Problem:
     path = tuple(step for step in item["loc"] if step != "[key]")
     path = existing_path(path, document)
     value: str | None = None
+    lacks: str | None = None
+    line = document.line_of(*path)
     if item["type"] == "missing":
-        path, what, expected = path[:-1], f"the key {item['loc'][-1]!r} is missing", None
+        lacks = str(item["loc"][-1])
+        path, what, expected = path[:-1], missing_key(lacks), None
+        line = document.line_of(*path)
     elif item["type"] == "extra_forbidden":
-        known = _keys_at(model, item["loc"][:-1])
         what, value = "unknown key", str(item["loc"][-1])
-        meant, in_unit = _by_other_name(value, known), _in_its_unit(value, known)
-        expected = in_unit or (f"{meant!r}" if meant else did_you_mean(value, known))
-        if value.isdecimal() and item["input"] is None:
-            # {value: 1,5} has the keys `value` and `5`.
-            expected = f"a decimal point before {value}: a comma ends a value"
+        expected = expected_key(value, item["input"], keys_at(model, item["loc"][:-1]))
     elif item["type"] == TOLD:
         context = item.get("ctx", {})
         what, expected = str(context["what"]), str(context["expected"])
@@ -126,46 +182,26 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
         what, expected = _literal(item)
         value = shown_value(item["input"])
     elif item["input"] is None:
-        what, expected = "has no value", _expected(item)
+        entry = as_entry(str(path[-1])) if path else None
+        what, expected = "has no value", _expected(item, annotation_at(model, path))
+        expected = expected if entry is None else f"'{entry}', {COLON}"
     else:
         what, value = "wrong value", shown_value(item["input"])
-        expected = _expected(item)
+        expected = _expected(item, annotation_at(model, path))
+        line = document.starts.get(path, line)
     return Problem(
         what=what,
         file=document.source.shown,
-        line=document.line_of(*path),
+        line=line,
         path=path_text(path) or None,
         value=value,
         expected=expected,
+        lacks=lacks,
     )
 
 
-def _meant(key: str, known: Collection[str]) -> str | None:
-    """The known key that an unknown one was probably meant to be."""
-    return _by_other_name(key, known) or closest(key, known)
-
-
-def _by_other_name(key: str, known: Collection[str]) -> str | None:
-    """A known key by another name for what it holds, or by its name without the unit."""
-    with_unit = [name for name in known if name.rpartition("_")[0] == key]
-    units = {name.rpartition("_")[2] for name in with_unit}
-    names = [OTHER_KEYS.get(key), *(with_unit if units <= {*UNITS, "m"} else ())]
-    found = [name for name in names if name in known]
-    return found[0] if len(found) == 1 else None
-
-
-def _in_its_unit(key: str, known: Collection[str]) -> str | None:
-    """What is expected of a key that is known with another unit at its end: not the same number."""
-    name, _, unit = key.rpartition("_")
-    for other in known:
-        stem, _, own = other.rpartition("_")
-        if stem == name and own != unit and {unit, own} <= {*UNITS, "m"}:
-            return f"{other!r}: in {own}, not {unit}"
-    return None
-
-
 def _literal(item: ErrorDetails) -> tuple[str, str]:
-    allowed = re.findall(r"'([^']*)'", str(item.get("ctx", {}).get("expected", "")))
+    allowed = _allowed(item)
     what = "unknown key" if item["loc"][-1:] == ("[key]",) else "unknown value"
     near = closest(str(item["input"]), allowed)
     if item["loc"][-1:] == ("distribution",):
@@ -173,6 +209,11 @@ def _literal(item: ErrorDetails) -> tuple[str, str]:
         meant = _distribution(str(item["input"]))
         near = near if meant is None else meant if meant in allowed else None
     return what, f"did you mean {near!r}?" if near else f"one of: {', '.join(allowed)}"
+
+
+def _allowed(item: ErrorDetails) -> list[str]:
+    """The texts of a literal."""
+    return re.findall(r"'([^']*)'", str(item.get("ctx", {}).get("expected", "")))
 
 
 def _distribution(text: str) -> str | None:
@@ -184,26 +225,30 @@ def _distribution(text: str) -> str | None:
     return words.get(word) or words.get(word.removesuffix("-distribution"))
 
 
-def _expected(item: ErrorDetails) -> str:
+def _expected(item: ErrorDetails, annotation: object) -> str:
     kind = item["type"]
     given = item["input"]
-    if kind in ("dict_type", "model_type") and isinstance(given, list):
-        return _not_a_list(given)
+    if kind in ("dict_type", "model_type"):
+        return expected_keys(given, annotation)
+    if kind in ("list_type", "tuple_type"):
+        return expected_list(given, annotation)
     if kind in ("float_type", "int_type") and isinstance(given, str):
-        return number_expectation(given, _EXPECTED[kind])
-    phrase = _EXPECTED.get(kind)
-    if phrase is None:
-        return item["msg"].removeprefix("Input should be ")
+        if given.strip("+-. ").casefold() in NOT_FINITE:
+            return EXPECTED["finite_number"]
+        return number_expectation(given, EXPECTED[kind])
+    if kind == "int_type" and isinstance(given, float) and given.is_integer():
+        return f"{EXPECTED[kind]}, written {given:.0f}"
+    if kind == "string_type" and not isinstance(given, (list, dict, type(None))):
+        return f"{EXPECTED[kind]}: '{shown_value(given)}' in quotes"
+    return in_words(item)
+
+
+def in_words(item: ErrorDetails) -> str:
+    """What was expected in the place of a faulty value, by the kind of its fault alone."""
+    if item["type"] == "literal_error":
+        return f"one of: {', '.join(_allowed(item))}"
+    phrase = EXPECTED.get(item["type"], ANOTHER)
     return phrase.format(**item.get("ctx", {}))
-
-
-def _not_a_list(given: list[Any]) -> str:
-    """What belongs in the place of a list: its first item under its name, where it has one."""
-    first = given[0] if given and isinstance(given[0], dict) else {}
-    for key in NAMED_BY:
-        if isinstance(name := first.get(key), str | int):
-            return f"keys with values: '{name}: {{...}}' instead of '- {{{key}: {name}, ...}}'"
-    return _EXPECTED["dict_type"]
 
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
@@ -236,44 +281,3 @@ def unit_expectation(text: str, units: Collection[str] = UNITS) -> str:
     if plain in units:
         return f"{plain!r}, {PLAIN}"
     return did_you_mean(text, units)
-
-
-def lists_texts(model: type[BaseModel], path: YamlPath) -> bool:
-    """Whether the items of a list are texts: a name may look like a number."""
-    return _annotation_at(model, (*path, 0)) is str
-
-
-def _annotation_at(model: type[BaseModel], loc: YamlPath) -> Any:
-    annotation: Any = model
-    for step in loc:
-        annotation = _step(annotation, step)
-    return _bare(annotation)
-
-
-def _keys_at(model: type[BaseModel], loc: YamlPath) -> list[str]:
-    annotation = _annotation_at(model, loc)
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [info.alias or name for name, info in annotation.model_fields.items()]
-    return []
-
-
-def _step(annotation: Any, step: str | int) -> Any:
-    annotation = _bare(annotation)
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        for name, info in annotation.model_fields.items():
-            if step in (name, info.alias):
-                return info.annotation
-    elif get_origin(annotation) is dict:
-        return get_args(annotation)[1]
-    elif get_origin(annotation) is list:
-        return get_args(annotation)[0]
-    return None
-
-
-def _bare(annotation: Any) -> Any:
-    origin = get_origin(annotation)
-    if origin is Annotated:
-        return _bare(get_args(annotation)[0])
-    if origin in (Union, UnionType):
-        return _bare(next(part for part in get_args(annotation) if part is not type(None)))
-    return annotation

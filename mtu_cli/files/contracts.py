@@ -5,20 +5,23 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from mtu_cli.errors import InputError, Problem, closest
 from mtu_cli.files.contract_errors import (
     existing_path,
-    lists_texts,
+    missing_key,
     path_text,
     shown_value,
     to_problems,
 )
+from mtu_cli.files.contract_salvage import salvage, without_unknown
+from mtu_cli.files.contract_shapes import lists_texts
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 from mtu_cli.files.sizes import WHAT, expected_size, too_large, without
+from mtu_cli.files.source import a_file
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 
 SCHEMA_VERSION = 1
@@ -70,7 +73,13 @@ class Findings:
     problems: list[Problem] = field(default_factory=list)
 
     def add(
-        self, path: YamlPath, what: str, *, value: object = None, expected: str | None = None
+        self,
+        path: YamlPath,
+        what: str,
+        *,
+        value: object = None,
+        expected: str | None = None,
+        lacks: str | None = None,
     ) -> None:
         """One more problem at `path`; `value` is shown as it would be written in YAML."""
         path = existing_path(path, self.document)
@@ -82,8 +91,13 @@ class Findings:
                 path=path_text(path) or None,
                 value=None if value is None else shown_value(value),
                 expected=expected,
+                lacks=lacks,
             )
         )
+
+    def add_missing(self, path: YamlPath, key: str, *, expected: str | None = None) -> None:
+        """That the entry at `path` lacks a key."""
+        self.add(path, missing_key(key), expected=expected, lacks=key)
 
     def keys(self, *path: str | int) -> tuple[str, ...]:
         """The keys of a mapping as they stand in the file, those with faults included."""
@@ -121,11 +135,11 @@ def check_contract(
         checked = model.model_validate(document.data)
     except ValidationError as error:
         findings.problems.extend(to_problems(error, document, model))
-        sound = _without_unknown(document.data, error)
+        sound = without_unknown(document.data, error)
     _check_odd_numbers(findings, model)
     large: set[YamlPath] = set() if kind in OWN_SIZES else _too_large(findings)
     if large or sound is not document.data:
-        checked = _salvage(model, without(sound, large) if large else sound)
+        checked = salvage(model, without(sound, large) if large else sound)
     check(checked, findings)
     _check_names(findings)
     if findings.problems:
@@ -177,7 +191,7 @@ def _too_large(findings: Findings) -> set[YamlPath]:
 
 def _check_kind(document: YamlDocument, kind: str) -> None:
     wanted = f"mtu/{kind}/{SCHEMA_VERSION}"
-    what = f"not {'an' if kind[0] in 'aeiou' else 'a'} {kind} file"
+    what = f"not {a_file(kind)}"
     data = document.data
     findings = Findings(document)
     if not isinstance(data, dict):
@@ -190,7 +204,7 @@ def _check_kind(document: YamlDocument, kind: str) -> None:
     elif "schema" not in data:
         near = closest("schema", [key for key in data if key != "name"])
         hint = f" (rename {near!r})" if near is not None else ""
-        findings.add((), "the key 'schema' is missing", expected=f"'schema: {wanted}'{hint}")
+        findings.add_missing((), "schema", expected=f"'schema: {wanted}'{hint}")
     if findings.problems:
         raise InputError(findings.problems)
 
@@ -212,55 +226,6 @@ def _belongs(schema: object, wanted: str) -> str:
     kind = str(schema).removeprefix("mtu/").partition("/")[0]
     known = str(schema).startswith("mtu/") and kind in GIVEN_AS and kind != wanted
     return f" (this kind is given as {GIVEN_AS[kind]})" if known else ""
-
-
-def _without_unknown(data: Any, error: ValidationError) -> Any:
-    unknown = {item["loc"] for item in error.errors() if item["type"] == "extra_forbidden"}
-
-    def copy(value: Any, path: YamlPath) -> Any:
-        if isinstance(value, dict):
-            entries = ((key, (*path, key), item) for key, item in value.items())
-            return {key: copy(item, own) for key, own, item in entries if own not in unknown}
-        if isinstance(value, list):
-            return [copy(item, (*path, index)) for index, item in enumerate(value)]
-        return value
-
-    return copy(data, ())
-
-
-def _salvage(model: type[M], data: Mapping[str, Any]) -> M:
-    values: dict[str, Any] = {}
-    for name, info in model.model_fields.items():
-        key = info.alias or name
-        if data.get(key) is None:
-            required = info.is_required()
-            values[name] = None if required else info.get_default(call_default_factory=True)
-            continue
-        whole = Annotated[info.annotation, *info.metadata] if info.metadata else info.annotation
-        found, value = _attempt(whole, data[key])
-        values[name] = value if found else _salvage_items(info.annotation, data[key])
-    return model.model_construct(**values)
-
-
-def _salvage_items(annotation: Any, data: Any) -> Any:
-    origin = get_origin(annotation)
-    if origin is dict:
-        item_type = get_args(annotation)[1]
-        pairs = data.items() if isinstance(data, dict) else ()
-        tried = ((key, _attempt(item_type, item)) for key, item in pairs)
-        return {key: value for key, (found, value) in tried if found}
-    if origin is list:
-        item_type = get_args(annotation)[0]
-        items = data if isinstance(data, list) else ()
-        return [_attempt(item_type, item)[1] for item in items]
-    return None
-
-
-def _attempt(annotation: Any, data: Any) -> tuple[bool, Any]:
-    try:
-        return True, TypeAdapter(annotation).validate_python(data, strict=True)
-    except ValidationError:
-        return False, None
 
 
 def present(items: Iterable[T | None] | None) -> list[tuple[int, T]]:

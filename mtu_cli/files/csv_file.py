@@ -14,8 +14,9 @@ from mtu_cli.files.csv_frames import Suspect
 from mtu_cli.files.csv_header import check_header
 from mtu_cli.files.csv_rows import editor_rows
 from mtu_cli.files.csv_slow import read_slow
-from mtu_cli.files.csv_table import Columns, ProblemList, Table, TableSpec
+from mtu_cli.files.csv_table import Columns, ProblemList, Table, TableSpec, TextColumn
 from mtu_cli.files.csv_text import DECIMALS, CsvText, Decimal, read_csv_text
+from mtu_cli.units import UNITS, plain_unit
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,6 +57,8 @@ def read_table(
 def table_from(text: CsvText, spec: TableSpec, problems: ProblemList) -> Table:
     """The rows of a text with a sound header; the faults of its cells go to `problems`."""
     rows, columns = _read(text, spec, problems)
+    for name in spec.units & columns.texts.keys():
+        columns.texts[name] = _plain_units(columns.texts[name])
     return Table(
         source=text.source,
         header=text.header,
@@ -65,6 +68,19 @@ def table_from(text: CsvText, spec: TableSpec, problems: ProblemList) -> Table:
         covariates=tuple(name for name in text.header if not spec.named(name)),
         sound=not problems.listed,
     )
+
+
+def _plain_units(column: TextColumn) -> TextColumn:
+    """Units as `UNITS` names them, where another sign for micro is all that differs."""
+    import numpy as np
+
+    plain = {label: plain_unit(label) for label in column.labels if plain_unit(label) in UNITS}
+    if all(label == own for label, own in plain.items()):
+        return column
+    meant = [plain.get(label, label) for label in column.labels]
+    labels = tuple(dict.fromkeys(meant))
+    lookup = np.array([*map(labels.index, meant), -1], np.int32)
+    return TextColumn(lookup[column.codes], labels)
 
 
 def _read(

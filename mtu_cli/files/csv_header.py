@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
+from itertools import islice, pairwise
 
 from mtu_cli.errors import InputError, Problem, closest, is_near, shorten
 from mtu_cli.files.column_lengths import deviation_along, in_other_unit, renaming
@@ -15,10 +17,13 @@ from mtu_cli.files.column_words import (
     nominal_by_sign,
     plain,
 )
-from mtu_cli.files.csv_mistaken import refuse_other_table
+from mtu_cli.files.covariates import looks_like_temperature
+from mtu_cli.files.csv_cells import is_text
+from mtu_cli.files.csv_mistaken import refuse_other_table, row_per_axis
 from mtu_cli.files.csv_table import TableSpec
-from mtu_cli.files.csv_text import CsvText
+from mtu_cli.files.csv_text import CsvText, lines_from
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
+from mtu_cli.files.sensor_names import no_sensor
 
 RUNS = ("run", "durchgang", "durchlauf", "lauf", "trial", "versuch")
 """Of repeats, or of anything else."""
@@ -49,6 +54,8 @@ NUMBERED = ("part", "feature", "cycle", "pass", "repeat", "sequence")
 """Columns that others tell as a number; one of a time or an operation is no time or name."""
 SLIP = 0.9
 """Likeness of two names from which on one is the other with a slip: sequence and squence."""
+SHOWN_RUNS = 6
+"""Columns without a name, or runs of them, that are told one by one."""
 DRIFT = "drift"
 """The role of files whose runs are no passes: they are cycles, or tell nothing."""
 
@@ -57,28 +64,21 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
     """Raises InputError for columns that are missing, doubled, without name or at odds."""
     refuse_other_table(text, spec)
     shown, row, header = text.source.shown, text.header_row, text.header
-    problems = []
+    problems: list[Problem] = []
     places: dict[str, int] = {}
     for index, name in enumerate(header):
-        if not name:
-            what = f"column {index + 1} has no name"
-            expected = "a name (spreadsheets leave empty columns: delete them)"
-            problems.append(Problem(what=what, file=shown, row=row, expected=expected))
-        elif not is_name(name):
+        if name and not is_name(name):
             problems.append(
                 Problem(what=NO_NAME, file=shown, row=row, value=name, expected=EXPECTED)
             )
-        elif places.setdefault(name, index) != index:
+        elif name and places.setdefault(name, index) != index:
             what = f"the column stands twice, as column {places[name] + 1} and {index + 1}"
             problems.append(Problem(what=what, file=shown, row=row, column=name))
+    problems += _nameless(shown, row, header)
     wanted = list(spec.required)
     wanted += [b for a, b in spec.together if a in header]
     wanted += [a for a, b in spec.together if b in header]
-    problems += [
-        missing_column(name, shown, row, header, spec)
-        for name in dict.fromkeys(wanted)
-        if name not in header
-    ]
+    problems += _missing(text, spec, wanted)
     for first, second in spec.exclusive:
         if first in header and second in header:
             what = f"both {first!r} and {second!r} are given"
@@ -86,7 +86,63 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
     named = list(_named_otherwise(text, spec, wanted))
     # What may be a column of its own is no fault by itself: `column_twins` tells of it.
     if problems or not all(_doubtful(str(problem.column)) for problem in named):
-        raise InputError(problems + named)
+        raise InputError(problems + named + list(_told_later(text, spec, problems + named)))
+
+
+def _nameless(shown: str, row: int, header: tuple[str, ...]) -> Iterator[Problem]:
+    """The one problem of all columns without a name."""
+    places = [index for index, name in enumerate(header, 1) if not name]
+    if not places:
+        return
+    starts = [i for i, place in enumerate(places) if i == 0 or place != places[i - 1] + 1]
+    runs = [places[a:b] for a, b in pairwise([*starts, len(places)])]
+    told = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs[:SHOWN_RUNS]]
+    left = len(places) - sum(map(len, runs[:SHOWN_RUNS]))
+    several = f"columns {', '.join(told)}{f' and {left} more' if left else ''} have no name"
+    what = several if len(places) > 1 else f"column {told[0]} has no name"
+    expected = "a name (spreadsheets leave empty columns: delete them)"
+    yield Problem(what=what, file=shown, row=row, expected=expected)
+
+
+def _missing(text: CsvText, spec: TableSpec, wanted: list[str]) -> Iterator[Problem]:
+    """Of columns that are not there; of a table with a row for each axis that is the one fault."""
+    header = text.header
+    absent = [name for name in dict.fromkeys(wanted) if name not in header]
+    asked = [name for name in spec.required if name in COORDINATES]
+    others = [other for other in header if other and not spec.named(other)]
+    found = any(name not in absent or _column_for(name, others) for name in asked)
+    by_axis = row_per_axis(text, asked) if asked and not found else None
+    for name in absent:
+        if by_axis is None or name not in COORDINATES:
+            yield missing_column(name, text.source.shown, text.header_row, header, spec)
+    if by_axis is not None:
+        yield by_axis
+
+
+def _told_later(text: CsvText, spec: TableSpec, told: list[Problem]) -> Iterator[Problem]:
+    """What is told of other columns once the header is sound, so that all is told at once; by the
+    first row, as far as cells tell.
+    """
+    known = {problem.column for problem in told}
+    of_points = "feature" in spec.required
+    repeats = MEASUREMENTS if of_points and "repeat" not in text.header else ()
+    for name, cell in zip(text.header, _first_row(text), strict=False):
+        if spec.named(name) or name in known or not is_name(name):
+            continue
+        if looks_like_temperature(name) and not is_text(cell, text.decimal):
+            if of_points or text.source.role == DRIFT:
+                yield no_sensor(text, name)
+        elif plain(name).strip() in repeats and cell.strip() in ("0", "1"):
+            yield _otherwise(text, name, "repeat", " where it numbers these")
+
+
+def _first_row(text: CsvText) -> list[str]:
+    """The cells of the first line below the header, where they can be read."""
+    lines = islice(lines_from(text.content, text.body), 1)
+    try:
+        return next(csv.reader(lines, delimiter=text.separator), [])
+    except csv.Error:
+        return []
 
 
 def _doubtful(name: str) -> bool:
@@ -122,7 +178,7 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
     shut = {b for a, b in spec.exclusive if a in header} | {
         a for a, b in spec.exclusive if b in header
     }
-    for other in header:
+    for other in filter(None, header):
         # Without its unit a name is meant as it stands: `nominal` is no slip of `nominal_z`.
         name = _meant(other, known) or bare.get(_folded(_IN_MM.sub("", other)))
         if name is None:
@@ -130,15 +186,20 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
             name = next((word for word in by_words if word in known.values()), None)
         if name is None:
             name = in_other_unit(other, converted)
-        if other and not spec.named(other) and name is not None and name not in shut:
+        if not spec.named(other) and name is not None and name not in shut:
             shut |= {b for pair in spec.exclusive if name in pair for b in pair if b != name}
-            yield Problem(
-                what=f"the column {other!r} would not be read as {name!r}",
-                file=text.source.shown,
-                row=text.header_row,
-                column=other,
-                expected=f"{renaming(other, name)}{_minutes(name)}, or to a name of its own",
-            )
+            yield _otherwise(text, other, name, _minutes(name))
+
+
+def _otherwise(text: CsvText, other: str, name: str, more: str) -> Problem:
+    """The Problem of the column `other` that is likely the column `name`."""
+    return Problem(
+        what=f"the column {other!r} would not be read as {name!r}",
+        file=text.source.shown,
+        row=text.header_row,
+        column=other,
+        expected=f"{renaming(other, name)}{more}, or to a name of its own",
+    )
 
 
 def _minutes(name: str) -> str:
@@ -181,8 +242,7 @@ def missing_column(
     axis = name[0] if name in COORDINATES else None
     along = {other: deviation_along(other) for other in others} if axis else {}
     others = [other for other in others if not along.get(other)]
-    near = next((other for other in others if in_other_unit(other, (name,))), None)
-    near = near or _by_words(name, others)
+    near = _column_for(name, others)
     if near is not None:
         hint = renaming(near, name)
     elif own := [other for other, of in along.items() if of == axis]:
@@ -191,6 +251,12 @@ def missing_column(
     else:
         hint = f"a column {name!r} (the columns are {', '.join(map(shorten, header))})"
     return Problem(what=f"the column {name!r} is missing", file=shown, row=row, expected=hint)
+
+
+def _column_for(name: str, others: list[str]) -> str | None:
+    """The one of other columns that was probably meant."""
+    near = next((other for other in others if in_other_unit(other, (name,))), None)
+    return near or _by_words(name, others)
 
 
 def _by_words(name: str, others: list[str]) -> str | None:
@@ -206,7 +272,7 @@ def _by_words(name: str, others: list[str]) -> str | None:
     if name in COORDINATES:
         free = [other for other in free if plain(other)[:1] == name[:1]]
     near = closest(name, free)
-    if near is not None and (is_near(name, near) or _shortened(plain(near), name)):
+    if near is not None and (is_near(name, near) or _shortened(_folded(near), name)):
         return near
     if any(may_name(other) for other in others):
         others = [other for other in others if plain(other) != POS]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from itertools import islice
 
-from mtu_cli.errors import fault
+from mtu_cli.errors import Problem, fault
+from mtu_cli.files.column_words import ACTUAL, AXIS, NOMINAL, UNIT, VALUE, WORDS, plain
 from mtu_cli.files.csv_cells import number
 from mtu_cli.files.csv_first_line import LOOKED_AT, header_below
 from mtu_cli.files.csv_table import TableSpec
@@ -45,6 +47,39 @@ def refuse_other_table(text: CsvText, spec: TableSpec) -> None:
             value=text.separator.join(header),
             expected=f"a header row with {', '.join(spec.required)}, ...",
         )
+
+
+def row_per_axis(text: CsvText, names: Sequence[str]) -> Problem | None:
+    """The Problem of a table with a row for each axis of a feature, as CMMs report them, where the
+    coordinates `names` are asked for side by side; None for any other.
+    """
+    axis = _called(text.header, AXIS)
+    measured, nominal = _called(text.header, ACTUAL + VALUE), _called(text.header, NOMINAL)
+    deviation = _called(text.header, WORDS["error"])
+    if axis is None or measured == deviation is None:
+        return None
+    value = repr(measured) if measured else f"nominal plus {deviation!r}"
+    expected = f"one row for each feature, as a pivot table makes them: {value} of X in a column "
+    expected += ", ".join(f"{name!r}" if not i else f"of {name[0].upper()} in {name!r}"
+                          for i, name in enumerate(names))  # fmt: skip
+    if nominal:
+        expected += f"; {nominal!r} in {', '.join(f'nominal_{name}' for name in names)}"
+    return Problem(
+        what="the table has a row for each axis",
+        file=text.source.shown,
+        row=text.header_row,
+        column=axis,
+        expected=expected,
+    )
+
+
+def _called(header: Sequence[str], words: Sequence[str]) -> str | None:
+    """The first column that is called by one of some words, its unit aside."""
+    for name in header:
+        own = [word for word in re.findall("[a-z]+", plain(name)) if word != UNIT]
+        if len(own) == 1 and own[0] in words:
+            return name
+    return None
 
 
 def _further_down(text: CsvText, names: Sequence[str]) -> int | None:

@@ -19,6 +19,7 @@ from mtu_cli.files.csv_cells import (
     microseconds,
     number,
     overflows,
+    serial_days,
 )
 from mtu_cli.files.csv_table import (
     LARGEST_INTEGER,
@@ -55,6 +56,9 @@ def read_slow(
     for row, cells in _records(text, problems):
         if len(cells) != len(stores):
             problems.add(_wrong_length(text, row, cells))
+        elif tuple(map(str.strip, cells)) == text.header:
+            what = "the header again, as in a table that was pasted again"
+            problems.add(_problem(text, row, None, what, None, "each row once"))
         elif not any(cell.strip() for cell in cells):
             expected = "a row of values, or no separators"
             problems.add(_problem(text, row, None, "all cells are empty", None, expected))
@@ -241,8 +245,13 @@ class _TimeStore(_TextStore):
         values, aware = microseconds(labels)
         codes = np.array(self.codes, np.int32)
         whole = np.append(values, NO_TIME)[codes]
-        for index in np.flatnonzero((whole == NO_TIME) & (codes >= 0)):
-            self.fault(self.rows[index], "not a time", labels[codes[index]], TIME_EXPECTED)
+        faulty = np.flatnonzero((whole == NO_TIME) & (codes >= 0))
+        cells = [labels[codes[index]] for index in faulty]
+        if serial := serial_days(cells, self.text.decimal):
+            what = f"{len(cells)} of {len(codes)} cells are no times"
+            self.fault(self.rows[faulty[0]], what, cells[0], f"{TIME_EXPECTED}: {serial}")
+        for index, cell in () if serial else zip(faulty, cells, strict=True):
+            self.fault(self.rows[index], "not a time", cell, TIME_EXPECTED)
         if len(aware) > 1:
             expected = "all times with an offset, or none"
             self.fault(self.rows[0], "times with and without an offset from UTC", None, expected)

@@ -29,7 +29,8 @@ class TableSpec:
     """The columns that a contract names; every other column is a covariate.
 
     `may_be_empty` are named columns whose cells may be empty; `exclusive` pairs must not
-    both be there, `together` pairs only both. `vectors` are numbers that belong together.
+    both be there, `together` pairs only both. `vectors` are numbers that belong together, `units`
+    are texts that are units.
     """
 
     required: tuple[str, ...]
@@ -40,6 +41,7 @@ class TableSpec:
     exclusive: tuple[tuple[str, str], ...] = ()
     together: tuple[tuple[str, str], ...] = ()
     vectors: tuple[tuple[str, ...], ...] = ()
+    units: frozenset[str] = frozenset()
     says: Mapping[str, str] = field(default_factory=dict)
 
     def kind(self, name: str) -> Kind:

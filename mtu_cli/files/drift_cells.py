@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import SHOWN_ALIKE, InputError, Problem
 from mtu_cli.files.covariates import (
     COLDEST_K,
     HOTTEST_DEGC,
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from mtu_cli.files.csv_table import ProblemList, Table
 
 ROLE = "drift"
+NAMED = 4
+"""Sensors that a message names."""
 TEMPERATURE_EXPECTED = (
     f"a number in degC, at most {HOTTEST_DEGC:g} in size: leave out the column, or the rows"
 )
@@ -39,6 +41,9 @@ def check_drift(
     components, that all their readings are of one kind.
     """
     check_sensor_names(table, problems)
+    kelvin = _in_kelvin(table)
+    if kelvin:
+        problems.add(_kelvin_problem(table, kelvin))
     for name, values in table.columns.numbers.items():
         if not is_temperature(name):
             continue
@@ -49,12 +54,37 @@ def check_drift(
         problems.add_cells(table, empty, name, "empty cell", [""], TEMPERATURE_EXPECTED)
         far = np.flatnonzero(np.abs(values) > HOTTEST_DEGC)
         cells = values[far].tolist()
-        if cells:
-            kelvin = min(cells) > COLDEST_K and max(cells) < HOTTEST_K
-            expected = KELVIN_EXPECTED if kelvin else TEMPERATURE_EXPECTED
+        if cells and name not in kelvin:
+            expected = KELVIN_EXPECTED if _like_kelvin(values[far]) else TEMPERATURE_EXPECTED
             problems.add_cells(table, far, name, "no temperature", cells, expected)
     if components is None:
         _check_kinds(table, problems)
+
+
+def _in_kelvin(table: Table) -> list[str]:
+    """The sensors of which many cells are beyond what they read, and all those look like kelvin."""
+    found = []
+    for name, values in table.columns.numbers.items():
+        far = values[np.abs(values) > HOTTEST_DEGC] if is_temperature(name) else values[:0]
+        if len(far) > SHOWN_ALIKE and _like_kelvin(far):
+            found.append(name)
+    return found
+
+
+def _like_kelvin(values: NDArray[np.float64]) -> bool:
+    return bool(values.min() > COLDEST_K and values.max() < HOTTEST_K)
+
+
+def _kelvin_problem(table: Table, names: Sequence[str]) -> Problem:
+    """The one Problem of sensors in kelvin, at the first of their cells."""
+    far = np.array([np.abs(table.columns.numbers[name]) > HOTTEST_DEGC for name in names])
+    row = int(far.any(axis=0).argmax())
+    column = names[int(far[:, row].argmax())]
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    what = f"{int(far.sum())} of {far.size} cells of {', '.join(names[:NAMED])}{more} are no "
+    what += "temperatures"
+    value = float(table.columns.numbers[column][row])
+    return table.problem(row, column, what, value, KELVIN_EXPECTED)
 
 
 def refuse_drift(table: Table) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from mtu_cli.errors import closest
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import cell_text
+from mtu_cli.files.drift_cells import ROLE
 from mtu_cli.files.sensor_faults import in_runs, sensor_notes, times_of
 
 if TYPE_CHECKING:
@@ -29,11 +30,33 @@ CYCLE = "cyc"
 
 
 def drift_notes(tables: Sequence[Table]) -> Iterator[Notice]:
-    """All of it of tables of drift readings, or of blocks of them."""
-    yield from sensor_notes(tables)
-    for table in tables:
+    """All of it of the tables of drift readings, or of blocks of them; of others their times."""
+    drifts = [table for table in tables if table.source.role == ROLE]
+    yield from negative_times([table for table in tables if table.source.role != ROLE])
+    yield from sensor_notes(drifts)
+    for table in drifts:
         yield from _time_notes(table)
         yield from _cycle_notes(table)
+
+
+def negative_times(tables: Sequence[Table]) -> Iterator[Notice]:
+    """Of few rows whose minutes are below 0, in files whose other minutes ascend from 0 or more:
+    without their sign they may be in order.
+    """
+    for table in tables:
+        values = table.columns.numbers.get("time_min", np.zeros(0))
+        odd = np.flatnonzero(values < 0)
+        if not 0 < len(odd) <= max(1.0, MOST * len(values)) or len(values) < FEWEST:
+            continue
+        rest = np.flatnonzero(values >= 0)
+        if len(rest) + len(odd) < len(values) or (np.diff(values[rest]) < 0).any():
+            continue
+        # Before the first of the others they are the start of a run that was zeroed later.
+        odd = odd[odd > rest[0]]
+        if len(odd):
+            after = np.searchsorted(rest, odd)
+            near = [rest[max(0, place - 1) : place + 1].tolist() for place in after.tolist()]
+            yield _out_of_order(table, list(zip(odd.tolist(), near, strict=True)))
 
 
 def _cycle_notes(table: Table) -> Iterator[Notice]:
@@ -103,10 +126,11 @@ def _out_of_order(table: Table, found: Sequence[tuple[int, list[int]]]) -> Notic
     beside = " and ".join(f"{_shown(table, k)} (row {table.rows[k]})" for k in near)
     more = len(found) - 1
     others = f"; so do {more} more" if more > 1 else "; so does 1 more" if more else ""
+    mistyped = "they are mistyped" if more else "it is mistyped"
     text = (
         f"{table.source.shown}, row {table.rows[row]}, column {column!r}: {_shown(table, row)} "
         f"lies outside the times beside it, {beside}, in a file whose times ascend{others}: look "
-        "whether it is mistyped"
+        f"whether {mistyped}"
     )
     return Notice(code=OUT_OF_ORDER, message=text)
 

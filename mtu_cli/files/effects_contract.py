@@ -9,17 +9,30 @@ followed by ``0``, ``_low`` or ``3`` in the braces is a number of the data: ``{a
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, StringConstraints, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from mtu_cli.files.contract_errors import told
 from mtu_cli.files.contracts import Contract
 from mtu_cli.files.machine_contract import AxisName, EquationText, ParameterUnitName
 
 MAX_GRID = 500
 
 Text = Annotated[str, Field(min_length=1)]
-FamilyName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9-]*$")]
+_FAMILY = re.compile(r"[a-z][a-z0-9-]*")
+
+
+def _family(text: str) -> str:
+    if not _FAMILY.fullmatch(text):
+        raise told("wrong value", "small letters, digits and -, such as lost-motion-2")
+    return text
+
+
+FamilyName = Annotated[
+    str, AfterValidator(_family), Field(json_schema_extra={"pattern": f"^{_FAMILY.pattern}$"})
+]
 EffectEquations = Annotated[dict[Text, EquationText], Field(min_length=1)]
 EffectParameters = Annotated[dict[Text, ParameterUnitName], Field(min_length=1)]
 Over = Literal["feature", "part", "operation"]
@@ -61,7 +74,9 @@ class Search(Contract):
     @model_validator(mode="before")
     @classmethod
     def _log(cls, data: Any) -> Any:
-        if isinstance(data, dict) and isinstance(data.get("log"), bool) and "grid" not in data:
+        if isinstance(data, dict) and "log" in data and "grid" not in data:
+            if not isinstance(data["log"], bool):
+                raise told("wrong value of `log`", "true or false, or `grid: log`")
             rest = {key: value for key, value in data.items() if key != "log"}
             return rest | {"grid": "log" if data["log"] else "linear"}
         return data

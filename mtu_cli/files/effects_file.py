@@ -103,8 +103,9 @@ def _with_schema(document: YamlDocument) -> YamlDocument:
     lines = {("effects", *path): line for path, line in document.lines.items()}
     lines = {(): document.line_of() or 1, **lines}
     odd = {("effects", *path): item for path, item in document.odd_numbers.items()}
+    starts = {("effects", *path): line for path, line in document.starts.items()}
     data = {"schema": _SCHEMA, "effects": document.data}
-    return replace(document, data=data, lines=lines, odd_numbers=odd)
+    return replace(document, data=data, lines=lines, odd_numbers=odd, starts=starts)
 
 
 def _braces_hint(problem: Problem, path: Path) -> Problem:
@@ -182,9 +183,9 @@ def _check_shape(family: Family, path: YamlPath, findings: Findings) -> None:
     elif "members" not in keys:
         for key in ("parameters", "equations"):
             if key not in keys:
-                findings.add(path, f"the key {key!r} is missing")
+                findings.add_missing(path, key)
     if family.kind == "outlier" and family.over is None:
-        findings.add(path, "the key 'over' is missing", expected="over: feature, part or operation")
+        findings.add_missing(path, "over", expected="over: feature, part or operation")
 
 
 def _check_words(family: Family, name: str, path: YamlPath, findings: Findings) -> None:
@@ -232,7 +233,7 @@ def _check_search(search: Search, path: YamlPath, findings: Findings) -> None:
                 findings.add((*path, key), "unknown name", value=text, expected=expected)
     if search.of is None and (used or search.grid in ("between", "frequency")):
         expected = "the position or column that span, low and the grid are of"
-        findings.add(path, "the key 'of' is missing", expected=expected)
+        findings.add_missing(path, "of", expected=expected)
     _check_unit(search, path, findings)
     if search.grid != "between":
         _check_bounds(search, path, findings)

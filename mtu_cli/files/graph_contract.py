@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mtu_cli.files.contract_errors import number_expectation, told
+from mtu_cli.files.contract_errors import lists_within, number_expectation, told
 from mtu_cli.files.contracts import Contract, IdText
 from mtu_cli.files.graph_kinds import PlaceKind, TransitionKind
 from mtu_cli.language import EquationError, evaluate, names, parse
@@ -177,6 +177,6 @@ class Graph(Contract):
     places: Annotated[dict[str, Place], Field(min_length=1)]
     transitions: Annotated[list[Transition], Field(min_length=1)]
     report: list[IdText] = Field(default=[], description="Default: places that end the graph")
-    correlations: list[Correlation] = Field(
+    correlations: Annotated[list[Correlation], BeforeValidator(lists_within)] = Field(
         default=[], description="Of two uncertain constants: [first, second, r]"
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import SequenceMatcher
 
-from mtu_cli.errors import closest
+from mtu_cli.errors import closest, listing
 
 SHOWN = 12
 """Names listed."""
@@ -18,7 +18,7 @@ def known_places(name: str, known: Iterable[str]) -> str:
     if near is not None:
         return f"did you mean {near!r}?"
     if not listed:
-        return "none is known here"
+        return listing(listed)
     order = sorted(listed, key=lambda item: (-_likeness(name, item), abs(len(item) - len(name))))
     more = f" and {len(order) - SHOWN} more" if len(order) > SHOWN else ""
     return f"one of: {', '.join(order[:SHOWN])}{more}"

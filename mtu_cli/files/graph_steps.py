@@ -134,11 +134,11 @@ def _with_axis(
     path: YamlPath,
     findings: Findings,
 ) -> Variant | None:
-    if item.do == "meas" and variant.name == "coordinate" and item.along is not None:
+    coordinate = item.do == "meas" and out[0][0] == "coordinate"
+    if coordinate and item.along is not None:
         findings.add((*path, "along"), "a coordinate is probed along its own axis")
     undirected = item.do == "meas" and variant.name == "point" and item.along is None
-    # A misspelt key has its own message.
-    if undirected and out[0][0] and len(findings.keys(*path)) == len(item.model_fields_set):
+    if undirected and out[0][0] and not _has_unknown_key(item, path, findings):
         findings.add(path, "no direction of probing", expected="`along:` x, -x, ... or [i, j, k]")
     if item.do == "displace" and variant.name == "coordinate":
         before, after = given[0][1], out[0][1]
@@ -146,6 +146,11 @@ def _with_axis(
             what = f"a coordinate {before} displaced is not a coordinate {after}"
             findings.add((*path, "out"), what, value=item.out[0])
     return variant
+
+
+def _has_unknown_key(item: Transition, path: YamlPath, findings: Findings) -> bool:
+    """Whether a key is misspelt, which has its own message: it may be the one that is lacking."""
+    return len(findings.keys(*path)) > len(item.model_fields_set)
 
 
 def _add_misfit(
@@ -156,6 +161,8 @@ def _add_misfit(
     findings: Findings,
 ) -> None:
     """The first input that no variant takes there; or that there are too few or too many."""
+    if not item.in_ and _has_unknown_key(item, path, findings):
+        return
     expected = "; or ".join(dict.fromkeys(str(variant) for variant in variants))
     at = max(variant.reach(given)[0] for variant in variants)
     nearest = [variant for variant in variants if variant.reach(given)[0] == at]

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from mtu_cli.files.contracts import Findings, duplicates, present
 from mtu_cli.files.graph_contract import Graph, Place
+from mtu_cli.files.graph_cycles import Arcs, cycles
 from mtu_cli.files.graph_names import known_places
 from mtu_cli.files.graph_steps import Step
 
 SHOWN_REPORT = 6
 """Reported places above which a hint does not list them again."""
 Makers = dict[str, list[int]]
-Arcs = list[tuple[int, list[str], list[str]]]
+OUT, IN = "out", "in"
 
 
 def firing_order(steps: Iterable[Step], start: Iterable[str]) -> list[list[Step]]:
@@ -86,14 +88,40 @@ def check_net(graph: Graph, findings: Findings) -> None:
         for name in dict.fromkeys(outputs):
             makers.setdefault(name, []).append(index)
     _check_made_once(makers, findings)
+    unclear = _unclear_sides(graph, findings)
+    unmade = [name for name, place in graph.places.items() if not (name in makers or place.marked)]
     for name, place in graph.places.items():
         _check_own_keys(name, place, findings)
-        _check_origin(name, place, makers.get(name, []), graph, findings)
-    _check_used(graph, used, makers, findings)
-    for cycle in _cycles(arcs):
+        if name not in unmade or len(unmade) > unclear[OUT]:
+            _check_origin(name, place, makers.get(name, []), graph, findings)
+    _check_report(graph, findings)
+    _check_used(graph, used, makers, unclear[IN], findings)
+    for cycle in cycles(arcs):
         index = makers[cycle[1]][0]
         findings.add(("transitions", index), f"a cycle: {' -> '.join(cycle)}")
     _check_correlations(graph, findings)
+
+
+def _unclear_sides(graph: Graph, findings: Findings) -> dict[str, float]:
+    """How many places may be meant by what is wrong with `out` and `in`: one by each name that is
+    not known, any by a transition that lacks its list. So many that nothing names elsewhere are
+    not told: that fault is.
+    """
+    known = findings.keys("places")
+    data = findings.document.data.get("transitions")
+    if not isinstance(data, list):
+        return {OUT: math.inf, IN: math.inf}
+    unknown: dict[str, float] = {OUT: 0.0, IN: 0.0}
+    for item in data:
+        entry = item if isinstance(item, dict) else {}
+        for side in (OUT, IN):
+            unknown[side] += sum(name not in known for name in _names(entry.get(side, [])))
+        if OUT not in entry:
+            unknown[OUT] = math.inf
+        if entry.get("do") != "meas" and not isinstance(entry.get(IN), list):
+            unknown[IN] = math.inf
+    unknown[IN] += sum(name is not None and name not in known for name in graph.report)
+    return unknown
 
 
 def _check_made_once(makers: Makers, findings: Findings) -> None:
@@ -163,7 +191,9 @@ def _check_origin(
     if maker is None:
         return
     measured = maker.do == "meas"
-    if measured and place.kind in ("coordinate", "point") and "nominal_mm" not in raw:
+    misspelt = len(findings.keys(*path)) > len(place.model_fields_set)
+    measurable = place.kind in ("coordinate", "point") and not misspelt
+    if measured and measurable and "nominal_mm" not in raw:
         findings.add(path, "measured, but without a nominal", expected="`nominal_mm:`")
     if not measured and place.nominal_mm is not None:
         what = f"the transition in line {line} computes it: its nominal follows"
@@ -184,7 +214,7 @@ def _check_start(name: str, place: Place, raw: Sequence[str], findings: Findings
         )
 
 
-def _check_used(graph: Graph, used: set[str], makers: Makers, findings: Findings) -> None:
+def _check_report(graph: Graph, findings: Findings) -> None:
     known = findings.keys("places")
     reported = list(graph.report)
     for index, name in enumerate(reported):
@@ -193,12 +223,20 @@ def _check_used(graph: Graph, used: set[str], makers: Makers, findings: Findings
             findings.add(("report", index), "unknown place", value=name, expected=hint)
     for index, name, _ in duplicates(present(reported)):
         findings.add(("report", index), "the place is reported twice", value=name)
+
+
+def _check_used(
+    graph: Graph, used: set[str], makers: Makers, unclear: float, findings: Findings
+) -> None:
+    known = findings.keys("places")
+    reported = list(graph.report)
     # Where nothing is listed, the places that end the graph are what it is for.
     ends = set(reported) if reported else _computed(graph, makers)
     shown = reported or [name for name in graph.places if name in ends - used]
     listed = [name for name in dict.fromkeys(shown) if name in known]
-    for name in graph.places:
-        if name not in used and name not in ends:
+    idle = [name for name in graph.places if name not in used and name not in ends]
+    if len(idle) > unclear:
+        for name in idle:
             hint = f"`report: [{', '.join([*listed, name])}]`"
             hint = hint if len(listed) < SHOWN_REPORT else "listed under `report:`"
             expected = f"an input of a transition, or {hint}{_left_out(name, graph, makers)}"
@@ -217,33 +255,6 @@ def _left_out(name: str, graph: Graph, makers: Makers) -> str:
 def _computed(graph: Graph, makers: Makers) -> set[str]:
     measured = {index for index, item in present(graph.transitions) if item.do == "meas"}
     return {name for name, indices in makers.items() if not measured.issuperset(indices)}
-
-
-def _cycles(arcs: Arcs) -> list[list[str]]:
-    """Cycles from place to place, one for every knot of them, each from its first place back."""
-    after: dict[str, list[str]] = {}
-    for _, inputs, outputs in arcs:
-        for name in inputs:
-            after.setdefault(name, []).extend(outputs)
-    found: list[list[str]] = []
-    done: set[str] = set()
-    for start in after:
-        trail: list[str] = []
-        waiting = [(start, False)]
-        while waiting:
-            name, leaving = waiting.pop()
-            if leaving:
-                trail.pop()
-                done.add(name)
-            elif name in trail:
-                cycle = trail[trail.index(name) :]
-                if not any(set(cycle) & set(known) for known in found):
-                    found.append([*cycle, name])
-            elif name not in done:
-                trail.append(name)
-                waiting.append((name, True))
-                waiting.extend((item, False) for item in reversed(after.get(name, [])))
-    return found
 
 
 def _check_correlations(graph: Graph, findings: Findings) -> None:

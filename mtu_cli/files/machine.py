@@ -24,7 +24,7 @@ from mtu_cli.files.machine_contract import (
     Parameter,
 )
 from mtu_cli.files.machine_equations import Vocabulary, check_equations
-from mtu_cli.files.machine_sizes import large_coefficients
+from mtu_cli.files.machine_sizes import large_coefficients, large_constants
 from mtu_cli.files.source import Source
 from mtu_cli.files.thermal_contract import missed_gradient
 from mtu_cli.files.yaml_file import YamlDocument, read_yaml
@@ -155,6 +155,7 @@ def _warnings(
             message = f"{place}: {', '.join(idle)} without coefficients: not used"
             notices.append(Notice(code="incomplete-component", message=message))
         notices += _thermal_notices(component, place)
+    notices += large_constants(machine, forms, effect_forms, document)
     return (*notices, *effect_notices(machine, document))
 
 

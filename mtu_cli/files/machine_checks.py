@@ -33,7 +33,8 @@ def check_names(machine: Machine, findings: Findings) -> None:
     for index, name, _ in duplicates(enumerate(covariates)):
         findings.add(("covariates", index), "the covariate is listed twice", value=name)
     taken |= dict.fromkeys(covariates, "a covariate")
-    for name in constants:
+    for name in findings.given("constants"):
+        # One without a value has its own message.
         _check_name(name, ("constants", name), taken, findings)
     taken |= positions | dict.fromkeys(constants, "a constant")
     for name in components:

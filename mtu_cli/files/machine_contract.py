@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from mtu_cli.files.contract_errors import told, unit_expectation
 from mtu_cli.files.contracts import MAX_DEGREE, Contract, NonNegative, Positive
 from mtu_cli.files.thermal_contract import Thermal
-from mtu_cli.units import PARAMETER_UNITS, UNITS
+from mtu_cli.units import PARAMETER_UNITS, UNITS, plain_unit
 
 AxisName = Literal["x", "y", "z"]
 EquationName = Literal["Ex", "Ey", "Ez"]
@@ -18,15 +18,15 @@ SearchedName = Annotated[str, Field(min_length=1)]
 
 
 def _known_unit(text: str) -> str:
-    if text not in UNITS:
+    if plain_unit(text) not in UNITS:
         raise told("unknown unit", unit_expectation(text))
-    return text
+    return plain_unit(text)
 
 
 def _known_parameter_unit(text: str) -> str:
-    if text not in PARAMETER_UNITS:
+    if plain_unit(text) not in PARAMETER_UNITS:
         raise told("unknown unit", unit_expectation(text, PARAMETER_UNITS))
-    return text
+    return plain_unit(text)
 
 
 def _number_or_keys(value: object) -> object:

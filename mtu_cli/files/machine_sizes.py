@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from mtu_cli.files.machine_contract import Component
+from mtu_cli.files.contract_errors import path_text
+from mtu_cli.files.contracts import Notice
+from mtu_cli.files.machine_contract import Component, Machine
+from mtu_cli.files.yaml_file import YamlDocument, YamlPath
+from mtu_cli.language import LinearForm, Node, evaluate, names
+from mtu_cli.language.dimensions import signed_terms
 from mtu_cli.units import UNITS
 
 if TYPE_CHECKING:
@@ -12,6 +18,44 @@ if TYPE_CHECKING:
 
 PLACES = 101
 """Places along a travel at which a component is looked at."""
+
+
+LARGE_MM = 0.1
+"""A constant of an equation from which it is more than a machine is wrong by everywhere."""
+
+
+def large_constants(
+    machine: Machine,
+    forms: Mapping[str, LinearForm],
+    effect_forms: Sequence[Mapping[str, LinearForm]],
+    document: YamlDocument,
+) -> Iterator[Notice]:
+    """Of equations whose terms without position, column and component add up to a length that is
+    no error: 5 for 5 um. Tool lengths and arms stand beside an angle and are no such term.
+    """
+    known = {name: item.value for name, item in machine.constants.items()}
+    places: list[tuple[YamlPath, LinearForm]]
+    places = [(("equations", name), form) for name, form in forms.items()]
+    for index, own in enumerate(effect_forms):
+        places += [(("effects", index, "equations", name), form) for name, form in own.items()]
+    for path, form in places:
+        total = 0.0 if form.remainder is None else _constant(form.remainder, known)
+        if abs(total) >= LARGE_MM:
+            text = (
+                f"{document.source.shown}:{document.line_of(*path)}: {path_text(path)}: its "
+                f"constant terms make {total:g} mm, large for an error everywhere; equations are "
+                f"in mm: is {total / 1000:g}, for {total:g} um, meant?"
+            )
+            yield Notice(code="constant-large", message=text)
+
+
+def _constant(remainder: Node, known: Mapping[str, float]) -> float:
+    """The sum, mm, of the terms that hold numbers and constants alone."""
+    return sum(
+        sign * float(evaluate(term, known))
+        for sign, term in signed_terms(remainder)
+        if set(names(term)) <= set(known)
+    )
 
 
 def large_coefficients(component: Component, travels: Travels) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,12 +10,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from mtu_cli.errors import did_you_mean
-from mtu_cli.files.contract_errors import told
+from mtu_cli.files.contract_errors import path_text, told
 from mtu_cli.files.contracts import (
     Contract,
     Findings,
     IdText,
     NonNegative,
+    Notice,
     Positive,
     check_contract,
     duplicates,
@@ -30,6 +31,9 @@ REFERENCE_TEMPERATURE = 20.0
 
 LARGEST_MM = 1e9
 """A thousand kilometres: beyond it a coordinate is a slip, and products of them overflow."""
+
+LEAST_TOLERANCE_UM = 0.1
+"""No machine tool holds less: 0.025 is a number in mm."""
 
 Coordinate = Annotated[float, Field(ge=-LARGEST_MM, le=LARGEST_MM)]
 
@@ -143,6 +147,7 @@ class LoadedPart:
     source: Source
     part: Part
     document: YamlDocument
+    warnings: tuple[Notice, ...] = ()
 
     def line_of(self, *path: str | int) -> int | None:
         """The line of a value of the file."""
@@ -156,7 +161,28 @@ def load_part(path: Path, role: str = "part") -> LoadedPart:
     """
     document = read_yaml(path, role)
     part = check_contract(document, Part, "part", _check)
-    return LoadedPart(source=document.source, part=part, document=document)
+    warnings = tuple(_small_tolerances(part, document))
+    return LoadedPart(source=document.source, part=part, document=document, warnings=warnings)
+
+
+def _small_tolerances(part: Part, document: YamlDocument) -> Iterator[Notice]:
+    """One warning of all tolerances that are likely in mm."""
+    small = [
+        (index, item.tolerance_um)
+        for index, item in enumerate(part.lengths)
+        if item.tolerance_um is not None and item.tolerance_um < LEAST_TOLERANCE_UM
+    ]
+    if not small:
+        return
+    index, tolerance = small[0]
+    place: YamlPath = ("lengths", index, "tolerance_um")
+    more = f" (and of {len(small) - 1} more)" if small[1:] else ""
+    text = (
+        f"{document.source.shown}:{document.line_of(*place)}: {path_text(place)}: a tolerance of "
+        f"{tolerance:g} um{more}, which no machine tool holds: is {tolerance * 1000:g}, for "
+        f"{tolerance:g} mm, meant?"
+    )
+    yield Notice(code="tolerance-small", message=text)
 
 
 def _check(part: Part, findings: Findings) -> None:

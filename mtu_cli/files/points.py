@@ -12,9 +12,12 @@ import numpy as np
 from mtu_cli.errors import Problem, did_you_mean, shorten
 from mtu_cli.files import doubled, joined
 from mtu_cli.files.column_twins import column_twins
+from mtu_cli.files.column_words import nominal_by_sign
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
+from mtu_cli.files.drift_notes import negative_times
 from mtu_cli.files.features_alike import features_alike
+from mtu_cli.files.names_alike import names_alike
 from mtu_cli.files.point_temperatures import check_temperatures_of_points, temperature_notes
 from mtu_cli.files.sensor_names import check_temperature_names, sensor_name_notes
 from mtu_cli.files.source import Source
@@ -113,7 +116,8 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
     check_temperatures_of_points(tables, points, problems)
     problems.raise_if_any()
     notes = (*temperature_notes(tables, points), *sensor_name_notes(tables))
-    return replace(points, notes=(*column_twins(tables, SPEC), *features_alike(points), *notes))
+    notes = (*features_alike(points), *names_alike(points), *negative_times(tables), *notes)
+    return replace(points, notes=(*column_twins(tables, SPEC), *notes))
 
 
 def _check_table(table: Table, features: Mapping[str, Place] | None, problems: ProblemList) -> None:
@@ -262,5 +266,9 @@ def _report_unknown(table: Table, nominal: NDArray[np.float64], problems: Proble
 
 def _meant(table: Table) -> str:
     """The columns that look like nominal places under another name."""
-    found = [name for name in table.covariates if name.casefold().startswith("nom")]
+    found = [
+        name
+        for name in table.covariates
+        if name.casefold().startswith("nom") or nominal_by_sign(name)
+    ]
     return f"; rename {', '.join(map(repr, found))}" if found else ""

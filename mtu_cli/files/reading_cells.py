@@ -43,6 +43,11 @@ MOST_FROM_ZERO = 3.0
 """A frame may lie anywhere on the machine: so many times its largest coordinate or travel are not
 reached from there. More than `extents.MOST_APART`, as where the frame lies does not cancel.
 """
+NARROW = {"m": (1000.0, 0.0), "inch": (25.4, 0.5)}
+"""What positions may be written in by mistake, in mm, and the share of a travel from which on they
+are asked about: a thousandth of it is measured by nobody, a twenty-fifth now and then."""
+WIDE = 1.02
+"""Times its travel that positions of an axis may span: ends are stated to a few mm."""
 FEWEST_OF_A_CYCLE = 4
 """Readings of a place in a cycle from which on the probe may have been set anew for it."""
 MOST, MOST_OF_DRIFT = 0.5, 0.25
@@ -176,6 +181,22 @@ def positions_of(table: Table, of: tuple[str, str], inside: Rows, travels: Trave
         units=["mm"],
         groups=[axis],
     )
+
+
+def narrow_unit(positions: Floats, travels: Travels, axis: str | None) -> str | None:
+    """The unit, `m` or `inch`, in which `positions` (n,) of an axis cover most of its travel, where
+    they cover next to nothing of it in mm; None where they may well be mm.
+    """
+    given = positions[np.isfinite(positions)]
+    if axis is None or axis not in travels or not len(given):
+        return None
+    span, travel = float(np.ptp(given)), abs(travels[axis][1] - travels[axis][0])
+    fit = (
+        unit
+        for unit, (size, least) in NARROW.items()
+        if span > 0 and least * travel <= size * span <= WIDE * travel
+    )
+    return next(fit, None)
 
 
 def axis_of(

@@ -9,18 +9,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.errors import Problem
-from mtu_cli.files.contract_errors import PLAIN, unit_expectation
+from mtu_cli.files.contract_errors import unit_expectation
 from mtu_cli.files.csv_table import ProblemList, Table, cell_text
 from mtu_cli.files.reading_cells import (
     FARTHEST_MM,
     LARGEST,
     LARGEST_SHOWN,
+    NARROW,
     OFF_SHOWN,
     STEEPEST,
     Cells,
     Travels,
     axis_of,
     errors_of,
+    narrow_unit,
     positions_of,
     reach,
 )
@@ -42,20 +44,20 @@ FEWEST = 5
 APART = 3.0
 """Slips are so many times the largest of the others."""
 NAMED = 6
+SHORTEST_TRAVEL_MM = 10.0
+"""A shorter travel is likely one in m."""
+NEAR = 50.0
+"""Travels from 0 up to which positions beyond them are as likely mm beside a travel in inches."""
 
 
 def check_units(table: Table, problems: ProblemList) -> None:
-    """Cells that are no unit; a sign for micro, which is the same in all of them, is told once."""
+    """Cells that are no unit."""
     column = table.columns.texts["unit"]
     for code, label in enumerate(column.labels):
         if label in UNITS:
             continue
         rows = np.flatnonzero(column.codes == code)
-        expected = unit_expectation(label)
-        if not label.isascii() and expected.endswith(PLAIN):
-            expected += f" ({len(rows)} such cells)" if len(rows) > 1 else ""
-            rows = rows[:1]
-        problems.add_cells(table, rows, "unit", "unknown unit", [label], expected)
+        problems.add_cells(table, rows, "unit", "unknown unit", [label], unit_expectation(label))
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +97,8 @@ def check_sizes(
             _check_cells(table, cells, groups, problems)
         for (field, own), many in groups.items():
             if field == "error":
-                _add_errors(table, many, own, problems)
+                narrow = _narrow(table, many, components, travels)
+                _add_errors(table, many, own, narrow, problems)
                 continue
             rows = np.concatenate([far.rows for far in many])
             expected = _positions_expected(table, rows, travels, own)
@@ -165,9 +168,39 @@ def _off(cells: Cells, inside: Rows) -> Bools:
     return off_lines(positions[inside], values, passes, near[inside], STEEPEST)
 
 
-def _add_errors(table: Table, found: list[_Far], unit: str, problems: ProblemList) -> None:
+def _narrow(
+    table: Table,
+    found: list[_Far],
+    components: Mapping[str, ComponentLike] | None,
+    travels: Travels,
+) -> str:
+    """What is expected of positions, where another unit of them makes all the errors likely."""
+    expected = ""
+    column, units = table.columns.texts["component"], table.columns.texts["unit"]
+    sizes = np.array([UNITS[label].to_internal for label in units.labels])
+    for far in found:
+        inside = np.flatnonzero(column.codes == column.labels.index(far.name))
+        axis = axis_of(table, components, far.name, inside)
+        positions = table.columns.numbers.get("position_mm", np.zeros(len(table)))[inside]
+        unit = narrow_unit(positions, travels, axis)
+        if unit is None or axis is None:
+            return ""
+        likely = STEEPEST * float(np.ptp(positions)) * NARROW[unit][0]
+        errors = table.columns.numbers["error"][far.rows] * sizes[units.codes[far.rows]]
+        if (np.abs(errors) > np.fmax(likely, far.most)).any():
+            return ""
+        low, high = sorted(travels[axis])
+        expected = f"positions in mm ({axis} travels from {low:g} to {high:g} mm): "
+        expected += f"these look like {unit} in a column of mm"
+    return expected
+
+
+def _add_errors(
+    table: Table, found: list[_Far], unit: str, narrow: str, problems: ProblemList
+) -> None:
     """The problem of errors in `unit`, if many of a component's are too large and another unit
-    explains them: what is explained so in one component is in the others too.
+    explains them: what is explained so in one component is in the others too. Of positions in
+    another unit, where it may be theirs as well: `narrow` is what is expected of them.
     """
     for far in found:
         if not far.many:
@@ -178,6 +211,11 @@ def _add_errors(table: Table, found: list[_Far], unit: str, problems: ProblemLis
         if why:
             most = OFF_SHOWN if far.off else LARGEST_SHOWN[UNITS[unit].dimension]
             expected = f"errors of at most {most}: {why}"
+            if narrow:
+                what = "too near to each other for their errors"
+                expected = f"{narrow}; or else {expected}"
+                problems.add(_of_many(table, "position_mm", found, what, expected))
+                return
             what = "larger than any machine's error"
             problems.add(_of_many(table, "error", found, what, expected))
             return
@@ -203,9 +241,13 @@ def _positions_expected(table: Table, rows: Rows, travels: Travels, axis: str) -
     if axis in travels:
         low, high = sorted(travels[axis])
         expected += f" ({axis} travels from {low:g} to {high:g} mm)"
+        if high - low < SHORTEST_TRAVEL_MM:
+            return f"{expected}: is travel_mm of the machine file in mm?"
     typical = float(np.median(np.abs(table.columns.numbers["position_mm"][rows])))
     if typical / 1000 > reach(travels, axis):
         return expected
+    if axis in travels and typical < NEAR * max(abs(low), abs(high), high - low):
+        return f"{expected}: are these, and travel_mm of the machine file, in mm?"
     return f"{expected}: these look like um in a column of mm"
 
 

@@ -21,6 +21,7 @@ from mtu_cli.files.mixed_units import mixed_units
 from mtu_cli.files.reading_cells import Travels
 from mtu_cli.files.reading_sizes import check_sizes, check_units
 from mtu_cli.files.row_marks import row_marks
+from mtu_cli.files.run_signs import run_signs
 from mtu_cli.files.source import Source
 from mtu_cli.files.swapped_columns import refuse_swapped
 from mtu_cli.files.unused_positions import unused_positions
@@ -36,6 +37,7 @@ SPEC = TableSpec(
     times=frozenset({"time"}),
     may_be_empty=frozenset({"position_mm", "direction"}),
     exclusive=(("time", "time_min"),),
+    units=frozenset({"unit"}),
     says={
         "component": "the name of a component of the machine",
         "unit": f"one of: {', '.join(UNITS)}",
@@ -68,16 +70,14 @@ class ComponentLike(Protocol):
 class Readings:
     """Readings of all files, end to end; every array has one entry a reading.
 
-    `components[code[i]]` is read; `position_mm` is nan where the component has no axis (a
-    position given there has no meaning and is ignored); `error` in mm or rad, as its
-    `dimension` (the exponent of length) says;
-    `pass_number` counts where `has_pass`, else -1; `direction` is +1, -1, or 0 where not
-    given; `cycles[cycle[i]]`, -1 where not given; `time_min` in minutes, from the earliest
-    time of all files where those are dates, nan where not given; `covariates` are floats
-    (nan where not given) or texts ("" where not given); `row` counts as a text editor in the
-    file `sources[file_index[i]]`, whose role is `roles[file_index[i]]`. Arrays may be
-    read-only. `notes` say what a fit does not use, which readings are equal, which components have
-    several units, which columns may be mistaken for others, and what of drifts looks odd.
+    `components[code[i]]` is read; `position_mm` is nan where the component has no axis (a position
+    given there has no meaning and is ignored); `error` in mm or rad, as its `dimension` (the
+    exponent of length) says; `pass_number` counts where `has_pass`, else -1; `direction` is +1, -1,
+    or 0 where not given; `cycles[cycle[i]]`, -1 where not given; `time_min` in minutes, from the
+    earliest time of all files where those are dates, nan where not given; `covariates` are floats
+    (nan where not given) or texts ("" where not given); `row` counts as a text editor in the file
+    `sources[file_index[i]]`, whose role is `roles[file_index[i]]`. Arrays may be read-only. `notes`
+    say what a fit does not use and what looks odd.
     """
 
     components: tuple[str, ...]
@@ -116,8 +116,7 @@ def read_readings(
     for errors and positions of a machine, whose `travels` are known in part; drift readings are
     asked for the latter in any case.
 
-    Raises InputError with all problems of all files: of headers and of every cell first,
-    then, where those are sound, of what the rows mean together.
+    Raises InputError with all problems of all files: of cells first, then of what they mean.
     """
     problems = ProblemList()
     tables = joined.read_tables(files, SPEC, problems)
@@ -140,8 +139,9 @@ def read_readings(
         sized = [table for table in tables if known is not None or table.source.role == ROLE]
         check_sizes(sized, components, travels or {}, problems)
     problems.raise_if_any()
-    notes = (*unused_positions(tables, known or {}), *doubled.equal_notes(tables, equal))
-    return replace(readings, notes=readings.notes + mixed_units(tables) + notes)
+    notes = [*readings.notes, *mixed_units(tables), *unused_positions(tables, known or {})]
+    signs = run_signs(readings) if for_fit else ()
+    return replace(readings, notes=(*notes, *doubled.equal_notes(tables, equal), *signs))
 
 
 def check_cells(
@@ -227,7 +227,6 @@ def assemble(
     values = [direction_sign(label) or 0 for label in directions]
     has_pass = ~np.isnan(joined.numbers(tables, "pass"))
     cycles, cycle = joined.labelled(tables, "cycle")
-    drifts = [table for table in tables if table.source.role == ROLE]
     return Readings(
         components=names,
         code=code,
@@ -245,7 +244,7 @@ def assemble(
         row=np.concatenate([table.rows for table in tables]),
         sources=tuple(table.source for table in tables),
         roles=tuple(table.source.role for table in tables),
-        notes=(*column_twins(tables, SPEC), *drift_notes(drifts)),
+        notes=(*column_twins(tables, SPEC), *drift_notes(tables)),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.contract_errors import in_words
 from mtu_cli.files.sizes import WHAT, expected_size, too_large
 from mtu_cli.files.source import Source
 from mtu_cli.units import UNITS
@@ -81,7 +82,7 @@ def validated(source: Source, document: Any, model: type[M], command: str) -> M:
 
 def _problem(source: Source, item: Any, command: str) -> Problem:
     return Problem(
-        what="is missing" if item["type"] == "missing" else str(item["msg"]).lower(),
+        what="is missing" if item["type"] == "missing" else f"is not {in_words(item)}",
         file=source.shown,
         path=".".join(str(part) for part in item["loc"]),
         value=None if item["type"] == "missing" else repr(item["input"]),

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
     from mtu_cli.files.csv_table import ProblemList, Table
+    from mtu_cli.files.csv_text import CsvText
 
 _SURE = re.compile(
     r"(?:deg[\W_]*[ckf]|celsius|kelvin|fahrenheit|(?<=[\W_])(?<!^T_)[ckf])\W*$"
@@ -60,13 +61,13 @@ def check_sensor_names(table: Table, problems: ProblemList) -> None:
     sensor's; columns of texts are left alone.
     """
     for name in _like_sensors(table):
-        problems.add(_no_sensor(table, name))
+        problems.add(no_sensor(table, name))
 
 
 def check_temperature_names(table: Table, problems: ProblemList) -> None:
     """The same of columns that can be nothing else: in points T_12 may be a tool."""
     for name in filter(_is_sure, _like_sensors(table)):
-        problems.add(_no_sensor(table, name))
+        problems.add(no_sensor(table, name))
 
 
 def sensor_name_notes(tables: Sequence[Table]) -> Iterator[Notice]:
@@ -97,7 +98,8 @@ def _is_sure(name: str) -> bool:
     return _SURE.search(name.replace("\u00b0", "deg")) is not None
 
 
-def _no_sensor(table: Table, name: str) -> Problem:
+def no_sensor(table: Table | CsvText, name: str) -> Problem:
+    """The Problem of a column that seems to hold temperatures."""
     better = as_temperature(name)
     unit = _UNIT.search(name.replace("\u00b0", "deg"))
     otherwise = ", or, where it is no temperature, a name that does not look like one"

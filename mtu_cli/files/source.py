@@ -25,6 +25,11 @@ KINDS = {".yaml": "yaml", ".yml": "yaml", ".csv": "csv", ".json": "json"}
 """Of files that may be meant for each other, by their endings."""
 
 
+def a_file(kind: str) -> str:
+    """A file of a kind in words: ``an effects file``."""
+    return f"{'an' if kind[:1] in 'aeiou' else 'a'} {kind} file"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
     """One input file: its role in the run, its name in reports and the hash of its bytes.
@@ -136,7 +141,7 @@ def read_bytes(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[
     except (OSError, ValueError) as error:
         raise fault(f"cannot be read: {reason(error)}", file=told) from None
     if not content:
-        raise fault("the file is empty", file=told, expected=HOLDS.get(role, f"a {role} file"))
+        raise fault("the file is empty", file=told, expected=HOLDS.get(role, a_file(role)))
     return shown, content
 
 

@@ -87,9 +87,10 @@ class Thermal(Contract):
             positions = found.get("positions_mm")
             found["degree"] = max(0, len(positions) - 1) if isinstance(positions, list) else 0
         noise, gradients = found.get("sensor_u_degC"), found.get("gradients")
-        if isinstance(noise, (int, float)) and _is_number(noise) and isinstance(gradients, dict):
+        if isinstance(noise, (int, float)) and _is_number(noise) and noise >= 0:
             # What is no standard uncertainty stays a number, and is told as such.
-            found["sensor_u_degC"] = dict.fromkeys(gradients, noise) if noise >= 0 else noise
+            sensors = gradients if isinstance(gradients, dict) else ()
+            found["sensor_u_degC"] = dict.fromkeys(sensors, noise)
         return found
 
 

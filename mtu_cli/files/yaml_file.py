@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 from mtu_cli.errors import InputError, Problem, fault
-from mtu_cli.files.source import Source, check_text, read_source
+from mtu_cli.files.source import Source, a_file, check_text, read_source
 from mtu_cli.files.yaml_commas import Cell, OddNumber, odd_number
 from mtu_cli.files.yaml_faults import control_line, unreadable
 from mtu_cli.files.yaml_scalars import CORE_TAG, plain_scalar, tagged_scalar
@@ -31,7 +31,8 @@ YamlPath = tuple[str | int, ...]
 class YamlDocument:
     """A YAML file: plain data, and the 1-based line of each value by its path.
 
-    The line of a mapping's entry is its key's. `odd_numbers`, by the path of their list, are faults
+    The line of a mapping's entry is its key's; `starts` has that of a value which begins below
+    its key's, where it is no mapping or list. `odd_numbers`, by the path of their list, are faults
     that `check_contract` raises together with all that it finds itself. `content` are the bytes of
     the file, none where the text came from elsewhere.
     """
@@ -40,6 +41,7 @@ class YamlDocument:
     data: Any
     lines: Mapping[YamlPath, int]
     odd_numbers: Mapping[YamlPath, OddNumber] = field(default_factory=dict)
+    starts: Mapping[YamlPath, int] = field(default_factory=dict)
     content: bytes = b""
 
     def line_of(self, *path: str | int) -> int | None:
@@ -98,9 +100,9 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     if problems := [*composer.bad_tags, *composer.duplicates]:
         raise InputError(sorted(problems, key=lambda problem: problem.line or 0))
     if root is None:
-        raise fault("the file holds no values", file=shown, expected=f"a {source.role} file")
-    data, lines, odd = _expand(root)
-    return YamlDocument(source=source, data=data, lines=lines, odd_numbers=odd)
+        raise fault("the file holds no values", file=shown, expected=a_file(source.role))
+    data, lines, odd, starts = _expand(root)
+    return YamlDocument(source=source, data=data, lines=lines, odd_numbers=odd, starts=starts)
 
 
 def yaml_events(text: str) -> Iterator[Any]:
@@ -261,8 +263,12 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def _expand(root: _Node) -> tuple[Any, dict[YamlPath, int], dict[YamlPath, OddNumber]]:
-    lines: dict[YamlPath, int] = {}
+Places = dict[YamlPath, int]
+
+
+def _expand(root: _Node) -> tuple[Any, Places, dict[YamlPath, OddNumber], Places]:
+    lines: Places = {}
+    starts: Places = {}
     odd: dict[YamlPath, OddNumber] = {}
 
     # Recursion is bounded: MAX_DEPTH holds with aliases expanded.
@@ -277,6 +283,8 @@ def _expand(root: _Node) -> tuple[Any, dict[YamlPath, int], dict[YamlPath, OddNu
             odd[path] = node.odd
         if node.items is not None:
             return [build(child, (*path, i), child.line) for i, child in enumerate(node.items)]
+        if node.line > line and node.value is not None:
+            starts[path] = node.line
         return node.value
 
-    return build(root, (), root.line), lines, odd
+    return build(root, (), root.line), lines, odd, starts

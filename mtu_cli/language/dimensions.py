@@ -108,14 +108,19 @@ def shown(node: Node) -> str:
 
 def terms(node: Node) -> Iterator[Node]:
     """The terms of a sum."""
+    return (term for _, term in signed_terms(node))
+
+
+def signed_terms(node: Node, sign: int = 1) -> Iterator[tuple[int, Node]]:
+    """The terms of a sum, each with the sign that it is counted with."""
     match node:
-        case Binary("+" | "-", left, right):
-            yield from terms(left)
-            yield from terms(right)
+        case Binary("+" | "-" as operator, left, right):
+            yield from signed_terms(left, sign)
+            yield from signed_terms(right, sign if operator == "+" else -sign)
         case Negative(operand):
-            yield from terms(operand)
+            yield from signed_terms(operand, -sign)
         case _:
-            yield node
+            yield sign, node
 
 
 def first_column(node: Node) -> int:

@@ -59,7 +59,7 @@ def check_dimension(
             _check_per(term, stated, columns, partial(_lacking, term, wanted, scale))
         found = exponent(term, scale)
         if found is not UNKNOWN and found != wanted:
-            hint = "multiply it by its lever arm (a position or a named constant)"
+            hint = "its lever arm beside it as a factor (a position or a named constant)"
             raise EquationError(
                 f"this term is {dimension_name(found)}, its equation is {dimension_name(wanted)}",
                 first_column(term),
@@ -99,7 +99,7 @@ def _check_per(term: Node, stated: str, columns: Columns, lacking: Callable[[], 
     for base, own in beyond.items():
         if own < 0:
             what = f"this term is per {base}, its equation is not"
-            hint = f"multiply it by {FACTOR[base]}"
+            hint = f"{FACTOR[base]}, beside it as a factor"
             raise EquationError(what, first_column(term), hint, shown(term))
     unit = columns.stated[stated]
     if not beyond or _is_power(beyond, unit):

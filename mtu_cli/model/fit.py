@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -100,6 +101,10 @@ def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estima
     return Estimates(components=found, joint=fit.joint)
 
 
+SHOWN = 6
+"""Components that a warning names."""
+
+
 def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Warned]:
     """What the machine file makes one ask; not of coefficients that readings, or a report of
     their fit, win over.
@@ -110,11 +115,27 @@ def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Warne
         for name, own in from_machine_file(machine).items()
         if np.array_equal(estimates.components[name].coefficients, own.coefficients)
     }
-    return [
+    told = [
         Warned(code=item.code, message=item.message)
         for item in machine.warnings
         if item.coefficients_of is None or item.coefficients_of in used
     ]
+    return [*told, *_beaten(machine, used)]
+
+
+def _beaten(machine: LoadedMachine, used: Collection[str]) -> list[Warned]:
+    """That coefficients of the file are not used, one warning of all components."""
+    stated = [name for name, own in machine.machine.components.items() if own.coefficients]
+    idle = [name for name in stated if name not in used and name in machine.used]
+    if not idle:
+        return []
+    more = f" and {len(idle) - SHOWN} more" if len(idle) > SHOWN else ""
+    text = (
+        f"{machine.source.shown}:{machine.line_of('components', idle[0], 'coefficients')}: "
+        f"components {', '.join(idle[:SHOWN])}{more}: their coefficients are not used: readings, "
+        "or the report of their fit, win over them"
+    )
+    return [Warned(code="coefficients-not-used", message=text)]
 
 
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:

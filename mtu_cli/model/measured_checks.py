@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from mtu_cli.errors import InputError, fault
+from mtu_cli.files.features_alike import SAME_MM
 from mtu_cli.files.points import Points
 from mtu_cli.model.copied_parts import copied_parts
 from mtu_cli.model.datum import Datum, freed
@@ -20,7 +21,6 @@ from mtu_cli.stats.least_squares import FloatArray
 
 SUSPICIOUS_MM = 0.5
 """A typical error beyond this is not one of a machine tool."""
-SAME_MM = 1e-6
 ORIGIN = "origin"
 MOST: Datum = "offset,rotation"
 _BLOCK = 1 << 15

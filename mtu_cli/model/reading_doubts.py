@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.files.reading_cells import Travels, largest_errors, look_large
+from mtu_cli.files.reading_cells import (
+    NARROW,
+    WIDE,
+    Travels,
+    largest_errors,
+    look_large,
+    narrow_unit,
+)
 from mtu_cli.model.reading_expected import expected
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.outliers import told_apart
@@ -23,10 +30,7 @@ from all others."""
 FEWEST = 8
 SMALL_MM = 5e-5
 """No machine has errors that are all smaller, where any is seen."""
-NARROW = 1e-3
-"""Share of a travel that metres taken for mm would cover at most."""
-WIDE = 1.02
-"""Times its travel that positions of an axis may span: ends are stated to a few mm."""
+NAMES = {"m": "metres", "inch": "inches"}
 SHOWN = 6
 
 
@@ -39,7 +43,8 @@ def reading_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
     alone = [text for name in readings.components for text in _alone(readings, name, components)]
     if alone:
         more = f"; and {len(alone) - SHOWN} more" if len(alone) > SHOWN else ""
-        text = f"{'; '.join(alone[:SHOWN])}{more}: look whether they are mistyped"
+        mistyped = "they are" if len(alone) > 1 else "it is"
+        text = f"{'; '.join(alone[:SHOWN])}{more}: look whether {mistyped} mistyped"
         found.append(Warned(code="reading-stands-out", message=text))
     return found
 
@@ -53,7 +58,8 @@ def scale_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
 def _scales(
     readings: Readings, components: Mapping[str, Any], travels: Travels
 ) -> Iterator[Warned]:
-    large, narrow, wide = [], [], []
+    large, wide = [], []
+    narrow: dict[str, list[str]] = {}
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         unit = UNITS[components[name].unit]
@@ -66,8 +72,8 @@ def _scales(
         if axis in travels:
             low, high = sorted(travels[axis])
             span = float(np.ptp(positions))
-            if 0 < span < NARROW * (high - low):
-                narrow.append(name)
+            if meant := narrow_unit(positions, travels, axis):
+                narrow.setdefault(meant, []).append(name)
             if span > WIDE * (high - low):
                 wide.append(f"{name} {span:.4g} mm (travel of {axis}: {high - low:.4g} mm)")
     if large:
@@ -79,10 +85,10 @@ def _scales(
             f"positions from end to end lie farther apart than the axis travels: {', '.join(wide)}"
         )
         yield Warned(code="positions-wide", message=text)
-    if narrow:
+    for meant, names in narrow.items():
         text = (
-            f"the positions of {', '.join(narrow)} lie within a thousandth of the travel that the "
-            "machine states: are they metres in a column of mm?"
+            f"the positions of {', '.join(names)} cover at most 1/{NARROW[meant][0]:g} of the "
+            f"travel that the machine states: are they {NAMES[meant]} in a column of mm?"
         )
         yield Warned(code="positions-narrow", message=text)
 

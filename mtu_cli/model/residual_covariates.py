@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import SHOWN_ALIKE, InputError, Problem
 from mtu_cli.files.covariates import (
+    COLDEST_K,
     HOTTEST_DEGC,
+    HOTTEST_K,
     as_temperature,
     closest_covariate,
     expected_temperature,
@@ -261,10 +263,13 @@ def _no_temperatures(
     if not is_temperature(name):
         return []
     far = rows[np.isfinite(values[rows]) & (np.abs(values[rows]) > HOTTEST_DEGC)]
+    what = "no temperature"
+    kelvin = (values[far] > COLDEST_K) & (values[far] < HOTTEST_K)
+    if len(far) > SHOWN_ALIKE and kelvin.all():
+        # A whole column in kelvin is one fault, though each cell has its own value.
+        what, far = f"{len(far)} of {len(rows)} cells are no temperatures", far[:1]
     return [
-        _cell_problem(
-            measured, i, name, "no temperature", f"{values[i]:g}", expected_temperature(values[i])
-        )
+        _cell_problem(measured, i, name, what, f"{values[i]:g}", expected_temperature(values[i]))
         for i in far[:MOST_TOLD].tolist()
     ]
 

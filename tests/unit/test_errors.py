@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -188,7 +189,7 @@ def test_did_you_mean() -> None:
     assert did_you_mean("dxx", ["dx_x"]) == "did you mean 'dx_x'?"
     assert did_you_mean("qqq", ["dx_x", "ez_y"]) == "one of: dx_x, ez_y"
     assert did_you_mean("qqq", many) == "one of: " + ", ".join(many[:12]) + ", ..."
-    assert did_you_mean("qqq", []) == "none is known here"
+    assert did_you_mean("qqq", []) == "no such name: none is known here"
 
 
 def test_long_names_are_cut_and_what_stands_around_them_is_kept() -> None:
@@ -224,8 +225,10 @@ def test_like_faults_of_many_entries_are_told_once() -> None:
         "s.yaml:0: features.H0.x_mm: wrong value: 'abc'; expected a number (and lines 1 to 4)"
     )
     assert "features.H0.y_mm" in second
-    missing = [in_line(f"features.H{i}", i, "the key 'x_mm' is missing") for i in range(1, 6)]
-    assert str(InputError(missing)).count("missing") == 1
+    entries = [in_line(f"features.H{i}", i, "no such width") for i in range(1, 6)]
+    assert str(InputError(entries)).count("no such width") == 5
+    lacking = [replace(entry, lacks="x_mm") for entry in entries]
+    assert str(InputError(lacking)).count("no such width") == 1
     flow = [in_line(f"features.H{i}.x_mm", 3) for i in range(6)]
     assert str(InputError(flow)).endswith("(and 5 more)")
     two = [in_line(f"features.H{i}.x_mm", 3 + (i == 5)) for i in range(6)]
@@ -237,3 +240,11 @@ def test_other_keys_are_told_by_themselves() -> None:
     text = str(InputError([in_line(f"settings.{key}", i) for i, key in enumerate(keys, 3)]))
     assert all(f"settings.{key}: " in text for key in keys)
     assert str(InputError([in_line(f"a{i}.b", i) for i in range(5)])).count("wrong value") == 5
+
+
+def test_entries_of_two_steps_are_one_problem() -> None:
+    """Of more places than a section of a contract has keys."""
+    text = str(InputError([in_line(f"features.H{i}", i) for i in range(4, 34)]))
+    assert "features.H0" not in text
+    assert text.count("features.H") == 1
+    assert "(and lines 5 to 33)" in text

@@ -66,7 +66,7 @@ def names(read: Table, column: str = "name") -> list[str]:
                 "'value'",
             ],
         ),
-        ("name,value,,size,\na,1,,,\n", ["column 3 has no name; expected a name", "column 5 has"]),
+        ("name,value,,size,\na,1,,,\n", ["row 1: columns 3, 5 have no name; expected a name"]),
         ("#\nname,value,c,value\n", [", row 2, column 'value': the column stands twice, as colu"]),
         ("name\tvalue\na\t1\n", ["the columns are separated by tabs: 'name\\tvalue'; expected co"]),
         ("name value\na 1\n", ["the columns are separated by spaces"]),
@@ -321,3 +321,33 @@ def test_digits_of_other_scripts_are_told_apart_from_other_signs() -> None:
         assert number_expectation(f"1{sign}5").endswith("in the digits 0 to 9"), hex(ord(sign))
     for other in ("\u00b2", "\u00bd", "\u2160", "\u00e9", "\u4e00"):
         assert number_expectation(f"1{other}5") == "a number"
+
+
+def test_a_header_that_stands_again_is_one_fault(tmp_path: Path) -> None:
+    rows = "a,1\nb,2\n"
+    found = faults(tmp_path, f"name,value\n{rows}name, value\n{rows}")
+    assert len(found) == 1
+    assert ", row 4: the header again, as in a table that was pasted again" in found[0]
+
+
+@pytest.mark.parametrize(
+    ("cells", "words"),
+    [
+        (
+            ["45000", "45000.5", "45001.25"],
+            ["row 2, column 'time': 3 of 3 cells are no times: '45000'"],
+        ),
+        # An odd one among dates, and numbers that are no days, are told one by one.
+        (["2024-05-03", "45000.5", "2024-05-04"], ["row 3, column 'time': not a time: '45000.5'"]),
+        (["1", "2", "3"], ["row 2, column 'time': not a", "row 3, column", "row 4, column"]),
+    ],
+)
+def test_serial_days_of_a_spreadsheet_are_one_fault(
+    cells: list[str], words: list[str], tmp_path: Path
+) -> None:
+    found = faults(tmp_path, "name,value,time\n" + "".join(f"a,1,{cell}\n" for cell in cells))
+    assert len(found) == len(words)
+    for line, own in zip(found, words, strict=True):
+        assert own in line
+    serial = "these look like serial days of a spreadsheet, the first of them 2023-03-15T00:00;"
+    assert (serial in found[0]) == (len(words) < 3 and cells[0] == "45000")

@@ -64,7 +64,7 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
         {"Teilenummer": "part", "Pos": "feature", "x": "x_mm", "y": "y_mm"},
         {"Serial No": "part", "Char": "feature", "Actual X": "x_mm", "Meas Y": "y_mm",
          "Nominal X": "nominal_x_mm", "Nominal Y": "nominal_y_mm", "Trial": "repeat"},
-        {"Sample": "part", "FeatureName": "feature", "X": "x_mm", "Y": "y_mm", "Temperature": ""},
+        {"Sample": "part", "FeatureName": "feature", "X": "x_mm", "Y": "y_mm", "Load": ""},
         {"Part ID": "part", "Char No": "feature", "X": "x_mm", "Y": "y_mm", "Ist X 2": ""},
     ],
     ids=["German", "English", "joined", "French", "short", "values", "values too", "runs", "Mess",
@@ -492,3 +492,81 @@ def test_a_quote_that_takes_many_lines_into_a_name_is_not_told_whole(tmp_path: P
         read_table(path, "lbb", READINGS)
     assert all(len(line) < 300 for line in str(caught.value).splitlines())
     assert "(the columns are component, position_mm, pass, ,error,unit" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("cells", "others"),
+    [("1,20.1", ["Messung", "Temp. Messraum"]), ("10.0012,20.1", ["Temp. Messraum"]),
+     ("1,warm", ["Messung"]), ("7,", ["Temp. Messraum"])],
+)  # fmt: skip
+def test_all_columns_to_rename_are_told_at_once(
+    cells: str, others: list[str], tmp_path: Path
+) -> None:
+    """Beside a missing column those are told that would be told, or warned of, without it."""
+    lines = refused(tmp_path, "Teil,feature,x_mm,y_mm,Messung,Temp. Messraum", f"1,A,1,2,{cells}\n")
+    assert "expected 'Teil' renamed to 'part'" in lines[0]
+    words = {"Messung": "'Messung' renamed to 'repeat' where it numbers these",
+             "Temp. Messraum": "rename 'Temp. Messraum' to 'T_Messraum_degC'"}  # fmt: skip
+    for other, line in zip(others, lines[1:], strict=True):
+        assert f", column {other!r}: " in line
+        assert words[other] in line
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [("part,feature,Axis,Nominal,Actual,Deviation",
+      "'Actual' of X in a column 'x_mm', of Y in 'y_mm'; 'Nominal' in nominal_x_mm, nominal_y_mm"),
+     ("part,feature,Achse,Ist [mm],Abw", "'Ist [mm]' of X in a column 'x_mm', of Y in 'y_mm'"),
+     ("part,feature,Axis,Dev", "nominal plus 'Dev' of X in a column 'x_mm', of Y in 'y_mm'")],
+)  # fmt: skip
+def test_a_row_for_each_axis_is_told_as_such(header: str, words: str, tmp_path: Path) -> None:
+    row = ",".join(["1", "A", "X", "10", "10.001", "0.001"][: header.count(",") + 1])
+    (line,) = refused(tmp_path, header, f"{row}\n")
+    assert "the table has a row for each axis; expected one row for each feature" in line
+    assert line.endswith(words)
+
+
+def test_an_axis_beside_coordinates_is_a_column_of_its_own(tmp_path: Path) -> None:
+    lines = refused(tmp_path, "part,feature,axis,x,y,actual", "1,A,X,1,2,3\n")
+    assert [line.partition("expected ")[2] for line in lines] == [
+        "'x' renamed to 'x_mm'", "'y' renamed to 'y_mm'"]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [("part,feature,x_mm,y_mm,", "column 5 has no name"),
+     ("part,feature,x_mm,y_mm" + "," * 5000, "columns 5 to 5004 have no name"),
+     ("part,,feature,x_mm,,,y_mm,", "columns 2, 5 to 6, 8 have no name"),
+     ("part" + ",,a".join(map(str, range(10))) + ",feature,x_mm,y_mm",
+      "columns 2, 4, 6, 8, 10, 12 and 3 more have no name")],
+)  # fmt: skip
+def test_columns_without_a_name_are_one_fault(header: str, words: str, tmp_path: Path) -> None:
+    lines = refused(tmp_path, header, "1\n")
+    assert f"row 1: {words}; expected a name" in lines[0]
+    assert "name;" not in "".join(lines[1:])
+
+
+def test_sensors_in_kelvin_are_one_fault(tmp_path: Path) -> None:
+    rows = "".join(f"a,1,um,293.{i},{294 + i},{20 + i}\n" for i in range(5))
+    path = tmp_path / "d.csv"
+    path.write_text(f"component,error,unit,T_01_degC,T_02_degC,T_03_degC\n{rows}", "utf-8")
+    with pytest.raises(InputError) as caught:
+        read_readings([(path, "drift")], None, for_fit=False)
+    assert str(caught.value) == (
+        "d.csv, row 2, column 'T_01_degC': 10 of 10 cells of T_01_degC, T_02_degC are no "
+        "temperatures: '293'; expected degC: this looks like kelvin, from which 273.15 is to be "
+        "subtracted"
+    )
+
+
+def test_a_column_that_no_equation_can_name_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    head = "component,position_mm,error,unit,x,step,pi,shift\n"
+    path.write_text(f"{head}a,0,1,um,1,2,3,4\n", "utf-8")
+    notes = read_readings([(path, "lbb")], None, for_fit=False).notes
+    found = [note.message for note in notes if note.code == "column-name-taken"]
+    assert found == [
+        f"r.csv, row 1: the column {name!r} cannot be named in an equation, where {name!r} is "
+        f"{what}; rename it where one needs it, such as to '{name}_value'"
+        for name, what in (("x", "the position"), ("step", "a function"), ("pi", "a number"))
+    ]

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from mtu_cli.errors import InputError
+from mtu_cli.files.points import read_points
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.readings_stream import stream_readings
 
@@ -98,3 +99,35 @@ def test_times_too_large_to_be_added_are_refused_without_another_word(tmp_path: 
         notes(tmp_path, {"1": times})
     with pytest.raises(InputError, match="no time"):
         list(stream_readings([(tmp_path / "d.csv", "drift")], None))
+
+
+MINUTES = [2.0 * i for i in range(40)]
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({7: -14.0}, "row 9, column 'time_min': -14 lies outside the times beside it, 12 (row 8) "
+         "and 16 (row 10), in a file whose times ascend: look whether it is mistyped"),
+        ({7: -14.0, 39: -78.0}, "whose times ascend; so does 1 more: look whether they are mist"),
+        # Before the time that counts as 0, or in files in another order, they mean what they say.
+        ({0: -10.0}, None), ({}, None), ({7: -14.0, 20: 3.0}, None),
+        ({i: -2.0 * i for i in range(5, 15)}, None),
+    ],
+)  # fmt: skip
+def test_single_negative_minutes_of_readings_and_points_are_told(
+    changed: dict[int, float], words: str | None, tmp_path: Path
+) -> None:
+    times = [changed.get(i, own) for i, own in enumerate(MINUTES)]
+    lbb, cmm = tmp_path / "t.csv", tmp_path / "c.csv"
+    rows = "".join(f"a,{i},{i % 7},um,{t}\n" for i, t in enumerate(times))
+    lbb.write_text(f"component,position_mm,error,unit,time_min\n{rows}", "utf-8")
+    rows = "".join(f"{i},A,1,2,1,2,{t}\n" for i, t in enumerate(times))
+    cmm.write_text(f"part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,time_min\n{rows}", "utf-8")
+    for notes in (
+        read_readings([(lbb, "lbb")], None, for_fit=False).notes,
+        read_points([(cmm, "cmm")], None).notes,
+    ):
+        found = [note.message for note in notes if note.code == "time-out-of-order"]
+        assert len(found) == (words is not None)
+        assert all(str(words) in message for message in found)

@@ -109,6 +109,47 @@ def test_two_knots_are_two_cycles(tmp_path: Path) -> None:
     assert [item.partition("a cycle: ")[2] for item in told] == ["a -> b -> a", "d -> e -> d"]
 
 
+NET = """
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3]}
+  Q: {kind: point, nominal_mm: [1, 2, 9]}
+  v: {kind: vector}
+  L: {kind: constant}
+transitions:
+  - {do: meas, out: P, along: x}
+  - {do: meas, out: Q, along: x}
+  - {do: vector, in: [P, Q], out: v}
+  - {do: length, in: [v], out: L}
+"""
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "told"),
+    [
+        ("out: v", "out: w", "12: transitions[2].out: unknown place: 'w'; expected one of: P"),
+        ("out: v", "output: v", "12: transitions[2].output: unknown key: 'output'; did you mean"),
+        ("in: [P, Q]", "input: [P, Q]", "12: transitions[2].input: unknown key: 'input'"),
+        ("in: [P, Q]", "in: [P, R]", "12: transitions[2].in[1]: unknown place: 'R'"),
+        ("in: [P, Q]", "in: P, Q", "12: transitions[2].in: a comma ends a value: 'P, Q'"),
+        ("do: vector, in: [P, Q]", "do: vec, in: [P, R]", "12: transitions[2].do: unknown value"),
+        ("P: {kind: point, nom", "P: {kind: pont, nom", "5: places.P.kind: unknown value: 'pont'"),
+        ("P: {kind: point, nominal_mm", "P: {kind: point, nominal", "5: places.P.nominal: unkno"),
+        ("[1, 2, 9]", "[1, 2]", "6: places.Q.nominal_mm: wrong value: '[1, 2]'"),
+        ("transitions:", "report: [M]\ntransitions:", "9: report[0]: unknown place: 'M'"),
+    ],
+)
+def test_one_slip_is_one_message(tmp_path: Path, right: str, wrong: str, told: str) -> None:
+    """What follows from it, a place that nothing makes or that leads nowhere, is not told too."""
+    assert right in NET
+    (found,) = faults(tmp_path, NET.replace(right, wrong, 1))
+    assert found.startswith(told)
+
+
+def test_more_places_than_a_slip_explains_are_told(tmp_path: Path) -> None:
+    text = NET.replace("out: v", "out: w").replace("  L:", "  u: {kind: vector}\n  L:")
+    assert sum("no transition makes this vector" in line for line in faults(tmp_path, text)) == 2
+
+
 def test_a_faulty_transition_is_not_a_missing_one(tmp_path: Path) -> None:
     text = """
 places:

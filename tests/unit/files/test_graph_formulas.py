@@ -117,4 +117,4 @@ def test_known_places_come_closest_first() -> None:
     assert told.endswith(f" and {len(known) - SHOWN} more")
     # Half of what is asked for: too little for a guess, enough to come first.
     assert known_places("Rxyz", ["abcd", "efgh", "Rzq"]) == "one of: Rzq, abcd, efgh"
-    assert known_places("x", []) == "none is known here"
+    assert known_places("x", []) == "no such name: none is known here"

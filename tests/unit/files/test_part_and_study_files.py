@@ -211,3 +211,17 @@ def test_a_folder_with_the_name_of_a_study_is_passed_over(tmp_path: Path) -> Non
     (deep / "mtu.yaml").mkdir(parents=True)
     (tmp_path / "mtu.yaml").write_text("schema: mtu/study/1\n")
     assert find_study(deep) == tmp_path.resolve() / "mtu.yaml"
+
+
+def test_a_tolerance_that_no_machine_holds_is_likely_in_mm(tmp_path: Path) -> None:
+    text = FEATURES + (
+        "lengths:\n- {from: 3, to: '9', tolerance_um: 0.1}\n"
+        "- {from: 9, to: a, tolerance_um: 0.025}\n- {from: 3, to: a, tolerance_um: 0.03}\n"
+    )
+    (told,) = part(tmp_path, text).warnings
+    assert told.code == "tolerance-small"
+    assert told.message == (
+        "p.yaml:7: lengths[1].tolerance_um: a tolerance of 0.025 um (and of 1 more), which no "
+        "machine tool holds: is 25, for 0.025 mm, meant?"
+    )
+    assert part(tmp_path, FEATURES + "lengths: [{from: 3, to: a}]").warnings == ()

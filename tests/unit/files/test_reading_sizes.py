@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -182,14 +183,6 @@ MISTAKES: dict[str, tuple[Callable[[str, int, Cell], Cell], str]] = {
         "row 54, column 'position_mm': does not fit the other positions of 'ez_x': '40000'; "
         "expected what the others have, 0 to 180 mm",
     ),
-    "a sign for micro": (
-        lambda name, i, c: (*c[:2], "\u00b5m" if name == "dx_x" else c[2]),
-        "unknown unit: '\u00b5m'; expected 'um', in plain letters (50 such cells)",
-    ),
-    "the other sign for micro": (
-        lambda name, i, c: (*c[:2], "\u03bcm" if name == "dx_x" else c[2]),
-        "unknown unit: '\u03bcm'; expected 'um', in plain letters (50 such cells)",
-    ),
 }
 
 
@@ -269,3 +262,41 @@ def test_a_bad_cell_makes_no_drift_readings(
         read(tmp_path, text, TRAVELS)
     (problem,) = caught.value.problems
     assert told in str(problem)
+
+
+@pytest.mark.parametrize(("size", "unit"), [(1000.0, "m"), (25.4, "inch")])
+def test_positions_in_another_unit_are_not_the_readings_fault(
+    size: float, unit: str, tmp_path: Path
+) -> None:
+    """Errors of 2 mm/m are those of a poor scale, over metres as over mm."""
+    long = {"x": (0.0, 9000.0)}
+
+    def poor(name: str, i: int, cell: Cell) -> Cell:
+        place = 50.0 * cell[0]
+        return place, 2.0 * place + 0.01 * i if name == "dx_x" else cell[1], cell[2]
+
+    def other(name: str, i: int, cell: Cell) -> Cell:
+        place, error, own = poor(name, i, cell)
+        return place / size, error, own
+
+    read(tmp_path, table(poor), long)
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, table(other), long)
+    message = str(caught.value)
+    assert "of 50 cells of dx_x are too near to each other for their errors" in message
+    assert f"positions in mm (x travels from 0 to 9000 mm): these look like {unit} in a" in message
+    assert "; or else errors of at most 1 mm, or 1 % of the distance moved: these look" in message
+
+
+@pytest.mark.parametrize(
+    ("travel", "words"),
+    [
+        (0.5, "(x travels from 0 to 0.5 mm): is travel_mm of the machine file in mm?"),
+        (18.0, "(x travels from 0 to 18 mm): are these, and travel_mm of the machine file, in mm?"),
+    ],
+)
+def test_a_travel_in_another_unit_is_asked_about(travel: float, words: str, tmp_path: Path) -> None:
+    """450 mm of positions are a travel of 0.5 m, or of 18 in."""
+    text = table(lambda name, i, cell: (2.5 * cell[0], *cell[1:]))
+    with pytest.raises(InputError, match=re.escape(words)):
+        read(tmp_path, text, {"x": (0.0, travel)})

@@ -104,7 +104,6 @@ def test_a_covariate_that_is_a_text_in_one_file_is_one_in_all(tmp_path: Path) ->
     [
         ("dx_y,0,1,um", ", row 3, column 'component': unknown component: 'dx_y'; did you"),
         ("dx_x,0,1,um.", ", row 3, column 'unit': unknown unit: 'um.'; did you mean 'um"),
-        ("dx_x,0,1,µm", "unknown unit: 'µm'; expected 'um', in plain letters"),
         ("dx_x,0,1,arcsec", "column 'unit': wrong kind of unit for 'dx_x': 'arcsec'; expected a l"),
         ("ez_x,0,1,um", "wrong kind of unit for 'ez_x': 'um'; expected an angle or ratio (rad)"),
         ("dx_x,,1,um", "column 'position_mm': empty cell; expected a number: dx_x is a function"),
@@ -247,3 +246,15 @@ def test_a_fit_needs_as_many_positions_as_coefficients(tmp_path: Path) -> None:
         "r0.csv, row 3, column 'position_mm': 'dx_x' of degree 1 is measured at one position "
         "only: '7 mm'; expected at least 2 positions"
     ]
+
+
+@pytest.mark.parametrize("sign", ["\u00b5", "\u03bc"])
+def test_both_signs_for_micro_are_a_u(sign: str, tmp_path: Path) -> None:
+    """Beside each other and beside the plain letter, as of several instruments."""
+    rows = ["dx_x,0,1,um", "dx_x,1,2,um", "ez_x,0,1,urad", "ez_x,1,2,um/m"]
+    plain = read(tmp_path, "\n".join([HEAD, *rows]) + "\n")
+    signed = [rows[0], *(row.replace(",u", f",{sign}") for row in rows[1:])]
+    found = read(tmp_path, "\n".join([HEAD, *signed]) + "\n")
+    assert found.error.tolist() == plain.error.tolist()
+    assert found.dimension.tolist() == plain.dimension.tolist()
+    assert found.notes == plain.notes

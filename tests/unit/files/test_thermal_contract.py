@@ -96,6 +96,10 @@ PLACED = "of: x, unit: um, thermal: {positions_mm: [0, 75], gradients: {T_a_degC
 PLAIN = "unit: um, thermal: {gradients: {T_a_degC: 1}"
 FAULTS = [
     ("unit: um, thermal: 4", "thermal: wrong value: '4'; expected keys with values"),
+    (
+        "unit: um, thermal: {gradients: [1, 2], sensor_u_degC: 0.1}",
+        "thermal.gradients: wrong value: '[1, 2]'; expected keys with values: {NAME: [1, 2]}",
+    ),
     ("unit: um, thermal: {degree: 0}", "thermal: the key 'gradients' is missing"),
     ("unit: um, thermal: {gradients: {}}", "thermal.gradients: wrong value: '{}'"),
     (PLAIN + ", degre: 0}", "thermal.degre: unknown key: 'degre'; did you mean 'degree'?"),

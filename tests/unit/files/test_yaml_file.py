@@ -110,8 +110,20 @@ def test_every_duplicate_key_and_tag_is_reported_with_its_lines() -> None:
         ("\n".join(" " * i + "k:" for i in range(99)), "m.yaml:61: values are nested deeper"),
         ("a:\n\t- b", "m.yaml:2: not readable as YAML: found character that cannot start"),
         ("a:\n\t- b", "expected spaces, not tabs"),
-        ("a: b: c", "expected quotes around a text that holds ': '"),
+        ("a: b: c", "or quotes around a text that holds ': '"),
         ("a: [1\nb: 2", "m.yaml:2: not readable as YAML"),
+        ("a: [1\nb: 2", "expected a comma between two entries, or the ']' of the bracket opened"),
+        ("e:\n  Ex = 2*a\n  Ey: b", "m.yaml:2: not readable as YAML: no `key: value`: 'Ex = 2*a'"),
+        ("e:\n  Ex = 2*a\n  Ey: b", "expected 'Ex: 2*a', with a colon and a blank behind the key"),
+        ("e:\n  Ex: a\n  Ey = b", "m.yaml:3: not readable as YAML: no `key: value`: 'Ey = b'"),
+        ("a:1\nb: 2", "m.yaml:1: not readable as YAML: no `key: value`: 'a:1'; expected 'a: 1'"),
+        (
+            "a {b: 1, c: 3}\nd: 2",
+            "m.yaml:1: not readable as YAML: no `key: value`: 'a {b: 1, c: 3}'",
+        ),
+        ("b: 1\nname m\na: 2", "m.yaml:2: not readable as YAML: could not find expected ':'"),
+        ("a: 'b\nc: 2\n", "m.yaml:1: not readable as YAML: found unexpected end of stream"),
+        ('a: "C:\\data"', "expected single quotes"),
         ("a: 1\nb: \x07", "m.yaml:2: not readable as YAML: unacceptable character"),
         ("a: 1\n---\nb: 1", "m.yaml:2: a second document starts here"),
         ("<<: {a: 1}", "m.yaml:1: merge keys (<<) are not part of YAML 1.2"),
@@ -174,3 +186,9 @@ def test_a_text_as_long_as_a_book_is_refused(text: str, tmp_path: Path) -> None:
     assert "a.yaml:1: a text of 120001 characters" in str(caught.value)
     path.write_text(text.format("c" * 900), "utf-8")
     read_yaml(path, "machine")
+
+
+def test_a_kind_of_file_with_its_article() -> None:
+    source = Source(role="effects", path=Path("e.yaml"), shown="e.yaml", sha256="")
+    with pytest.raises(InputError, match="expected an effects file"):
+        parse_yaml("# nothing", source)

@@ -52,7 +52,7 @@ def test_lengths(text: str) -> None:
     check_dimension(parse(text), LENGTH, DIMENSIONS)
 
 
-LEVER = "multiply it by its lever arm (a position or a named constant)"
+LEVER = "its lever arm beside it as a factor (a position or a named constant)"
 TERM = "a term that is a length (mm)"
 
 

@@ -233,6 +233,36 @@ def test_units_and_positions_that_look_like_others_are_asked_about(tmp_path: Pat
     assert "metres in a column of mm" in warning.message
 
 
+@pytest.mark.parametrize(
+    ("times", "size", "words"),
+    [(1.0, 1000.0, "metres"), (0.99, 1000.0, "metres"), (1.0, 25.4, "inches"),
+     (1.9, 25.4, "inches"), (1.0, 10.0, None), (2.5, 25.4, None), (1.0, 60.0, None)],
+)  # fmt: skip
+def test_positions_over_the_whole_travel_in_another_unit_are_asked_about(
+    times: float, size: float, words: str | None, tmp_path: Path
+) -> None:
+    """Of a travel so many times what is measured. A few per cent of it are inches where they are
+    more than half of it then; of anything else nobody knows.
+    """
+    given = read_machine(np.random.default_rng(4), Drift(0.0))
+    travel = times * float(np.nanmax(given.position_mm) - np.nanmin(given.position_mm))
+    names = [name for name in given.components if name != "axy"]
+    lines = "".join(
+        f"  {n}: {{of: {n[-1]}, unit: {'um' if n[0] == 'd' else 'urad'}}}\n" for n in names
+    )
+    known = loaded(
+        tmp_path,
+        f"axes: {{x: {{travel_mm: [0, {travel}]}}, y: {{travel_mm: [0, {travel}]}}}}\n"
+        f"components:\n{lines}  axy: {{unit: urad}}\nequations: {{Ex: dx_x}}\n",
+    )
+    other = replace(given, position_mm=given.position_mm / size)
+    found = [item for item in reading_doubts(known, other) if item.code == "positions-narrow"]
+    assert len(found) == (words is not None)
+    for item in found:
+        assert f"cover at most 1/{size:g} of the travel" in item.message
+        assert f"are they {words} in a column of mm?" in item.message
+
+
 def test_errors_that_look_like_mm_marked_as_um(tmp_path: Path) -> None:
     """All lengths below 0.05 um, angles as they were; one good component among others is fine."""
     known = machine(tmp_path)

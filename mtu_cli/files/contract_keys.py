@@ -1,0 +1,100 @@
+"""Keys that a contract does not know: what was meant by each."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
+
+from mtu_cli.errors import closest, is_near, listing
+from mtu_cli.files.yaml_entries import COLON, as_entry, key_of
+from mtu_cli.files.yaml_file import YamlDocument, YamlPath
+from mtu_cli.units import UNITS
+
+OTHER_KEYS = {"s_pass": "pass_covariance", "uncertainty": "u", "sigma": "u", "std": "u"}
+"""Keys by the names that tables give what they hold."""
+KEY_UNITS = {*UNITS, "m", "cm", "in", "inch", "ft", "min", "h", "s", "degC", "degF", "K"}
+"""Units at the end of a key."""
+
+
+def meant(key: str, known: Collection[str]) -> str | None:
+    """The known key that an unknown one was probably meant to be."""
+    key = key_of(key)
+    own = key if key in known else None
+    return own or by_other_name(key, known) or _stated_in(key, known) or _near(key, known)
+
+
+def expected_key(key: str, given: object, known: Collection[str]) -> str:
+    """What to write instead of an unknown key, whose value is `given`."""
+    if key.isdecimal() and given is None:
+        # {value: 1,5} has the keys `value` and `5`.
+        return f"a decimal point before {key}: a comma ends a value"
+    entry = as_entry(key)
+    if entry is not None and meant(key, known) is not None:
+        return f"'{entry}', {COLON}"
+    if (other := _stated_in(key, known)) is not None:
+        return f"{other!r}: in {_unit(other)}, not {_unit(key)}"
+    if (other := by_other_name(key, known)) is not None:
+        return f"{other!r}"
+    near = _near(key, known)
+    return f"did you mean {near!r}?" if near is not None else listing(known)
+
+
+def by_other_name(key: str, known: Collection[str]) -> str | None:
+    """A known key by another name for what it holds, or by its name without the unit."""
+    with_unit = [name for name in known if name.rpartition("_")[0] == key]
+    units = {_unit(name) for name in with_unit}
+    names = [OTHER_KEYS.get(key), *(with_unit if units <= KEY_UNITS else ())]
+    found = [name for name in names if name in known]
+    return found[0] if len(found) == 1 else None
+
+
+def _stated_in(key: str, known: Iterable[str]) -> str | None:
+    """The key that is known with another unit at its end: not the same number."""
+    stem, _, unit = key.rpartition("_")
+    for other in known:
+        same = other.rpartition("_")[0] == stem
+        if same and stem and _unit(other) != unit and {unit, _unit(other)} <= KEY_UNITS:
+            return other
+    return None
+
+
+def _unit(key: str) -> str:
+    return key.rpartition("_")[2]
+
+
+def _near(key: str, known: Collection[str]) -> str | None:
+    """The most alike of the known keys, where it is no other word: `units` are not `notes`."""
+    near = closest(key, known)
+    if near is None:
+        return None
+    short, long = sorted((key.casefold(), near.casefold()), key=len)
+    return near if is_near(key, near) or long.startswith(short) else None
+
+
+def torn_values(
+    unknown: Iterable[YamlPath], known: Collection[str], document: YamlDocument
+) -> dict[YamlPath, list[str]]:
+    """Values of {...} that a comma has torn into keys without values, by the path of each: `in`
+    and ``[P1, P2]`` of ``{in: P1, P2}``. `unknown` are the keys of one entry that have no value.
+    """
+    found: dict[YamlPath, list[str]] = {}
+    paths = set(unknown)
+    if not paths:
+        return found
+    parent = next(iter(paths))[:-1]
+    entries = _at(document.data, parent)
+    owner: YamlPath | None = None
+    for key, value in entries.items():
+        path = (*parent, key)
+        beside = owner is not None and document.line_of(*owner) == document.line_of(*path)
+        if path in paths and owner is not None and beside and meant(key, known) is None:
+            found.setdefault(owner, [str(entries[str(owner[-1])])]).append(key)
+        else:
+            owner = path if isinstance(value, (str, int, float)) else None
+    return found
+
+
+def _at(data: Any, path: YamlPath) -> Mapping[str, Any]:
+    for step in path:
+        data = data[step]
+    return data if isinstance(data, dict) else {}
