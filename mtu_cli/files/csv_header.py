@@ -263,6 +263,9 @@ def _by_words(name: str, others: list[str]) -> str | None:
     """The column that is called nearly so, or so by another program; none where several are."""
     same = [other for other in others if plain(other) == name]
     own = [other for other in others if meant_by(other) == name]
+    if name.endswith(UNIT) and not own:
+        word = _folded(name.removesuffix(UNIT))
+        own = [other for other in others if _folded(_IN_MM.sub("", other)) == word]
     if same or len(own) == 1:
         return (same or own)[0]
     if own:

@@ -66,9 +66,11 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
          "Nominal X": "nominal_x_mm", "Nominal Y": "nominal_y_mm", "Trial": "repeat"},
         {"Sample": "part", "FeatureName": "feature", "X": "x_mm", "Y": "y_mm", "Load": ""},
         {"Part ID": "part", "Char No": "feature", "X": "x_mm", "Y": "y_mm", "Ist X 2": ""},
+        {"Part": "part", "Bohrung": "feature", "X [mm]": "x_mm", "Y (mm)": "y_mm"},
+        {"Part": "part", "Bohrung": "feature", "x_[mm]": "x_mm", "Y/mm": "y_mm"},
     ],
     ids=["German", "English", "joined", "French", "short", "values", "values too", "runs", "Mess",
-         "Spanish", "names", "numbers", "positions", "characters", "samples", "IDs"],
+         "Spanish", "names", "numbers", "positions", "characters", "samples", "IDs", "units", "units too"],
 )  # fmt: skip
 def test_common_words_for_columns_are_known(pairs: dict[str, str], tmp_path: Path) -> None:
     lines = refused(tmp_path, ",".join(pairs), ",".join("1" * len(pairs)) + "\n")
