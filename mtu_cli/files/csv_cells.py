@@ -30,8 +30,8 @@ TIME_EXPECTED = "an ISO 8601 time such as 2024-05-03T14:30:00"
 
 FEWEST_SERIAL = 3
 """Fewer cells may be anything."""
-SERIAL = (20_000.0, 80_000.0)
-"""Serial days of spreadsheets from 1954 to 2119."""
+SERIAL = (40_000.0, 80_000.0)
+"""Serial days of spreadsheets from 2009 to 2119."""
 SERIAL_ZERO = datetime(1899, 12, 30)  # of no zone, as those are
 
 
@@ -47,7 +47,8 @@ def serial_days(cells: Sequence[str], decimal: Decimal = ".") -> str | None:
     """What is to be said of times that are all a spreadsheet's days since 1899-12-30; else None."""
     values = [number(cell, decimal) for cell in cells]
     days = [value for value in values if value is not None and SERIAL[0] <= value <= SERIAL[1]]
-    if len(days) < max(FEWEST_SERIAL, len(cells)):
+    # Whole numbers may be seconds of a day.
+    if len(days) < max(FEWEST_SERIAL, len(cells)) or all(day.is_integer() for day in days):
         return None
     first = SERIAL_ZERO + timedelta(days=round(days[0] * 1440) / 1440)
     return (

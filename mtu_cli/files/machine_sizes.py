@@ -50,12 +50,17 @@ def large_constants(
 
 
 def _constant(remainder: Node, known: Mapping[str, float]) -> float:
-    """The sum, mm, of the terms that hold numbers and constants alone."""
-    return sum(
-        sign * float(evaluate(term, known))
-        for sign, term in signed_terms(remainder)
-        if set(names(term)) <= set(known)
-    )
+    """The sum, mm, of the terms that hold numbers and constants alone; 0 beside a term with a
+    position or a column, which may take it off again: ``k*T - 20*k``, ``0.001*x - 0.2``.
+    """
+    total = 0.0
+    for sign, term in signed_terms(remainder):
+        others = set(names(term)) - set(known)
+        if not others:
+            total += sign * float(evaluate(term, known))
+        elif not all(name.startswith("dir_") for name in others):
+            return 0.0
+    return total
 
 
 def large_coefficients(component: Component, travels: Travels) -> str | None:

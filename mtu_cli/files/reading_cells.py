@@ -191,10 +191,13 @@ def narrow_unit(positions: Floats, travels: Travels, axis: str | None) -> str | 
     if axis is None or axis not in travels or not len(given):
         return None
     span, travel = float(np.ptp(given)), abs(travels[axis][1] - travels[axis][0])
+    # A few mm far from the zero, as where one turn of a screw is measured, are no inches.
+    far, reached = float(np.abs(given).max()), max(travel, *map(abs, travels[axis]))
     fit = (
         unit
         for unit, (size, least) in NARROW.items()
         if span > 0 and least * travel <= size * span <= WIDE * travel
+        if size * far <= MOST_FROM_ZERO * reached
     )
     return next(fit, None)
 

@@ -22,7 +22,7 @@ NEAR = 0.2
 """Share of a pattern up to which another may be off and still be the same: of the mean of the other
 runs, with its sign or the opposite one. Their correlation is above 0.97 then."""
 FEWEST_PLACES = 6
-FEWEST_RUNS = 4
+FEWEST_RUNS = 5
 """Of fewer, noise is that alike now and then, and so are slopes that a warm axis gives each run."""
 SAME_PLACE = 0.25
 """Share of the least step by which the positions of two runs may differ."""

@@ -23,7 +23,7 @@ STEEPER, TRAVEL = 2.0, 20.0
 """Errors span so many um (or of the unit of an angle) per mm of the positions, and in all: no
 machine's do, nor does a short stage read by a coarse display.
 """
-NEARLY = 0.1
+NEARLY = 0.01
 """Of a step: places that are read back differ by less from pass to pass, errors by more."""
 SHOWN = 3
 

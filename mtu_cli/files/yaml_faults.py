@@ -12,7 +12,9 @@ from mtu_cli.files.yaml_entries import COLON, as_entry
 
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ufffe\uffff]")
 NOT_READABLE = "not readable as YAML"
-_ENTRY = re.compile(r"\s*(?:- +)*(?:'[^']*'|\"[^\"]*\"|[^\s'\"#{\[][^#{\[]*?)\s*:(?:\s|$)")
+_ENTRY = re.compile(
+    r"\s*+(?:- ++)*+(?:'[^']*+'\s*+|\"[^\"]*+\"\s*+|[^\s'\"#{\[][^#{\[]*?):(?:\s|$)"
+)
 _BRACKETS = re.compile(r"^while parsing a flow (mapping|sequence)")
 BEGUN = ("found unexpected end of stream", "could not find expected ':'")
 """How the parser's words begin where the fault is the line in which it began to read a text."""

@@ -118,12 +118,14 @@ def _chance(
     count = np.unique(np.round(errors / SAME_MM), return_counts=True)[1] / len(errors)
     pairs = len(points.parts) * (len(points.parts) - 1) / 2
     others = np.flatnonzero(~equal & (points.part % (1 + len(points.parts) // COMPARED) == 0))
-    hits = np.isin(values.code[others], values.code[rows]).sum(axis=1)
-    nearest = np.bincount(points.part[others], hits, minlength=1).max() / values.code[rows].size
     if not others.size:
         # Nothing tells what parts differ by: a coarse digit, or one part measured twice.
         return np.inf
-    first = np.unique(values.code[rows], return_index=True)[1]
+    own, first = np.unique(values.code[rows], return_index=True)
+    hits = np.isin(values.code[others], own)
+    part = np.broadcast_to(points.part[others, np.newaxis], hits.shape)
+    found = np.unique(np.column_stack([part[hits], values.code[others][hits]]), axis=0)
+    nearest = np.bincount(found[:, 0], minlength=1).max() / own.size
     alike = values.agree[rows].ravel()[first]
     each = np.maximum(alike, min(max(nearest, (count**2).sum()), 1.0))
     return float(pairs * np.exp(np.log(each).sum()))

@@ -195,7 +195,7 @@ def _hint(item: TableResult, said: list[Sentence]) -> list[str]:
     if item.effects:
         return []
     if not best or not _strong(best[0]):
-        return ["No effect of the library comes near it."]
+        return ["No one effect of the library stands out."]
     return [f"As a hint only: of the named effects {best[0].name} comes nearest."]
 
 

@@ -70,7 +70,8 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
         {"Part": "part", "Bohrung": "feature", "x_[mm]": "x_mm", "Y/mm": "y_mm"},
     ],
     ids=["German", "English", "joined", "French", "short", "values", "values too", "runs", "Mess",
-         "Spanish", "names", "numbers", "positions", "characters", "samples", "IDs", "units", "units too"],
+         "Spanish", "names", "numbers", "positions", "characters", "samples", "IDs", "units",
+         "units too"],
 )  # fmt: skip
 def test_common_words_for_columns_are_known(pairs: dict[str, str], tmp_path: Path) -> None:
     lines = refused(tmp_path, ",".join(pairs), ",".join("1" * len(pairs)) + "\n")

@@ -138,6 +138,9 @@ def test_coefficients_that_give_errors_of_no_machine(
         ("a + 5*x/1000000", None),
         ("a + 0.001*(T_s_degC - 20)", None),
         ("a + 0.004*dir_x", None),
+        ("a + 5 + 0.004*dir_x", "make 5 mm, large"),
+        ("a + 0.01*T_s_degC - 0.2", None),
+        ("a + 0.001*x - 0.2", None),
     ],
 )
 def test_a_constant_of_an_equation_that_is_no_error(

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.source import Source
@@ -192,3 +193,18 @@ def test_a_kind_of_file_with_its_article() -> None:
     source = Source(role="effects", path=Path("e.yaml"), shown="e.yaml", sha256="")
     with pytest.raises(InputError, match="expected an effects file"):
         parse_yaml("# nothing", source)
+
+
+def test_blanks_without_end_are_looked_at_once() -> None:
+    """Seconds each, if every one of them were looked at again."""
+    from time import process_time
+
+    from mtu_cli.files.yaml_entries import as_entry
+    from mtu_cli.files.yaml_faults import unreadable
+
+    start = process_time()
+    assert as_entry("a = b" + " " * 20_000 + "!") is not None
+    assert as_entry("x<=3") is None
+    error = yaml.MarkedYAMLError(problem="mapping values are not allowed here")
+    unreadable(error, "- " * 20_000 + "x", "m.yaml", 1)
+    assert process_time() - start < 1.0

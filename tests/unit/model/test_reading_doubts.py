@@ -298,3 +298,12 @@ def test_positions_that_lie_farther_apart_than_the_axis_travels_are_asked_about(
     assert told(600.0) == told(600.0, 900.0) == told(610.0) == []
     (text,) = told(720.0)
     assert text.endswith("px 720 mm (travel of x: 600 mm)")
+
+
+def test_one_turn_of_a_screw_far_from_the_zero_is_no_inch() -> None:
+    """20 mm of an axis that travels 500; from 100 on, as inches, at 2.5 m."""
+    from mtu_cli.files.reading_cells import narrow_unit
+
+    turn = np.arange(21.0)
+    assert narrow_unit(turn, {"x": (0.0, 500.0)}, "x") == "inch"
+    assert narrow_unit(turn + 100, {"x": (0.0, 500.0)}, "x") is None

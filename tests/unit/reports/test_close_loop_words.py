@@ -329,7 +329,7 @@ def test_a_candidate_that_says_nothing_is_no_hint() -> None:
             for c in item.candidates
         )
         text = words(result(replace(item, candidates=weak)))
-        assert "No effect of the library comes near it." in text
+        assert "No one effect of the library stands out." in text
         assert "hint" not in text
 
 

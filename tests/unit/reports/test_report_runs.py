@@ -93,6 +93,17 @@ def test_passes_of_several_files_are_named_with_their_file(tmp_path: Path) -> No
     assert [item["file"] for item in found[0]["passes"]] == [1, 2]
 
 
+def test_one_file_there_and_one_back_have_one_trend_in_any_order(tmp_path: Path) -> None:
+    known = loaded(tmp_path, MACHINE.replace(", c: {of: x, unit: mm}", "").replace(" + c", ""))
+    ways = [([1, 2, 3, 4], [sign] * 4) for sign in (1, -1)]
+    given = [segment(name, *own, role=role) for name in "ab"
+             for role, own in zip(("lbb", "laser"), ways, strict=True)]  # fmt: skip
+    fit = fit_machine(known, replace(readings(given), roles=("lbb", "lbb")))
+    assert all(item.trend is not None for c in fit.components.values() for item in c.instruments)
+    codes = {item.code for item in warnings(fit, estimates_from_fit(known, fit))}
+    assert "order-of-files" not in codes
+
+
 def test_a_trend_through_files_without_times_says_so(tmp_path: Path) -> None:
     """Their order stands for time: given the other way round, the trend is another."""
     known = loaded(tmp_path, MACHINE.replace(", c: {of: x, unit: mm}", "").replace(" + c", ""))
