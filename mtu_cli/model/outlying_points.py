@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mtu_cli.files.points import Points
@@ -21,7 +23,14 @@ ROUNDING_MM = 1e-6
 SHOWN = 6
 
 
-def outlying_warnings(tables: MeasuredTables, points: Points) -> list[Warned]:
+class Outlying(NamedTuple):
+    """Parts with a reading that stands out, the farthest first, and the warning of them."""
+
+    parts: tuple[str, ...]
+    warnings: list[Warned]
+
+
+def outlying(tables: MeasuredTables, points: Points) -> Outlying:
     """One warning with the farthest reading of every part that has any.
 
     The parts' means of a feature and axis are compared with one another (`outlying_p`), with
@@ -37,7 +46,7 @@ def outlying_warnings(tables: MeasuredTables, points: Points) -> list[Warned]:
         if abs(off[table, part]) > STEPS * step[tables.labels[table][2]]
     ]
     if not found:
-        return []
+        return Outlying((), [])
     worst: dict[int, list[int]] = {}
     for table, part in sorted(found, key=lambda at: -abs(off[at])):
         worst.setdefault(part, []).append(table)
@@ -52,7 +61,8 @@ def outlying_warnings(tables: MeasuredTables, points: Points) -> list[Warned]:
         f"{'; '.join(texts)}{more}: {'it pulls' if one else 'they pull'} the figures, look "
         f"whether {'it is' if one else 'they are'} mistyped"
     )
-    return [Warned(code="reading-stands-out", message=text)]
+    warning = Warned(code="reading-stands-out", message=text)
+    return Outlying(tuple(tables.parts[part] for part in worst), [warning])
 
 
 def _judged(tables: MeasuredTables) -> tuple[FloatArray, FloatArray, FloatArray]:

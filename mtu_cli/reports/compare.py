@@ -7,7 +7,7 @@ in their Table 10.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
@@ -106,7 +106,7 @@ def _paper(found: Compared, i: int) -> dict[str, Any]:
     }
 
 
-def _summary(item: Summary, kind: str, stands_out: bool) -> dict[str, Any]:
+def _summary(item: Summary, kind: str, stands_out: Sequence[str]) -> dict[str, Any]:
     """One entry an operation: verdicts and faults counted, ratios from least to largest."""
     return {
         "operation": item.operation or None,

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
 from mtu_cli.reports.numbers import significant, span
 from mtu_cli.units import UM
 
-STANDS_OUT = "but single readings stand out (see the warning)"
+NAMED = 3
+"""Parts with readings that stand out that a sentence names."""
 
 
-def verdict_text(item: Summary, kind: str, *, stands_out: bool = False) -> str:
+def verdict_text(item: Summary, kind: str, *, stands_out: Sequence[str] = ()) -> str:
     """Such as "drilled features: under-predicted: the scatter is 3.1 to 4.7 times the predicted
     one (48 of 48)", every fault that was found with its size.
 
-    Where `stands_out` says that single readings pull the figures, no verdict stands without it.
+    No verdict stands without the parts `stands_out`, of which single readings pull the figures.
     """
     name = f"{item.operation} {kind}" if item.operation else kind
     faults = [text for text in (_under(item), _biased(item), _unclear(item), _over(item)) if text]
@@ -23,10 +26,10 @@ def verdict_text(item: Summary, kind: str, *, stands_out: bool = False) -> str:
     if not faults:
         faults = ["consistent as far as it could be tested"]
         if not untested:
-            but = f", {STANDS_OUT}" if stands_out else ""
+            but = f", {_but(stands_out)}" if stands_out else ""
             told = "no difference from what was predicted is beyond chance, all items counted"
             return f"{name}: consistent{but}: {told}"
-    return f"{name}: {'; '.join([*faults, *untested, *([STANDS_OUT] if stands_out else [])])}"
+    return f"{name}: {'; '.join([*faults, *untested, *([_but(stands_out)] if stands_out else [])])}"
 
 
 def set_up_text(result: CompareResult) -> str | None:
@@ -47,6 +50,13 @@ def set_up_text(result: CompareResult) -> str | None:
                 "out."
             )
     return None
+
+
+def _but(parts: Sequence[str]) -> str:
+    more = f" and {len(parts) - NAMED} more" if len(parts) > NAMED else ""
+    several = "s" if len(parts) > 1 else ""
+    named = ", ".join(map(repr, parts[:NAMED]))
+    return f"but single readings of part{several} {named}{more} stand out (see the warning)"
 
 
 def _under(item: Summary) -> str | None:

@@ -11,7 +11,7 @@ from mtu_cli.analyses.anova.parts import FEWEST_PARTS
 from mtu_cli.analyses.anova.tables import Analysed, Method
 from mtu_cli.model.features import FEW_DOF
 from mtu_cli.model.measured import MeasuredTables
-from mtu_cli.model.outlying_points import outlying_warnings
+from mtu_cli.model.outlying_points import outlying
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.anova import BoolArray
 
@@ -73,7 +73,7 @@ def anova_warnings(kinds: Sequence[Analysed], method: Method, points: Points) ->
         found.append(Warned(code="paper-method", message=PAPER))
     tables = kinds[0].tables
     empty = [w for item in kinds for w in _empty(item)]
-    return [*found, *empty, *_few(tables), *outlying_warnings(tables, points)]
+    return [*found, *empty, *_few(tables), *outlying(tables, points).warnings]
 
 
 def _some(item: Analysed, rows: BoolArray) -> str:

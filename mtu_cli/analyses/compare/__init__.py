@@ -28,7 +28,7 @@ from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import MeasuredTables, feature_tables, length_tables
 from mtu_cli.model.measured_checks import sound
-from mtu_cli.model.outlying_points import outlying_warnings
+from mtu_cli.model.outlying_points import outlying
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.model.visits import axes_of, visits_of
@@ -54,8 +54,8 @@ __all__ = [
 class CompareResult:
     """Features and lengths, predicted against measured; nominal `places` (ids, 3) in mm.
 
-    The summaries have one entry an operation; `stands_out` says whether single readings of a part
-    pull these figures (a warning names them).
+    The summaries have one entry an operation; `stands_out` names the parts of which single readings
+    pull these figures (a warning names the readings).
     """
 
     ids: tuple[str, ...]
@@ -67,7 +67,7 @@ class CompareResult:
     datum: Datum
     coverage_factor: float
     warnings: tuple[Warned, ...]
-    stands_out: bool = False
+    stands_out: tuple[str, ...] = ()
 
 
 def compare(
@@ -96,8 +96,8 @@ def compare(
     features = evidence(tables, foretold_features(predictions, tables.labels, axes, datum), k)
     lengths = _lengths(predictions, part, points, None if datum != "none" else features, k)
     found, others = judged(features, lengths)
-    outlying = outlying_warnings(tables, given)
-    warnings += [*more, *foreseen.warnings, *outlying]
+    odd = outlying(tables, given)
+    warnings += [*more, *foreseen.warnings, *odd.warnings]
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),
         places=visits_of(points).nominal[seen],
@@ -108,7 +108,7 @@ def compare(
         datum=datum,
         coverage_factor=k,
         warnings=(*warnings, *compare_warnings(model, part, points, tables, found, others)),
-        stands_out=bool(outlying),
+        stands_out=odd.parts,
     )
 
 

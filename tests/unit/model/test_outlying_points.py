@@ -14,7 +14,7 @@ from mtu_cli.analyses.anova import analyse_variance
 from mtu_cli.analyses.compare import compare
 from mtu_cli.files.points import Points
 from mtu_cli.model.measured import feature_tables
-from mtu_cli.model.outlying_points import outlying_warnings
+from mtu_cli.model.outlying_points import outlying
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.reports.compare_words import verdict_text
 from mtu_cli.stats.least_squares import FloatArray
@@ -23,7 +23,7 @@ SLIP_MM = -0.15
 
 
 def told(found: Points) -> list[Warned]:
-    return outlying_warnings(feature_tables(found), found)
+    return outlying(feature_tables(found), found).warnings
 
 
 def moved(found: Points, rows: list[int], by: float, axis: int = 0) -> Points:
@@ -46,9 +46,10 @@ def test_a_mistyped_reading_is_named_where_it_changes_a_verdict() -> None:
     assert warning.message.startswith(f"{place}, x_mm is {off.measured[row, 0] + SLIP_MM:.7g};")
     assert "the mean of the part's 2 readings is -6" in warning.message
     assert "it pulls the figures" in warning.message
-    assert (before.stands_out, after.stands_out) == (False, True)
+    assert (before.stands_out, after.stands_out) == ((), (off.parts[off.part[row]],))
     headline = verdict_text(after.feature_summaries[0], "features", stands_out=after.stands_out)
-    assert "but single readings stand out (see the warning)" in headline
+    told = f"but single readings of part {off.parts[off.part[row]]!r} stand out (see the warning)"
+    assert told in headline
     where = before.features.labels.index(("", name, "x"))
     assert before.features.verdicts[where] == "biased"
     assert after.features.verdicts[where] == "consistent"

@@ -190,13 +190,15 @@ def test_figures_that_cannot_be_had_are_null(two: CompareResult) -> None:
 
 def test_no_verdict_stands_without_readings_that_pull_it(two: CompareResult) -> None:
     """Of readings that stand out, the headline says so beside "consistent", and the report."""
-    result = replace(with_features(two, decreed(two.features, biased=(1,))), stands_out=True)
+    result = replace(with_features(two, decreed(two.features, biased=(1,))), stands_out=("7",))
     drilled, milled = document(result)["summary"]["features"]
-    told = "but single readings stand out (see the warning)"
+    told = "but single readings of part '7' stand out (see the warning)"
     assert drilled["verdict_text"].endswith(f"(1 of 48); {told}")
     assert milled["verdict_text"].startswith(f"milled features: consistent, {told}: no difference")
     text = " ".join(plain_text(table(result)).split())
     assert milled["verdict_text"] in text
+    several = document(replace(result, stands_out=tuple("7294")))["summary"]["features"][0]
+    assert "of parts '7', '2', '9' and 1 more stand out" in several["verdict_text"]
 
 
 def test_one_sentence_an_operation_and_kind(two: CompareResult) -> None:
