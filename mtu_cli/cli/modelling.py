@@ -19,6 +19,7 @@ from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import (
     MachineFit,
+    beaten_warnings,
     estimates_from_fit,
     estimates_from_report,
     fit_machine,
@@ -220,6 +221,7 @@ def drift_estimates(
     if inputs.thermal is not None:
         found = stated | thermal_from_report(machine, inputs.thermal)
         doubts = [Warned(code=item.code, message=item.message) for item in inputs.thermal.doubts]
+        doubts += _beaten(machine, stated, inputs.thermal.components)
         if not inputs.files("drift"):
             return found, doubts
         text = f"{inputs.thermal.source.shown} gives the drifts: drift readings are not read"
@@ -229,7 +231,14 @@ def drift_estimates(
     from mtu_cli.cli.thermal_fit import fitted
 
     fit = fitted(inputs, "auto", check)
-    return stated | {name: item.estimate for name, item in fit.components.items()}, [*fit.warnings]
+    found = stated | {name: item.estimate for name, item in fit.components.items()}
+    return found, [*fit.warnings, *_beaten(machine, stated, fit.components)]
+
+
+def _beaten(
+    machine: LoadedMachine, stated: Collection[str], winners: Collection[str]
+) -> list[Warned]:
+    return beaten_warnings(machine, [name for name in stated if name in winners], "thermal")
 
 
 def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) -> Estimates:

@@ -9,7 +9,8 @@ import numpy as np
 from mtu_cli.files.column_dimensions import POSITIONS
 from mtu_cli.files.column_words import direction_along, nominal_by_sign, plain
 from mtu_cli.files.contracts import Notice
-from mtu_cli.files.csv_header import DRIFT, MEASUREMENTS, may_count
+from mtu_cli.files.csv_header import DRIFT, may_count
+from mtu_cli.files.csv_missing import MEASUREMENTS
 from mtu_cli.files.csv_table import Table, TableSpec
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 

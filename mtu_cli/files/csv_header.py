@@ -8,45 +8,29 @@ from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from itertools import islice, pairwise
 
-from mtu_cli.errors import InputError, Problem, closest, is_near, shorten
-from mtu_cli.files.column_lengths import deviation_along, in_other_unit, renaming
-from mtu_cli.files.column_words import (
-    direction_along,
-    may_name,
-    meant_by,
-    nominal_by_sign,
-    plain,
-)
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.column_lengths import in_other_unit, renaming
+from mtu_cli.files.column_words import direction_along, meant_by, nominal_by_sign, plain
 from mtu_cli.files.covariates import looks_like_temperature
 from mtu_cli.files.csv_cells import is_text
+from mtu_cli.files.csv_missing import (
+    COORDINATES,
+    IN_MM,
+    MEASUREMENTS,
+    OTHER_WORDS,
+    REPEATS,
+    RUNS,
+    UNIT,
+    column_for,
+    missing_column,
+    squeezed,
+)
 from mtu_cli.files.csv_mistaken import refuse_other_table, row_per_axis
 from mtu_cli.files.csv_table import TableSpec
 from mtu_cli.files.csv_text import CsvText, lines_from
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 from mtu_cli.files.sensor_names import no_sensor
 
-RUNS = ("run", "durchgang", "durchlauf", "lauf", "trial", "versuch")
-"""Of repeats, or of anything else."""
-REPEATS = ("repeat", "rep", "replicate", "replication", "repetition", "wiederholung", "wdh", *RUNS)
-MEASUREMENTS = ("measurement", "meas", "messung", "mess")
-"""Of a point, where they are numbered; without a number they are what was measured."""
-POS = "pos"
-"""In a list of characteristics their number; beside names and numbers of others nobody knows."""
-OTHER_WORDS = {
-    "part": ("serial", "serial_number", "serial_no", "workpiece", "piece", "sn", "s/n"),
-    "feature": ("hole", "bore", "point", "ring", "feature_id", "element", POS),
-    "repeat": REPEATS,
-    "pass": ("passes", *REPEATS),
-    "cycle": ("warm_up", "zyklus"),
-    "component": ("error_component", "channel", "parameter"),
-    "error": ("value", "reading", "deviation"),
-    "position_mm": ("pos", "position", "target"),
-}
-"""What other programs call a column, in lower case with underscores."""
-UNIT = "_mm"
-"""Other programs leave it out."""
-COORDINATES = ("x_mm", "y_mm", "z_mm")
-_IN_MM = re.compile(r"[ _]*(?:[\[(] *mm *[\])]|in_mm|[/.] *mm)$", re.IGNORECASE)
 NUMBER = ("no", "nr", "number", "num", "id")
 KEY = "id"
 """What a run or a measurement has of a data base is no count."""
@@ -110,7 +94,7 @@ def _missing(text: CsvText, spec: TableSpec, wanted: list[str]) -> Iterator[Prob
     absent = [name for name in dict.fromkeys(wanted) if name not in header]
     asked = [name for name in spec.required if name in COORDINATES]
     others = [other for other in header if other and not spec.named(other)]
-    found = any(name not in absent or _column_for(name, others) for name in asked)
+    found = any(name not in absent or column_for(name, others) for name in asked)
     by_axis = row_per_axis(text, asked) if asked and not found else None
     for name in absent:
         if by_axis is None or name not in COORDINATES:
@@ -153,8 +137,8 @@ def may_count(name: str) -> bool:
     """Whether a column counts something, the repeats maybe: `Run`, `run_no`, `measurement no`."""
     *before, last = re.split(r"[-_ .]+", plain(name).strip(" ."))
     if before and last in NUMBER and last != KEY:
-        return _folded("_".join(before)) in RUNS + MEASUREMENTS
-    return _folded(name).removesuffix("s") in RUNS
+        return squeezed("_".join(before)) in RUNS + MEASUREMENTS
+    return squeezed(name).removesuffix("s") in RUNS
 
 
 def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Iterator[Problem]:
@@ -163,14 +147,14 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
     """
     header = text.header
     known = {
-        _folded(word): name
+        squeezed(word): name
         for name in spec.names
         if name not in header + tuple(wanted)
         for word in (name, *OTHER_WORDS.get(name, ()))
         if not (text.source.role == DRIFT and name == "pass" and word in REPEATS)
     }
     lengths = [name for name in known.values() if name.endswith(UNIT)]
-    bare = {_folded(name.removesuffix(UNIT)): name for name in lengths}
+    bare = {squeezed(name.removesuffix(UNIT)): name for name in lengths}
     # A z in um beside x and y in mm is a column of its own, beside x and y in um it is not.
     missing = [name for name in wanted if name not in header and name.endswith(UNIT)]
     foreign = any(in_other_unit(other, missing) for other in header if missing)
@@ -180,7 +164,7 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
     }
     for other in filter(None, header):
         # Without its unit a name is meant as it stands: `nominal` is no slip of `nominal_z`.
-        name = _meant(other, known) or bare.get(_folded(_IN_MM.sub("", other)))
+        name = _meant(other, known) or bare.get(squeezed(IN_MM.sub("", other)))
         if name is None:
             by_words = (meant_by(other), direction_along(other))
             name = next((word for word in by_words if word in known.values()), None)
@@ -212,12 +196,12 @@ def _meant(name: str, known: Mapping[str, str]) -> str | None:
     with a slip of a letter; one with something else added (`direction_x`, `time_s`) is a name of
     its own.
     """
-    folded = _folded(name)
+    folded = squeezed(name)
     if folded in known:
         return known[folded]
     *before, last = re.split(r"[-_ .]+", plain(name).strip(" ."))
     if before and last in (*NUMBER, "s"):
-        word = _folded("_".join(before))
+        word = squeezed("_".join(before))
         if last == KEY and word in RUNS + MEASUREMENTS:
             return None
         if word in MEASUREMENTS and last in NUMBER and "repeat" in known.values():
@@ -228,67 +212,3 @@ def _meant(name: str, known: Mapping[str, str]) -> str | None:
         return known[folded.removesuffix("s")]
     near = get_close_matches(folded, known, n=1, cutoff=SLIP)
     return known[near[0]] if near and not folded.startswith(near[0]) else None
-
-
-def _folded(name: str) -> str:
-    return re.sub("[-_ .]", "", plain(name))
-
-
-def missing_column(
-    name: str, shown: str, row: int, header: tuple[str, ...], spec: TableSpec
-) -> Problem:
-    """The Problem of a column that is not there, with the one that was probably meant."""
-    others = [other for other in header if other and not spec.named(other)]
-    axis = name[0] if name in COORDINATES else None
-    along = {other: deviation_along(other) for other in others} if axis else {}
-    others = [other for other in others if not along.get(other)]
-    near = _column_for(name, others)
-    if near is not None:
-        hint = renaming(near, name)
-    elif own := [other for other, of in along.items() if of == axis]:
-        hint = f"a column {name!r} with the measured coordinate, nominal plus deviation, in mm "
-        hint += f"({own[0]!r} looks like the deviation)"
-    else:
-        hint = f"a column {name!r} (the columns are {', '.join(map(shorten, header))})"
-    return Problem(what=f"the column {name!r} is missing", file=shown, row=row, expected=hint)
-
-
-def _column_for(name: str, others: list[str]) -> str | None:
-    """The one of other columns that was probably meant."""
-    near = next((other for other in others if in_other_unit(other, (name,))), None)
-    return near or _by_words(name, others)
-
-
-def _by_words(name: str, others: list[str]) -> str | None:
-    """The column that is called nearly so, or so by another program; none where several are."""
-    same = [other for other in others if plain(other) == name]
-    own = [other for other in others if meant_by(other) == name]
-    if name.endswith(UNIT) and not own:
-        word = _folded(name.removesuffix(UNIT))
-        own = [other for other in others if _folded(_IN_MM.sub("", other)) == word]
-    if same or len(own) == 1:
-        return (same or own)[0]
-    if own:
-        return None
-    # What is surely another column is no slip of this one, nor is a `Temperature` of a feature.
-    free = [other for other in others if meant_by(other) is None]
-    if name in COORDINATES:
-        free = [other for other in free if plain(other)[:1] == name[:1]]
-    near = closest(name, free)
-    if near is not None and (is_near(name, near) or _shortened(_folded(near), name)):
-        return near
-    if any(may_name(other) for other in others):
-        others = [other for other in others if plain(other) != POS]
-    return _by_another_word(name, others)
-
-
-def _shortened(other: str, name: str) -> bool:
-    """Whether one of two names is the beginning of the other: `val` of `value`."""
-    return len(other) > 2 and (name.startswith(other) or other.startswith(name))
-
-
-def _by_another_word(name: str, others: list[str]) -> str | None:
-    """The column that another program calls so: by its own word, or without the unit."""
-    words = (*OTHER_WORDS.get(name, ()), name.removesuffix(UNIT))
-    folded = {plain(other).strip().replace(" ", "_"): other for other in others}
-    return next((folded[word] for word in words if word in folded), None)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import islice
 
 from mtu_cli.errors import Problem, fault
-from mtu_cli.files.column_words import ACTUAL, AXIS, NOMINAL, UNIT, VALUE, WORDS, plain
+from mtu_cli.files.column_words import ACTUAL, AXES, AXIS, NOMINAL, UNIT, VALUE, WORDS, plain
 from mtu_cli.files.csv_cells import number
 from mtu_cli.files.csv_first_line import LOOKED_AT, header_below
 from mtu_cli.files.csv_table import TableSpec
@@ -62,8 +62,10 @@ def row_per_axis(text: CsvText, names: Sequence[str]) -> Problem | None:
     expected = f"one row for each feature, as a pivot table makes them: {value} of X in a column "
     expected += ", ".join(f"{name!r}" if not i else f"of {name[0].upper()} in {name!r}"
                           for i, name in enumerate(names))  # fmt: skip
+    if len(names) < len(AXES):
+        expected += ", and of Z, where it has rows, in 'z_mm'"
     if nominal:
-        expected += f"; {nominal!r} in {', '.join(f'nominal_{name}' for name in names)}"
+        expected += f"; {nominal!r} likewise in {', '.join(f'nominal_{name}' for name in names)}"
     return Problem(
         what="the table has a row for each axis",
         file=text.source.shown,

@@ -13,7 +13,7 @@ from mtu_cli.errors import Problem, closest, did_you_mean
 from mtu_cli.files import doubled, joined
 from mtu_cli.files.column_twins import column_twins
 from mtu_cli.files.contracts import Notice
-from mtu_cli.files.csv_header import missing_column
+from mtu_cli.files.csv_missing import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.drift_cells import ROLE, check_drift, refuse_as_drift, refuse_drift
 from mtu_cli.files.drift_notes import drift_notes

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -120,22 +120,26 @@ def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Warne
         for item in machine.warnings
         if item.coefficients_of is None or item.coefficients_of in used
     ]
-    return [*told, *_beaten(machine, used)]
-
-
-def _beaten(machine: LoadedMachine, used: Collection[str]) -> list[Warned]:
-    """That coefficients of the file are not used, one warning of all components."""
     stated = [name for name, own in machine.machine.components.items() if own.coefficients]
     idle = [name for name in stated if name not in used and name in machine.used]
+    return [*told, *beaten_warnings(machine, idle, "coefficients")]
+
+
+def beaten_warnings(
+    machine: LoadedMachine, idle: Sequence[str], key: Literal["coefficients", "thermal"]
+) -> list[Warned]:
+    """That what the file states of components under a key is not used: one warning of all."""
     if not idle:
         return []
+    what, by = {"coefficients": ("coefficients are", "readings"),
+                "thermal": ("thermal blocks are", "drift readings")}[key]  # fmt: skip
     more = f" and {len(idle) - SHOWN} more" if len(idle) > SHOWN else ""
     text = (
-        f"{machine.source.shown}:{machine.line_of('components', idle[0], 'coefficients')}: "
-        f"components {', '.join(idle[:SHOWN])}{more}: their coefficients are not used: readings, "
+        f"{machine.source.shown}:{machine.line_of('components', idle[0], key)}: "
+        f"components {', '.join(idle[:SHOWN])}{more}: their {what} not used: {by}, "
         "or the report of their fit, win over them"
     )
-    return [Warned(code="coefficients-not-used", message=text)]
+    return [Warned(code=f"{key}-not-used", message=text)]
 
 
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:

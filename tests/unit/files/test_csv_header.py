@@ -516,11 +516,34 @@ def test_all_columns_to_rename_are_told_at_once(
 
 
 @pytest.mark.parametrize(
+    ("error", "words"),
+    [("Abweichung [\u00b5m]", "a column 'unit', with 'um' (of 'Abweichung [\u00b5m]') in each row"),
+     ("error (arcsec)", "a column 'unit', with 'arcsec' (of 'error (arcsec)') in each row"),
+     ("error_um", "a column 'unit', with 'um' (of 'error_um') in each row"),
+     ("error [um/m]", "a column 'unit', with 'um/m' (of 'error [um/m]') in each row"),
+     ("error", "a column 'unit' (the columns are Achse, position_mm, error)")],
+)  # fmt: skip
+def test_a_header_that_tells_the_unit_of_readings(error: str, words: str, tmp_path: Path) -> None:
+    """As laser programs write it: the axis for the component, no column of units."""
+    path = tmp_path / "laser.csv"
+    path.write_text(f"Achse,position_mm,{error}\nX,0,1\n", "utf-8")
+    with pytest.raises(InputError) as caught:
+        read_table(path, "laser", READINGS)
+    told = [line.partition("expected ")[2] for line in str(caught.value).splitlines()]
+    assert told[0].startswith("'Achse' renamed to 'component', its cells being components of")
+    assert told[-1] == words
+
+
+Z = ", and of Z, where it has rows, in 'z_mm'"
+
+
+@pytest.mark.parametrize(
     ("header", "words"),
     [("part,feature,Axis,Nominal,Actual,Deviation",
-      "'Actual' of X in a column 'x_mm', of Y in 'y_mm'; 'Nominal' in nominal_x_mm, nominal_y_mm"),
-     ("part,feature,Achse,Ist [mm],Abw", "'Ist [mm]' of X in a column 'x_mm', of Y in 'y_mm'"),
-     ("part,feature,Axis,Dev", "nominal plus 'Dev' of X in a column 'x_mm', of Y in 'y_mm'")],
+      "'Actual' of X in a column 'x_mm', of Y in 'y_mm'" + Z
+      + "; 'Nominal' likewise in nominal_x_mm, nominal_y_mm"),
+     ("part,feature,Achse,Ist [mm],Abw", "'Ist [mm]' of X in a column 'x_mm', of Y in 'y_mm'" + Z),
+     ("part,feature,Axis,Dev", "nominal plus 'Dev' of X in a column 'x_mm', of Y in 'y_mm'" + Z)],
 )  # fmt: skip
 def test_a_row_for_each_axis_is_told_as_such(header: str, words: str, tmp_path: Path) -> None:
     row = ",".join(["1", "A", "X", "10", "10.001", "0.001"][: header.count(",") + 1])
