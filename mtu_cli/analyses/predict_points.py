@@ -13,10 +13,10 @@ from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.reportable import reportable, reportable_of_points
 from mtu_cli.model.settings import PROBABILITY, Settings, Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
-from mtu_cli.model.trials import reportable
-from mtu_cli.model.variance import Shares, Variance, drawable_passes
+from mtu_cli.model.variance import Shares, Variance
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -56,7 +56,7 @@ class PointsResult:
         if self.independent:
             apart: FloatArray = self.variance.reshape(n, a, 1) * np.eye(a)
             return apart
-        return _own_covariances(self.prediction, self.variance.reshape(n, a))
+        return reportable_of_points(self.prediction, self.variance.reshape(n, a))
 
     @property
     def U(self) -> FloatArray:
@@ -73,42 +73,6 @@ class PointsResult:
         """What belongs to one axis, (features,), of `values` (rows,)."""
         axes = self.prediction.axes
         return values[axes.index(axis) :: len(axes)]
-
-
-def _own_covariances(prediction: Prediction, variance: FloatArray) -> FloatArray:
-    """(n, a, a) with the variances (n, a): the prediction's own where it has them and all C + D
-    are covariances; else, as in `reportable`, that without the negative part of any D, scaled.
-    """
-    own = _assembled(prediction, [block.D for block in prediction.blocks])
-    same = np.allclose(_diagonals(own), variance, rtol=1e-9, atol=0.0)
-    if same and all(_is_covariance(block.C + block.D) for block in prediction.blocks):
-        return own
-    passes = [drawable_passes(block.D, block.C) for block in prediction.blocks]
-    drawable = _assembled(prediction, passes)
-    drawn = _diagonals(drawable)
-    ratio = np.sqrt(np.divide(variance, drawn, out=np.zeros_like(variance), where=drawn > 0))
-    scaled: FloatArray = drawable * ratio[:, :, None] * ratio[:, None, :]
-    return scaled
-
-
-def _diagonals(matrices: FloatArray) -> FloatArray:
-    found: FloatArray = np.einsum("nii->ni", matrices)
-    return found
-
-
-def _is_covariance(matrix: FloatArray) -> bool:
-    values = np.linalg.eigvalsh((matrix + matrix.T) / 2)
-    return bool(values[0] >= -1e-9 * abs(values[-1]))
-
-
-def _assembled(prediction: Prediction, passes: Sequence[FloatArray]) -> FloatArray:
-    """(n, a, a): the law of propagation, feature by feature, with these covariances of passes."""
-    n, a = len(prediction.ids), len(prediction.axes)
-    total = np.zeros((n, a, a))
-    for block, D in zip(prediction.blocks, passes, strict=True):
-        G, noise = block.G.reshape(n, a, -1), block.noise.reshape(n, a, -1)
-        total += G @ (block.C + D) @ G.transpose(0, 2, 1) + noise @ noise.transpose(0, 2, 1)
-    return total
 
 
 def predict_points(

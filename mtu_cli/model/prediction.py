@@ -65,6 +65,16 @@ class Prediction:
         """The same without the negative part of any D: a covariance, somewhat too large."""
         return self._assembled([drawable_passes(block.D, block.C) for block in self.blocks])
 
+    @cached_property
+    def of_points(self) -> FloatArray:
+        """Covariances (n, a, a) of the errors of each point alone: blocks of `covariance`."""
+        return self._assembled_of_points([block.D for block in self.blocks])
+
+    @cached_property
+    def drawable_of_points(self) -> FloatArray:
+        """The same of `drawable`."""
+        return self._assembled_of_points([drawable_passes(b.D, b.C) for b in self.blocks])
+
     def covariance_of(self, A: FloatArray) -> FloatArray:
         """Covariance (m, m) of the linear measurands A E, A (m, n*a); as `covariance` has it."""
         total = np.zeros((len(A), len(A)))
@@ -94,6 +104,14 @@ class Prediction:
         for block, D in zip(self.blocks, passes, strict=True):
             total += block.G @ (block.C + D) @ block.G.T
             total += noise_covariance(block.noise, len(self.axes))
+        return total
+
+    def _assembled_of_points(self, passes: Sequence[FloatArray]) -> FloatArray:
+        n, a = len(self.points), len(self.axes)
+        total = np.zeros((n, a, a))
+        for block, D in zip(self.blocks, passes, strict=True):
+            G, noise = (rows.reshape(n, a, rows.shape[1]) for rows in (block.G, block.noise))
+            total += G @ (block.C + D) @ G.transpose(0, 2, 1) + noise @ noise.transpose(0, 2, 1)
         return total
 
     @cached_property

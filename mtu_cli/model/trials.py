@@ -146,29 +146,3 @@ def factor_of(covariance: FloatArray) -> FloatArray:
         ratio = np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0)
         factor *= np.sqrt(ratio)[:, None]
     return factor
-
-
-def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
-    """The covariance (rows, rows) with the variances (rows,), without negative eigenvalues.
-
-    The prediction's own where it has both already.
-    """
-    covariance = prediction.covariance
-    same = np.allclose(np.diag(covariance), variance, rtol=1e-9, atol=0.0)
-    if same and (_nowhere_negative(prediction) or not _indefinite(covariance)):
-        return covariance
-    drawable = prediction.drawable
-    own = np.diag(drawable)
-    ratio = np.divide(variance, own, out=np.zeros_like(own), where=own > 0)
-    scaled: FloatArray = drawable * np.sqrt(np.outer(ratio, ratio))
-    return scaled
-
-
-def _nowhere_negative(prediction: Prediction) -> bool:
-    """Whether C + D of every block is a covariance: then so is their sum, however many rows."""
-    return not any(_indefinite(block.C + block.D) for block in prediction.blocks)
-
-
-def _indefinite(matrix: FloatArray) -> bool:
-    values = np.linalg.eigvalsh((matrix + matrix.T) / 2)
-    return bool(values[0] < -1e-9 * abs(values[-1]))
