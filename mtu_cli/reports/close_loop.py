@@ -20,6 +20,8 @@ name.
 The `verdict` of an effect is its own: `named` beside a verdict `unexplained` where what has no name
 lies elsewhere, with less than 0.1 % of the posterior in its place; `unexplained` is a hint only.
 `apart` are those of the `class` of a scatter that it cannot be mistaken for: not much less likely.
+`held_out.by_column` is what a correction of its own for every feature (position, of readings)
+would leave of held-out parts (passes): the mean of what the others leave there taken off.
 `unexplained.twofold` names effects that fit only in two forms which no one cause has at once.
 An experiment is foretold to set rivals `predicted_d` standard deviations apart, of which this data
 holds `now_d` and the experiment adds `further_d`: predicted_d^2 = now_d^2 + further_d^2.
@@ -98,6 +100,7 @@ def _scored(item: TableResult) -> dict[str, Any]:
             "scored": _held_out_scored(item),
             "folds": item.folds or None,
             "with_outliers": _with_outliers(item),
+            "by_column": None if item.by_column is None else _scores(item, item.by_column),
         },
     }
 

@@ -49,6 +49,8 @@ ROUNDING = 1e-7
 """Share of the figure beside it below which an error is gone, but for the rounding of numbers."""
 HOPELESS = 100.0
 """Times the rms of the errors beyond which an effect would be found only in name."""
+WORTH = 0.9
+"""Share of the held-out error below which a correction for each place is worth to be told."""
 STRONG, LONE = 5.0, 0.9
 """log Bayes factor and posterior from which on an effect that is not proven is told."""
 
@@ -158,7 +160,17 @@ def _unexplained(item: TableResult) -> str:
     beside = "Beside that something" if sure else "Something"
     text = f"{beside} is there that no effect of the library describes: {'; '.join(fired)}."
     first = [f"{_capital(known, item)}."] if sure else []
-    return " ".join([*first, text, *_hint(item, rest_of), *_set_up(item), left])
+    return " ".join([*first, text, *_hint(item, rest_of), *_set_up(item), left, *_by_column(item)])
+
+
+def _by_column(item: TableResult) -> list[str]:
+    """What a table of corrections would make of an error that stays where it is."""
+    if item.by_column is None or item.by_column.rms > WORTH * item.after.rms:
+        return []
+    (row, column), unit = things(item), item.table.unit
+    after, own = _together(item, item.after.rms, item.by_column.rms)
+    said = f"Much of it stays: a correction of its own for every {column} would take the rms of"
+    return [f"{said} held-out {plural(row)} from {after} to {own} {unit}."]
 
 
 def _sure(item: TableResult) -> tuple[list[Sentence], list[Sentence]]:

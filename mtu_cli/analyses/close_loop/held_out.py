@@ -71,11 +71,14 @@ class Fold:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldOut:
     """Residuals (P, H, A) of held-out cells before and after what is foretold without them, and
-    `chosen` the names that passed the gate in each fold.
+    `chosen` the names that passed the gate in each fold. `by_column` is `after` less the mean of
+    what the other folds leave at each column: what a correction for each would leave; None where
+    columns are held out.
     """
 
     before: FloatArray
     after: FloatArray
+    by_column: FloatArray | None
     variance: FloatArray
     chosen: tuple[frozenset[str], ...]
     by: str
@@ -137,19 +140,24 @@ def joined(
     if not splits:
         return None
     before = np.full(table.errors.shape, np.nan)
-    after, variance = before.copy(), before.copy()
+    after, variance, by_column = before.copy(), before.copy(), before.copy()
+    of_parts = splits[0].dimension == 0
     for split, own in zip(splits, found, strict=True):
         out = ~split.kept
-        place = (out,) if split.dimension == 0 else (slice(None), out)
+        place = (out,) if of_parts else (slice(None), out)
+        left = table.errors - own.foretold
         before[place] = table.errors[place]
-        after[place] = table.errors[place] - own.foretold[place]
+        after[place] = left[place]
         variance[place] = own.variance
+        if of_parts:
+            by_column[out] = left[out] - np.nanmean(left[split.kept], axis=0)
     return HeldOut(
         before=before,
         after=after,
+        by_column=by_column if of_parts else None,
         variance=variance,
         chosen=tuple(own.chosen for own in found),
-        by="parts" if splits[0].dimension == 0 else "columns",
+        by="parts" if of_parts else "columns",
     )
 
 

@@ -97,6 +97,7 @@ def loop_on(
         in_sample_after=scored.in_sample_after,
         held_out_by=None if out is None else out.by,
         held_out_with_gross=scored.with_gross,
+        by_column=scored.by_column,
         folds=len(told.chosen),
         floor=_floor(told.effects.prepared),
         unexplained_rms=_unexplained(found, scored, (*fired, *twice)),
@@ -188,6 +189,7 @@ class _Scored:
     in_sample_before: Scores
     in_sample_after: Scores
     with_gross: tuple[Scores, Scores] | None
+    by_column: Scores | None
 
 
 def _scored(told: Described, out: HeldOut | None, given: ResidualTable) -> _Scored:
@@ -211,7 +213,15 @@ def _scored(told: Described, out: HeldOut | None, given: ResidualTable) -> _Scor
         in_sample_before=before,
         in_sample_after=after,
         with_gross=whole if (given.there & ~table.there).any() else None,
+        by_column=None if out is None else _by_column(table, out),
     )
+
+
+def _by_column(table: ResidualTable, out: HeldOut) -> Scores | None:
+    if out.by_column is None:
+        return None
+    own = np.where(table.there[:, :, None], out.by_column, np.nan)
+    return scores(own, table.axes, out.variance)
 
 
 def _held_out_scores(

@@ -174,8 +174,9 @@ class TableResult:
     ended at as many causes as were asked for, and more passed.
     `held_out_by` says what was left out in turn; None where nothing could be. Entries that were
     set aside do not count; `held_out_with_gross` are the held-out scores with them, None where
-    there are none. `floor` is the
-    repeatability of one averaged coordinate, None where the data do not tell it.
+    there are none. `by_column` are the held-out scores after a correction of its own for every
+    column, the mean of what the other parts leave there; None where no parts are held out.
+    `floor` is the repeatability of one averaged coordinate, None where the data do not tell it.
     `unexplained_rms` is what is left in sample where something stays without a name.
     """
 
@@ -201,6 +202,7 @@ class TableResult:
     twofold: tuple[str, ...] = ()
     stopped: bool = False
     held_out_with_gross: tuple[Scores, Scores] | None = None
+    by_column: Scores | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

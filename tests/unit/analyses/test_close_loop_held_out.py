@@ -15,6 +15,8 @@ from mtu_cli.analyses.close_loop.folds import cut_candidates, only_columns, only
 from mtu_cli.analyses.close_loop.held_out import (
     Fold,
     HeldOut,
+    joined,
+    of_fold,
     scores,
 )
 from mtu_cli.model.effect_candidate import Candidate, Column
@@ -90,6 +92,27 @@ def test_effects_are_found_and_taken_out_without_the_held_out_cells() -> None:
     assert gain > 0.8 * np.mean(wanted**2)
 
 
+def test_a_correction_for_each_column_is_the_mean_of_what_the_other_folds_leave() -> None:
+    """Cell by cell; one that is missing counts nowhere."""
+    there = np.ones(SHAPE[:2], bool)
+    there[1, 4] = there[6, 0] = False
+    table = residuals(measured(2), there=there)
+    folds = folded(table, LIBRARY)
+    found = [of_fold(table, fold, alpha=0.05, most=3) for fold in folds]
+    together = joined(table, [fold.split for fold in folds], found)
+    assert together is not None
+    assert together.by_column is not None
+    for fold, own in zip(folds, found, strict=True):
+        left = table.errors - own.foretold
+        for part, column in np.ndindex(there.shape):
+            if fold.split.kept[part]:
+                continue
+            others = [left[p, column] for p in range(len(there))
+                      if fold.split.kept[p] and there[p, column]]  # fmt: skip
+            wanted = left[part, column] - sum(others) / len(others)
+            np.testing.assert_allclose(together.by_column[part, column], wanted, rtol=1e-9)
+
+
 def test_the_errors_of_held_out_cells_change_their_own_scores_alone() -> None:
     errors = measured(2)
     rng = np.random.default_rng(3)
@@ -134,6 +157,7 @@ def test_few_parts_leave_out_columns() -> None:
     found = held_out(residuals(errors), folds, alpha=0.05, most=3)
     assert found is not None
     assert found.by == "columns"
+    assert found.by_column is None
     np.testing.assert_array_equal(found.before, errors)
 
 

@@ -59,9 +59,12 @@ def test_scores_are_in_um_and_the_held_out_ones_stand_first() -> None:
     assert found["in_sample"]["before"]["rms_y_um"] == pytest.approx(6.0)
     assert found["floor_um"] == pytest.approx(3.6)
     assert found["improvement_percent"] == pytest.approx(100 * (5.9 - 3.8) / 5.9)
-    held_out = {"by": "parts", "scored": "mean by posterior", "folds": 5, "with_outliers": None}
+    held_out = {"by": "parts", "scored": "mean by posterior", "folds": 5, "with_outliers": None,
+                "by_column": None}  # fmt: skip
     assert found["held_out"] == held_out
     (one,) = named().tables
+    of_columns = document(result(replace(one, by_column=scores(2.5))))["held_out"]["by_column"]
+    assert of_columns["rms_um"] == pytest.approx(2.5)
     both = document(result(replace(one, held_out_with_gross=(scores(70.0), scores(68.0)))))
     assert both["before"] == found["before"]
     assert both["held_out"]["with_outliers"]["before"]["rms_um"] == pytest.approx(70.0)

@@ -359,6 +359,21 @@ def test_of_a_component_the_position_is_told_where_most_is_left() -> None:
     assert ": most at position " in words(result(item))
 
 
+@pytest.mark.parametrize(("rms", "told"), [(3.2, True), (3.5, False), (None, False)])
+def test_what_stays_at_its_place_is_told_where_a_correction_there_is_worth_it(
+    rms: float | None, told: bool
+) -> None:
+    """Of held-out parts with 3.8 um: 3.5 um are not a tenth less."""
+    item = on_table("unexplained", (effect(),), fired=("part-variance",), checks=FIRED)
+    by_column = None if rms is None else scores(rms)
+    text = words(result(replace(item, by_column=by_column)))
+    said = "Much of it stays: a correction of its own for every feature would take the rms of "
+    assert (f"{said}held-out parts from 3.8 to 3.2 um." in text) == told
+    assert told or "Much of it stays" not in text
+    # What was found has a name otherwise, and needs none.
+    assert said not in words(result(replace(on_table("named", (effect(),)), by_column=by_column)))
+
+
 def test_an_effect_without_an_equation_keeps_its_sentence() -> None:
     chosen = effect("feature-outlier", axis=None, equations={}, chosen="H7", parameters=())
     assert "(feature-outlier)" in words(grown(GROWS, DRIFTS, chosen))
