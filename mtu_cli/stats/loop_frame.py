@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 
@@ -20,6 +21,20 @@ MINOR = 2e-3
 """Share of a column below which it is not tested in a stratum, where filling or freeing smears
 it.
 """
+CACHED = 1 << 17
+"""Entries of the tables that are turned at once."""
+Parts = Mapping[int, FloatArray]
+"""The tables of a column, by the number of their axis."""
+Coordinates = dict[int, FloatArray]
+"""The coordinates of a column, by the number of the stratum that they lie in."""
+
+
+def grouped(
+    turned: Callable[[Sequence[Parts]], list[Coordinates]], members: Sequence[Sequence[Parts]]
+) -> list[tuple[Coordinates, ...]]:
+    """The columns of each member turned, all of them together."""
+    found = iter(turned([column for member in members for column in member]))
+    return [tuple(islice(found, len(member))) for member in members]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,39 +115,61 @@ class Frame:
         """
         return direction_noise(self.strata, self.completion, self.freeing, directions, predicted)
 
-    def column(self, parts: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
-        """A column's coordinates by stratum, from its tables by axis, where it can be tested.
+    def column(self, parts: Parts) -> Coordinates:
+        """The coordinates of one column, see `columns`."""
+        (found,) = self.columns([parts])
+        return found
 
-        Each is as large as it needs to be: (P, 1), (1, H), (P, H), or (1, 1), which is in no
+    def columns(self, columns: Sequence[Parts]) -> list[Coordinates]:
+        """Columns' coordinates by stratum, from their tables by axis, where they can be tested.
+
+        Each table is as large as it needs to be: (P, 1), (1, H), (P, H), or (1, 1), which is in no
         stratum.
         """
-        found = self.whole_column(parts)
+        whole = self.whole_columns(columns)
         if self.freeing is None and self.completion.complete:
-            return found
-        least = MINOR * sum(float(values @ values) for values in found.values())
-        return {i: values for i, values in found.items() if float(values @ values) > least}
+            return whole
+        found = []
+        for column in whole:
+            squares = {i: float(values @ values) for i, values in column.items()}
+            least = MINOR * sum(squares.values())
+            found.append({i: values for i, values in column.items() if squares[i] > least})
+        return found
 
-    def whole_column(self, parts: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
-        """As `column`, in all strata: what an effect is taken off by and estimated with.
+    def whole_columns(self, columns: Sequence[Parts]) -> list[Coordinates]:
+        """As `columns`, in all strata: what an effect is taken off by and estimated with.
 
         Left in a stratum, what is minor beside the rest of the column may be no small part of
         the errors there.
         """
+        found, tables = [], []
+        for parts in columns:
+            own, rest = self._direct(parts)
+            found.append(own)
+            tables.append(rest)
+        places = [i for i, rest in enumerate(tables) if rest]
+        for i, own in zip(places, self._of_tables([tables[i] for i in places]), strict=True):
+            found[i] |= own
+        return [self._significant(own, parts) for own, parts in zip(found, columns, strict=True)]
+
+    def _direct(self, parts: Parts) -> tuple[Coordinates, Parts]:
+        """What of a column is known without its table, and the rest."""
         P, H, _ = self.strata.shape
         if self.freeing is not None or self._needs_filling(parts):
-            return self._of_table(parts)
-        found: dict[int, FloatArray] = {}
+            return {}, parts
+        found: Coordinates = {}
+        rest: Coordinates = {}
         for axis, values in parts.items():
             if values.shape == (P, H) and P > 1 and H > 1:
-                found |= self._of_table({axis: values})
+                rest[axis] = values
             elif values.shape[0] == P and P > 1:
                 turned = of_rows(values)[1:, 0] * np.sqrt(H)
                 found |= self._of_parts(turned, axis)
             elif values.shape[-1] == H and H > 1:
                 found |= self.strata.of_columns(values[0], axis)
-        return self._significant(found, parts)
+        return found, rest
 
-    def means(self, parts: Mapping[int, FloatArray]) -> FloatArray:
+    def means(self, parts: Parts) -> FloatArray:
         """Means (A,) of a column over all cells, completed as the errors are."""
         P, H, A = self.strata.shape
         found = np.zeros(A)
@@ -145,28 +182,31 @@ class Frame:
             found = self.completion.fill(table).mean(axis=(0, 1))
         return found
 
-    def _needs_filling(self, parts: Mapping[int, FloatArray]) -> bool:
+    def _needs_filling(self, parts: Parts) -> bool:
         if self.completion.complete:
             return False
         if not self.completion.connected:
             return True
         return any(min(values.shape) > 1 for values in parts.values())
 
-    def _of_parts(self, turned: FloatArray, axis: int) -> dict[int, FloatArray]:
+    def _of_parts(self, turned: FloatArray, axis: int) -> Coordinates:
         part = self.strata.find("part", axis)
         return {} if part is None else {self.strata.all.index(part): turned}
 
-    def _of_table(self, parts: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
-        table = np.zeros(self.strata.shape)
-        for axis, values in parts.items():
-            table[:, :, axis] = values
-        y, _ = self.coordinates(table)
-        found = {index: y[stratum.slice] for index, stratum in enumerate(self.strata.all)}
-        return self._significant(found, parts)
+    def _of_tables(self, columns: Sequence[Parts]) -> Iterator[Coordinates]:
+        """Many at a time: each by itself would take most of its time to begin."""
+        several = max(1, CACHED // max(int(np.prod(self.strata.shape)), 1))
+        for first in range(0, len(columns), several):
+            own = columns[first : first + several]
+            tables = np.zeros((len(own), *self.strata.shape))
+            for table, parts in zip(tables, own, strict=True):
+                for axis, values in parts.items():
+                    table[:, :, axis] = values
+            y, _ = self.coordinates(tables)
+            for row in y:
+                yield {i: row[stratum.slice] for i, stratum in enumerate(self.strata.all)}
 
-    def _significant(
-        self, found: dict[int, FloatArray], parts: Mapping[int, FloatArray]
-    ) -> dict[int, FloatArray]:
+    def _significant(self, found: Coordinates, parts: Parts) -> Coordinates:
         """Without the strata in which a column is the rounding of a rotation alone."""
         P, H, _ = self.strata.shape
         total = sum(float(np.mean(values**2)) for values in parts.values()) * P * H

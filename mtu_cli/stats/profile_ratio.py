@@ -17,6 +17,7 @@ rivals apart (the information paradox of Liang et al., J. Am. Stat. Assoc. 103 (
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ TINY = 1e-200
 MOST_EXPLAINED = 1 - 1e-12
 CACHED = 20_000
 """Entries of the arrays that are worked on at once."""
+TIE = 1e-9
+"""Share of a log Bayes factor by which equal ones differ."""
 NEVER = -1e6
 """Logarithm of the Bayes factor of a member that cannot be tested."""
 
@@ -147,16 +150,21 @@ def _add_samples(
     found: MemberRatios,
 ) -> None:
     """Of the samples in `rows`: their cross products `b` (B, M, S, k) and `squares` (B, S)."""
-    n, R0 = pack.dof, squares[:, None, :]
+    n, R0, k = pack.dof, squares[:, None, :], range(many.k)
     R = np.broadcast_to(R0, b.shape[:3])
     least = np.maximum((1 - MOST_EXPLAINED) * R0, pack.least * n)
+    # One column, and one pair of them, at a time: k is 1 or 2 mostly, and each pass is over whole
+    # arrays then.
+    columns, G = [b[..., i] for i in k], [[many.G[..., i, j] for j in k] for i in k]
     for _ in range(REWEIGHTED):
         w = n / (R * many.spread)
-        A = np.einsum("bms,msij->bmij", w, many.G)
+        A = np.empty((*w.shape[:2], many.k, many.k))
+        for i, j in product(k, k):
+            A[..., i, j] = (w * G[i][j]).sum(axis=2) if i <= j else A[..., j, i]
         A += 1e-12 * np.trace(A, axis1=2, axis2=3)[..., None, None] * np.eye(many.k) + TINY
-        beta = _solved(A, np.einsum("bms,bmsi->bmi", w, b))
-        R = R0 - 2 * np.einsum("bmi,bmsi->bms", beta, b)
-        R = R + np.einsum("bmi,msij,bmj->bms", beta, many.G, beta)
+        beta = solved(A, np.stack([(w * x).sum(axis=2) for x in columns], axis=-1))[..., None]
+        R = R0 - 2 * sum(beta[:, :, i] * columns[i] for i in k)
+        R = R + sum(beta[:, :, i] * beta[:, :, j] * G[i][j] for i, j in product(k, k))
         np.maximum(R, least, out=R)
     gain, loss = np.maximum(R0 - R, 0.0), np.maximum(R - R0, 0.0)
     own = R * many.spread
@@ -174,10 +182,18 @@ def _add_samples(
     found.information[rows, many.members] = held / many.k
 
 
-def _solved(A: FloatArray, b: FloatArray) -> FloatArray:
-    """A^-1 b of many systems, A (..., k, k) and b (..., k): most members have a single column."""
+def solved(A: FloatArray, b: FloatArray) -> FloatArray:
+    """A^-1 b of many systems, A (..., k, k) and b (..., k): most members have one column or two."""
     if b.shape[-1] == 1:
         return b / A[..., 0]
+    if b.shape[-1] == 2:
+        # Scaled to a diagonal of 1: products of the weights of a stratum without scatter, which are
+        # as large as numbers get, would be none.
+        size = np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
+        c, own = A[..., 0, 1] / (size[..., 0] * size[..., 1]), b / size
+        left = own - c[..., None] * own[..., ::-1]
+        found: FloatArray = left / (((1 - c) * (1 + c))[..., None] * size)
+        return found
     return np.asarray(np.linalg.solve(A, b[..., None])[..., 0], np.float64)
 
 
@@ -203,8 +219,10 @@ def _by_candidate(pack: Packed, members: MemberRatios, candidates: int) -> Ratio
             continue
         ratio[:, f] = np.maximum(LR[:, own].max(axis=1), 0.0)
         # Of nested members the largest has the largest ratio whatever the data say.
-        best[:, f] = log_bayes[:, own].argmax(axis=1) + own.start
         mine = log_bayes[:, own][:, pack.usable[own]]
         top = mine.max(axis=1)
+        # Of equal ones the first, which rounding must not decide.
+        enough = top - TIE * np.maximum(np.abs(top), 1.0)
+        best[:, f] = (log_bayes[:, own] >= enough[:, None]).argmax(axis=1) + own.start
         bayes[:, f] = top + np.log(np.exp(mine - top[:, None]).mean(axis=1))
     return Ratios(ratio=ratio, log_bayes=bayes, best=best, members=members)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -28,18 +29,26 @@ DRAWN = ("interaction-pattern", "serial-correlation", "serial-shape", "spatial-c
 @dataclass(frozen=True, kw_only=True)
 class Remainder:
     """The kernels of smooth effects: `serial` over parts (None with fewer than five), `spatial`
-    by axis and reach, from the covariances `fields` of a column stratum's coordinates by reach.
+    by axis and reach, from the covariances `fields` of a column stratum's coordinates by reach
+    under the `whitening` (A, k, k) of the smooth directions.
     """
 
     strata: Strata
     serial: Kernel | None
     fields: tuple[FloatArray, ...]
-    spatial: tuple[tuple[Kernel, ...], ...]
+    whitening: FloatArray
+
+    @cached_property
+    def spatial(self) -> tuple[tuple[Kernel, ...], ...]:
+        """Made where it is asked for: most nulls are looked at without."""
+        if not self.fields:
+            return ()
+        axes = range(len(self.whitening))
+        return tuple(_whitened(self.strata, self.fields, self.whitening, a) for a in axes)
 
     def whitened(self, whitening: FloatArray) -> Remainder:
         """The same for other `whitening` (A, k, k) of the smooth directions."""
-        spatial = [_whitened(self.strata, self.fields, whitening, a) for a in range(len(whitening))]
-        return replace(self, spatial=tuple(spatial) if self.fields else ())
+        return replace(self, whitening=whitening)
 
     def statistics(self, y: FloatArray) -> FloatArray:
         """The checks `DRAWN` (B, 4) of coordinates `y` (B, N); 0 where one cannot be had."""
@@ -142,8 +151,7 @@ def remainder_of(strata: Strata, whitening: FloatArray, places: FloatArray) -> R
         distance2 = ((places[:, None] - places) ** 2).sum(axis=2)
         B = strata.columns[:, strata.even]
         fields = [B.T @ np.exp(-0.5 * distance2 / (reach * extent) ** 2) @ B for reach in REACH]
-    plain = Remainder(strata=strata, serial=serial, fields=tuple(fields), spatial=())
-    return plain.whitened(whitening)
+    return Remainder(strata=strata, serial=serial, fields=tuple(fields), whitening=whitening)
 
 
 def _whitened(

@@ -110,7 +110,7 @@ def aliases_of(prepared: Prepared, step: Step, beside: tuple[int, ...]) -> list[
     effects = dict(enumerate(sight.columns(own.columns)))
     whole = sight.left(effects)
     lies_in = {index for column in flat[step.member] for index in column}
-    found, start = [], 0
+    others, start = [], 0
     for family, members in enumerate(prepared.scan.columns):
         owned = range(start, start + len(members))
         start += len(members)
@@ -118,10 +118,13 @@ def aliases_of(prepared: Prepared, step: Step, beside: tuple[int, ...]) -> list[
         # the step's column, do not stand for the step.
         if any(m in owned for m in beside):
             continue
-        for m in owned:
-            if family == step.index or not lies_in <= {i for c in flat[m] for i in c}:
-                continue
-            left = sight.left(effects, sight.columns(prepared.members[m].columns))
-            if all(left[j] < (1 - ALIAS) * whole[j] for j in effects):
-                found.append(m)
+        if family != step.index:
+            others += [m for m in owned if lies_in <= {i for c in flat[m] for i in c}]
+    found = []
+    for m, columns in zip(
+        others, sight.members(prepared.members[m].columns for m in others), strict=True
+    ):
+        left = sight.left(effects, columns)
+        if all(left[j] < (1 - ALIAS) * whole[j] for j in effects):
+            found.append(m)
     return found

@@ -75,10 +75,9 @@ def loop_on(
 ) -> LoopResult:
     """Closes the loop on one table at the family-wise rate `alpha`."""
     first, out = _all_searched(given, candidates, alpha, most, seed)
-    told, table = _told(first, out, seed), first.prepared.table
-    scored, found, fired = _scored(told, out, given), first.found, first.found.fired(alpha)
-    described, others = _described(told, library, seed)
-    twice, covariance = twofold(told), joint_covariance(told)
+    told, table, found = _told(first, out, seed), first.prepared.table, first.found
+    scored, fired, twice = _scored(told, out, given), found.fired(alpha), twofold(told)
+    (described, others), covariance = _described(told, library, seed), joint_covariance(told)
     result = TableResult(
         table=table,
         verdict=verdict_of(found, described, (*fired, *twice)),

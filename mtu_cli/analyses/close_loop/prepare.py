@@ -24,7 +24,7 @@ from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.column_groups import MemberColumns
 from mtu_cli.stats.crossed import completion
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.loop_frame import Frame
+from mtu_cli.stats.loop_frame import Frame, grouped
 from mtu_cli.stats.loop_null import KnownScatter, NullModel, null_of, whitening_of
 from mtu_cli.stats.remainder import remainder_of
 from mtu_cli.stats.strata import Strata, strata_of
@@ -82,8 +82,7 @@ class Prepared:
         if frame.freeing is None and frame.completion.complete:
             flat = self.flat()
             return [flat[m] for m in members]
-        columns = (self.members[m].columns for m in members)
-        return [tuple(frame.whole_column(column) for column in own) for own in columns]
+        return list(grouped(frame.whole_columns, [self.members[m].columns for m in members]))
 
     def with_tangents(self, members: Sequence[int]) -> list[MemberColumns]:
         """The coordinates of these members, and of their derivatives by what was searched."""
@@ -161,7 +160,7 @@ def _scan(
 ) -> tuple[Scan, tuple[Candidate, ...]]:
     """The scan of coordinates `y`, and all its candidates in their order."""
     strata, dof = frame.strata, degrees_of_freedom(table, frame)
-    powers = [frame.column(power) for power in fitted_powers(table)]
+    powers = frame.columns(fitted_powers(table))
     offsets = [c for c in chosen if c.kind == "offset"]
     scatters = [c for c in chosen if c.kind == "scatter"]
     ordered = (*seen.candidates, *offsets, *scatters)
@@ -260,15 +259,16 @@ def _columns(table: ResidualTable, frame: Frame, candidates: Sequence[Candidate]
     kept: list[Candidate] = []
     for candidate in candidates:
         own: list[MemberColumns] = []
-        for member in candidate.members:
-            coordinates = tuple(frame.column(column) for column in member.columns)
+        seen = grouped(frame.columns, [member.columns for member in candidate.members])
+        tangent = grouped(frame.columns, [member.tangent for member in candidate.members])
+        for member, coordinates, sloped in zip(candidate.members, seen, tangent, strict=True):
             if not all(coordinates):
                 continue
             index = len(members)
             members.append(member)
             own.append(coordinates)
             means[index] = np.array([frame.means(column) for column in member.columns])
-            turned = tuple(c for c in (frame.column(t) for t in member.tangent) if c)
+            turned = tuple(column for column in sloped if column)
             if turned:
                 tangents[index] = turned
         if own:

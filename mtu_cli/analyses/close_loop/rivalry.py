@@ -103,8 +103,8 @@ class Rivalry:
         for rival, ids in self.rivals.items():
             others = {i: e for i, e in effects.items() if i != rival}
             known = ids[:FEW] if rival in again else ids
-            for columns in (*self._known(plan, known), *again.get(rival, ())):
-                for i, left in sight.left(others, sight.columns(columns)).items():
+            for columns in sight.members([*self._known(plan, known), *again.get(rival, ())]):
+                for i, left in sight.left(others, columns).items():
                     d2[i] = min(d2[i], left)
         whole = sum(self.weight.values())
         square = sum(self.weight[i] * d2[i] for i in effects) / whole
@@ -160,8 +160,8 @@ class Rivalry:
         parts = len(self.prepared.table.parts)
         whole = self.now.left(others)
         near = []
-        for m in members:
-            left = self.now.left(others, self.now.columns(_cut(m.columns, parts)))
+        for columns in self.now.members(_cut(m.columns, parts) for m in members):
+            left = self.now.left(others, columns)
             near.append(min(left[j] / whole[j] if whole[j] > 0 else 0.0 for j in others))
         order = np.argsort(near, kind="stable")[:NEAREST]
         return [members[int(i)] for i in order]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -18,13 +19,15 @@ from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.column_groups import whiten
 from mtu_cli.stats.crossed import completion
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.loop_frame import Frame
+from mtu_cli.stats.loop_frame import Frame, grouped
 from mtu_cli.stats.loop_null import NullModel, whitening_of
 from mtu_cli.stats.orthogonal import shortened
 from mtu_cli.stats.strata import Strata, strata_of
 
 Seen = dict[int, FloatArray]
 """The coordinates of a column, by the number of the stratum that they lie in."""
+TOGETHER = 256
+"""Members whose columns are turned at once."""
 
 
 def member_columns(
@@ -81,11 +84,19 @@ class Sight:
 
     def columns(self, member: Sequence[Column]) -> tuple[Seen, ...]:
         """The columns of a member."""
-        return tuple(self._seen(column) for column in member)
+        (found,) = self.members([member])
+        return found
 
-    def _seen(self, column: Column) -> Seen:
+    def members(self, members: Iterable[Sequence[Column]]) -> Iterator[tuple[Seen, ...]]:
+        """The columns of many members, one after the other."""
+        left = iter(members)
+        while some := list(islice(left, TOGETHER)):
+            for own in grouped(self.frame.columns, some):
+                yield tuple(self._whitened(column) for column in own)
+
+    def _whitened(self, column: Seen) -> Seen:
         found = {}
-        for index, values in self.frame.column(column).items():
+        for index, values in column.items():
             own = values * self.root[index]
             whiten(self.frame.strata, self.whitening, index, own)
             found[index] = own

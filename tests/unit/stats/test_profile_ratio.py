@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 from scipy.stats import f, ks_1samp
 
 from mtu_cli.stats.column_groups import Column, MemberColumns, packed
-from mtu_cli.stats.profile_ratio import NEVER, member_ratios, ratios, unit_information
+from mtu_cli.stats.profile_ratio import NEVER, member_ratios, ratios, solved, unit_information
 
 STRATA = made(8, 10, 2)
 FRAME = whole_frame(STRATA)
@@ -211,3 +211,28 @@ def test_no_stratum_is_known_better_than_rounding() -> None:
     assert member_ratios(pack, 0.05 * y).ratio[0, 0] == pytest.approx(0.0, abs=1e-9)
     both = packed(STRATA, DOF, PLAIN, [[MANY["cells"]]], least=np.full(len(DOF), 1e6))
     assert member_ratios(both, y).ratio[0, 0] <= 0
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-6, 1e190])
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_small_systems_are_solved_whatever_their_size(k: int, scale: float) -> None:
+    """Weights of a stratum without scatter are as large as numbers get."""
+    rng = np.random.default_rng(k)
+    X = rng.normal(size=(5, 4, 12, k)) * np.geomspace(1, 1e-3, k)
+    A, wanted = np.swapaxes(X, -1, -2) @ X, rng.normal(size=(5, 4, k))
+    b = (A @ wanted[..., None])[..., 0]
+    np.testing.assert_allclose(solved(A * scale, b * scale), wanted, rtol=1e-7)
+
+
+def test_of_equal_members_the_first_is_the_best() -> None:
+    """Rounding must not choose: a squareness turns y along x or x along y, alike where parts are
+    free to turn.
+    """
+    rng = np.random.default_rng(4)
+    X = noisy(15, 1, 10)
+    member = (FRAME.column({1: X}),)
+    other = (FRAME.column({1: X * (1 + 1e-13)}),)
+    for members in ([member, other], [other, member]):
+        pack = packed(STRATA, DOF, PLAIN, [members])
+        y = rng.normal(size=(50, STRATA.size))
+        assert (ratios(pack, y, 1).best == 0).all()
