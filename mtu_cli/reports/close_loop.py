@@ -12,8 +12,8 @@ share of their mean square. Fields of a candidate are of the first look at the d
 `fixed_points` are the places where effects that grow along an axis and effects that move it as a
 whole cancel; one is `told` where its 95 % interval is no longer than the machine's travel, and
 `given` the effect it depends on where the data cannot tell that from others. `neutral_points` are
-the temperatures at which a drift and an offset cancel, in degC, `given` as there; `seen` is the
-range of the data.
+the values of a `covariate` (a temperature, the place along another axis in mm) at which what
+changes with it and an offset cancel, `given` as there; `seen` is the range of the data.
 `rivals` are the others of a class of three at most, each estimated in the place of the effect. An
 effect that is one of several `alike` pitches makes the verdict `class`, though its `class` has one
 name.

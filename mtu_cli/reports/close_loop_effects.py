@@ -22,7 +22,7 @@ SENTENCES = {
     "scale": "{of}{A} {grows} by {size} of travel",
     "curvature": "{of}{A} bends along the travel: {values}",
     "straightness": "{A} bends along {along}: {values}",
-    "squareness": "{A} and {B} are out of square by {value}",
+    "squareness": "{A} and {B} are out of square by {size}, {angle} than 90 degrees",
     "rotation": "everything is turned about {A} by {value}",
     "backlash": "{A} {loses} {twice} at reversal{sides}",
     "cyclic": "{A} has a periodic error of {wave} amplitude, pitch {pitch_mm} mm",
@@ -117,6 +117,8 @@ def _of_one(first: Shown, effect: FoundEffect, item: TableResult) -> dict[str, s
         "twice": _size(TWICE * value, TWICE * first.u, first.unit),
         **_reversal(first.value, item),
         "grows": _grows(effect, item, first.value),
+        # Where y rises and x with it, the axis of y leans over to that of x.
+        "angle": "less" if first.value >= 0 else "more",
         "outward": "outward" if first.value >= 0 else "inward",
     }
 

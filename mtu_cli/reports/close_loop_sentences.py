@@ -11,6 +11,7 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import own_verdict
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.close_loop_effects import effect_text
 from mtu_cli.reports.numbers import plus_minus
 
@@ -34,7 +35,7 @@ class Sentence:
 
 def sentences(item: TableResult) -> list[Sentence]:
     """One an effect, in the order found; an axis that grows from a fixed point, or drifts from a
-    temperature at which it is right, takes one.
+    temperature (or turns about a place) at which it is right, takes one.
 
     A drift of several axes keeps its own beside it, unless all of them grow from fixed points; so
     do effects of which one stands and another is a hint.
@@ -58,7 +59,8 @@ def sentences(item: TableResult) -> list[Sentence]:
         own = tuple(item.effects[k] for k in (*neutral.drift, *neutral.offset))
         one = not more and own[0].equations.keys() == {f"E{neutral.axis}"}
         if one and _alike(own, item):
-            text = f"{effect_text(own[0], item)}, and is right at {right}"
+            subject = f"{neutral.axis.upper()} " if neutral.covariate in AXES else ""
+            text = f"{effect_text(own[0], item)}, and {subject}is right at {right}"
             joined[e] = Sentence(effects=own, text=text)
             for k in neutral.offset:
                 told.setdefault(k, set()).add(f"E{neutral.axis}")
@@ -123,6 +125,7 @@ def one_cause(item: TableResult, place: int, own: FoundEffect) -> str | None:
 def _right(point: NeutralPoint) -> str:
     """Such as "T_air_degC = 22.2 ± 0.8", and what the data have where it is none of theirs."""
     (low, high), at = point.seen, plus_minus(point.at, point.u)
+    at += " mm" if point.covariate in AXES else ""
     beyond = "" if low <= point.at <= high else f" (beyond the data: {low:.4g} to {high:.4g})"
     return f"{point.covariate} = {at}{beyond}"
 

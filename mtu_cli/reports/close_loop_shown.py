@@ -14,6 +14,7 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import is_nameless, pitch_is_open
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import significant
 from mtu_cli.units import PARAMETER_UNITS, UNITS, Unit
@@ -93,7 +94,7 @@ def titled(effect: FoundEffect) -> str:
 def one_cause_notes(item: TableResult) -> list[str]:
     """That a growth and a drift in two rows are one axis that grows from a fixed point: the growth
     is counted from a place of its own, and the drift is how far that goes. Likewise that a drift
-    and an offset are one axis that is right at another temperature.
+    and an offset are one axis that is right at another temperature, or place.
     """
     notes = []
     for point in item.fixed_points:
@@ -108,10 +109,11 @@ def one_cause_notes(item: TableResult) -> list[str]:
     for neutral in item.neutral_points:
         if math.isfinite(neutral.counted_from) and neutral.given is None:
             offsets = " and ".join(item.effects[e].name for e in neutral.offset)
+            mm = " mm" if neutral.covariate in AXES else ""
             notes.append(
                 f"{item.effects[neutral.drift[0]].name} is counted from {neutral.covariate} = "
-                f"{significant(neutral.counted_from, 4)}, and {offsets} is the error there: one "
-                "cause"
+                f"{significant(neutral.counted_from, 4)}{mm}, and {offsets} is the error there: "
+                "one cause"
             )
     return notes
 

@@ -1,7 +1,9 @@
-"""Where an axis that drifts with a covariate stands right: a drift and an offset found together.
+"""Where an axis whose error changes with something stands right: a drift, a trend or a squareness
+and an offset found together.
 
-A drift is counted from the middle of the data's temperatures, and the offset is the error there.
-They are one cause where the machine is right at another temperature, which is what a shop asks.
+A drift is counted from the middle of the data's temperatures, a squareness from that of the places
+along the other axis, and the offset is the error there. They are one cause where the machine is
+right at another temperature, or place, which is what a shop asks.
 """
 
 from __future__ import annotations
@@ -14,8 +16,8 @@ import numpy as np
 from mtu_cli.analyses.close_loop.crossing import Lever, counted_from, crossing
 from mtu_cli.analyses.close_loop.result import FoundEffect, NeutralPoint
 from mtu_cli.analyses.close_loop.straight_lines import in_place, middle_and_rise
-from mtu_cli.files.covariates import is_temperature
 from mtu_cli.language import linear_form, names, parse
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -31,14 +33,15 @@ def neutral_points(
     covariance: FloatArray,
     instead: int | None = None,
 ) -> tuple[NeutralPoint, ...]:
-    """One an axis along which errors are a + g c, c one temperature: the c where they are zero.
+    """One an axis along which errors are a + g c: the c where they are zero, c a temperature, the
+    place along another axis, or any other column but a direction.
 
     `covariance` (k, k) is that of the k parameters of all effects in their order, internal units.
-    Beside an error that changes with the place or with a second covariate there is none, nor
-    farther from the temperatures of the data than half of their range. An effect that is one of
-    several which the data cannot tell apart gives one if it is that (`given`); two of them give
-    none. `instead` is the place of an effect that stands for one found: what has no part of it is
-    not told again.
+    Beside an error that changes along its own axis (`fixed_points`) or with a second covariate
+    there is none, nor farther from the values of the data than half of their range. An effect that
+    is one of several which the data cannot tell apart gives one if it is that (`given`); two of
+    them give none. `instead` is the place of an effect that stands for one found: what has no part
+    of it is not told again.
     """
     found = []
     for axis in table.axes if table.component is None else ():
@@ -52,10 +55,23 @@ def neutral_points(
         if instead is not None and instead not in unsure:
             continue
         (covariate,) = covariates
-        known = is_temperature(covariate) and covariate in table.covariates
-        if known and (point := _point(table, axis, covariate, effects, covariance, tuple(over))):
+        values = _values(table, covariate, axis)
+        if values is None:
+            continue
+        point = _point(values, axis, covariate, effects, covariance, tuple(over))
+        if point is not None:
             found.append(replace(point, given=given))
     return tuple(found)
+
+
+def _values(table: ResidualTable, name: str, axis: str) -> FloatArray | None:
+    """The data's values of what the error along an axis changes with; None where it has none, or
+    they are the places along the axis itself.
+    """
+    if name in AXES:
+        values = table.places[..., AXES.index(name)]
+        return values if name != axis and np.isfinite(values).any() else None
+    return table.covariates.get(name)
 
 
 def _over(effect: FoundEffect, axis: str) -> set[str] | None:
@@ -69,14 +85,13 @@ def _over(effect: FoundEffect, axis: str) -> set[str] | None:
 
 
 def _point(
-    table: ResidualTable,
+    values: FloatArray,
     axis: str,
     covariate: str,
     effects: Sequence[FoundEffect],
     covariance: FloatArray,
     chosen: Sequence[int],
 ) -> NeutralPoint | None:
-    values = table.covariates[covariate]
     known = values[np.isfinite(values)]
     low, high = float(known.min()), float(known.max())
     middle, half = 0.5 * (low + high), 0.5 * (high - low)

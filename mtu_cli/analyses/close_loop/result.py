@@ -141,8 +141,9 @@ class FixedPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NeutralPoint:
-    """The temperature (`covariate`) at which effects (by their place in the table's list) cancel
-    along `axis`: those of `drift`, which change with it, and those of `offset`, which are constant.
+    """The value of a `covariate` (a temperature, say, or `y`, the place along another axis) at
+    which effects (by their place in the table's list) cancel along `axis`: those of `drift`, which
+    change with it, and those of `offset`, which are constant.
 
     `at`, its standard uncertainty `u` and 95 % `interval` in the covariate's unit; `seen` are the
     least and the largest value of the data. None is told whose interval is longer than these span,

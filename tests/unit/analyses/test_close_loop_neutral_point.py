@@ -169,13 +169,50 @@ def test_beyond_the_data_says_so_and_far_from_it_nothing() -> None:
     assert told(drifts(parameters=(("drift", "um/K", DRIFT, 1e-3),)), far) == ()
 
 
-def test_a_wear_has_no_number_of_a_part_at_which_all_is_right() -> None:
-    wears = drifts("trend-x", equations={"Ex": "drift*(sequence - 5)"}, covariate="sequence")
+def test_a_wear_is_right_where_the_tool_was_new() -> None:
+    """Parts of a tool are counted from its first, a wear from their middle: the offset there is no
+    other cause.
+    """
+    wears = drifts(
+        "trend-x",
+        parameters=(("slope", "um", 0.8, 0.05),),
+        equations={"Ex": "slope*(tool_parts - 5)"},
+        covariate="tool_parts",
+    )
     item, covariance = found(wears, OFFSET)
-    count = len(item.table.parts)
-    order = np.arange(1.0, count + 1)[:, np.newaxis]
-    own = replace(item.table, covariates=item.table.covariates | {"sequence": order})
-    assert neutral_points(own, item.effects, covariance) == ()
+    order = np.arange(1.0, len(item.table.parts) + 1)[:, np.newaxis]
+    own = replace(item.table, covariates=item.table.covariates | {"tool_parts": order})
+    (point,) = neutral_points(own, item.effects, covariance)
+    assert (point.axis, point.covariate) == ("x", "tool_parts")
+    assert point.at == pytest.approx(5 - SHIFT / 0.8)
+    text = verdict_text(replace(item, neutral_points=(point,)), result(item))
+    right = "and is right at tool_parts = 0.40 ± 0.69 (beyond the data: 1 to 9)"
+    assert f"per count of tool_parts, {right} (trend-x and offset-x)" in text
+
+
+def test_a_squareness_is_right_where_the_other_axis_stood_at_its_setting() -> None:
+    """Of the error along x by the place along y, in mm; of one shared by both axes there is no
+    sentence for both.
+    """
+    angle = ("angle", "arcsec", 20.0, 0.5)
+    square = effect("squareness-xy", parameters=(angle,), equations={"Ex": "angle*(y - 75)"})
+    item, covariance = found(square, OFFSET)
+    (point,) = item.neutral_points
+    assert (point.axis, point.covariate) == ("x", "y")
+    per_mm = 20 * np.pi / 648000
+    assert point.at == pytest.approx(75 - 1e-3 * SHIFT / per_mm)
+    assert point.counted_from == pytest.approx(75.0)
+    whole = replace(result(item), covariance=covariance)
+    text = verdict_text(item, whole)
+    said = "X and Y are out of square by 20.00 ± 0.50 arcsec, less than 90 degrees"
+    assert f"{said}, and X is right at y = 37.0 ± 5.2 mm (squareness-xy and offset-x)" in text
+    note = "squareness-xy is counted from y = 75.00 mm, and offset-x is the error there: one cause"
+    assert note in " ".join(plain_text(table(whole)).split())
+    halves = {"Ex": "0.5*angle*(y - 75)", "Ey": "0.5*angle*(x - 75)"}
+    item, covariance = found(replace(square, equations=halves), OFFSET)
+    text = verdict_text(item, replace(result(item), covariance=covariance))
+    assert "; X is right at y = " in text
+    assert "everything is shifted along X" in text
 
 
 def test_a_drift_of_several_axes_keeps_its_sentence() -> None:
@@ -252,7 +289,8 @@ def of_a_class(*rivals: FoundEffect, names: tuple[str, ...], **changed: object) 
 
 def test_a_drift_that_may_be_another_has_one_if_it_is_that() -> None:
     """The offset keeps its sentence: of a rise in time it is none."""
-    warms = effect("warm-up-x", equations={"Ex": "lost_motion*time_min"}, class_names=CLASS[::-1])
+    rise = {"Ex": "lost_motion*(1 - exp(-time_min/20))"}
+    warms = effect("warm-up-x", equations=rise, class_names=CLASS[::-1])
     text = of_a_class(warms, names=CLASS)
     one = "with offset-x that is one cause: X is right at T_spindle_degC = 22.50 ± 0.33. "
     assert f"of T_spindle_degC; {one}If warm-up-x: " in text

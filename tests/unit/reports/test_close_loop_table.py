@@ -208,7 +208,11 @@ def test_without_a_repeatability_none_is_told() -> None:
         ),
         (
             effect("squareness-xy", parameters=(("angle", "arcsec", 3.3, 0.2),)),
-            "X and Y are out of square by 3.30 ± 0.20 arcsec",
+            "X and Y are out of square by 3.30 ± 0.20 arcsec, less than 90 degrees",
+        ),
+        (
+            effect("squareness-xy", parameters=(("angle", "arcsec", -3.3, 0.2),)),
+            "X and Y are out of square by 3.30 ± 0.20 arcsec, more than 90 degrees",
         ),
         (
             effect(
