@@ -43,6 +43,7 @@ from mtu_cli.model.residual_visits import Visited, only_rows, visited_of
 from mtu_cli.model.resolution import resolution
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
+from mtu_cli.model.written_errors import without_written_errors
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -129,8 +130,9 @@ def residual_table(
     claim, or points of no axis that an equation is for.
     """
     warned = _checked(points, datum)
+    points, written = without_written_errors(points, model.covariates())
     points, gaps = without_gaps(points, model.covariates())
-    warned += gaps
+    warned += [*written, *gaps]
     axes = _axes(model, points, warned)
     layout = layout_of(points)
     table, errors = _measured(model, points, covariates or {}, axes, layout, warned)
@@ -145,7 +147,7 @@ def residual_table(
         told: list[Warned] = []
         rest = _without_lost(points, lost, datum, told)
         table, more = residual_table(model, rest, covariates, datum)
-        return table, (*gaps, *told, *more)
+        return table, (*written, *gaps, *told, *more)
     warned += visited.warnings(table.there, table.operation)
     return _without_motions(table, visited, layout.cells, errors), tuple(warned)
 

@@ -92,8 +92,9 @@ def _class(item: TableResult) -> str:
             likely = "; ".join(filter(None, [said.named, one_cause(item, place, effect)]))
             words.append(f"Most likely {likely}; {either(names[1:])} is not excluded.")
         else:
-            more = " (see the table)" if len(names) > RIVALS else ""
-            words.append(f"{either(names)}{more}: this data cannot tell.")
+            more = " (more in the table)" if len(names) > RIVALS else ""
+            beside = "Beside that " if words else ""  # What stands there is sure.
+            words.append(f"{beside}{either(names)}{more}: this data cannot tell which.")
             words += [f"If {name}: {text}." for name, text in _members(item, effect)]
         if effect is not None and (len(names) > 1 or pitch_is_open(effect)):
             words += _experiment(effect)

@@ -33,7 +33,7 @@ def test_what_is_no_reading_of_a_scatter_is_not_told_as_one() -> None:
     )  # fmt: skip
     both = replace(own, apart=names[2:])
     text = words(result(on_table("class", (both,))))
-    assert text.startswith("scale-scatter or thermal-growth-x: this data cannot tell.")
+    assert text.startswith("scale-scatter or thermal-growth-x: this data cannot tell which.")
     assert "offset-z" not in text
     shown = plain_text(table(result(on_table("class", (both,))))).replace("\n", " ")
     assert "scale-scatter: not much less likely, but no readings of it (they look different): " in (

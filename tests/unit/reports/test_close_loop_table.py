@@ -71,7 +71,9 @@ def test_a_reversal_says_which_way_it_goes() -> None:
 
 def test_a_class_is_not_told_as_one_name() -> None:
     text = words(ambiguous())
-    assert text.startswith("backlash-x, abbe-x or trend-x: this data cannot tell. If backlash-x: ")
+    assert text.startswith(
+        "backlash-x, abbe-x or trend-x: this data cannot tell which. If backlash-x: "
+    )
     assert "To tell: shift the fixture by 17 mm" in text
     assert "set them a further 6.3 standard deviations apart (so far 0.81)" in text
 

@@ -36,10 +36,11 @@ def long_class(now_d: float = 0.5, *names: str) -> CloseLoopResult:
 def test_of_a_long_class_the_sentence_names_three_and_the_table_all() -> None:
     text = words(long_class())
     assert text.startswith(
-        "backlash-x, abbe-x, trend-x or one of 3 others (see the table): this data cannot tell. "
+        "backlash-x, abbe-x, trend-x or one of 3 others (more in the table): this data cannot tell "
+        "which. "
     )
     one = words(long_class(0.5, "abbe-x", "trend-x", "scale-x"))
-    assert one.startswith("backlash-x, abbe-x, trend-x or one other (see the table): this")
+    assert one.startswith("backlash-x, abbe-x, trend-x or one other (more in the table): this")
     shown = plain_text(table(long_class()))
     assert "backlash-x may be: backlash-x, abbe-x, trend-x, scale-x, cyclic-x, radial\n" in shown
     assert "may be" not in plain_text(table(ambiguous()))
@@ -97,7 +98,7 @@ def test_growth_and_drift_are_one_cause_with_a_fixed_point() -> None:
     # A third effect of which there are several: the two stay what they are.
     third = effect("backlash-x", class_names=("backlash-x", "abbe-x"))
     classed = words(grown(DRIFTS, GROWS, third, verdict="class"))
-    assert classed.startswith(f"{both}{names[:2]}thermal-growth-x and thermal-drift-x). backlash-x")
+    assert classed.startswith(f"{both}{names}. Beside that backlash-x or abbe-x: this data cannot")
     # The table keeps a row for each.
     rows = plain_text(table(grown(GROWS, DRIFTS))).splitlines()
     assert [row.split()[0] for row in rows if "± 0.40" in row or "± 0.17" in row][1:] == [
@@ -203,7 +204,7 @@ def test_a_drift_that_is_one_of_a_class_may_be_one_cause_with_the_growth(
     both = [f"If {drifts}", f"If {warms}"]
     text = words(found)
     assert " ".join(both if drift_first else both[::-1]) in text
-    assert f"{pair[0].name} or {pair[1].name}: this data cannot tell. " in text
+    assert f"{pair[0].name} or {pair[1].name}: this data cannot tell which. " in text
     assert "the fixed point of X is not told" not in text
     (point,) = document(found)["fixed_points"]
     assert (point["given"], point["told"]) == ("thermal-drift-x", True)
@@ -253,7 +254,9 @@ def test_a_pitch_that_is_one_of_several_makes_a_class() -> None:
     assert "cyclic-x: 5 values of pitch_mm fit alike at these places" in shown
     # In a class of names too.
     several = words(result(on_table("class", (replace(own, class_names=("cyclic-x", "abbe-x")),))))
-    assert several.startswith("cyclic-x or abbe-x: this data cannot tell. If cyclic-x: X has a")
+    assert several.startswith(
+        "cyclic-x or abbe-x: this data cannot tell which. If cyclic-x: X has a"
+    )
     assert "distances along the axis. Held-out" in several
     assert "pitch 43 [2, 65] mm (cyclic-x)" in words(result(on_table("named", (wave(),))))
 
