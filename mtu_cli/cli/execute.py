@@ -133,7 +133,7 @@ def show(tables: Iterable[object]) -> None:
     if sys.stdout.isatty():
         terminal = console()
         for table in tables:
-            terminal.print(table)
+            terminal.print(table, crop=False)
     else:
         sys.stdout.write(plain_text(tables))
 

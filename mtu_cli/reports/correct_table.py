@@ -52,7 +52,7 @@ def _sizes(title: str, items: tuple[Size, ...], digits: int) -> Sheet:
         Column(title="id\n", text=True, folds=True),
         Column(title="part\n", text=True, folds=True),
     ]
-    columns += [Column(title="T\ndegC")] if warm else []
+    columns += [Column(title="T\ndegC", names=True)] if warm else []
     columns += [
         Column(title="calibrated\nmm" if rounds else "nominal\nmm"),
         Column(title="before\num"),
@@ -154,9 +154,10 @@ def _listed(result: CorrectResult, digits: int) -> Sheet:
         Column(title="part\n", text=True, folds=True),
         Column(title="feature\n", text=True, folds=True),
     ]
-    columns += [Column(title="repeat\n")] if repeated else []
+    columns += [Column(title="repeat\n", names=True)] if repeated else []
     for axis in result.axes:
-        columns += [Column(title=f"{axis} correction\num"), Column(title=f"{axis} corrected\nmm")]
+        columns.append(Column(title=f"correction\n{axis}, um", begins=True))
+        columns.append(Column(title=f"corrected\n{axis}, mm"))
     u, _ = result.of_corrected()
     rows = []
     for i in range(len(points)):

@@ -38,7 +38,7 @@ def table(machine: str, fit: MachineFit, estimates: Estimates, digits: int = 2) 
         Column(title="component\n", text=True, folds=True),
         Column(title="of\n", text=True),
         Column(title="unit\n", text=True),
-        *(Column(title=title) for title in titles),
+        *(Column(title=title, begins=title.startswith("drift")) for title in titles),
     ]
     standing_out = [_standing_out(fit, test) for test in TESTS]
     rows = [

@@ -132,9 +132,8 @@ def _known_to(result: Sweep) -> str:
 def table(result: Sweep, digits: int = 2) -> list[Sheet]:
     """One row a grid point: mean and u, in um for a length; or the chance."""
     names = list(result.varied)
-    varied = [
-        Column(title=name.replace("_um", "\num") if "_" in name else f"{name}\n") for name in names
-    ]
+    titles = [name.replace("_um", "\num") if "_" in name else f"{name}\n" for name in names]
+    varied = [Column(title=title, names=True) for title in titles]
     columns, cells = _chances(result) if result.chance else _uncertainties(result, digits)
     rows = [
         [*(f"{item.at[name]:g}" for name in names), *own, str(item.trials)]

@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -94,15 +94,11 @@ def table(result: PointsResult, digits: int = 2) -> list[Sheet]:
     """One row a feature: position, and E, u, U and 95 % by axis; um, u to `digits`.
 
     Three axes leave no room for the ends of the intervals, then half their width is shown; where
-    not even that has room, every axis has a table of its own.
+    not even that has room, the axes stand below each other, with the ends.
     """
-    axes = result.prediction.axes
-    for ends in (True, False):
-        sheet = _sheet(result, axes, digits, ends=ends)
-        if sheet.fits():
-            return [sheet, *_shares(result, digits)]
-    sheets = [_sheet(result, [axis], digits, ends=True) for axis in axes]
-    return [*sheets, *_shares(result, digits)]
+    whole, short = (_sheet(result, digits, ends=ends) for ends in (True, False))
+    sheet = short if short.fits() and not whole.fits() else whole
+    return [sheet, *_shares(result, digits)]
 
 
 def _shares(result: PointsResult, digits: int) -> list[Sheet]:
@@ -121,31 +117,29 @@ def _shares(result: PointsResult, digits: int) -> list[Sheet]:
     return shares_sheets("u", "um", items, digits, more)
 
 
-def _sheet(result: PointsResult, axes: Sequence[str], digits: int, *, ends: bool) -> Sheet:
-    """The errors along some axes, with the `ends` of their 95 % intervals or half the width."""
-    of_all = result.prediction.axes
+def _sheet(result: PointsResult, digits: int, *, ends: bool) -> Sheet:
+    """The errors with the `ends` of their 95 % intervals or half the width."""
+    axes = result.prediction.axes
     placed = [a for a in range(3) if np.isfinite(result.points[:, a]).any()]
     columns = [Column(title="feature\n", text=True, folds=True)]
     columns += [Column(title=f"{'xyz'[a]}\nmm") for a in placed]
     for axis in axes:
-        columns += [Column(title=f"{name}\num") for name in (f"E{axis}", "u", "U")]
+        columns.append(Column(title=f"E{axis}\num", begins=True))
+        columns += [Column(title=f"{name}\num") for name in ("u", "U")]
         columns.append(Column(title="95 %\num" if ends else "95 %\n± um"))
     rows = []
     beyond = components_beyond(result.prediction)
     places = [_places(result.points[:, a]) for a in placed]
     for i, name in enumerate(result.prediction.ids):
         cells = [marked(name, [name], beyond), *(column[i] for column in places)]
-        for axis in axes:
-            cells += _cells(result, i * len(of_all) + of_all.index(axis), digits, ends=ends)
+        for k in range(len(axes)):
+            cells += _cells(result, i * len(axes) + k, digits, ends=ends)
         rows.append(cells)
     notes = [f"U = {result.coverage_factor:g} u; error = actual minus nominal; {_kind(result)}"]
     if not ends:
         notes.append("95 %: E ± so much holds 95 of 100 future parts (Student's t)")
     notes += mark_notes(result.prediction)
-    title = "Errors of the features"
-    if len(axes) < len(of_all):
-        title += f" along {axes[0]}"
-    return Sheet(title=title, columns=columns, rows=rows, notes=notes)
+    return Sheet(title="Errors of the features", columns=columns, rows=rows, notes=notes)
 
 
 def _places(column: FloatArray) -> list[str]:

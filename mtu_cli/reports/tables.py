@@ -13,9 +13,10 @@ from rich import box
 from rich.cells import cell_len, chop_cells
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.measure import Measurement
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
+
+from mtu_cli.reports.table_groups import Extent, Group, groups
 
 WIDTH = 100
 """Columns that a table may take."""
@@ -29,12 +30,16 @@ JOINTS = re.compile(r"[^\s_/-]*[\s_/-]+|[^\s_/-]+")
 class Column:
     """A column: its heading (a second line for the unit), and whether it holds text.
 
-    A `folds` column may break its cells over lines where the table is too wide.
+    A `folds` column may break its cells over lines where the table is too wide. Where it is too
+    wide even then columns stand below each other in groups: behind the text in front of the
+    first number, and whatever else `names` the row, in each; a group rather `begins` here.
     """
 
     title: str
     text: bool = False
     folds: bool = False
+    names: bool = False
+    begins: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,52 +56,69 @@ class Sheet:
     widest: int = WIDTH
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        terminal = console.is_terminal
-        width = min(self.widest, options.max_width)
+        yield Text(self.title, style="bold")
+        found = groups(self._extents(), min(self.widest, options.max_width))
+        for i, group in enumerate(found):
+            if i > 0:
+                yield Text("")
+            # A terminal too narrow for a name and a number breaks the line itself: rich would cut.
+            width = max(group.width, options.max_width)
+            for line in console.render_lines(
+                self._table(group, boxed=console.is_terminal),
+                options.update(width=width),
+                pad=False,
+                new_lines=True,
+            ):
+                yield from line
+        for note in self.notes:
+            yield Text(note, style="dim", overflow="fold")
+
+    def _table(self, group: Group, *, boxed: bool) -> Table:
+        """A group of the columns; the lines of a box take one blank of the gap."""
         table = Table(
-            box=box.SIMPLE_HEAD if terminal else None,
+            box=box.SIMPLE_HEAD if boxed else None,
             show_edge=False,
             pad_edge=False,
-            padding=(0, 1 if terminal or self._wide(width) else 2, 0, 0),
+            padding=(0, group.gap - 1 if boxed else group.gap, 0, 0),
             header_style="bold",
             collapse_padding=True,
         )
-        for column in self.columns:
+        chosen = [self.columns[i] for i in group.columns]
+        for column, width in zip(chosen, group.widths, strict=True):
             table.add_column(
                 Text(column.title),
                 justify="left" if column.text else "right",
                 no_wrap=not column.folds,
                 overflow="fold",
+                width=width,
             )
         for row in self.rows:
+            cells = [row[i] for i in group.columns]
             table.add_row(
                 *[
                     Name(value) if column.folds else _cell(value)
-                    for value, column in zip(row, self.columns, strict=True)
+                    for value, column in zip(cells, chosen, strict=True)
                 ]
             )
-        yield Text(self.title, style="bold")
-        yield Padding(table, 0)
-        for note in self.notes:
-            yield Text(note, style="dim", overflow="fold")
+        return table
 
     def fits(self) -> bool:
-        """Whether no number of it is broken over lines; a column that folds then does so."""
-        widths = [
-            min(width, FOLDED) if column.folds else width
-            for width, column in zip(self._widths(), self.columns, strict=True)
-        ]
-        return sum(widths) + len(widths) - 1 <= self.widest
+        """Whether all columns stand side by side; one that folds then does so."""
+        first, *others = groups(self._extents(), self.widest)
+        return not others and first.width <= self.widest
 
-    def _wide(self, width: int) -> bool:
-        widths = self._widths()
-        return sum(widths) + 2 * len(widths) > width
-
-    def _widths(self) -> list[int]:
-        return [
-            max([*map(len, column.title.split("\n")), *(len(row[i]) for row in self.rows)])
-            for i, column in enumerate(self.columns)
-        ]
+    def _extents(self) -> list[Extent]:
+        """Widths of heading and cells; a heading breaks between its words only."""
+        front = max(1, next((i for i, c in enumerate(self.columns) if not c.text), 1))
+        found = []
+        for i, column in enumerate(self.columns):
+            cells = max((cell_len(row[i]) for row in self.rows), default=0)
+            wanted = max([cells, *map(cell_len, column.title.split("\n"))])
+            words = max(map(cell_len, column.title.split()), default=0)
+            least = min(wanted, max(FOLDED, words)) if column.folds else wanted
+            names = column.names or i < front
+            found.append(Extent(wanted=wanted, least=least, names=names, begins=column.begins))
+        return found
 
 
 @dataclass(frozen=True, slots=True)

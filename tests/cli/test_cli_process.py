@@ -78,12 +78,12 @@ def test_the_terminal_it_was_started_from_changes_nothing_in_a_pipe() -> None:
     assert done(mtu("lengths", SMALL, env=strange)).stdout == in_a_pipe()
 
 
-def on_a_terminal(*args: object) -> str:
+def on_a_terminal(*args: object, columns: int = 100) -> str:
     """What a call writes where standard output is a terminal."""
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
         [MTU, *map(str, args)],
-        env=environment({"TERM": "xterm-256color", "COLUMNS": "100"}),
+        env=environment({"TERM": "xterm-256color", "COLUMNS": str(columns)}),
         stdin=subprocess.DEVNULL,
         stdout=theirs,
         stderr=subprocess.DEVNULL,
@@ -110,6 +110,16 @@ def test_a_terminal_receives_colour() -> None:
     bare = re.sub(r"\x1b\[[0-9;]*m", "", shown)
     for line in in_a_pipe().splitlines()[3:5]:
         assert line.split() == next(x for x in bare.splitlines() if x.startswith(line[:3])).split()
+
+
+@pytest.mark.parametrize("columns", [20, 80])
+def test_a_narrow_terminal_loses_nothing(columns: int) -> None:
+    """Columns stand below each other there: all that a pipe receives is to be seen."""
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", on_a_terminal("lengths", SMALL, columns=columns))
+    _, _, _, *rows = in_a_pipe().partition("\nU = ")[0].splitlines()
+    for row in rows:
+        for cell in re.split(" {2,}", row):
+            assert re.search(rf"(^| ){re.escape(cell)}( |\r?$)", shown, re.MULTILINE)
 
 
 def test_a_reader_that_leaves_early() -> None:

@@ -256,7 +256,7 @@ def test_shares_below_nothing_are_explained_and_none_are_made_up(paper: Example)
 
 
 def test_three_axes_keep_their_95_percent(spatial: Example) -> None:
-    """Half its width where the ends have no room; a table an axis where not even that has."""
+    """Half its width where the ends have no room; an axis below the other where not even that."""
     result = spatial.points()
     sheet, _ = predict_points.table(result)
     titles = [column.title for column in sheet.columns]
@@ -266,16 +266,23 @@ def test_three_axes_keep_their_95_percent(spatial: Example) -> None:
     low, high = result.interval95[2] * 1e3
     u = float(np.sqrt(result.variance[2])) * 1e3
     assert sheet.rows[0][-1] == with_u((high - low) / 2, u)[0]
-    apart = predict_points.table(result, 5)[:-1]
-    assert [sheet.title[-7:] for sheet in apart] == ["along x", "along y", "along z"]
-    for j, sheet in enumerate(apart):
+    sheet, _ = predict_points.table(result, 5)
+    titles = [column.title for column in sheet.columns]
+    assert titles.count("95 %\num") == 3
+    assert [column.title for column in sheet.columns if column.begins] == [
+        "Ex\num", "Ey\num", "Ez\num",
+    ]  # fmt: skip
+    for j in range(3):
         low, high = result.interval95[3 + j] * 1e3
         u = float(np.sqrt(result.variance[3 + j])) * 1e3
-        assert sheet.rows[1][-1] == interval(low, high, u, 5)
-        assert sheet.rows[1][-3] == significant(u, 5)
-    lines = plain_text(apart).splitlines()
+        last = titles.index(f"E{'xyz'[j]}\num") + 3
+        assert sheet.rows[1][last] == interval(low, high, u, 5)
+        assert sheet.rows[1][last - 2] == significant(u, 5)
+    lines = plain_text([sheet]).splitlines()
     assert max(map(len, lines)) <= 100
-    assert sum(line.startswith("21 ") for line in lines) == 3
+    heads = [line.split() for line in lines if line.startswith("feature")]
+    assert [[word for word in head if word[0] == "E"] for head in heads] == [["Ex"], ["Ey", "Ez"]]
+    assert sum(line.startswith("21 ") for line in lines) == 2
 
 
 def test_no_part_conforms_by_more_than_all(paper: Example) -> None:
