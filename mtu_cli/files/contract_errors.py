@@ -36,6 +36,7 @@ EXPECTED = {
     "int_type": "a whole number",
     "int_parsing": "a whole number",
     "int_from_float": "a whole number",
+    "int_parsing_size": "a whole number of at most 18 digits",
     "string_type": "a text",
     "string_unicode": "a text of letters",
     "bool_type": "true or false",

@@ -82,12 +82,19 @@ def validated(source: Source, document: Any, model: type[M], command: str) -> M:
 
 def _problem(source: Source, item: Any, command: str) -> Problem:
     return Problem(
-        what="is missing" if item["type"] == "missing" else f"is not {in_words(item)}",
+        what=_what(item),
         file=source.shown,
         path=".".join(str(part) for part in item["loc"]),
         value=None if item["type"] == "missing" else repr(item["input"]),
         expected=f"the report as `mtu {command}` writes it",
     )
+
+
+def _what(item: Any) -> str:
+    if item["type"] == "missing":
+        return "is missing"
+    # A check of ours says by itself what is wrong; else there is a noun for what is expected.
+    return in_words(item) if item["type"] == "value_error" else f"is not {in_words(item)}"
 
 
 def unit_problem(source: Source, name: str, unit: str) -> list[Problem]:

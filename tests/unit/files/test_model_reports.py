@@ -79,6 +79,22 @@ def test_names_do_not_exempt_and_faults_keep_their_order(tmp_path: Path) -> None
     assert paths == [f"results.components.{name}.{path}" for name in named for path in wanted]
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("s_repeat", -1, "s_repeat: should not be negative: '-1'; expected the report as"),
+        ("degree", 1e99, "degree: is not a whole number of at most 18 digits: '1e+99'"),
+        ("degree", "a", "degree: is not a whole number: \"'a'\""),
+        ("unit", 3, "unit: is not a text: '3'"),
+    ],
+)
+def test_wrong_values_are_told_in_whole_sentences(
+    tmp_path: Path, key: str, value: Any, words: str
+) -> None:
+    (found,) = told(written(tmp_path, "c.json", "fit-components", FITTED | {key: value}))
+    assert f"results.components.a.{words}" in found
+
+
 JOINT = {
     "components": ["a"], "widths": [1], "coefficient_covariance": [[0]],
     "pass_covariance": [[0]], "pass_dof": 0, "n_passes": 3,
