@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
-from mtu_cli.errors import Problem, closest, did_you_mean
+from mtu_cli.errors import Problem, closest
 from mtu_cli.files.contract_keys import expected_key, meant, torn_values
 from mtu_cli.files.contract_shapes import annotation_at, expected_keys, expected_list, keys_at
 from mtu_cli.files.yaml_entries import COLON, as_entry
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
-from mtu_cli.units import UNITS
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -60,7 +59,6 @@ ANOTHER = "another value"
 
 
 TOLD = "told"
-PLAIN = "in plain letters"
 
 
 def told(what: str, expected: str) -> PydanticCustomError:
@@ -274,11 +272,3 @@ def number_expectation(text: str, wanted: str = "a number") -> str:
     if _WITH_UNIT.fullmatch(text):
         return f"{wanted} alone, without its unit"
     return wanted
-
-
-def unit_expectation(text: str, units: Collection[str] = UNITS) -> str:
-    """The unit that an unknown one was probably meant to be."""
-    plain = text.strip().replace("\u00b5", "u").replace("\u03bc", "u")
-    if plain in units:
-        return f"{plain!r}, {PLAIN}"
-    return did_you_mean(text, units)

@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from mtu_cli.files.contract_errors import told, unit_expectation
+from mtu_cli.errors import did_you_mean
+from mtu_cli.files.contract_errors import told
 from mtu_cli.files.contracts import MAX_DEGREE, Contract, NonNegative, Positive
 from mtu_cli.files.thermal_contract import Thermal
 from mtu_cli.units import PARAMETER_UNITS, UNITS, plain_unit
@@ -19,13 +20,13 @@ SearchedName = Annotated[str, Field(min_length=1)]
 
 def _known_unit(text: str) -> str:
     if plain_unit(text) not in UNITS:
-        raise told("unknown unit", unit_expectation(text))
+        raise told("unknown unit", did_you_mean(text, UNITS))
     return plain_unit(text)
 
 
 def _known_parameter_unit(text: str) -> str:
     if plain_unit(text) not in PARAMETER_UNITS:
-        raise told("unknown unit", unit_expectation(text, PARAMETER_UNITS))
+        raise told("unknown unit", did_you_mean(text, PARAMETER_UNITS))
     return plain_unit(text)
 
 

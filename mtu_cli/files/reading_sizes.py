@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import Problem
-from mtu_cli.files.contract_errors import unit_expectation
+from mtu_cli.errors import Problem, did_you_mean
 from mtu_cli.files.csv_table import ProblemList, Table, cell_text
 from mtu_cli.files.reading_cells import (
     FARTHEST_MM,
@@ -57,7 +56,7 @@ def check_units(table: Table, problems: ProblemList) -> None:
         if label in UNITS:
             continue
         rows = np.flatnonzero(column.codes == code)
-        problems.add_cells(table, rows, "unit", "unknown unit", [label], unit_expectation(label))
+        problems.add_cells(table, rows, "unit", "unknown unit", [label], did_you_mean(label, UNITS))
 
 
 @dataclass(frozen=True, slots=True)
