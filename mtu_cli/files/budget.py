@@ -180,7 +180,8 @@ def _check_tree_units(
 
 
 def _check_names(findings: Findings) -> None:
-    for name in findings.keys("inputs"):
+    # One without a value has its own message.
+    for name in findings.given("inputs"):
         if not is_identifier(name):
             what = "no equation can use this name"
             findings.add(

@@ -11,8 +11,14 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
 from mtu_cli.errors import Problem, closest
-from mtu_cli.files.contract_keys import expected_key, meant, torn_values
-from mtu_cli.files.contract_shapes import annotation_at, expected_keys, expected_list, keys_at
+from mtu_cli.files.contract_keys import decimals_of, expected_key, meant, torn_values
+from mtu_cli.files.contract_shapes import (
+    annotation_at,
+    expected_keys,
+    expected_list,
+    holds_commas,
+    keys_at,
+)
 from mtu_cli.files.yaml_entries import COLON, as_entry
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 
@@ -138,13 +144,16 @@ def _torn(
     document: YamlDocument,
     model: type[BaseModel],
 ) -> dict[YamlPath, list[str]]:
-    """As `torn_values`, but for numbers with a decimal comma, ``{x_mm: 20,5}``."""
+    """As `torn_values`, where a list or a text belongs: a number has no comma, whether its
+    decimals stand behind it, ``{x_mm: 20,5}``, or a key that lacks its value.
+    """
     lists = {item["loc"] for item in items if item["type"] == "list_type"}
     return {
         path: parts
         for parent, unknown in alone.items()
         for path, parts in torn_values(unknown, keys_at(model, parent), document).items()
-        if path in lists or not all(part.isdecimal() for part in parts[1:])
+        if holds_commas(model, path)
+        and (path in lists or not all(part.isdecimal() for part in parts[1:]))
     }
 
 
@@ -172,7 +181,8 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
         line = document.line_of(*path)
     elif item["type"] == "extra_forbidden":
         what, value = "unknown key", str(item["loc"][-1])
-        expected = expected_key(value, item["input"], keys_at(model, item["loc"][:-1]))
+        known = keys_at(model, item["loc"][:-1])
+        expected = decimals_of(item["loc"], document) or expected_key(value, known)
     elif item["type"] == TOLD:
         context = item.get("ctx", {})
         what, expected = str(context["what"]), str(context["expected"])
@@ -181,9 +191,7 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
         what, expected = _literal(item)
         value = shown_value(item["input"])
     elif item["input"] is None:
-        entry = as_entry(str(path[-1])) if path else None
-        what, expected = "has no value", _expected(item, annotation_at(model, path))
-        expected = expected if entry is None else f"'{entry}', {COLON}"
+        what, expected = "has no value", _missing_value(item, path, document, model)
     else:
         what, value = "wrong value", shown_value(item["input"])
         expected = _expected(item, annotation_at(model, path))
@@ -197,6 +205,15 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
         expected=expected,
         lacks=lacks,
     )
+
+
+def _missing_value(
+    item: ErrorDetails, path: YamlPath, document: YamlDocument, model: type[BaseModel]
+) -> str:
+    entry = as_entry(str(path[-1])) if path else None
+    if entry is not None:
+        return f"'{entry}', {COLON}"
+    return decimals_of(path, document) or _expected(item, annotation_at(model, path))
 
 
 def _literal(item: ErrorDetails) -> tuple[str, str]:

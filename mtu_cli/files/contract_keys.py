@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from mtu_cli.errors import closest, is_near, listing
+from mtu_cli.files.yaml_commas import decimal_point
 from mtu_cli.files.yaml_entries import COLON, as_entry, key_of
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 from mtu_cli.units import UNITS
@@ -23,11 +24,8 @@ def meant(key: str, known: Collection[str]) -> str | None:
     return own or by_other_name(key, known) or _stated_in(key, known) or _near(key, known)
 
 
-def expected_key(key: str, given: object, known: Collection[str]) -> str:
-    """What to write instead of an unknown key, whose value is `given`."""
-    if key.isdecimal() and given is None:
-        # {value: 1,5} has the keys `value` and `5`.
-        return f"a decimal point before {key}: a comma ends a value"
+def expected_key(key: str, known: Collection[str]) -> str:
+    """What to write instead of an unknown key."""
     entry = as_entry(key)
     if entry is not None and meant(key, known) is not None:
         return f"'{entry}', {COLON}"
@@ -94,7 +92,26 @@ def torn_values(
     return found
 
 
+def decimals_of(path: YamlPath, document: YamlDocument) -> str | None:
+    """What to write instead of an entry without a value whose key follows a number on its line:
+    `10` of ``{arm: 3,10}``. None where it is no such rest.
+    """
+    before: object = None
+    line: int | None = None
+    for key, value in _at(document.data, path[:-1]).items():
+        own = document.line_of(*path[:-1], key)
+        if key == path[-1]:
+            number = isinstance(before, (int, float)) and not isinstance(before, bool)
+            return decimal_point(key) if value is None and number and own == line else None
+        if value is not None:
+            before, line = value, own
+    return None
+
+
 def _at(data: Any, path: YamlPath) -> Mapping[str, Any]:
     for step in path:
-        data = data[step]
+        try:
+            data = data[step]
+        except (KeyError, IndexError, TypeError):
+            return {}
     return data if isinstance(data, dict) else {}

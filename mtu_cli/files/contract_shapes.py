@@ -35,6 +35,14 @@ def lists_texts(model: type[BaseModel], path: YamlPath) -> bool:
     return annotation_at(model, (*path, 0)) is str
 
 
+def holds_commas(model: type[BaseModel], path: YamlPath) -> bool:
+    """Whether a list or a text that may hold a comma belongs at a path."""
+    annotation = annotation_at(model, path)
+    if get_origin(annotation) is Literal:
+        return any("," in str(item) for item in get_args(annotation))
+    return annotation is str or get_origin(annotation) in (list, tuple)
+
+
 def keys_at(model: type[BaseModel], loc: YamlPath) -> list[str]:
     """The keys that an entry may have."""
     return list(_fields(annotation_at(model, loc)))

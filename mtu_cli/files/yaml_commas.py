@@ -9,6 +9,8 @@ from itertools import pairwise
 
 _WHOLE = re.compile(r"[-+]?[0-9]+")
 _DECIMALS = re.compile(r"[0-9]+(?:[eE][-+]?[0-9]+)?")
+_UNIT = r"\s*[A-Za-z\u00b5\u03bc\u00b0%\"'/].*"
+_PIECE = re.compile(rf"({_DECIMALS.pattern})({_UNIT})?", re.DOTALL)
 _PADDED = re.compile(r"[-+]?0[0-9]+(?:[eE][-+]?[0-9]+)?")
 
 
@@ -31,6 +33,17 @@ class OddNumber:
     what: str
     text: str
     expected: str
+
+
+def decimal_point(key: str) -> str | None:
+    """What to write instead of a key that is the rest of a number: {value: 1,5} has the keys
+    `value` and `5`. None for another key.
+    """
+    found = _PIECE.fullmatch(key)
+    if found is None:
+        return None
+    no_unit = ", without a unit" if found[2] else ""
+    return f"a decimal point before {found[1]}{no_unit}: a comma ends a value"
 
 
 def odd_number(cells: Sequence[Cell], text: str) -> OddNumber | None:

@@ -14,7 +14,7 @@ import yaml
 
 from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.source import Source, a_file, check_text, read_source
-from mtu_cli.files.yaml_commas import Cell, OddNumber, odd_number
+from mtu_cli.files.yaml_commas import Cell, OddNumber, decimal_point, odd_number
 from mtu_cli.files.yaml_faults import control_line, unreadable
 from mtu_cli.files.yaml_scalars import CORE_TAG, plain_scalar, tagged_scalar
 
@@ -67,6 +67,10 @@ class _Node:
     key: tuple[str, int] | None = None
     cells: list[Cell] | None = None
     odd: OddNumber | None = None
+
+    def is_null(self) -> bool:
+        """Whether nothing stands there, as behind `5` in ``{u: 1,5}``."""
+        return self.value is None and self.items is None and self.entries is None
 
 
 def read_yaml(path: Path, role: str) -> YamlDocument:
@@ -174,10 +178,12 @@ class _Composer:
             self.anchors[event.anchor] = _Node(line, value)
         entries = parent.entries or {}
         if key in entries:
-            first = entries[key][0]
+            first, node = entries[key]
             where = f" in line {line}" if first == line else f": in lines {first} and {line}"
             what = f"key {key!r} appears twice{where}"
-            self.duplicates.append(Problem(what=what, file=self.shown, line=line))
+            expected = decimal_point(key) if node.is_null() else None
+            problem = Problem(what=what, file=self.shown, line=line, expected=expected)
+            self.duplicates.append(problem)
         parent.key = (key, line)
 
     def _scalar(self, event: Any, line: int) -> Any:

@@ -36,6 +36,11 @@ def test_a_distribution_by_another_name(name: str, meant: str) -> None:
     assert found.endswith(f"unknown value: {name!r}; did you mean {meant!r}?")
 
 
+def test_the_rest_of_a_decimal_comma_is_told_as_no_name_too() -> None:
+    (found,) = faults("equation: a + b\ninputs: {a: 1, b: 9,81}\n")
+    assert "inputs.81: has no value; expected a decimal point before 81" in found
+
+
 def quantity(entry: str) -> InputQuantity:
     """The input `a` of a sum."""
     found = input_quantities(loaded(SUM + f"  a: {entry}\n"))

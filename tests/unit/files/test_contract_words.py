@@ -185,6 +185,51 @@ def test_one_fault_is_one_message(model: type[Contract], text: str, words: str) 
     assert words in wanted[0]
 
 
+POINT = "expected a decimal point before "
+ENDS = ": a comma ends a value"
+
+
+@pytest.mark.parametrize(
+    ("model", "text", "places"),
+    [
+        (Part, "A: {x_mm: 1,5e2, y_mm: 20}", {"features.A.5e2": f"{POINT}5e2{ENDS}"}),
+        (Part, "A: {x_mm: 1,5 mm, y_mm: 2}", {"features.A.5 mm": f"{POINT}5, without a unit"}),
+        (Part, "A: {x_mm: 1,5, y_mm: 2,5}", {"key '5' appears twice in line 3": f"{POINT}5{ENDS}"}),
+        (Part, "A: {x_mm: 10, hole, y_mm: 20}", {"features.A.hole": "one of: x_mm, y_mm, z_mm"}),
+        (
+            Part,
+            "A: {z: 5, b, x_mm: 1, y_mm: 2}",
+            {"features.A.z": "expected 'z_mm'", "features.A.b": "one of: x_mm, y_mm, z_mm"},
+        ),
+        (
+            Budget,
+            "a: {value: 1,2e-3, u: 0,1}",
+            {"inputs.a.2e-3": f"{POINT}2e-3{ENDS}", "inputs.a.1": f"{POINT}1{ENDS}"},
+        ),
+        (Budget, "a: {value: 1, u: 0.1, normal}", {"inputs.a.normal": "one of: says, u, half"}),
+        (Budget, "a: 3, g: 9,81", {"inputs.81": f"has no value; {POINT}81{ENDS}"}),
+        (Machine, "arm: 3,10", {"constants.10": f"has no value; {POINT}10{ENDS}"}),
+    ],
+)  # fmt: skip
+def test_a_number_with_a_comma_is_told_alike_everywhere(
+    model: type[Contract], text: str, places: dict[str, str]
+) -> None:
+    """Brackets and quotes are of no use where a number belongs."""
+    start = {Part: "name: p\nfeatures", Budget: "name: b\nequation: a\ninputs"}
+    found = problems(f"{start.get(model, SOUND + 'constants')}: {{{text}}}", model)
+    assert len(found) == len(places), found
+    for line, (place, words) in zip(found, places.items(), strict=True):
+        assert f": {place}" in line
+        assert words in line
+
+
+def test_a_key_that_follows_no_number_on_its_line_is_no_decimal() -> None:
+    (told,) = problems(PART + "2nd:\n", Part)
+    assert "unknown key: '2nd'; expected one of" in told
+    (told,) = problems(PART + "z_mm: 1\n2nd:\n", Part)
+    assert "unknown key: '2nd'; expected one of" in told
+
+
 def test_a_text_is_told_where_it_stands() -> None:
     (told,) = problems(MACHINE + "  Ex = 2*a\n", Machine)
     assert told.startswith("f.yaml:6: equations: ")
