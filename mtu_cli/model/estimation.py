@@ -22,6 +22,7 @@ from mtu_cli.stats.pass_tests import (
     pass_scatter,
     pass_trend,
     reversal,
+    trend_units,
 )
 from mtu_cli.units import UNITS, Unit
 
@@ -61,6 +62,14 @@ class InstrumentFit:
     def trend(self) -> Shift | None:
         """The drift a pass."""
         return None if self.passes is None else pass_trend(self.fit, self.passes.order)
+
+    @property
+    def trend_of_files(self) -> bool:
+        """Whether the order in which files are given, and no times, makes the trend what it is."""
+        passes = self.passes
+        if passes is None or passes.timed:
+            return False
+        return passes.files_in_turn(trend_units(self.fit))
 
     @cached_property
     def reversal(self) -> Shift | None:

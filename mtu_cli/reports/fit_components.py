@@ -36,9 +36,8 @@ from mtu_cli.reports.fitted import (
     single_instrument,
 )
 from mtu_cli.reports.observability import observability, told
-from mtu_cli.reports.runs import files_in_turn, runs_fields
+from mtu_cli.reports.runs import runs_fields
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.pass_pairs import FEWEST_RUNS
 from mtu_cli.stats.pass_tests import FTest, Shift
 
 __all__ = ["csv_rows", "document", "figure", "table", "warnings"]
@@ -244,8 +243,7 @@ def _order_of_files(fit: MachineFit) -> list[Warned]:
         name
         for name, found in fit.components.items()
         for item in found.instruments
-        if item.passes is not None and not item.passes.timed and item.trend is not None
-        if files_in_turn(item.passes, paired=len(item.fit.pairs) >= FEWEST_RUNS)
+        if item.trend is not None and item.trend_of_files
     ]
     if not names:
         return []

@@ -74,14 +74,3 @@ def _told(item: InstrumentFit) -> str | None:
 def _name(key: tuple[int, int], several: bool) -> str:
     """A pass as the file counts it; of several files with the file in front, as in the report."""
     return f"{key[0] + 1}.{key[1]}" if several else f"{key[1]}"
-
-
-def files_in_turn(passes: Passes, *, paired: bool) -> bool:
-    """Whether some runs are of other files than others: where each has a pass of every file, one
-    file there and one back, no order of the files changes the mean time of a run.
-    """
-    run = passes.runs if paired else range(len(passes.keys))
-    files: dict[int, set[int]] = {}
-    for (file, _, _), own in zip(passes.keys, run, strict=True):
-        files.setdefault(int(own), set()).add(file)
-    return len({frozenset(own) for own in files.values()}) > 1

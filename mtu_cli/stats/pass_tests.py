@@ -74,6 +74,20 @@ def pass_scatter(fit: PassFit) -> FTest | None:
     return f_test((fit.pooled_rss - fit.within_rss) / df, fit.s2, df, fit.within_dof)
 
 
+def by_runs(fit: PassFit) -> bool:
+    """Whether the runs there and back are what was repeated, rather than the single passes."""
+    return len(fit.pairs) >= FEWEST_RUNS
+
+
+def trend_units(fit: PassFit) -> IntArray:
+    """(G,) what each pass belongs to in the trend, from 0: its run there and back, or itself."""
+    unit = np.arange(fit.n_passes)
+    if by_runs(fit):
+        unit[fit.pairs[:, 1]] = fit.pairs[:, 0]
+    found: IntArray = np.unique(unit, return_inverse=True)[1].astype(np.int64)
+    return found
+
+
 def pass_trend(fit: PassFit, order: IntArray | FloatArray) -> Shift | None:
     """Drift a pass of the level at the mean position, direction taken out.
 
@@ -83,10 +97,7 @@ def pass_trend(fit: PassFit, order: IntArray | FloatArray) -> Shift | None:
     """
     if not fit.separated or fit.pass_dof < 2:
         return None
-    unit = np.arange(fit.n_passes)
-    if len(fit.pairs) >= FEWEST_RUNS:
-        unit[fit.pairs[:, 1]] = fit.pairs[:, 0]
-    unit = np.unique(unit, return_inverse=True)[1]
+    unit = trend_units(fit)
     columns = np.column_stack([fit.deviations[:, 0], fit.group_direction, _ranks(order)])
     means = lines_by_pass(columns, np.ones((len(unit), 1)), unit, int(unit.max()) + 1)[0][:, 0]
     level, sign, rank = means.T
@@ -119,7 +130,7 @@ def reversal(fit: PassFit, order: IntArray | FloatArray, *, timed: bool = True) 
     if not fit.separated or not forward.any() or not reverse.any() or fit.n_passes < FEWEST_PASSES:
         return None
     level = fit.pass_coefficients[:, 0]
-    if len(fit.pairs) >= FEWEST_RUNS:
+    if by_runs(fit):
         ranks = _ranks(order)[fit.pairs]
         return _reversal_of_runs(level[fit.pairs], ranks, timed, fit.rounding)
     value = float(level[forward].mean() - level[reverse].mean())

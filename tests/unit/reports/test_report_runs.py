@@ -104,6 +104,19 @@ def test_one_file_there_and_one_back_have_one_trend_in_any_order(tmp_path: Path)
     assert "order-of-files" not in codes
 
 
+def test_of_one_run_alone_the_order_of_the_files_counts(tmp_path: Path) -> None:
+    """Its two passes stand each for itself in the trend, then so they do for the warning."""
+    known = loaded(tmp_path, MACHINE.replace(", c: {of: x, unit: mm}", "").replace(" + c", ""))
+    ways = [([1, 2, 3, 4], [sign] * 4) for sign in (1, -1)]
+    given = [segment(name, *own, role=role) for name in "ab"
+             for role, own in zip(("lbb", "laser"), ways, strict=True)]  # fmt: skip
+    fit = fit_machine(known, replace(readings(given), roles=("lbb", "lbb")))
+    (item,) = fit.components["a"].instruments
+    assert not item.trend_of_files
+    alone = replace(item, fit=replace(item.fit, pairs=item.fit.pairs[:1]))
+    assert alone.trend_of_files
+
+
 def test_a_trend_through_files_without_times_says_so(tmp_path: Path) -> None:
     """Their order stands for time: given the other way round, the trend is another."""
     known = loaded(tmp_path, MACHINE.replace(", c: {of: x, unit: mm}", "").replace(" + c", ""))

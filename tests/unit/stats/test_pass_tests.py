@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 
@@ -21,6 +22,7 @@ from mtu_cli.stats.pass_tests import (
     pass_scatter,
     pass_trend,
     reversal,
+    trend_units,
 )
 
 with warnings.catch_warnings():
@@ -145,6 +147,18 @@ def test_of_runs_the_trend_is_that_of_their_means() -> None:
     assert found.value == pytest.approx(wanted.params[1], rel=1e-8)
     assert found.u == pytest.approx(wanted.bse[1], rel=1e-8)
     assert found.dof == 4
+
+
+def test_the_passes_of_a_run_alone_count_each_for_itself_in_the_trend() -> None:
+    """As everywhere: one run has nothing to differ from (`units_dof`)."""
+    design = balanced(12, both=True)
+    fit = in_runs(design, drawn(design, np.random.default_rng(4), reversal=3.0))
+    assert list(trend_units(fit)) == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5]
+    alone = replace(fit, pairs=fit.pairs[:1])
+    assert list(trend_units(alone)) == list(range(12))
+    assert pass_trend(alone, np.arange(12.0)) == pass_trend(
+        replace(fit, pairs=fit.pairs[:0]), np.arange(12.0)
+    )
 
 
 def test_of_runs_the_reversal_is_that_of_levels_less_a_steady_drift() -> None:
