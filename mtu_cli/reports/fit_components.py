@@ -224,7 +224,7 @@ def warnings(fit: MachineFit, estimates: Estimates) -> list[Warned]:
     """Why fields of the report are null."""
     noted = []
     if found := observability(fit, estimates):
-        noted.append(Warned(code="not-determined", message=told(found)))
+        noted.append(Warned(code="not-determined", message=told(found), report_only=True))
     several = [name for name, item in fit.components.items() if len(item.instruments) > 1]
     if several:
         noted.append(

@@ -84,7 +84,7 @@ def _row(
         slope = plus_minus(value[1] * MM_PER_M, _known(u[1] * MM_PER_M), digits)
     row = [name, estimate.of or MISSING, estimate.unit.name]
     row += [plus_minus(value[0], _known(u[0]), digits), slope, *_scatter(estimate, found, digits)]
-    return row + _tests(name, one, found, standing_out, f)
+    return row + _tests(name, one, found, standing_out, f, digits)
 
 
 def _scatter(estimate: ComponentEstimate, found: ComponentFit | None, digits: int) -> list[str]:
@@ -106,6 +106,7 @@ def _tests(
     found: ComponentFit | None,
     standing_out: Sequence[set[str]],
     f: float,
+    digits: int,
 ) -> list[str]:
     """Cells of the four tests; of several instruments only whether one stands out."""
     flags = ["*" if name in names else "" for names in standing_out]
@@ -113,7 +114,7 @@ def _tests(
         return [flag if found and flag else MISSING for flag in flags]
     cells = [p_value(test.p if (test := t(one)) else None) for t in TESTS[:3]]
     back = one.reversal
-    cells.append(MISSING if back is None else plus_minus(back.value / f, back.u / f))
+    cells.append(MISSING if back is None else plus_minus(back.value / f, back.u / f, digits))
     return [f"{cell}{flag}" for cell, flag in zip(cells, flags, strict=True)]
 
 

@@ -12,7 +12,7 @@ from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.fitted import passes_read
-from mtu_cli.stats.pass_tests import FEWEST_PASSES, MAX_POSITIONS
+from mtu_cli.stats.pass_tests import FEWEST_PASSES, MAX_POSITIONS, by_runs
 
 _ALONE = "correlation of its drift with that of other components"
 _GROUPS = "correlation of their drift with that of the other groups"
@@ -136,11 +136,13 @@ def _trend(item: InstrumentFit) -> Check:
     if not item.fit.separated or item.trend is not None:
         return None
     few = f"{_count(item.fit.n_passes, 'pass')} only"
-    return (
-        "steady drift from pass to pass",
-        few if item.fit.pass_dof < 2 else "the levels of its passes do not differ",
-        "at least 4 passes, in each direction where both are read",
-    )
+    would = "at least 4 passes, in each direction where both are read"
+    if by_runs(item.fit):
+        few = f"{_count(len(item.fit.pairs), 'run')} there and back only"
+        would = "at least 3 runs there and back"
+    if item.fit.pass_dof >= 2:
+        few = "the levels of its passes do not differ"
+    return "steady drift from pass to pass", few, would
 
 
 def _repeatability(item: InstrumentFit) -> Check:

@@ -210,3 +210,21 @@ def test_instruments_that_disagree_are_told_of_their_component(tmp_path: Path) -
     assert found.code in LIMITS
     # Words of the message are no components of it.
     assert limits_of(limit_warnings(fit), {"the", "on", "line"}) == []
+
+
+def test_two_runs_there_and_back_lack_runs_for_a_trend(tmp_path: Path) -> None:
+    """Not passes, of which there are four."""
+    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
+    rng = np.random.default_rng(9)
+    segment = Segment(
+        name="a",
+        position=np.tile(np.linspace(0, 90, 4), 4),
+        error=1e-3 * rng.standard_normal(16),
+        passes=np.repeat([0, 0, 1, 1], 4),
+        direction=np.repeat([1, -1, 1, -1], 4),
+    )
+    fit = fit_machine(known, readings([segment]))
+    left = observability(fit, estimates_from_fit(known, fit))
+    (drift,) = [one for one in left if one.not_determined.startswith("steady drift")]
+    assert drift.because == "2 runs there and back only"
+    assert drift.reading_that_would == "at least 3 runs there and back"
