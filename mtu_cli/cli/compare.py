@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from mtu_cli.analyses.compare import Compared, CompareResult, compare
 from mtu_cli.cli.datum import chosen_datum
 from mtu_cli.cli.execute import Outcome, execute
-from mtu_cli.cli.gates import gates_of
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
@@ -27,7 +26,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.reports import compare as report
     from mtu_cli.reports.document import listed
 
-    gates = gates_of(inputs.options.fail_if, GATES)
+    gates = _gates(inputs.options.fail_if)
     found = modelled(inputs)
     datum = chosen_datum(inputs)
     result = compare(found.model, inputs.part, inputs.points, settings, datum, inputs.at)
@@ -40,6 +39,16 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         warnings=[*found.warnings, *result.warnings],
         gate=listed(met) if met else None,
     )
+
+
+def _gates(given: str | None) -> list[str]:
+    """The gates of `--fail-if`, one or several with commas between them."""
+    gates = [] if given is None else [name.strip() for name in given.split(",")]
+    for gate in gates:
+        if gate not in GATES:
+            expected = f"{' or '.join(GATES)}, or both: --fail-if {','.join(GATES)}"
+            raise fault("unknown gate", value=gate, expected=expected)
+    return gates
 
 
 def _met(result: CompareResult, gate: str) -> list[str]:

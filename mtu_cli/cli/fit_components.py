@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from mtu_cli.cli.execute import Outcome, execute
-from mtu_cli.cli.gates import gates_of
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
@@ -24,7 +23,9 @@ def run(options: Options) -> None:
 def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.reports import fit_components as report
 
-    gates = gates_of(inputs.options.fail_if, GATES)
+    gate = inputs.options.fail_if
+    if gate is not None and gate not in GATES:
+        raise fault("unknown gate", value=gate, expected="drift")
     machine = inputs.machine
     readings = inputs.readings
     if readings is None:
@@ -43,7 +44,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         rows=lambda: report.csv_rows(fit, estimates),
         figure=lambda: report.figure(fit, estimates, settings.coverage_factor, says=says),
         warnings=[*warnings, *fit_warnings(fit), *report.warnings(fit, estimates)],
-        gate=_drift(fit) if gates else None,
+        gate=_drift(fit) if gate else None,
     )
 
 

@@ -12,8 +12,6 @@ from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
 from mtu_cli.model.settings import Settings, Warned
 
-NAME = "nonconforming"
-
 
 def run(options: Options) -> None:
     """Predicts feature-to-feature lengths."""
@@ -46,16 +44,14 @@ def _limit(gate: str | None) -> float | None:
     """The largest allowed probability of a part that does not conform."""
     if gate is None:
         return None
-    # Of several the one that is wrong; there is one alone.
-    own = next((item for item in gate.split(",") if not item.strip().startswith(NAME)), gate)
-    name, _, value = own.partition("=")
+    name, _, value = gate.partition("=")
     try:
         limit = float(value)
     except ValueError:
         limit = float("nan")
-    if name != NAME or not isfinite(limit) or not 0 <= limit < 1:
+    if name != "nonconforming" or not isfinite(limit) or not 0 <= limit < 1:
         expected = "nonconforming=P with P from 0 to below 1, such as 0.01 for 1 %"
-        raise fault("unknown gate", value=own, expected=expected)
+        raise fault("unknown gate", value=gate, expected=expected)
     return limit
 
 

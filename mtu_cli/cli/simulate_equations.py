@@ -26,8 +26,7 @@ def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str
     """
     match = _NAMED.fullmatch(text)
     if match is None:
-        example = "T_spindle_degC: 22 + 0.05*time_min" if column else "Ex: 0.004*dir_x"
-        raise fault(f"{option} is not NAME: EQUATION", value=text, expected=repr(example))
+        raise fault(f"{option} is not NAME: EQUATION", value=text, expected="'Ex: 0.004*dir_x'")
     name = match[1]
     if column and looks_like_temperature(name):
         # What reads the points would refuse the column.

@@ -38,8 +38,7 @@ class Vocabulary:
     def of(cls, machine: Machine, findings: Findings) -> Vocabulary:
         """The names of a machine; those whose own entry is faulty count as known."""
         components = findings.keys("components")
-        # In the order in which a message lists them.
-        dimensions: dict[str, int | None] = dict.fromkeys((*POSITIONS, *components))
+        dimensions: dict[str, int | None] = dict.fromkeys(components)
         dimensions |= dict.fromkeys(findings.keys("constants"))
         dimensions |= dict.fromkeys(COVARIATES)
         dimensions |= dict.fromkeys(name for name in machine.covariates or () if name is not None)

@@ -267,7 +267,5 @@ def _known(name: str, path: YamlPath, places: Mapping[str, Place], findings: Fin
     names = findings.keys("features")
     if name in names:
         return name in places
-    if not names and findings.problems:
-        return False  # That there are no features at all is the fault.
     findings.add(path, "unknown feature", value=name, expected=did_you_mean(name, names))
     return False

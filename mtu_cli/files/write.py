@@ -102,8 +102,6 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
             problems.append(Problem(what="is a folder", file=shown, expected="a file to write"))
         elif not target.parent.is_dir():
             what = f"the folder {given_path(path.parent)!r} does not exist"
-            if path.is_symlink():
-                what = f"is a link to {str(path.readlink())!r}, whose folder does not exist"
             problems.append(Problem(what=what, file=shown))
         if target in seen and _is_replaceable(target):
             problems.append(Problem(what="two outputs name the same file", file=shown))

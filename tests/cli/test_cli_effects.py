@@ -26,7 +26,6 @@ from mtu_cli.errors import InputError
 from mtu_cli.files.components_file import read_components
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.machine_write import WrittenEffect, extended_machine
-from mtu_cli.files.write import check_targets
 from mtu_cli.model.settings import Settings
 
 EFFECTS = [
@@ -429,14 +428,6 @@ def test_files_come_with_the_report_or_not_at_all(
     execute(options, lambda *_: outcome(files=lambda: files))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new.yaml", "r.csv", "r.json"]
     assert (tmp_path / "new.yaml").read_bytes() == b"new"
-
-
-def test_a_link_into_no_folder_is_told_with_where_it_leads(tmp_path: Path) -> None:
-    link = tmp_path / "l.json"
-    link.symlink_to("nowhere/l.json")
-    with pytest.raises(InputError) as caught:
-        check_targets([link], [])
-    assert "is a link to 'nowhere/l.json', whose folder does not exist" in str(caught.value)
 
 
 def _with_rows(rows: Any, files: dict[Path, bytes]) -> Outcome:
