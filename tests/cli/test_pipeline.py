@@ -19,6 +19,14 @@ lengths: [{from: a, to: b, tolerance_um: 5}]
 """
 
 
+def placed(study: Path, more: str = "") -> None:
+    """A study of two holes whose lengths are as their tolerance asks for."""
+    study.mkdir(parents=True)
+    (study / "machine.yaml").write_bytes((GILSINN_LING / "machine.yaml").read_bytes())
+    (study / "part.yaml").write_text(PART.replace("tolerance_um: 5", "tolerance_um: 50"), "utf-8")
+    (study / "mtu.yaml").write_text(STUDY + more, "utf-8")
+
+
 def make(out: Path, *args: str, called: Path | None = None) -> subprocess.CompletedProcess[str]:
     """A run of the pipeline, as if it were `called` from that folder."""
     env = {"MAKEFLAGS": ""} if called is None else {"MAKEFLAGS": "", "PWD": str(called)}
@@ -89,13 +97,19 @@ def test_warnings_name_their_study(tmp_path: Path) -> None:
     assert all("/shop/mill-" in line for line in told)
 
 
+RENAME = "make takes letters, digits and . _ + @ - in names alone: rename the folder"
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
         ("ROOT={}/none", "*** no study: no {}/none/*/mtu.yaml here"),
-        ("ROOT={}/shop", "make knows no spaces in names: rename the folder of {}/shop/mill 1/mtu"),
-        ("ROOT={}/shop/mill 1", "ROOT='{}/shop/mill 1': make knows no spaces in names"),
+        ("ROOT={}/shop", "'{}/shop/mill 1': " + RENAME),
+        ("ROOT={}/shop/mill 1", "ROOT='{}/shop/mill 1': " + RENAME),
+        ("ROOT={}/sh$op", "ROOT='{}/sh$op': " + RENAME),
+        ("OUT={}/my out", "OUT='{}/my out': " + RENAME),
         ("STUDIES=none", "no study: no ../none/mtu.yaml here"),
+        ("STUDIES=a%b", "STUDIES='a%b': " + RENAME),
     ],
 )
 def test_a_gate_that_finds_no_study_does_not_pass(tmp_path: Path, call: str, words: str) -> None:
@@ -106,6 +120,85 @@ def test_a_gate_that_finds_no_study_does_not_pass(tmp_path: Path, call: str, wor
     assert ran.returncode == 2
     assert words.format(tmp_path) in ran.stderr
     assert "grep" not in ran.stderr
+
+
+@pytest.mark.parametrize("sign", "%#:'$(=&\\\"`;|<>*?,~")
+def test_signs_of_make_in_names_are_told_before_anything_runs(tmp_path: Path, sign: str) -> None:
+    for name in ("mill-1", f"a{sign}b"):
+        placed(tmp_path / "shop" / name)
+    ran = make(tmp_path / "out", "GATE=1", f"ROOT={tmp_path / 'shop'}")
+    assert ran.returncode == 2
+    assert f"'{tmp_path}/shop/a{sign}b': {RENAME}" in ran.stderr
+    assert len(ran.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_studies_may_be_called_as_anything_of_the_makefile(tmp_path: Path) -> None:
+    names = ["-x", "Fr\u00e4se.1", "all", "clean", "steps"]
+    for name in names:
+        placed(tmp_path / "shop" / name)
+    out, root = tmp_path / "out", f"ROOT={tmp_path / 'shop'}"
+    ran = make(out, "-j2", "GATE=1", root)
+    assert ran.returncode == 0, ran.stderr
+    assert {f"{name}: passed" for name in names} <= set(ran.stdout.splitlines())
+    assert all((out / name / "lengths.passed").is_file() for name in names)
+    assert make(out, "clean", root).returncode == 0
+    assert not out.exists()
+
+
+def test_a_study_whose_file_is_gone_has_not_passed(tmp_path: Path) -> None:
+    """Neither where it never was there nor where it was at the last run; mtu says what is wrong."""
+    study, out = tmp_path / "shop" / "mill", tmp_path / "out"
+    placed(study, "lbb: [bar.csv]\n")
+    root = f"ROOT={study.parent}"
+    readings = (CONFIGS.parent / "data" / "gilsinn-ling-simulated" / "lbb.csv").read_bytes()
+    machine = (CONFIGS / "gilsinn-ling-simulated" / "machine.yaml").read_bytes()
+    (study / "machine.yaml").write_bytes(machine)
+    for there in (False, True, False):
+        (study / "bar.csv").unlink(missing_ok=True)
+        if there:
+            (study / "bar.csv").write_bytes(readings)
+        ran = make(out, "GATE=1", root)
+        assert (ran.returncode == 0) == there, ran.stderr
+        assert ("mill: passed" in ran.stdout) == there
+        left = "mill: not passed: fit-components predict-points lengths"
+        assert (left in ran.stdout) != there
+        assert ("mtu.yaml:4: lbb[0]: no such file: 'bar.csv'" in ran.stderr) != there
+        assert "No rule" not in ran.stderr
+
+
+def test_names_with_blanks_in_a_study_run_and_pass(tmp_path: Path) -> None:
+    """make cannot follow such a file, so its steps run every time."""
+    study = tmp_path / "shop" / "mill"
+    placed(study)
+    (study / "part.yaml").rename(study / "part (2) of 3: new.yaml")
+    text = STUDY.replace("part.yaml", "'part (2) of 3: new.yaml'  # two holes")
+    (study / "mtu.yaml").write_text(text, "utf-8")
+    for _ in range(2):
+        ran = make(tmp_path / "out", "GATE=1", f"ROOT={study.parent}")
+        assert ran.returncode == 0, ran.stderr
+        assert "mill: passed" in ran.stdout
+        assert "== mill: lengths" in ran.stdout
+
+
+def test_a_study_in_one_line_is_told(tmp_path: Path) -> None:
+    """What it names would be overlooked, and its steps with it."""
+    study = tmp_path / "shop" / "mill"
+    placed(study)
+    (study / "mtu.yaml").write_text("{schema: mtu/study/1, machine: machine.yaml}\n", "utf-8")
+    ran = make(tmp_path / "out", "GATE=1", f"ROOT={study.parent}")
+    assert ran.returncode == 2
+    assert f"{study}/mtu.yaml: the pipeline reads one key a line" in ran.stderr
+
+
+def test_clean_takes_away_what_the_pipeline_has_made_alone(tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "measured.csv").write_text("1\n", "utf-8")
+    ran = make(mine, "clean")
+    assert ran.returncode == 2
+    assert "was there before this pipeline" in ran.stderr
+    assert (mine / "measured.csv").is_file()
 
 
 def test_another_root_has_an_output_of_its_own(tmp_path: Path) -> None:
