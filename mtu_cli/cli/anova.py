@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, cast
 from mtu_cli.analyses.anova import METHODS, AnovaResult, Method, analyse_variance
 from mtu_cli.cli.datum import chosen_datum
 from mtu_cli.cli.execute import Outcome, execute
+from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import did_you_mean, fault
@@ -26,9 +27,8 @@ def run(options: Options) -> None:
 def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.reports import anova as report
 
-    gate, method = inputs.options.fail_if, inputs.options.method
-    if gate not in (None, GATE):
-        raise fault("unknown gate", value=gate, expected=GATE)
+    gates = read_gates(inputs.options.fail_if, GATE.__eq__, GATE)
+    method = inputs.options.method
     if method not in METHODS:
         raise fault("unknown method", value=method, expected=did_you_mean(method, METHODS))
     points = inputs.points
@@ -41,7 +41,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         rows=lambda: report.csv_rows(result),
         figure=lambda: _figure(result),
         warnings=result.warnings,
-        gate=None if gate is None else _met(result),
+        gate=_met(result) if gates else None,
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from mtu_cli.analyses.compare import Compared, CompareResult, compare
 from mtu_cli.cli.datum import chosen_datum
 from mtu_cli.cli.execute import Outcome, execute
+from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
@@ -15,6 +16,7 @@ from mtu_cli.model.settings import Settings
 
 BIASED, UNDER = "biased", "under-predicted"
 GATES = (BIASED, UNDER)
+EXPECTED = f"{' or '.join(GATES)}, or both: --fail-if {','.join(GATES)}"
 
 
 def run(options: Options) -> None:
@@ -26,7 +28,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.reports import compare as report
     from mtu_cli.reports.document import listed
 
-    gates = _gates(inputs.options.fail_if)
+    gates = read_gates(inputs.options.fail_if, GATES.__contains__, EXPECTED)
     found = modelled(inputs)
     datum = chosen_datum(inputs)
     result = compare(found.model, inputs.part, inputs.points, settings, datum, inputs.at)
@@ -39,16 +41,6 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         warnings=[*found.warnings, *result.warnings],
         gate=listed(met) if met else None,
     )
-
-
-def _gates(given: str | None) -> list[str]:
-    """The gates of `--fail-if`, one or several with commas between them."""
-    gates = [] if given is None else [name.strip() for name in given.split(",")]
-    for gate in gates:
-        if gate not in GATES:
-            expected = f"{' or '.join(GATES)}, or both: --fail-if {','.join(GATES)}"
-            raise fault("unknown gate", value=gate, expected=expected)
-    return gates
 
 
 def _met(result: CompareResult, gate: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mtu_cli.cli.execute import Outcome, execute
+from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
@@ -23,9 +24,7 @@ def run(options: Options) -> None:
 def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.reports import fit_components as report
 
-    gate = inputs.options.fail_if
-    if gate is not None and gate not in GATES:
-        raise fault("unknown gate", value=gate, expected="drift")
+    gates = read_gates(inputs.options.fail_if, GATES.__contains__, "drift")
     machine = inputs.machine
     readings = inputs.readings
     if readings is None:
@@ -44,7 +43,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         rows=lambda: report.csv_rows(fit, estimates),
         figure=lambda: report.figure(fit, estimates, settings.coverage_factor, says=says),
         warnings=[*warnings, *fit_warnings(fit), *report.warnings(fit, estimates)],
-        gate=_drift(fit) if gate else None,
+        gate=_drift(fit) if gates else None,
     )
 
 

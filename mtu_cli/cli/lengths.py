@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from math import isfinite
-
 from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
 from mtu_cli.cli.execute import Outcome, execute
+from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled, one_direction
 from mtu_cli.cli.options import Options
@@ -40,19 +39,23 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     )
 
 
-def _limit(gate: str | None) -> float | None:
+def _limit(given: str | None) -> float | None:
     """The largest allowed probability of a part that does not conform."""
-    if gate is None:
-        return None
+    expected = "nonconforming=P with P from 0 to below 1, such as 0.01 for 1 %"
+    gates = read_gates(given, lambda gate: _share(gate) is not None, expected)
+    if len(gates) > 1:
+        raise fault("--fail-if gives nonconforming twice", value=given, expected="one of them")
+    return _share(gates[0]) if gates else None
+
+
+def _share(gate: str) -> float | None:
+    """P of ``nonconforming=P``; None where it is no such gate."""
     name, _, value = gate.partition("=")
     try:
         limit = float(value)
     except ValueError:
-        limit = float("nan")
-    if name != "nonconforming" or not isfinite(limit) or not 0 <= limit < 1:
-        expected = "nonconforming=P with P from 0 to below 1, such as 0.01 for 1 %"
-        raise fault("unknown gate", value=gate, expected=expected)
-    return limit
+        return None
+    return limit if name == "nonconforming" and 0 <= limit < 1 else None
 
 
 def _nonconforming(result: LengthsResult, limit: float) -> str | None:

@@ -14,6 +14,9 @@ from mtu_cli.units import DEGREE, MINUTE
 
 _NAMED = re.compile(r"\s*([A-Za-z_][A-Za-z_0-9]*)\s*:(.*)", re.DOTALL)
 
+EXAMPLES = {False: "'Ex: 0.004*dir_x'", True: "'T_spindle_degC: 20 + 2*(sequence - 1)'"}
+"""Of an error and of a column."""
+
 
 def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str, Node]:
     """Name and equation of an error in mm, or of a `column` in the unit that its name tells.
@@ -26,7 +29,7 @@ def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str
     """
     match = _NAMED.fullmatch(text)
     if match is None:
-        raise fault(f"{option} is not NAME: EQUATION", value=text, expected="'Ex: 0.004*dir_x'")
+        raise fault(f"{option} is not NAME: EQUATION", value=text, expected=EXAMPLES[column])
     name = match[1]
     if column and looks_like_temperature(name):
         # What reads the points would refuse the column.

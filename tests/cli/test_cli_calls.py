@@ -212,6 +212,27 @@ def test_unknown_gates(command: str, gate: str, expected: str, work: Path) -> No
     assert message == f"mtu: unknown gate: '{gate}'; expected {expected}\n"
 
 
+@pytest.mark.parametrize(
+    ("command", "known"),
+    [
+        ("lengths", "nonconforming=0.01"),
+        ("fit-components", "drift"),
+        ("anova", "unusual"),
+        ("compare", "biased"),
+    ],
+)
+def test_of_several_gates_the_unknown_one_is_told(command: str, known: str, work: Path) -> None:
+    message = refused(work, command, "--fail-if", f"{known},drifts", *OUTPUTS)
+    assert message.startswith("mtu: unknown gate: 'drifts'; expected ")
+    assert len(message.splitlines()) == 1
+
+
+def test_two_limits_of_nonconforming_parts_are_refused(work: Path) -> None:
+    gates = "nonconforming=0.01,nonconforming=0.05"
+    message = refused(work, "lengths", "--fail-if", gates, *OUTPUTS)
+    assert message.startswith("mtu: --fail-if gives nonconforming twice")
+
+
 SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.csv"]
 
 
@@ -236,6 +257,10 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
             "with a count from 2 to 10000",
         ),
         (["--effect", "0.004*dir_x"], "--effect is not NAME: EQUATION: '0.004*dir_x'"),
+        (
+            ["--covariate", "T_a_degC 20"],
+            "--covariate is not NAME: EQUATION: 'T_a_degC 20'; expected 'T_spindle_degC: 20 + ",
+        ),
         (["--effect", "Ez: 0.004"], "--effect is of an unknown equation: 'Ez: 0.004'"),
         (["--effect", "Ex: 0.004*dirx"], "unknown name 'dirx' at column 11"),
         (
