@@ -101,8 +101,7 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
         if folder:
             problems.append(Problem(what="is a folder", file=shown, expected="a file to write"))
         elif not target.parent.is_dir():
-            what = f"the folder {given_path(path.parent)!r} does not exist"
-            problems.append(Problem(what=what, file=shown))
+            problems.append(Problem(what=_no_folder(path, target), file=shown))
         if target in seen and _is_replaceable(target):
             problems.append(Problem(what="two outputs name the same file", file=shown))
         seen[target] = path
@@ -111,6 +110,14 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
             problems.append(Problem(what=what, file=shown, expected="another name"))
     if problems:
         raise InputError(problems)
+
+
+def _no_folder(path: Path, target: Path) -> str:
+    """That the folder of a path is not there, or of where it leads as a link."""
+    if path.is_symlink() and path.parent.is_dir():
+        lost = given_path(target.parent)
+        return f"is a link to {given_path(target)!r}, and the folder {lost!r} does not exist"
+    return f"the folder {given_path(path.parent)!r} does not exist"
 
 
 def overwrites(path: Path, other: Path) -> bool:

@@ -11,7 +11,7 @@ import pytest
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.json_file import read_json, report_bytes
-from mtu_cli.files.write import made_ready, write_files
+from mtu_cli.files.write import check_targets, made_ready, write_files
 
 
 def test_a_report_keeps_keys_digits_and_one_record_a_line() -> None:
@@ -165,6 +165,14 @@ def test_targets_that_are_refused(tmp_path: Path) -> None:
         "two outputs name the same file",
     ]
     assert sorted(os.listdir(tmp_path)) == ["alias.csv", "in.csv"]
+
+
+def test_a_link_that_leads_nowhere_is_told_with_where(tmp_path: Path) -> None:
+    (tmp_path / "l.json").symlink_to("/nope/zzz")
+    with pytest.raises(
+        InputError, match=r"l\.json: is a link to '/nope/zzz', and the folder '/nope'"
+    ):
+        check_targets([tmp_path / "l.json"])
 
 
 def test_a_name_that_no_system_takes_is_told(tmp_path: Path) -> None:
