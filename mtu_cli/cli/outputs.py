@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,6 +60,24 @@ def check_outputs(inputs: Inputs) -> None:
         problems += error.problems
     told = {problem.file for problem in problems}
     problems += [problem for problem in _endings(files) if problem.file not in told]
+    if problems:
+        raise InputError(problems)
+
+
+def check_overwritten(targets: Iterable[Path], mark: str) -> None:
+    """Refuses to write over files with anything in them that do not begin with a `mark`."""
+    from mtu_cli.files.source import begins_with, given_path
+
+    problems = [
+        Problem(
+            what=f"is there already and does not begin with {mark!r}: measured data is not "
+            "overwritten",
+            file=given_path(path),
+            expected="another name, or the file moved away",
+        )
+        for path in targets
+        if not begins_with(path, mark)
+    ]
     if problems:
         raise InputError(problems)
 

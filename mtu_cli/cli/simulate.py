@@ -13,7 +13,7 @@ from mtu_cli.cli.execute import deliver, warning_lines
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.cli.outputs import check_outputs
+from mtu_cli.cli.outputs import check_outputs, check_overwritten
 from mtu_cli.cli.simulate_drift import (
     check_cmm_room,
     drift_plan,
@@ -41,6 +41,8 @@ from mtu_cli.model.simulate import PartsPlan, simulate_points
 from mtu_cli.reports.simulate import drift_csv, points_csv, readings_csv
 
 MAX_ROWS = 10_000_000
+SYNTHETIC = "# Synthetic"
+"""How a file of its own begins: another one holds what somebody has measured."""
 OUTPUTS = ("write_lbb", "write_cmm", "write_drift")
 READINGS_AND_POINTS = (
     "one_way", "effect", "covariate", "passes", "parts", "repeats", "cmm_u_um", "positions",
@@ -57,6 +59,7 @@ def run(options: Options) -> None:
         )
     inputs = Inputs(options)
     check_outputs(inputs)
+    check_overwritten(outputs, SYNTHETIC)
     check_cmm_room(options)
     seed = _seed(inputs)
     check_ranges(options, seed)
@@ -172,7 +175,7 @@ def _heading(options: Options, seed: int, names: Collection[str]) -> str:
         for item in (value if isinstance(value, list) else [value])
     ]
     return (
-        f"# Synthetic, no machine made it: mtu simulate {__version__}, seed {seed}\n"
+        f"{SYNTHETIC}, no machine made it: mtu simulate {__version__}, seed {seed}\n"
         f"# {' '.join(given)}\n"
     )
 

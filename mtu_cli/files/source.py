@@ -161,6 +161,19 @@ def hash_of(path: Path, role: str) -> str:
     return running.hexadecimal()
 
 
+def begins_with(path: Path, mark: str) -> bool:
+    """Whether a file begins so; as if it did where there is nothing in it, or no such file."""
+    start = mark.encode()
+    try:
+        if not path.is_file():
+            return True
+        with path.open("rb") as stream:
+            found = stream.read(len(codecs.BOM_UTF8) + len(start))
+    except OSError:
+        return False
+    return not found or found.removeprefix(codecs.BOM_UTF8).startswith(start)
+
+
 def missing_file(folder: Path, name: str) -> Problem | None:
     """The Problem of a `name` below `folder` that is no file, or None where it is one."""
     path = folder / name

@@ -124,3 +124,28 @@ def test_the_study_here_names_a_machine_that_this_call_makes(tmp_path: Path) -> 
     assert (work / "extended.yaml").exists()
     again = done(mtu(*call, cwd=work), 2).stderr
     assert again.startswith(f"mtu: extended.yaml: {OF_STUDY}")
+
+
+def test_simulate_overwrites_files_of_its_own_alone(tmp_path: Path) -> None:
+    """Readings and points that somebody has measured do not begin as those of simulate do."""
+    work = prepared(tmp_path / "work")
+    files = {"--write-lbb": work / "made-lbb.csv", "--write-cmm": work / "made-cmm.csv"}
+    call = ["simulate", ".", "-q"]
+    call += [str(item) for pair in files.items() for item in pair]
+    assert mtu(*call, "--seed", "1", cwd=work).returncode == 0
+    first = [path.read_bytes() for path in files.values()]
+    again = mtu(*call, "--seed", "2", cwd=work)
+    assert again.returncode == 0, again.stderr
+    second = [path.read_bytes() for path in files.values()]
+    assert all(a != b for a, b in zip(first, second, strict=True))
+    measured = second[1].partition(b"\n")[2]
+    files["--write-cmm"].write_bytes(measured)
+    told = mtu(*call, "--seed", "3", cwd=work)
+    assert told.returncode == 2
+    assert told.stderr == (
+        f"mtu: {files['--write-cmm']}: is there already and does not begin with '# Synthetic': "
+        "measured data is not overwritten; expected another name, or the file moved away\n"
+    )
+    assert [path.read_bytes() for path in files.values()] == [second[0], measured]
+    files["--write-cmm"].write_bytes(b"")
+    assert mtu(*call, "--seed", "3", cwd=work).returncode == 0
