@@ -32,7 +32,11 @@ def _lazily(module: str) -> Callable[[Options], None]:
     def run(options: Options) -> None:
         from importlib import import_module
 
-        import_module(f"mtu_cli.cli.{module}").run(options)
+        command = import_module(f"mtu_cli.cli.{module}")
+        from mtu_cli.cli.places import placed_faults
+
+        with placed_faults(options):
+            command.run(options)
 
     return run
 

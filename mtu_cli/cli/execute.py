@@ -13,6 +13,7 @@ from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.outputs import STANDARD_OUTPUT, check_outputs
 from mtu_cli.cli.parameters import FAIL_IF
+from mtu_cli.cli.places import placed_text, whole_paths
 from mtu_cli.cli.progress import LateBar
 from mtu_cli.cli.settings import doubts, read_settings
 from mtu_cli.cli.streams import write_bytes
@@ -66,7 +67,7 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
         elif not options.quiet:
             show(outcome.tables())
 
-    told = warning_lines(outcome.warnings, _subject(inputs) if options.quiet else "")
+    told = warning_lines(outcome.warnings, _subject(inputs) if options.quiet else "", options)
     deliver(files, inputs, say, told=[*told, *([gate] if gate else [])])
     if gate is not None:
         sys.exit(EXIT_GATE)
@@ -138,15 +139,19 @@ def show(tables: Iterable[object]) -> None:
         sys.stdout.write(plain_text(tables))
 
 
-def warning_lines(warnings: Iterable[Warned], of: str = "") -> list[str]:
-    """Warnings as lines for standard error, each once; those for the report alone left out.
+def warning_lines(
+    warnings: Iterable[Warned], of: str = "", options: Options | None = None
+) -> list[str]:
+    """Warnings as lines for standard error, each once; those for the report alone left out. Files
+    that the call's `options` name have their whole paths.
 
     `of` names the file that they are about, unless a warning begins with it itself.
     """
-    shown = ((item.code, item.message) for item in warnings if not item.report_only)
+    shown = dict.fromkeys((item.code, item.message) for item in warnings if not item.report_only)
+    found = whole_paths(options) if shown and options else {}
     return [
-        f"warning: {_named(cut_names(message), cut_names(of))} [{code}]"
-        for code, message in dict.fromkeys(shown)
+        f"warning: {_named(cut_names(placed_text(message, found)), cut_names(of))} [{code}]"
+        for code, message in shown
     ]
 
 

@@ -77,7 +77,7 @@ def run(options: Options) -> None:
         files[options.write_drift] = _drift(inputs, model, seed)
     content = {path: text.encode() for path, text in files.items()}
     say = partial(_say, {} if options.quiet else files)
-    deliver(content, inputs, say, warning_lines(told))
+    deliver(content, inputs, say, warning_lines(told, options=options))
 
 
 LARGE = ("constant-large", "coefficients-large")
