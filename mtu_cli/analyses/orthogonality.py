@@ -85,8 +85,7 @@ def predict_orthogonality(
             file=part.source.shown,
             expected="orthogonality: [{id: xy, row: [...], column: [...]}]",
         )
-    for entry in part.part.orthogonality:
-        check_square(entry.id, entry.row, entry.column, part)
+    check_square(part, range(len(part.part.orthogonality)))
     angles: list[Orthogonality] = []
     warnings: list[Warned] = []
     for entry in part.part.orthogonality:

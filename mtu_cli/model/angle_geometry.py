@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from mtu_cli.errors import fault
+from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.stats.least_squares import FloatArray
 
-LARGEST_SLOPE = 0.02
-"""Nominal slope of a row or column that still counts as along its axis."""
+LARGEST_SLOPE = 0.1
+"""Nominal slope b1 of a row or column that still counts as along its axis: holes need not stand in
+a line. Its change for its angle's is too large by b1^2, 1 % here.
+"""
 
 Line = tuple[FloatArray, FloatArray]
 """Coordinates along and across a line (features, m) or (features, 1), each less its mean, or
@@ -48,20 +50,37 @@ def angle_error(placed: tuple[Line, Line], nominal: tuple[Line, Line]) -> FloatA
     return found + (slope(nominal[0]) + slope(nominal[1]))
 
 
-def check_square(name: str, row: Sequence[str], column: Sequence[str], part: LoadedPart) -> None:
+def check_square(part: LoadedPart, entries: Iterable[int]) -> None:
     """Eqs. (24)-(26) take slopes for angles: rows lie along x, columns along y.
 
-    Raises InputError for a row or column of the part file that does not.
+    Raises InputError for every row or column of these `entries` of the part file that does not.
     """
-    places = part.part.places()
-    for kind, ids, along, across in (("row", row, 0, 1), ("column", column, 1, 0)):
-        line = np.array([[places[i][along], places[i][across]] for i in ids], np.float64)
-        u, v = (line - line.mean(axis=0)).T
-        found = float(slope((u[:, None], v[:, None]))[0])
-        if not abs(found) <= LARGEST_SLOPE:
+    problems = []
+    for index in entries:
+        entry = part.part.orthogonality[index]
+        lines = (("row", entry.row, 0, 1), ("column", entry.column, 1, 0))
+        for kind, ids, along, across in lines:
+            found = _nominal_slope(part, ids, along, across)
+            if abs(found) <= LARGEST_SLOPE:
+                continue
             degrees = 90.0 if np.isnan(found) else np.degrees(np.arctan(found))
-            raise fault(
-                f"the {kind} of orthogonality {name!r} is {degrees:.3g} degrees off {'xy'[along]}",
-                file=part.source.shown,
-                expected=f"features in a line along {'xy'[along]}, seen in the plane of x and y",
+            axis = "xy"[along]
+            problems.append(
+                Problem(
+                    what=f"the {kind} of {entry.id!r} runs {degrees:.3g} degrees off {axis}",
+                    file=part.source.shown,
+                    line=part.line_of("orthogonality", index, kind),
+                    path=f"orthogonality[{index}].{kind}",
+                    expected=f"features in a line along {axis}, seen in the plane of x and y, at "
+                    f"most {np.degrees(np.arctan(LARGEST_SLOPE)):.2g} degrees off",
+                )
             )
+    if problems:
+        raise InputError(problems)
+
+
+def _nominal_slope(part: LoadedPart, ids: Sequence[str], along: int, across: int) -> float:
+    places = part.part.places()
+    line = np.array([[places[i][along], places[i][across]] for i in ids], np.float64)
+    u, v = (line - line.mean(axis=0)).T
+    return float(slope((u[:, None], v[:, None]))[0])

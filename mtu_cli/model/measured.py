@@ -179,10 +179,13 @@ def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTa
     """
     index = {name: i for i, name in enumerate(points.features)}
     ids, values = [], []
-    for entry in part.part.orthogonality:
-        if not all(name in index for name in (*entry.row, *entry.column)):
-            continue
-        check_square(entry.id, entry.row, entry.column, part)
+    measured = [
+        i
+        for i, entry in enumerate(part.part.orthogonality)
+        if all(name in index for name in (*entry.row, *entry.column))
+    ]
+    check_square(part, measured)
+    for entry in (part.part.orthogonality[i] for i in measured):
         lines = (
             _line(visits, [index[name] for name in entry.row], 0, 1),
             _line(visits, [index[name] for name in entry.column], 1, 0),

@@ -135,7 +135,7 @@ def test_a_row_off_its_axis_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "part.yaml"
     path.write_text(PART.replace("row: [a, b], column: [a, c]", "row: [a, c], column: [a, b]"))
     found = study(3, 1, 5)
-    with pytest.raises(InputError, match=r"the row of orthogonality 'xy' is 89.4 degrees off x"):
+    with pytest.raises(InputError, match=r"the row of 'xy' runs 89.4 degrees off x"):
         angle_tables(found, visits_of(found), load_part(path))
 
 
