@@ -11,8 +11,8 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.features_alike import SAME_MM
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import fingerprints
+from mtu_cli.model.part_spread import shares_alike
 from mtu_cli.model.residual_cells import IntArray
-from mtu_cli.model.residual_datum import BoolArray
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import operations_of
 from mtu_cli.stats.least_squares import FloatArray
@@ -23,17 +23,18 @@ CHANCE = 1e-3
 """Equal parts are refused where chance alone would make a pair less often than this."""
 MOST_ALIKE = 6
 """Equal parts that a warning names."""
-COMPARED = 200
-"""Other parts, about, that a part is held against: enough to know the likest."""
 
 
 class _Values(NamedTuple):
     """Of each value (n, axes): a number that equal ones of a feature and operation share, and how
-    often two others there agree.
+    often two others there agree. Of each point (n,): a number that equal parts share, and in how
+    many of its operation's values two parts agree but for a shift.
     """
 
     code: IntArray
     agree: FloatArray
+    equal: IntArray
+    shared: FloatArray
 
 
 def copied_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
@@ -65,9 +66,10 @@ def copied_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
         name = operations[copy // parts] if several else ""
         where = f" in operation {name!r}" if name else ""
         if mark not in chances:
-            values = _values(points, operation, axes) if values is None else values
-            equal = (marks == marks[copy]).all(axis=1)[run]
-            chances[mark] = _chance(points, rows, axes, values, equal)
+            if values is None:
+                equal = np.unique(marks, axis=0, return_inverse=True)[1].reshape(-1)[run]
+                values = _values(points, operation, axes, equal)
+            chances[mark] = _chance(points, rows, axes, values)
         if chances[mark] >= CHANCE:
             alike.append((part, f"{twin!r}{where}"))
             continue
@@ -101,37 +103,29 @@ def _twice(alike: Sequence[tuple[str, str]]) -> str:
     )
 
 
-def _chance(
-    points: Points, rows: IntArray, axes: tuple[int, ...], values: _Values, equal: BoolArray
-) -> float:
+def _chance(points: Points, rows: IntArray, axes: tuple[int, ...], values: _Values) -> float:
     """Expected number of pairs of parts that agree by chance in as many values as this one.
 
     Two errors agree as often as two of the part's own: coarse or vanishing errors often do. Or as
-    two of other parts in the same place do, or this part and the one most like it, those that are
-    `equal` (n,) left out: where the CMM's last digit is larger than what parts differ by, be it
-    feature by feature or as a whole. Repeats that agree are one value. Infinite of parts that are
-    all equal.
+    two of other parts in the same place do, or the two parts that are most alike but for a shift:
+    where the CMM's last digit is larger than what parts of a set-up differ by. Repeats that agree
+    are one value. Infinite of parts that are all equal.
     """
     errors = np.concatenate(
         [points.measured[rows, axis] - points.nominal[rows, axis] for axis in axes]
     )
     count = np.unique(np.round(errors / SAME_MM), return_counts=True)[1] / len(errors)
     pairs = len(points.parts) * (len(points.parts) - 1) / 2
-    others = np.flatnonzero(~equal & (points.part % (1 + len(points.parts) // COMPARED) == 0))
-    if not others.size:
+    if (values.equal == values.equal[rows[0]]).all():
         # Nothing tells what parts differ by: a coarse digit, or one part measured twice.
         return np.inf
-    own, first = np.unique(values.code[rows], return_index=True)
-    hits = np.isin(values.code[others], own)
-    part = np.broadcast_to(points.part[others, np.newaxis], hits.shape)
-    found = np.unique(np.column_stack([part[hits], values.code[others][hits]]), axis=0)
-    nearest = np.bincount(found[:, 0], minlength=1).max() / own.size
+    first = np.unique(values.code[rows], return_index=True)[1]
     alike = values.agree[rows].ravel()[first]
-    each = np.maximum(alike, min(max(nearest, (count**2).sum()), 1.0))
+    each = np.maximum(alike, min(max(values.shared[rows[0]], (count**2).sum()), 1.0))
     return float(pairs * np.exp(np.log(each).sum()))
 
 
-def _values(points: Points, operation: IntArray, axes: tuple[int, ...]) -> _Values:
+def _values(points: Points, operation: IntArray, axes: tuple[int, ...], equal: IntArray) -> _Values:
     """How often two measurements of a feature and operation agree, a point's own left out; 0
     where there are no two others.
     """
@@ -149,4 +143,4 @@ def _values(points: Points, operation: IntArray, axes: tuple[int, ...]) -> _Valu
         n = np.bincount(cell)[cell]
         others = (n - 1) * (n - 2) / 2
         np.divide(pairs[cell] - (own - 1), others, out=agree[:, k], where=others > 0)
-    return _Values(codes, agree)
+    return _Values(codes, agree, equal, shares_alike(points, operation, axes, equal))
