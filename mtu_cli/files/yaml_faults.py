@@ -41,16 +41,18 @@ def unreadable(error: yaml.MarkedYAMLError, text: str, shown: str, line: int | N
     problem = error.problem or "unknown fault"
     lines = text.splitlines()
     faulty = lines[line - 1] if line is not None and line <= len(lines) else ""
-    missed = _without_colon(lines, line) if line is not None and _of_a_key(problem) else None
+    begun = None if error.context_mark is None else error.context_mark.line + 1
+    # The parser may stumble lines below, where it finds no end.
+    stop = begun if problem.startswith(BEGUN) else line
+    missed = None
+    if line is not None and _of_a_key(problem):
+        missed = _without_colon(lines, line, _indent(lines, line if stop is None else stop))
     if missed is not None:
         at, entry = missed
         what = f"{NOT_READABLE}: no `key: value`"
         expected = f"'{entry}', {COLON}"
         return fault(what, file=shown, line=at, value=lines[at - 1].strip(), expected=expected)
-    begun = None if error.context_mark is None else error.context_mark.line + 1
-    if begun is not None and problem.startswith(BEGUN):
-        # The parser stumbles lines below, where it finds no end.
-        line = begun
+    line = line if stop is None else stop
     asked = next((own for start, own in EXPECTED.items() if problem.startswith(start)), None)
     where = f" ({error.context})" if error.context else ""
     opened = _BRACKETS.match(error.context or "")
@@ -70,15 +72,23 @@ def _of_a_key(problem: str) -> bool:
     return "mapping values are not allowed" in problem or "could not find expected ':'" in problem
 
 
-def _without_colon(lines: Sequence[str], line: int) -> tuple[int, str] | None:
+def _indent(lines: Sequence[str], line: int) -> int:
+    own = lines[line - 1] if line <= len(lines) else ""
+    return len(own) - len(own.lstrip(" "))
+
+
+def _without_colon(lines: Sequence[str], line: int, deepest: int) -> tuple[int, str] | None:
     """The last line up to `line` that looks like an entry without its colon, and that entry.
 
-    Entries stand one to a line: what stands above a sound one is not at fault.
+    Entries stand one to a line: what stands above a sound one is not at fault, nor is what is
+    further in than the `deepest`, as the text of a note is.
     """
     for at in range(min(line, len(lines)), 0, -1):
         own = lines[at - 1]
         if not own.strip() or own.lstrip().startswith("#"):
             continue
+        if _indent(lines, at) > deepest:
+            return None
         if not _ENTRY.match(own):
             entry = as_entry(own.strip().removeprefix("- "))
             return None if entry is None else (at, entry)

@@ -195,6 +195,18 @@ def test_a_kind_of_file_with_its_article() -> None:
         parse_yaml("# nothing", source)
 
 
+@pytest.mark.parametrize("note", [">\n  E = F/A was used", "|\n  k:=3", ">\n  a {b: 1}\n\n  # c"])
+def test_a_text_below_its_key_is_no_entry_without_its_colon(note: str) -> None:
+    """Nor is what stands below it at fault there."""
+    line = note.count("\n") + 2
+    assert message(f"notes: {note}\nname: a: b\nc: 1").startswith(
+        f"m.yaml:{line}: not readable as YAML: mapping values are not allowed"
+    )
+    assert f"m.yaml:{line}: not readable as YAML: no `key: value`: 'name = a'" in message(
+        f"notes: {note}\nname = a\nc: 1"
+    )
+
+
 def test_blanks_without_end_are_looked_at_once() -> None:
     """Seconds each, if every one of them were looked at again."""
     from time import process_time
