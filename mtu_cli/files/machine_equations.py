@@ -16,6 +16,7 @@ from mtu_cli.files.machine_contract import Effect, Machine
 from mtu_cli.files.yaml_file import YamlPath
 from mtu_cli.language import EquationError, LinearForm, Node, check_dimension, linear_form, names
 from mtu_cli.language import parse as parse_equation
+from mtu_cli.language.finite import check_finite
 from mtu_cli.units import LENGTH, UNITS, Unit
 
 __all__ = ["POSITIONS", "Vocabulary", "check_equations"]
@@ -26,12 +27,14 @@ class Vocabulary:
     """The names that equations may use; `linear` are those they must be linear in.
 
     `dimensions` are exponents of length, None where a name may stand for anything. `parameters`
-    are those of an effect, with their units; `constants` are no columns, whatever their names.
+    are those of an effect, with their units; `constants` are no columns, whatever their names, and
+    `values` those of them that have a sound value.
     """
 
     linear: frozenset[str]
     dimensions: Mapping[str, int | None]
     constants: frozenset[str] = frozenset()
+    values: Mapping[str, float] = field(default_factory=dict)
     parameters: Mapping[str, Unit] = field(default_factory=dict)
 
     @classmethod
@@ -45,14 +48,16 @@ class Vocabulary:
         dimensions |= dict.fromkeys(POSITIONS, LENGTH)
         for name, component in (machine.components or {}).items():
             dimensions[name] = UNITS[component.unit].dimension
-        return cls(frozenset(components), dimensions, frozenset(findings.keys("constants")))
+        values = {name: item.value for name, item in (machine.constants or {}).items()}
+        constants = frozenset(findings.keys("constants"))
+        return cls(frozenset(components), dimensions, constants, values)
 
     def with_parameters(self, effect: Effect) -> Vocabulary:
         """These names and the parameters of one effect."""
         units = parameter_units(effect)
         own = {name: unit.dimension for name, unit in units.items()}
         known = {**own, **self.dimensions, **own}
-        return Vocabulary(self.linear | set(own), known, self.constants, units)
+        return Vocabulary(self.linear | set(own), known, self.constants, self.values, units)
 
 
 def check_equations(
@@ -91,6 +96,7 @@ def _linear(
     node: Node, vocabulary: Vocabulary, findings: Findings, path: YamlPath
 ) -> LinearForm | None:
     try:
+        check_finite(node, vocabulary.values)
         form = linear_form(node, vocabulary.linear, vocabulary.parameters)
         taken = vocabulary.linear | vocabulary.constants
         # A component has no unit per kelvin or step of a column: beside one anything may be meant.
