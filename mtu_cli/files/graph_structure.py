@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from mtu_cli.files.contracts import Findings, duplicates, present
 from mtu_cli.files.graph_contract import Graph, Place
@@ -104,8 +104,8 @@ def check_net(graph: Graph, findings: Findings) -> None:
 
 def _unclear_sides(graph: Graph, findings: Findings) -> dict[str, float]:
     """How many places may be meant by what is wrong with `out` and `in`: one by each name that is
-    not known, any by a transition that lacks its list. So many that nothing names elsewhere are
-    not told: that fault is.
+    not known or no text, any by a transition that lacks its list. So many that nothing names
+    elsewhere are not told: that fault is.
     """
     known = findings.keys("places")
     data = findings.document.data.get("transitions")
@@ -115,13 +115,21 @@ def _unclear_sides(graph: Graph, findings: Findings) -> dict[str, float]:
     for item in data:
         entry = item if isinstance(item, dict) else {}
         for side in (OUT, IN):
-            unknown[side] += sum(name not in known for name in _names(entry.get(side, [])))
+            unknown[side] += _unclear_names(entry.get(side, []), known)
         if OUT not in entry:
             unknown[OUT] = math.inf
         if entry.get("do") != "meas" and not isinstance(entry.get(IN), list):
             unknown[IN] = math.inf
-    unknown[IN] += sum(name is not None and name not in known for name in graph.report)
+    unknown[IN] += sum(name not in known for name in graph.report)
     return unknown
+
+
+def _unclear_names(value: object, known: Collection[str]) -> int:
+    listed = value if isinstance(value, list) else [value]
+    groups = [item for item in listed if isinstance(item, (list, dict))]
+    names = _names(value)
+    rest = len(listed) - len(groups) - len(names)
+    return sum(name not in known for name in names) + sum(map(len, groups)) + rest
 
 
 def _check_made_once(makers: Makers, findings: Findings) -> None:
