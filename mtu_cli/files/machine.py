@@ -8,6 +8,7 @@ from pathlib import Path
 
 from mtu_cli.files.contracts import Findings, Notice, check_contract, present
 from mtu_cli.files.effect_checks import check_effect_used, effect_notices
+from mtu_cli.files.machine_axes import tell_axes_once
 from mtu_cli.files.machine_checks import (
     check_components,
     check_effect_axis,
@@ -96,13 +97,14 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
     effect_forms: list[dict[str, LinearForm]] = []
 
     def check(machine: Machine, findings: Findings) -> None:
+        axes = tell_axes_once(findings)
         check_names(machine, findings)
         check_reference(machine, findings)
         check_components(machine, findings)
         if not findings.keys("components"):
             # That is told; so every name of every equation would be unknown.
             return
-        vocabulary = Vocabulary.of(machine, findings)
+        vocabulary = Vocabulary.of(machine, findings, axes)
         forms.update(check_equations(machine.equations, vocabulary, findings, ("equations",)))
         for index, effect in present(machine.effects):
             check_effect_axis(effect, index, findings)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from mtu_cli.errors import did_you_mean
@@ -28,20 +28,26 @@ class Vocabulary:
 
     `dimensions` are exponents of length, None where a name may stand for anything. `parameters`
     are those of an effect, with their units; `constants` are no columns, whatever their names, and
-    `values` those of them that have a sound value.
+    `values` those of them that have a sound value; `axes` are names that stand for axes, and must
+    not.
     """
 
     linear: frozenset[str]
     dimensions: Mapping[str, int | None]
     constants: frozenset[str] = frozenset()
     values: Mapping[str, float] = field(default_factory=dict)
+    axes: frozenset[str] = frozenset()
     parameters: Mapping[str, Unit] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, machine: Machine, findings: Findings) -> Vocabulary:
-        """The names of a machine; those whose own entry is faulty count as known."""
+    def of(cls, machine: Machine, findings: Findings, axes: Iterable[str] = ()) -> Vocabulary:
+        """The names of a machine; those whose own entry is faulty count as known, and so do `axes`
+        by other names that are told.
+        """
         components = findings.keys("components")
-        dimensions: dict[str, int | None] = dict.fromkeys(components)
+        dimensions: dict[str, int | None] = dict.fromkeys(axes, LENGTH)
+        # Positions come first in a hint, then what is the machine's own.
+        dimensions |= dict.fromkeys((*POSITIONS, *components))
         dimensions |= dict.fromkeys(findings.keys("constants"))
         dimensions |= dict.fromkeys(COVARIATES)
         dimensions |= dict.fromkeys(name for name in machine.covariates or () if name is not None)
@@ -50,14 +56,14 @@ class Vocabulary:
             dimensions[name] = UNITS[component.unit].dimension
         values = {name: item.value for name, item in (machine.constants or {}).items()}
         constants = frozenset(findings.keys("constants"))
-        return cls(frozenset(components), dimensions, constants, values)
+        return cls(frozenset(components), dimensions, constants, values, frozenset(axes))
 
     def with_parameters(self, effect: Effect) -> Vocabulary:
         """These names and the parameters of one effect."""
         units = parameter_units(effect)
         own = {name: unit.dimension for name, unit in units.items()}
         known = {**own, **self.dimensions, **own}
-        return Vocabulary(self.linear | set(own), known, self.constants, self.values, units)
+        return replace(self, linear=self.linear | set(own), dimensions=known, parameters=units)
 
 
 def check_equations(
@@ -65,31 +71,37 @@ def check_equations(
 ) -> dict[str, LinearForm]:
     """Each sound equation as a linear form; the faults of the others go to `findings`."""
     forms = {}
+    unknown: dict[str, dict[str, int]] = {}
     for name, text in (equations or {}).items():
         try:
             node = parse_equation(text)
         except EquationError as error:
             _add(findings, (*path, name), error)
             continue
-        if _names_are_known(node, vocabulary, findings, (*path, name)):
-            form = _linear(node, vocabulary, findings, (*path, name))
-            if form is not None:
-                forms[name] = form
+        own = _unknown(node, vocabulary)
+        for other, column in own.items():
+            unknown.setdefault(other, {})[name] = column
+        form = None if own else _linear(node, vocabulary, findings, (*path, name))
+        if form is not None:
+            forms[name] = form
+    for name, columns in unknown.items():
+        (first, column), *others = columns.items()
+        also = f" (also in {', '.join(key for key, _ in others)})" if others else ""
+        hint = did_you_mean(
+            name, [own for own in vocabulary.dimensions if own not in vocabulary.axes]
+        )
+        what = f"unknown name {name!r}{also}"
+        _add(findings, (*path, first), EquationError(what, column, hint))
     return forms
 
 
-def _names_are_known(
-    node: Node, vocabulary: Vocabulary, findings: Findings, path: YamlPath
-) -> bool:
-    unknown = [
-        (name, column)
+def _unknown(node: Node, vocabulary: Vocabulary) -> dict[str, int]:
+    """The names that nothing knows, with their columns."""
+    return {
+        name: column
         for name, column in names(node).items()
         if name not in vocabulary.dimensions and not is_covariate(name)
-    ]
-    for name, column in unknown:
-        hint = did_you_mean(name, vocabulary.dimensions)
-        _add(findings, path, EquationError(f"unknown name {name!r}", column, hint))
-    return not unknown
+    }
 
 
 def _linear(

@@ -174,6 +174,43 @@ def test_constants_without_a_finite_value(tmp_path: Path, equation: str, told: s
     assert f"m.yaml:4: equations.Ex: {told}" in found
 
 
+UVW = """\
+schema: mtu/machine/1
+name: m
+axes: {u: {travel_mm: [0, 500]}, v: {travel_mm: [0, 400]}}
+components:
+  pos_u: {of: u, unit: um}
+  pos_v: {of: v, unit: um}
+  yaw_u: {of: u, unit: arcsec}
+equations:
+  Eu: pos_u - v*yaw_u
+  Ev: pos_v + u*yaw_u
+"""
+
+
+def test_axes_of_other_names_are_one_fault(tmp_path: Path) -> None:
+    (found,) = faults(tmp_path, UVW)
+    assert "m.yaml:3: axes.u: other axes than x, y and z (lines 3, 5, 6, 7, 9, 10): 'u, v'" in found
+    # What else is wrong is told, and positions of those names are not.
+    first, other = faults(tmp_path, UVW.replace("v*yaw_u", "q*yaw_u"))
+    assert "m.yaml:9: equations.Eu: unknown name 'q' at column 9; expected one of: x, y, z" in other
+    assert "other axes" in first
+    # A slip in one place is one of that place, and X is x.
+    text = UVW.replace("{u:", "{x:").replace("v: {t", "y: {t").replace("of: v", "of: y")
+    text = text.replace("Eu", "Ex").replace("Ev", "Ey").replace("v*", "y*").replace("u*y", "x*y")
+    (found,) = faults(tmp_path, text.replace("of: u", "of: x", 1))
+    assert "components.yaw_u.of: unknown value: 'u'; expected one of: x, y, z" in found
+    assert all(
+        "did you mean 'x'?" in line for line in faults(tmp_path, text.replace("f: u", "f: X"))
+    )
+
+
+def test_an_unknown_name_of_several_equations_is_told_once(tmp_path: Path) -> None:
+    text = machine(equations="{Ex: a + w*a, Ey: a, Ez: w*a}")
+    (found,) = faults(tmp_path, text)
+    assert "equations.Ex: unknown name 'w' (also in Ez) at column 5; expected one of: x, y" in found
+
+
 def test_a_constant_of_an_effect(tmp_path: Path) -> None:
     effect = "effects: [{name: e, parameters: {}, equations: {Ex: 5 + 0.001*dir_x}}]\n"
     (found,) = [
