@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import get_args
 
-from mtu_cli.errors import did_you_mean
 from mtu_cli.files.budget_contract import Budget, Contribution, DistributionName, Input
 from mtu_cli.files.contracts import Findings, present
 from mtu_cli.files.yaml_file import YamlPath
@@ -146,8 +145,7 @@ def check_joint(budget: Budget, findings: Findings) -> None:
         path: YamlPath = ("simultaneous", index)
         for place, name in enumerate(group):
             if name not in known:
-                hint = did_you_mean(name, known)
-                findings.add((*path, place), "unknown input", value=name, expected=hint)
+                findings.add_unknown((*path, place), "unknown input", name, known)
             elif name in grouped:
                 findings.add((*path, place), "the input stands in two places", value=name)
             grouped[name] = index
@@ -157,7 +155,7 @@ def check_joint(budget: Budget, findings: Findings) -> None:
         path = ("correlations", index)
         for name in (first, second):
             if name not in known:
-                findings.add(path, "unknown input", value=name, expected=did_you_mean(name, known))
+                findings.add_unknown(path, "unknown input", name, known)
             elif name in (budget.inputs or {}) and _exact(budget.inputs[name]):
                 what = "correlated, but it has no uncertainty"
                 findings.add(path, what, value=name, expected="an input with a width of its own")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from mtu_cli.errors import InputError, Problem, closest
+from mtu_cli.errors import InputError, Problem, closest, did_you_mean
 from mtu_cli.files.contract_errors import (
     existing_path,
     missing_key,
@@ -98,6 +98,20 @@ class Findings:
     def add_missing(self, path: YamlPath, key: str, *, expected: str | None = None) -> None:
         """That the entry at `path` lacks a key."""
         self.add(path, missing_key(key), expected=expected, lacks=key)
+
+    def add_unknown(
+        self,
+        path: YamlPath,
+        what: str,
+        name: str,
+        known: Collection[str],
+        hint: Callable[[str, Collection[str]], str] = did_you_mean,
+    ) -> None:
+        """That `name` is none of those `known`; where there are none at all, what is wrong with
+        the list of them is told already.
+        """
+        if known or not self.problems:
+            self.add(path, what, value=name, expected=hint(name, known))
 
     def keys(self, *path: str | int) -> tuple[str, ...]:
         """The keys of a mapping as they stand in the file, those with faults included."""

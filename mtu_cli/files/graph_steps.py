@@ -79,7 +79,7 @@ def _check_keys(item: Transition, path: YamlPath, findings: Findings) -> None:
 def _check_known(name: str, path: YamlPath, findings: Findings) -> None:
     known = findings.keys("places")
     if name not in known:
-        findings.add(path, "unknown place", value=name, expected=known_places(name, known))
+        findings.add_unknown(path, "unknown place", name, known, known_places)
 
 
 def _given(name: str, places: Mapping[str, Place]) -> Given:

@@ -227,8 +227,7 @@ def _check_report(graph: Graph, findings: Findings) -> None:
     reported = list(graph.report)
     for index, name in enumerate(reported):
         if name is not None and name not in known:
-            hint = known_places(name, known)
-            findings.add(("report", index), "unknown place", value=name, expected=hint)
+            findings.add_unknown(("report", index), "unknown place", name, known, known_places)
     for index, name, _ in duplicates(present(reported)):
         findings.add(("report", index), "the place is reported twice", value=name)
 
@@ -287,7 +286,7 @@ def _check_correlated(
     known = findings.keys("places")
     place = graph.places.get(name)
     if name not in known:
-        findings.add(path, "unknown place", value=name, expected=known_places(name, known))
+        findings.add_unknown(path, "unknown place", name, known, known_places)
     elif place is not None and (place.value is None or not place.u):
         expected = "a constant with `value` and `u`"
         findings.add(path, "has no uncertainty of its own", value=name, expected=expected)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from mtu_cli.errors import did_you_mean
 from mtu_cli.files.column_dimensions import POSITIONS, columns_of, own_columns
 from mtu_cli.files.contract_errors import path_text
+from mtu_cli.files.contract_shapes import keys_at
 from mtu_cli.files.contracts import Findings
 from mtu_cli.files.covariates import COVARIATES, is_covariate
 from mtu_cli.files.effect_checks import parameter_units
@@ -48,7 +49,7 @@ class Vocabulary:
         dimensions: dict[str, int | None] = dict.fromkeys(axes, LENGTH)
         # Positions come first in a hint, then what is the machine's own.
         dimensions |= dict.fromkeys((*POSITIONS, *components))
-        dimensions |= dict.fromkeys(findings.keys("constants"))
+        dimensions |= dict.fromkeys((*findings.keys("constants"), *_misplaced(findings)))
         dimensions |= dict.fromkeys(COVARIATES)
         dimensions |= dict.fromkeys(name for name in machine.covariates or () if name is not None)
         dimensions |= dict.fromkeys(POSITIONS, LENGTH)
@@ -64,6 +65,13 @@ class Vocabulary:
         own = {name: unit.dimension for name, unit in units.items()}
         known = {**own, **self.dimensions, **own}
         return replace(self, linear=self.linear | set(own), dimensions=known, parameters=units)
+
+
+def _misplaced(findings: Findings) -> Iterator[str]:
+    """Names below a key that is unknown, `constant` for `constants`: that it is, is told."""
+    for key, value in findings.document.data.items():
+        if key not in keys_at(Machine, ()) and isinstance(value, (dict, list)):
+            yield from (name for name in value if isinstance(name, str))
 
 
 def check_equations(

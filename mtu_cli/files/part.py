@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from mtu_cli.errors import did_you_mean
 from mtu_cli.files.contract_errors import path_text, told
 from mtu_cli.files.contracts import (
     Contract,
@@ -267,5 +266,5 @@ def _known(name: str, path: YamlPath, places: Mapping[str, Place], findings: Fin
     names = findings.keys("features")
     if name in names:
         return name in places
-    findings.add(path, "unknown feature", value=name, expected=did_you_mean(name, names))
+    findings.add_unknown(path, "unknown feature", name, names)
     return False

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mtu_cli.errors import InputError
+from mtu_cli.files.budget import load_budget
 from mtu_cli.files.budget_contract import Budget
 from mtu_cli.files.contracts import Contract, Findings, check_contract
 from mtu_cli.files.effects_contract import Effects
 from mtu_cli.files.graph_contract import Graph
+from mtu_cli.files.graph_file import load_graph
+from mtu_cli.files.machine import load_machine
 from mtu_cli.files.machine_contract import Machine
-from mtu_cli.files.part import Part
+from mtu_cli.files.part import Part, load_part
 from mtu_cli.files.source import Source
 from mtu_cli.files.study import Study
 from mtu_cli.files.yaml_file import parse_yaml
@@ -228,6 +231,41 @@ def test_a_key_that_follows_no_number_on_its_line_is_no_decimal() -> None:
     assert "unknown key: '2nd'; expected one of" in told
     (told,) = problems(PART + "z_mm: 1\n2nd:\n", Part)
     assert "unknown key: '2nd'; expected one of" in told
+
+
+GRAPH_OF_TWO = """
+name: g
+place: {P: {kind: point, nominal_mm: [1, 2, 3]}, Q: {kind: point}}
+transitions: [{do: meas, out: P, along: x}, {do: middle, in: [P, P], out: Q}]
+report: [Q]
+correlations: [[P, Q, 0.1]]
+"""
+JOINT = "correlations: [[a, b, 0.1]]\nsimultaneous: [[a, c]]"
+LENGTHS = "lengths: [{from: A, to: B}]\ncircles: [{id: c, features: [A, B, C]}]"
+
+
+@pytest.mark.parametrize(
+    ("load", "text", "told"),
+    [
+        (load_part, f"{PART.replace('features', 'feature')}{LENGTHS}", "mean 'features'?"),
+        (load_part, f"name: p\n{LENGTHS}", "the key 'features' is missing"),
+        (load_part, f"name: p\nfeatures: [A]\n{LENGTHS}", "features: wrong value"),
+        (load_budget, f"name: b\nequation: a\ninput: {{a: 1}}\n{JOINT}", "did you mean 'inputs'?"),
+        (load_graph, GRAPH_OF_TWO, "did you mean 'places'?"),
+        (load_machine, SOUND.replace(" a\n", " 2*a*c\nconstant: {c: 3}\n"), "mean 'constants'?"),
+        (load_machine, SOUND.replace(" a\n", " a*c\ncovariate: [c]\n"), "mean 'covariates'?"),
+    ],
+)  # fmt: skip
+def test_a_misspelt_list_of_names_is_the_only_fault(
+    tmp_path: Path, load: Callable[[Path], object], text: str, told: str
+) -> None:
+    """None of the names that refer to it is told to be unknown."""
+    kind = load.__name__.removeprefix("load_")
+    (tmp_path / "f.yaml").write_text(f"schema: mtu/{kind}/1\n{text}")
+    with pytest.raises(InputError) as caught:
+        load(tmp_path / "f.yaml")
+    (found,) = caught.value.problems
+    assert told in str(found)
 
 
 def test_a_text_is_told_where_it_stands() -> None:
