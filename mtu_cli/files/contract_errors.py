@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -19,6 +18,7 @@ from mtu_cli.files.contract_shapes import (
     holds_commas,
     keys_at,
 )
+from mtu_cli.files.shown_values import shown_value
 from mtu_cli.files.yaml_entries import COLON, as_entry
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 
@@ -94,16 +94,6 @@ def existing_path(path: YamlPath, document: YamlDocument) -> YamlPath:
     while path and not isinstance(path[-1], str) and path not in document.lines:
         path = path[:-1]
     return path
-
-
-def shown_value(value: object) -> str:
-    """A value as it would be written in the file."""
-    if isinstance(value, str):
-        return value
-    try:
-        return json.dumps(value, ensure_ascii=False, default=str)
-    except ValueError:
-        return str(value)
 
 
 def missing_key(key: str) -> str:

@@ -14,12 +14,12 @@ from mtu_cli.files.contract_errors import (
     existing_path,
     missing_key,
     path_text,
-    shown_value,
     to_problems,
 )
 from mtu_cli.files.contract_salvage import salvage, without_unknown
 from mtu_cli.files.contract_shapes import lists_texts
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
+from mtu_cli.files.shown_values import shown_value
 from mtu_cli.files.sizes import WHAT, expected_size, too_large, without
 from mtu_cli.files.source import a_file
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath

@@ -38,6 +38,7 @@ def _block(dumper: yaml.SafeDumper, data: _Block) -> yaml.MappingNode:
 
 
 _Dumper.add_representer(str, _text)
+_Dumper.add_multi_representer(float, yaml.SafeDumper.represent_float)
 _Dumper.add_representer(_Block, _block)
 
 

@@ -2,9 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 Scalar = str | int | float | bool | None
+
+
+class NotFinite(float):
+    """A number beyond all numbers, or none: its `text` is what stands in the file."""
+
+    text: str
+
+    @classmethod
+    def of(cls, value: float | str, text: str) -> NotFinite:
+        """A value that is not finite, written as `text`."""
+        found = cls(value)
+        found.text = text
+        return found
+
 
 _NULL = frozenset(("", "~", "null", "Null", "NULL"))
 _TRUE = frozenset(("true", "True", "TRUE"))
@@ -33,6 +48,13 @@ def plain_scalar(text: str) -> Scalar:
 
 
 def _number(text: str) -> Scalar:
+    value = _value(text)
+    if isinstance(value, float) and not math.isfinite(value):
+        return NotFinite.of(value, text)
+    return value
+
+
+def _value(text: str) -> Scalar:
     if _INTEGER.fullmatch(text):
         return int(text) if len(text) <= MAX_INTEGER_DIGITS else float(text)
     if _BASED.fullmatch(text):

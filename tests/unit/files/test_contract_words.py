@@ -161,6 +161,8 @@ BUDGET = "name: b\nequation: a\ninputs:\n"
         (Budget, BUDGET + "  a: {readings: 1.1, 1.2}", "a list in brackets, [1.1, 1.2], or quotes"),
         (Budget, BUDGET + "  a: [10, 0.1]", "a number, or keys with values: {value: 10, u: 0.1}"),
         (Budget, BUDGET + "  a: {value: 1, u: inf}", "wrong value: 'inf'; expected a finite num"),
+        (Budget, BUDGET + "  a: {value: 1e400, u: 1}", "a.value: wrong value: '1e400'; expected a"),
+        (Machine, SOUND + "constants: {c: -.inf}", "c.value: wrong value: '-.inf'; expected a fin"),
         (Budget, BUDGET + "  a: {value: 1, std: 1}", "unknown key: 'std'; expected 'u'"),
         (Budget, BUDGET + "  a: 1\ncorrelations: [a, b, 0.2]", "correlations: not a list of lists"),
         (Budget, BUDGET + "  a: 1\nequations:\n  - R: a", "without the dashes before them"),

@@ -254,7 +254,7 @@ def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
             "coefficients: 1 coefficients of a component of degree 2; expected 3",
         ),
         ("{of: x, unit: um, coefficients: []}", "coefficients: wrong value: '[]'; expected at le"),
-        ("{of: x, unit: um, coefficients: [1, .inf]}", "coefficients[1]: wrong value: 'Infinity'"),
+        ("{of: x, unit: um, coefficients: [1, .inf]}", "coefficients[1]: wrong value: '.inf'"),
         ("{of: x, unit: um, coefficients: [1, '2 um']}", "a number alone, without its unit"),
         ("{of: x, unit: um, coefficients: [1, '2,5']}", "a number with a decimal point"),
         ("{of: x, unit: um, coefficients: 3}", "coefficients: wrong value: '3'; expected a list"),

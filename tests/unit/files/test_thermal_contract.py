@@ -138,7 +138,7 @@ FAULTS = [
     ),
     (
         "unit: um, thermal: {gradients: {T_a_degC: [.nan]}}",
-        "thermal.gradients.T_a_degC[0]: wrong value: 'NaN'; expected a finite number",
+        "thermal.gradients.T_a_degC[0]: wrong value: '.nan'; expected a finite number",
     ),
     (
         "unit: um, thermal: {gradients: {spindle: 1}}",
@@ -164,7 +164,7 @@ FAULTS = [
         PLAIN + ", sensor_u_degC: -1}",
         "thermal.sensor_u_degC: wrong value: '-1'; expected a number of at least 0, or one for",
     ),
-    (PLAIN + ", sensor_u_degC: .inf}", "thermal.sensor_u_degC.T_a_degC: wrong value: 'Infinity'"),
+    (PLAIN + ", sensor_u_degC: .inf}", "thermal.sensor_u_degC.T_a_degC: wrong value: '.inf'"),
     (
         PLAIN + ", sensor_u_degC: {T_b_degC: 1}}",
         "thermal.sensor_u_degC.T_b_degC: a sensor without gradients: 'T_b_degC'; did you mean",

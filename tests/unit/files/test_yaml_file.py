@@ -11,8 +11,11 @@ import pytest
 import yaml
 
 from mtu_cli.errors import InputError
+from mtu_cli.files.shown_values import shown_value
 from mtu_cli.files.source import Source
+from mtu_cli.files.yaml_dump import flow_text
 from mtu_cli.files.yaml_file import MAX_BYTES, YamlDocument, parse_yaml, read_yaml
+from mtu_cli.files.yaml_scalars import NotFinite
 
 
 def load(text: str) -> YamlDocument:
@@ -50,8 +53,6 @@ def message(text: str) -> str:
         ("", None),
         ("null", None),
         ("2024-05-03", "2024-05-03"),
-        (".inf", math.inf),
-        ("-.INF", -math.inf),
         ("'1'", "1"),
         ("!!str 1", "1"),
         ("!!float 1", 1.0),
@@ -62,6 +63,20 @@ def test_scalars_of_the_core_schema(text: str, value: object) -> None:
     found = load(f"a: {text}").data["a"]
     assert found == value
     assert type(found) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [(".inf", math.inf), ("-.INF", -math.inf), (".nan", math.nan), ("-1e400", -math.inf),
+     ("!!float 1e400", math.inf)],
+)  # fmt: skip
+def test_what_is_not_finite_keeps_its_text(text: str, value: float) -> None:
+    found = load(f"a: {text}").data["a"]
+    assert isinstance(found, NotFinite)
+    assert found == value or (math.isnan(found) and math.isnan(value))
+    assert shown_value(found) == text.removeprefix("!!float ")
+    assert flow_text([found]).startswith("[")
+    assert shown_value([1, found, "a"]) == f'[1, {text.removeprefix("!!float ")}, "a"]'
 
 
 def test_a_very_long_integer_costs_nothing() -> None:
