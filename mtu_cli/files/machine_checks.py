@@ -114,11 +114,14 @@ def _check_sizes(component: Component, path: YamlPath, findings: Findings) -> No
             f"{len(component.coefficients)} coefficients of a component {kind}",
             expected=f"{size}",
         )
+    # The degree that is not written follows from the coefficients.
+    one = component.of is not None and component.coefficients is not None and size == 1
+    why = ": one coefficient makes a component without a slope" if one else ""
     if component.covariance is not None:
-        _check_matrix(component.covariance, size, (*path, "covariance"), findings)
+        _check_matrix(component.covariance, size, (*path, "covariance"), findings, why)
     if component.pass_covariance is not None:
         passes = min(2, size)
-        _check_matrix(component.pass_covariance, passes, (*path, "pass_covariance"), findings)
+        _check_matrix(component.pass_covariance, passes, (*path, "pass_covariance"), findings, why)
         if component.pass_dof == 0 and any(map(any, component.pass_covariance)):
             expected = "more than 0, or no key: known exactly"
             what = f"{PASSES} without degrees of freedom"
@@ -175,14 +178,13 @@ def _half_digit(value: float) -> float:
 
 
 def _check_matrix(
-    rows: Sequence[Sequence[float]], size: int, path: YamlPath, findings: Findings
+    rows: Sequence[Sequence[float]], size: int, path: YamlPath, findings: Findings, why: str = ""
 ) -> None:
     lengths = [len(row) for row in rows]
     if lengths != [size] * size:
         widths = "/".join(str(length) for length in sorted(set(lengths))) or "0"
-        findings.add(
-            path, f"{len(rows)} rows of {widths} numbers", expected=f"{size} rows of {size}"
-        )
+        expected = f"{size} row{'s' if size > 1 else ''} of {size}{why}"
+        findings.add(path, f"{len(rows)} rows of {widths} numbers", expected=expected)
         return
     fault = covariance_fault(rows, size)
     if fault is not None:

@@ -271,7 +271,11 @@ def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
             "pass_dof: a covariance of passes without degrees of freedom: '0'",
         ),
         ("{of: x, unit: um, covariance: [[1]]}", "1 rows of 1 numbers; expected 2 rows of 2"),
-        ("{unit: um, pass_covariance: [[1, 0], [0, 1]]}", "expected 1 rows of 1"),
+        ("{unit: um, pass_covariance: [[1, 0], [0, 1]]}", "expected 1 row of 1"),
+        (
+            "{of: x, unit: um, coefficients: [2], pass_covariance: [[1, 0], [0, 1]]}",
+            "expected 1 row of 1: one coefficient makes a component without a slope",
+        ),
         ("{of: x, unit: um, covariance: [[1, 0.1], [0.2, 1]]}", "covariance: not symmetric"),
         ("{of: x, unit: um, covariance: [[1, 2], [2, 1]]}", "not positive semidefinite"),
         ("{of: x, unit: um, covariance: [[-1, 0], [0, 1]]}", "a variance is negative"),
@@ -548,7 +552,7 @@ def test_a_temperature_or_time_too_many(
         ("parameters: {p: {value: 1, unit: u}}, equations: {Ex: p}", "unknown unit: 'u'"),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p}, covariance: [[1, 0]]",
-            "effects[0].covariance: 1 rows of 2 numbers; expected 1 rows of 1",
+            "effects[0].covariance: 1 rows of 2 numbers; expected 1 row of 1",
         ),
         (
             "parameters: {p: {value: 1, u: 5, unit: um}}, equations: {Ex: p}, covariance: [[0.09]]",
