@@ -263,3 +263,17 @@ def test_a_gate_runs_all_studies_and_sums_them_up(tmp_path: Path) -> None:
     again = make(Path("out"), "ROOT=shop", "GATE=1", called=tmp_path)
     assert again.returncode == 0, again.stderr
     assert "mill-2: passed" in again.stdout.splitlines()
+
+
+@pytest.mark.parametrize("gate", ["", "1"])
+def test_lines_of_steps_side_by_side_do_not_mix(tmp_path: Path, gate: str) -> None:
+    for name in ("mill-1", "mill-2"):
+        placed(tmp_path / "shop" / name)
+    slow = tmp_path / "slow-mtu"
+    slow.write_text('#!/bin/sh\necho "$1 $2 begins" >&2\nsleep 0.3\necho "$1 $2 ends" >&2\n')
+    slow.chmod(0o755)
+    ran = make(tmp_path / "out", "-j4", f"ROOT={tmp_path / 'shop'}", f"GATE={gate}", f"MTU={slow}")
+    told = [line for line in ran.stderr.splitlines() if line.endswith((" begins", " ends"))]
+    assert len(told) == 8
+    for begins, ends in zip(told[::2], told[1::2], strict=True):
+        assert begins.removesuffix("begins") == ends.removesuffix("ends")
