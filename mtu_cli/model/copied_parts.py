@@ -66,9 +66,7 @@ def copied_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
         name = operations[copy // parts] if several else ""
         where = f" in operation {name!r}" if name else ""
         if mark not in chances:
-            if values is None:
-                equal = np.unique(marks, axis=0, return_inverse=True)[1].reshape(-1)[run]
-                values = _values(points, operation, axes, equal)
+            values = values or _values(points, operation, axes, _numbered(marks)[run])
             chances[mark] = _chance(points, rows, axes, values)
         if chances[mark] >= CHANCE:
             alike.append((part, f"{twin!r}{where}"))
@@ -123,6 +121,11 @@ def _chance(points: Points, rows: IntArray, axes: tuple[int, ...], values: _Valu
     alike = values.agree[rows].ravel()[first]
     each = np.maximum(alike, min(max(values.shared[rows[0]], (count**2).sum()), 1.0))
     return float(pairs * np.exp(np.log(each).sum()))
+
+
+def _numbered(marks: FloatArray) -> IntArray:
+    """A number (n,) that equal rows of `marks` (n, k) share."""
+    return np.unique(marks, axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _values(points: Points, operation: IntArray, axes: tuple[int, ...], equal: IntArray) -> _Values:

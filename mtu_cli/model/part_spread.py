@@ -59,9 +59,12 @@ def _nearest(measured: FloatArray, part: IntArray, feature: IntArray, equal: Int
 
 
 def _digit(table: FloatArray) -> float:
-    """The least step between two values of a cell of a table (parts, cells, axes), mm."""
-    steps = np.diff(np.sort(table, axis=0), axis=0)
-    return float(steps[steps > SAME_MM].min(initial=np.inf))
+    """The CMM's last digit, mm: the least step between two values of a cell of a table (parts,
+    cells, axes), or between two such steps, where few parts of different set-ups have large ones.
+    """
+    steps = np.unique(np.diff(np.sort(table, axis=0), axis=0))
+    least = np.diff(steps[np.isfinite(steps)], prepend=0.0)
+    return float(least[least > SAME_MM].min(initial=np.inf))
 
 
 def _least(others: FloatArray, own: FloatArray) -> float:

@@ -44,7 +44,7 @@ def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     "call",
     [
         "fit-components -o r.json --csv r.csv > /dev/full",
-        "fit-components -q -o r.json 2> /dev/full",
+        "lengths --at T_x_degC=20 -q -o r.json 2> /dev/full",
         "simulate --write-lbb r.csv > /dev/full",
     ],
 )
