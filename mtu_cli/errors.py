@@ -245,3 +245,8 @@ def listing(names: Iterable[str]) -> str:
     known = list(names)
     shown = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
     return f"one of: {shown}" if known else "no such name: none is known here"
+
+
+def counted(number: int, noun: str) -> str:
+    """``1 row``, ``2 rows``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, counted
 from mtu_cli.files.covariance import covariance_fault
 from mtu_cli.files.json_file import read_json
 from mtu_cli.files.machine_checks import PASSES
@@ -179,7 +179,7 @@ def _sizes(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
     if item.degree != k - 1:
         problems.append(
             Problem(
-                what=f"{k} coefficients of a component of degree {item.degree}",
+                what=f"{counted(k, 'coefficient')} of a component of degree {item.degree}",
                 file=source.shown,
                 path=f"results.components.{name}.coefficients",
                 expected=f"{item.degree + 1}",

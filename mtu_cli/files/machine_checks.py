@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from decimal import Decimal
 
-from mtu_cli.errors import closest
+from mtu_cli.errors import closest, counted
 from mtu_cli.files.contracts import Findings, duplicates, is_identifier, present
 from mtu_cli.files.covariance import covariance_fault
 from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature, is_covariate
@@ -111,7 +111,7 @@ def _check_sizes(component: Component, path: YamlPath, findings: Findings) -> No
         kind = f"of degree {component.degree}" if component.of else "without `of`"
         findings.add(
             (*path, "coefficients"),
-            f"{len(component.coefficients)} coefficients of a component {kind}",
+            f"{counted(len(component.coefficients), 'coefficient')} of a component {kind}",
             expected=f"{size}",
         )
     # The degree that is not written follows from the coefficients.
@@ -182,9 +182,10 @@ def _check_matrix(
 ) -> None:
     lengths = [len(row) for row in rows]
     if lengths != [size] * size:
-        widths = "/".join(str(length) for length in sorted(set(lengths))) or "0"
-        expected = f"{size} row{'s' if size > 1 else ''} of {size}{why}"
-        findings.add(path, f"{len(rows)} rows of {widths} numbers", expected=expected)
+        *less, most = sorted(set(lengths)) or [0]
+        widths = "/".join(map(str, [*less, counted(most, "number")]))
+        what = f"{counted(len(rows), 'row')} of {widths}"
+        findings.add(path, what, expected=f"{counted(size, 'row')} of {size}{why}")
         return
     fault = covariance_fault(rows, size)
     if fault is not None:

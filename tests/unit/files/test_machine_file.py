@@ -251,7 +251,7 @@ def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
         ("{unit: um, coefficients: [1, 2]}", "2 coefficients of a component without `of`; expec"),
         (
             "{of: x, unit: um, degree: 2, coefficients: [1]}",
-            "coefficients: 1 coefficients of a component of degree 2; expected 3",
+            "coefficients: 1 coefficient of a component of degree 2; expected 3",
         ),
         ("{of: x, unit: um, coefficients: []}", "coefficients: wrong value: '[]'; expected at le"),
         ("{of: x, unit: um, coefficients: [1, .inf]}", "coefficients[1]: wrong value: '.inf'"),
@@ -270,7 +270,7 @@ def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
             "{of: x, unit: um, pass_covariance: [[1, 0], [0, 1]], pass_dof: 0}",
             "pass_dof: a covariance of passes without degrees of freedom: '0'",
         ),
-        ("{of: x, unit: um, covariance: [[1]]}", "1 rows of 1 numbers; expected 2 rows of 2"),
+        ("{of: x, unit: um, covariance: [[1]]}", "1 row of 1 number; expected 2 rows of 2"),
         ("{unit: um, pass_covariance: [[1, 0], [0, 1]]}", "expected 1 row of 1"),
         (
             "{of: x, unit: um, coefficients: [2], pass_covariance: [[1, 0], [0, 1]]}",
@@ -552,7 +552,7 @@ def test_a_temperature_or_time_too_many(
         ("parameters: {p: {value: 1, unit: u}}, equations: {Ex: p}", "unknown unit: 'u'"),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p}, covariance: [[1, 0]]",
-            "effects[0].covariance: 1 rows of 2 numbers; expected 1 row of 1",
+            "effects[0].covariance: 1 row of 2 numbers; expected 1 row of 1",
         ),
         (
             "parameters: {p: {value: 1, u: 5, unit: um}}, equations: {Ex: p}, covariance: [[0.09]]",
