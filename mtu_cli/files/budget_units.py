@@ -1,8 +1,8 @@
 """Units of a budget: numbers are calculated with as they stand, so that their units must agree.
 
-A literal other than a simple fraction or pi may have a unit that is not written, or change one
+A factor other than a simple fraction or pi may have a unit that is not written, or change one
 (``1000*V/I``, ``asin(h/L)*180/pi``): what holds one is left alone. So is what has inputs whose
-unit is not stated or not known.
+unit is not stated or not known. A literal that is added has the unit of what it is added to.
 """
 
 from __future__ import annotations
@@ -139,6 +139,9 @@ class BudgetUnits:
 
     def plain(self, argument: Node, of: str) -> Iterator[EquationError]:
         for sure in (True, False):
+            if sure and any(_literals(argument, added=True)):
+                # Empirical equations take logarithms of numbers: log(t + 273.15).
+                continue
             found = self.of(argument, sure)
             if found is None:
                 continue
@@ -166,9 +169,9 @@ class BudgetUnits:
     def of(self, node: Node, sure: bool) -> dict[str, float] | None:
         """Exponents of what a term gives; None where they are not known, or disagree within it.
 
-        Where it is to be `sure`, any literal may have a unit: exp(34 - 6292/T) may be in Pa.
+        Where it is to be `sure`, any factor may have a unit: exp(34 - 6292/T) may be in Pa.
         """
-        if sure and any(_literals(node)):
+        if sure and any(_literals(node, added=False)):
             return None
         found = {}
         for base, scale in self.scales.items():
@@ -223,16 +226,20 @@ def _has_shift(tree: Node) -> bool:
     return any(isinstance(side, Number) for item in sums for side in (item.left, item.right))
 
 
-def _literals(node: Node) -> Iterator[Node]:
-    """Numbers of a term but for those of powers."""
+def _literals(node: Node, added: bool) -> Iterator[Node]:
+    """Numbers of a term but for those of powers, and for those of sums unless `added`."""
     match node:
         case Number():
             yield node
         case Binary("**", base, Number()):
-            yield from _literals(base)
+            yield from _literals(base, added)
+        case Binary("+" | "-", left, right) if not added:
+            for side in (left, right):
+                if not isinstance(side, Number):
+                    yield from _literals(side, added)
         case _:
             for item in children(node):
-                yield from _literals(item)
+                yield from _literals(item, added)
 
 
 def _differ(one: Exponents, other: Exponents) -> bool:

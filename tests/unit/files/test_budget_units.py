@@ -188,6 +188,21 @@ MM = {"h": "mm", "L": "mm"}
         ("h*L/t", "mm", {"h": "deg", "L": "in", "t": "min"}, "gives deg*in/min: 'mm'; expected"),
         ("atan(h)/2 + L", "rad", {"h": "1", "L": "arcsec"}, "plain numbers and arcsec are added"),
         ("h*L", "mm", MM, "the equation gives mm^2: 'mm'; expected mm^2, or an equation that"),
+        # What a literal is taken off keeps its unit.
+        (
+            "(h - L)*a*(t - 20)",
+            "mm",
+            MM | {"a": "1/K", "t": "mm"},
+            "3: quantity.unit: the equation gives units of 1e-06 m^2 K^-1: 'mm'",
+        ),
+        (
+            "(h - L)*a*(t - 20)",
+            "mm",
+            MM | {"a": "um", "t": "K"},
+            "the equation gives mm*um*K: 'mm'",
+        ),
+        ("L*(1 + a*(t - 20))", "mm", {"L": "mm", "a": "1", "t": "K"}, "gives mm*K: 'mm'; expected"),
+        ("h + L*a*(t - 20)", "mm", MM | {"a": "1", "t": "K"}, "mm and mm*K are added at column 3"),
         # 1 + 12 ppm is no 1.000012, and no factor mends that.
         ("L*(1 + a*t)", "mm", {"L": "mm", "a": "ppm/K", "t": "K"}, "gives nm: 'mm'; expected nm"),
     ],
@@ -209,6 +224,13 @@ def test_what_disagrees_is_refused(
         ("h + L/1000", "mm", {"h": "mm", "L": "um"}),
         ("1000*V/I", "ohm", {"V": "V", "I": "mA"}),
         ("L*(1 + a*(t - 20))", "mm", {"L": "mm", "a": "1/K", "t": "degC"}),
+        ("(h - L)*a*(t - 20)", "nm", MM | {"a": "um/(m K)", "t": "degC"}),
+        ("(h - L)*(a - 11.5/1000000)*(t - 20)", "mm", MM | {"a": "1/degC", "t": "degC"}),
+        ("L/(1 + a*(t - 20)) + 0.003", "mm", {"L": "mm", "a": "1/K", "t": "degC"}),
+        ("(h/L - 1)/a", "degC", {"h": "ohm", "L": "ohm", "a": "1/degC"}),
+        ("log(t + 273.15)", "1", {"t": "degC"}),
+        ("t + 273.15", "K", {"t": "degC"}),
+        ("(1 - h**2)/L", "1/GPa", {"h": "1", "L": "GPa"}),
         ("sqrt(h**2 + L**2)", "mm", MM),
         ("pi*h**2/4", "mm^2", MM | {"h": "mm"}),
         # Empirical equations, whose literals have units: CIPM air density, vapour pressure.
