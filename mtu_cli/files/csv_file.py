@@ -79,7 +79,8 @@ def _plain_units(column: TextColumn) -> TextColumn:
         return column
     meant = [plain.get(label, label) for label in column.labels]
     labels = tuple(dict.fromkeys(meant))
-    lookup = np.array([*map(labels.index, meant), -1], np.int32)
+    place = {label: i for i, label in enumerate(labels)}
+    lookup = np.array([*(place[label] for label in meant), -1], np.int32)
     return TextColumn(lookup[column.codes], labels)
 
 

@@ -107,7 +107,7 @@ def _told_later(text: CsvText, spec: TableSpec, told: list[Problem]) -> Iterator
     """What is told of other columns once the header is sound, so that all is told at once; by the
     first row, as far as cells tell.
     """
-    known = {problem.column for problem in told}
+    known, header = {problem.column for problem in told}, frozenset(text.header)
     of_points = "feature" in spec.required
     repeats = MEASUREMENTS if of_points and "repeat" not in text.header else ()
     for name, cell in zip(text.header, _first_row(text), strict=False):
@@ -115,16 +115,17 @@ def _told_later(text: CsvText, spec: TableSpec, told: list[Problem]) -> Iterator
             continue
         if looks_like_temperature(name) and not is_text(cell, text.decimal):
             if of_points or text.source.role == DRIFT:
-                yield no_sensor(text, name)
+                yield no_sensor(text, name, header)
         elif plain(name).strip() in repeats and cell.strip() in ("0", "1"):
             yield _otherwise(text, name, "repeat", " where it numbers these")
 
 
 def _first_row(text: CsvText) -> list[str]:
     """The cells of the first line below the header, where they can be read."""
-    lines = islice(lines_from(text.content, text.body), 1)
+    # Comment lines are blank by now.
+    lines = filter(str.strip, lines_from(text.content, text.body))
     try:
-        return next(csv.reader(lines, delimiter=text.separator), [])
+        return next(csv.reader(islice(lines, 1), delimiter=text.separator), [])
     except csv.Error:
         return []
 

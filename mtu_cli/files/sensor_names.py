@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,14 +60,18 @@ def check_sensor_names(table: Table, problems: ProblemList) -> None:
     """A problem for every column that seems to hold temperatures under a name that is none of a
     sensor's; columns of texts are left alone.
     """
-    for name in _like_sensors(table):
-        problems.add(no_sensor(table, name))
+    _refuse(table, problems, list(_like_sensors(table)))
 
 
 def check_temperature_names(table: Table, problems: ProblemList) -> None:
     """The same of columns that can be nothing else: in points T_12 may be a tool."""
-    for name in filter(_is_sure, _like_sensors(table)):
-        problems.add(no_sensor(table, name))
+    _refuse(table, problems, list(filter(_is_sure, _like_sensors(table))))
+
+
+def _refuse(table: Table, problems: ProblemList, names: Sequence[str]) -> None:
+    header = frozenset(table.header)
+    for name in names:
+        problems.add(no_sensor(table, name, header))
 
 
 def sensor_name_notes(tables: Sequence[Table]) -> Iterator[Notice]:
@@ -98,12 +102,14 @@ def _is_sure(name: str) -> bool:
     return _SURE.search(name.replace("\u00b0", "deg")) is not None
 
 
-def no_sensor(table: Table | CsvText, name: str) -> Problem:
-    """The Problem of a column that seems to hold temperatures."""
+def no_sensor(table: Table | CsvText, name: str, header: Container[str]) -> Problem:
+    """The Problem of a column that seems to hold temperatures; `header` as a set, for a table of
+    thousands of them.
+    """
     better = as_temperature(name)
     unit = _UNIT.search(name.replace("\u00b0", "deg"))
     otherwise = ", or, where it is no temperature, a name that does not look like one"
-    if better is not None and better not in table.header:
+    if better is not None and better not in header:
         otherwise = (
             f": rename {name!r} to {better!r} (in degC), or, where it is none, to a name that does "
             f"not look like one{'' if unit is None else CONVERTED[unit[1].casefold()]}"

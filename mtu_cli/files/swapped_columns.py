@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,10 @@ machine's do, nor does a short stage read by a coarse display.
 """
 NEARLY = 0.01
 """Of a step: places that are read back differ by less from pass to pass, errors by more."""
+ABOUT, ROUND = 0.05, (1.0, 2.0, 2.5, 5.0)
+"""Share of a step by which places set by hand may be off a grid of round numbers, these times a
+power of ten: in a hundred runs of errors that are as steady, one lies on such a grid by chance.
+"""
 SHOWN = 3
 
 
@@ -105,16 +110,35 @@ def _are_swapped(passes: list[tuple[Floats, Floats]]) -> bool:
 
 def _repeated(places: list[Floats]) -> bool:
     """Whether half of the places or more stand in every pass; of few, as where each begins at its
-    zero, that says nothing. Or whether all do nearly, as places that are read back.
+    zero, that says nothing. Or whether all do nearly, as places that are read back, or are about
+    the same round numbers, as places set by hand.
     """
     if len({len(place) for place in places}) == 1:
         by_size = np.sort(places, axis=1)
         step = np.diff(by_size.mean(axis=0)).min(initial=np.inf)
-        if len(by_size[0]) >= FEWEST_TARGETS and np.ptp(by_size, axis=0).max() < NEARLY * step:
+        nearly = np.ptp(by_size, axis=0).max() < NEARLY * step
+        if len(by_size[0]) >= FEWEST_TARGETS and (nearly or _about_round(by_size, step)):
             return True
     own = [set(place.tolist()) for place in places]
     fewest = min(map(len, own))
     return fewest >= FEWEST_TARGETS and 2 * len(set.intersection(*own)) >= fewest
+
+
+def _about_round(places: Floats, step: float) -> bool:
+    """Whether the places (passes, n) of all passes are near the same multiples of a round number
+    that is no more than their least `step`, and no less than half of it.
+    """
+    if not 0 < step < np.inf:
+        return False
+    power = 10.0 ** math.floor(math.log10(step))
+    for grid in (first * power * scale for scale in (0.1, 1.0) for first in ROUND):
+        if not 0.5 * step <= grid <= (1 + ABOUT) * step:
+            continue
+        number = np.round(places / grid)
+        near = np.abs(places - grid * number).max() <= ABOUT * step
+        if near and (number == number[0]).all() and len(np.unique(number[0])) == len(number[0]):
+            return True
+    return False
 
 
 def _is_run(values: Floats) -> bool:

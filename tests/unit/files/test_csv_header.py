@@ -596,3 +596,10 @@ def test_a_column_that_no_equation_can_name_is_told(tmp_path: Path) -> None:
         f"{what}; rename it where one needs it, such as to '{name}_value'"
         for name, what in (("x", "the position"), ("step", "a function"), ("pi", "a number"))
     ]
+
+
+def test_a_comment_below_the_header_hides_nothing(tmp_path: Path) -> None:
+    header, row = "Teil,feature,x_mm,y_mm,Messung", "1,A,1,2,1\n"
+    plain = refused(tmp_path, header, row)
+    assert len(plain) == 2
+    assert refused(tmp_path, header, f"# of the second shift\n\n{row}") == plain

@@ -162,10 +162,10 @@ def test_places_read_back_of_a_short_stage_are_places(
 ) -> None:
     """Whatever steep errors its display of 5 arcsec shows, the same in every pass.
 
-    Places that differ by a twentieth of their steps are none.
+    Set by hand they lie about round numbers; what differs by more is no place.
     """
     errors = (0.0, 5.0, 10.0, 15.0, 25.0)[:: -1 if falling else 1]
-    for jitter, sound in ((0.002, True), (0.1, False)):
+    for jitter, sound in ((0.002, True), (0.1, True), (0.4, False)):
         rng = np.random.default_rng(3)
         rows = [
             ("a", round(place + float(rng.uniform(-jitter, jitter)), 4), number, 4 * error)
@@ -173,6 +173,23 @@ def test_places_read_back_of_a_short_stage_are_places(
             for place, error in zip(places, errors, strict=True)
         ]
         assert (judged(tmp_path, rows) == "") == sound
+
+
+@pytest.mark.parametrize(
+    ("step", "off", "sound"),
+    [(1.0, 0.02, True), (2.0, 0.03, True), (25.0, 0.5, True), (5.0, 0.1, True), (3.1, 0.1, False)],
+)
+def test_places_set_by_hand_are_places(
+    step: float, off: float, sound: bool, tmp_path: Path
+) -> None:
+    """To a scale and a dial of 10 um; steps of no round number are held to be errors."""
+    rng = np.random.default_rng(4)
+    rows = [
+        ("a", round(step * i + float(rng.uniform(-off, off)), 3), number, 30 * step * i)
+        for number in (1, 2, 3)
+        for i in range(4)
+    ]
+    assert (judged(tmp_path, rows) == "") == sound
 
 
 def test_errors_in_nm_are_held_against_um(tmp_path: Path) -> None:
