@@ -68,7 +68,7 @@ def _holds(own: str) -> str:
 
 def _maybe(other: str, table: Table, spec: TableSpec) -> str | None:
     """The column of the contract that one beside it may be, as far as its cells allow."""
-    along = direction_along(other)
+    along = direction_along(other) or _by_its_difference(other)
     if along is not None:
         return along if spec.named(along) and _signs(table, other) else None
     nominal = nominal_by_sign(other)
@@ -81,6 +81,12 @@ def _maybe(other: str, table: Table, spec: TableSpec) -> str | None:
     measured = own == "repeat" and plain(other).strip() in MEASUREMENTS
     counts = measured and _counts(table, other)
     return own if counts or (may_count(other) and _whole(table, other)) else None
+
+
+def _by_its_difference(other: str) -> str | None:
+    """The column `dir_x` that `dx` may be, where its cells are signs; else it is a deviation."""
+    word = plain(other)
+    return f"dir_{word[1]}" if word in ("dx", "dy", "dz") else None
 
 
 def _signs(table: Table, name: str) -> bool:

@@ -165,7 +165,10 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
     }
     for other in filter(None, header):
         # Without its unit a name is meant as it stands: `nominal` is no slip of `nominal_z`.
-        name = _meant(other, known) or bare.get(squeezed(IN_MM.sub("", other)))
+        without_unit = IN_MM.sub("", other)
+        name = _meant(other, known) or bare.get(squeezed(without_unit))
+        if name is None and without_unit != other:
+            name = _meant(without_unit, {w: own for w, own in known.items() if own in lengths})
         if name is None:
             by_words = (meant_by(other), direction_along(other))
             name = next((word for word in by_words if word in known.values()), None)

@@ -19,13 +19,14 @@ POS = "pos"
 """In a list of characteristics their number; beside names and numbers of others nobody knows."""
 OTHER_WORDS = {
     "part": ("serial", "serial_number", "serial_no", "workpiece", "piece", "sn", "s/n"),
-    "feature": ("hole", "bore", "point", "ring", "feature_id", "element", POS),
+    "feature": ("hole", "bore", "point", "ring", "feature_id", "element", "label", POS),
+    "sequence": ("seq",),
     "repeat": REPEATS,
     "pass": ("passes", *REPEATS),
     "cycle": ("warm_up", "zyklus"),
     "component": ("error_component", "channel", "parameter", *AXIS),
     "error": ("value", "reading", "deviation"),
-    "position_mm": ("pos", "position", "target"),
+    "position_mm": ("pos", "position", "target", "soll", "sollposition", "nominal_position"),
 }
 """What other programs call a column, in lower case with underscores."""
 UNIT = "_mm"

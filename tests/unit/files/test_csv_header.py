@@ -603,3 +603,30 @@ def test_a_comment_below_the_header_hides_nothing(tmp_path: Path) -> None:
     plain = refused(tmp_path, header, row)
     assert len(plain) == 2
     assert refused(tmp_path, header, f"# of the second shift\n\n{row}") == plain
+
+
+@pytest.mark.parametrize("other", ["Target (mm)", "Soll [mm]", "Sollposition"])
+def test_targets_of_other_programs_are_positions(other: str, tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text(f"component,{other},error,unit\ndx,0,1,um\n", "utf-8")
+    with pytest.raises(InputError) as caught:
+        read_table(path, "lbb", READINGS)
+    assert f"expected {other!r} renamed to 'position_mm'" in str(caught.value)
+
+
+def test_a_short_word_for_the_order_is_told(tmp_path: Path) -> None:
+    (line,) = refused(tmp_path, "part,feature,x_mm,y_mm,Seq", "1,A,1,2,3\n")
+    assert "'Seq' renamed to 'sequence'" in line
+
+
+@pytest.mark.parametrize(("cells", "told"), [(("1", "-1"), True), (("0.5", "-1"), False)])
+def test_differences_that_are_signs_are_directions(
+    cells: tuple[str, str], told: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "t.csv"
+    rows = "".join(f"{part},A,1,2,{cell}\n" for part, cell in enumerate(cells))
+    path.write_text(f"part,feature,x_mm,y_mm,dx\n{rows}")
+    found = read_points([(path, "cmm")], {"A": (10.0, 10.0, None)})
+    said = [item.message for item in found.notes if "'dx'" in item.message]
+    assert bool(said) == told
+    assert not told or "is not used as 'dir_x': rename it where it is the direction" in said[0]
