@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from rich.text import Text
@@ -36,9 +37,14 @@ def table(result: AnovaResult, digits: int = 2) -> list[object]:
     found: list[object] = [_summary(result, digits), *lines, Text("")]
     apart = [item for item in (result.lengths, result.angles) if item is not None]
     kinds = [*apart, result.features]
+    sheets = [_sheet(item, k, digits) for item in kinds]
+    # The same legend once, below the last of them.
+    *before, last = sheets
+    sheets = [replace(item, notes=[]) if item.notes == last.notes else item for item in before]
     return [
         *found,
-        *(_sheet(item, k, digits) for item in kinds),
+        *sheets,
+        last,
         *squares_sheets((item, _listed(item, k)) for item in kinds),
     ]
 

@@ -29,6 +29,9 @@ TESTS: tuple[Callable[[InstrumentFit], FTest | Shift | None], ...] = (
     lambda item: item.reversal,
 )
 
+NOTHING = 1e-9
+"""Share of the figures beside it below which a scatter is the rounding of their sums."""
+
 
 def table(machine: str, fit: MachineFit, estimates: Estimates, digits: int = 2) -> list[Sheet]:
     """Coefficients with u, scatter and tests; what is not determined below."""
@@ -91,6 +94,8 @@ def _scatter(estimate: ComponentEstimate, found: ComponentFit | None, digits: in
     """s_repeat and s_pass, each only where something tells it from the other."""
     f = estimate.unit.to_internal
     s_pass = float(np.sqrt(pass_covariance(estimate, found)[0, 0])) / f
+    beside = max(estimate.s_repeat, abs(float(estimate.coefficients[0]))) / f
+    s_pass = 0.0 if s_pass <= NOTHING * beside else s_pass
     fits = [item.fit for item in found.instruments] if found else []
     repeated = not fits or any(not fit.separated or fit.within_dof > 0 for fit in fits)
     several_passes = any(fit.separated for fit in fits) if fits else s_pass > 0

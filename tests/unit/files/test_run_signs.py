@@ -77,9 +77,20 @@ def test_other_runs_are_not(
     assert not told(tmp_path, lambda k, way: error(k, way, rng), ways=ways)
 
 
-def test_of_three_runs_none_is_the_odd_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("passes", "times"), [(3, 0), (4, 0), (5, 1)])
+def test_of_few_runs_none_is_the_odd_one(passes: int, times: int, tmp_path: Path) -> None:
+    """Noise of four is that alike now and then."""
     rng = np.random.default_rng(5)
-    assert not told(tmp_path, lambda k, way: (-1 if k == 3 else 1) * noisy(rng), passes=3)
+    found = told(tmp_path, lambda k, way: (-1 if k == 3 else 1) * noisy(rng), passes=passes)
+    assert len(found) == times
+
+
+def test_runs_that_do_not_agree_have_no_odd_one(tmp_path: Path) -> None:
+    """The third is the opposite of their mean, of which each is far off."""
+    rng = np.random.default_rng(6)
+    others = {k: noisy(rng) + rng.normal(0.0, 3.0, len(PLACES)) for k in (1, 2, 4, 5)}
+    runs = {**others, 3: -np.mean(list(others.values()), axis=0)}
+    assert not told(tmp_path, lambda k, way: runs[k])
 
 
 def test_runs_of_noise_are_told_less_than_once_in_a_thousand(tmp_path: Path) -> None:
@@ -92,7 +103,7 @@ def test_runs_of_noise_are_told_less_than_once_in_a_thousand(tmp_path: Path) -> 
     )
     rows = ["component,position_mm,pass,error,unit"]
     for i in range(1000):
-        for number in range(1, 5):
+        for number in range(1, 6):
             values = kinds[i % 3]()
             rows += [f"c{i},{p * 20},{number},{v:.6f},um" for p, v in enumerate(values)]
     path = tmp_path / "lbb.csv"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -315,3 +316,11 @@ def test_csv_is_the_json_side_by_side(paper: Example) -> None:
         assert row["drift_p"] == (item["drift"] or {}).get("p")
         assert row["reversal_mean"] == (item["reversal"] or {}).get("mean")
     assert table[-1]["coefficient_1"] is None
+
+
+@pytest.mark.parametrize(("s_pass", "shown"), [(2.2e-19, "-"), (2.2e-11, "2.2e-8")])
+def test_a_scatter_that_is_rounding_is_none(paper: Example, s_pass: float, shown: str) -> None:
+    """Of passes that are equal, beside readings of um: 2.2e-16 um is no figure."""
+    known = paper.estimates.components["dx_x"]
+    none = replace(known, pass_covariance=np.diag([s_pass**2, 0.0]))
+    assert fit_table._scatter(none, None, 2)[1] == shown
