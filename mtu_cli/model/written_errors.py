@@ -19,7 +19,7 @@ FEWEST = 8
 """Points that must agree."""
 CLEAR = 3.0
 """Standard deviation of the errors over what rounding may make of them, from which on agreement at
-every point is no chance: one in five at each at most.
+every point is no chance: about one in four at each (2/3 of the density of a normal law, 0.4).
 """
 SCALES = {"mm": 1.0, "um": 1 / UM}
 
