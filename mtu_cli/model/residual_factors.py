@@ -57,6 +57,17 @@ def pass_dof(model: MachineModel) -> float:
     return float(min([*own, *together], default=np.inf))
 
 
+def read_ranges(model: MachineModel) -> dict[str, tuple[float, float]]:
+    """From where to where each axis was read, mm, by the readings of all components along it."""
+    found: dict[str, tuple[float, float]] = {}
+    for term in model.terms:
+        axis, ends = term.estimate.of, term.estimate.position_range
+        if axis is not None and ends is not None:
+            low, high = found.get(axis, ends)
+            found[axis] = (min(low, ends[0]), max(high, ends[1]))
+    return found
+
+
 def covariance_root(C: FloatArray) -> FloatArray:
     """F (k, r) with C = F F', r the rank; what is negative by rounding counts as 0.
 

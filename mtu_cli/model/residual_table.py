@@ -36,6 +36,7 @@ from mtu_cli.model.residual_factors import (
     compressed,
     first_of,
     pass_dof,
+    read_ranges,
     rows_of,
 )
 from mtu_cli.model.residual_layout import Layout, layout_of
@@ -65,8 +66,9 @@ class ResidualTable:
     each part draws anew (the pass-to-pass covariance, D). `datum` has been projected out of
     errors and factors; `fitted_degree` is that of the polynomial that the readings themselves
     gave (-1: none). `pass_dof` are the degrees of freedom that D was estimated with; `travel`
-    the ends of the machine's axes, mm, where they are known; `resolution` (A,) the step, mm, that
-    measured coordinates were rounded to, 0 where there is none (empty: none is known).
+    the ends of the machine's axes, mm, where they are known, `read` those of the readings that the
+    model was fitted to; `resolution` (A,) the step, mm, that measured coordinates were rounded to,
+    0 where there is none (empty: none is known).
     `scatter_known`: false where the model has scatter of parts (passes) of a size that nothing
     told before.
     """
@@ -90,6 +92,7 @@ class ResidualTable:
     fitted_degree: int = -1
     pass_dof: float = np.inf
     travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    read: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     resolution: tuple[float, ...] = ()
     scatter_known: bool = True
 
@@ -161,8 +164,7 @@ def _measured(
     warned: list[Warned],
 ) -> tuple[ResidualTable, FloatArray]:
     """The table with nothing set free, and the errors (n, A) of the points."""
-    cells = layout.cells
-    columns = point_columns(points)
+    cells, columns = layout.cells, point_columns(points)
     check_temperatures(points)
     needed = needed_covariates(model, points, columns, at, at_nominal=True)
     shown, gaps = table_covariates(columns, cells, (points.file_index, points.sources))
@@ -190,6 +192,7 @@ def _measured(
         common=found.common[:, :, own],
         of_part=found.of_part[:, :, own],
         pass_dof=pass_dof(model),
+        read=read_ranges(model),
     )
     return table, errors
 

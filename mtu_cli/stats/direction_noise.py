@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import fdtrc
 
 from mtu_cli.stats.crossed import Completion, Freeing
 from mtu_cli.stats.design_inputs import (
@@ -27,8 +28,11 @@ from mtu_cli.stats.design_inputs import (
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mean_squares import of_parts
 from mtu_cli.stats.positive_part import covariance_root
-from mtu_cli.stats.scatter_tests import variance_ratio_p
+from mtu_cli.stats.scatter_tests import MANY
 from mtu_cli.stats.strata import Strata
+from mtu_cli.stats.uncertain_variance import uncertain_variance
+
+TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,16 +51,21 @@ class DirectionNoise:
         (A,), estimated with `dof` (A,), and the machine's scatter is known by `predicted_dof`.
 
         Numerator and denominator each have the degrees of freedom of their first two moments
-        (Satterthwaite).
+        (Satterthwaite), but that the machine's scatter is what its mean square may stand for
+        (`uncertain_variance`): passes that showed little of it by chance leave no trace in moments
+        of how few they are.
         """
         v = np.append(variance, 1.0)
         own = v * self.mean
         expected, twice = float(own.sum()), float(v @ self.products @ v)
-        spread = float((own**2 / np.append(dof, predicted_dof)).sum())
-        tiny = 1e-300
-        return variance_ratio_p(
-            square, expected, expected**2 / max(twice, tiny), expected**2 / max(spread, tiny)
-        )
+        if square <= 0 or expected <= 0:
+            return 1.0
+        known = uncertain_variance(own[-1:, np.newaxis], np.array([predicted_dof]))
+        total = np.maximum(own[:-1].sum() + known.values[0], TINY)
+        spread = np.maximum((own[:-1] ** 2 / dof).sum(), total**2 / MANY)
+        n = expected**2 / max(twice, TINY)
+        tails = fdtrc(n, total**2 / spread, square / total)
+        return float(tails @ known.weights[0])
 
 
 def direction_noise(

@@ -68,13 +68,6 @@ class _PartScatter:
         return min(1.0, tests * min(*single, together))
 
 
-def variance_ratio_p(square: float, expected: float, n: float, n_expected: float) -> float:
-    """p (one-sided) of a mean square with n degrees of freedom against an expected one."""
-    if square <= 0 or expected <= 0 or n <= 0 or n_expected <= 0:
-        return 1.0
-    return float(fdtrc(n, min(n_expected, MANY), square / expected))
-
-
 def two_scatters_p(a: FloatArray, b: FloatArray, share: float) -> tuple[float, float]:
     """p (two-sided) and log ratio of the variances of entries a and b, zero-mean residuals.
 

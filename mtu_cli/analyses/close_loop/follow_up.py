@@ -17,6 +17,8 @@ MORE = 6
 OTHER_DAY_K = 5.0
 PITCH_SHARE, SPAN_SHARE = 0.25, 0.1
 """How far a fixture is shifted: of a searched pitch, else of the places' span."""
+MOST_SHARE = 0.5
+"""Of that span at most, where neither the travel is known nor what of it was read."""
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 """Multiples of it, whole numbers taken off, are as far from simple fractions as can be."""
 
@@ -27,13 +29,15 @@ Travel = Mapping[str, tuple[float, float]]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
     """What the effects of a class depend on: names `used` in their equations, `pitches` (mm) by
-    axis, the parts that stand out in one of them; `travel` of the machine where it is known.
+    axis, the parts that stand out in one of them; `travel` of the machine where it is known, and
+    what of it was `read`.
     """
 
     used: Collection[str]
     pitches: Mapping[str, float]
     outlying: Collection[int] = ()
     travel: Travel = field(default_factory=dict)
+    read: Travel = field(default_factory=dict)
 
 
 def as_it_is(table: ResidualTable) -> FollowUp:
@@ -99,7 +103,8 @@ def _new_tool(log: FurtherParts) -> FollowUp:
 
 def _shifted(log: FurtherParts, axis: str, wanted: Wanted) -> Iterator[FollowUp]:
     """By a quarter of the pitch or a tenth of the span; more for each part, so that waves of all
-    lengths show; by half of a known travel.
+    lengths show; by half of a known travel. Where that is not known, by no more than a tenth of
+    the span, or as far as the axis was read.
     """
     at = log.table.places[..., POSITIONS.index(axis)]
     low, high = float(at.min()), float(at.max())
@@ -113,6 +118,8 @@ def _shifted(log: FurtherParts, axis: str, wanted: Wanted) -> Iterator[FollowUp]
         yield _moved(log, axis, by if by <= room[0] else -by, fits)
     spacing = float(np.median(np.diff(np.unique(at))))
     most = max(spacing, SPAN_SHARE * (high - low))
+    if ends is None:
+        most = min(most, _known_room(wanted.read.get(axis), low, high))
     if log.count > 1 and most <= max(room):
         yield _staggered(log, axis, most if most <= room[0] else -most)
     if ends is not None:
@@ -121,6 +128,13 @@ def _shifted(log: FurtherParts, axis: str, wanted: Wanted) -> Iterator[FollowUp]
         if far > by:
             sign = 1.0 if room[0] >= room[1] else -1.0
             yield _moved(log, axis, sign * far, "half of the travel" if far == half else "")
+
+
+def _known_room(read: tuple[float, float] | None, low: float, high: float) -> float:
+    """How far places from `low` to `high` mm may go on an axis of unknown travel."""
+    if read is None:
+        return MOST_SHARE * (high - low)
+    return max(SPAN_SHARE * (high - low), read[1] - high)
 
 
 def _moved(log: FurtherParts, axis: str, by: float, fits: str) -> FollowUp:

@@ -91,7 +91,9 @@ class Rivalry:
                         pitches.setdefault(axis, value)
             if member.chosen in table.parts and _is_of_parts(member, len(table.parts)):
                 outlying.append(table.parts.index(member.chosen))
-        return Wanted(used=used, pitches=pitches, outlying=outlying, travel=table.travel)
+        return Wanted(
+            used=used, pitches=pitches, outlying=outlying, travel=table.travel, read=table.read
+        )
 
     def separation(self, plan: FollowUp) -> Separation:
         """d^2 = z^2 (1 - max R^2 over the rivals), averaged over which effect is the true one."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.state import State, Step
+from mtu_cli.stats.column_groups import MemberColumns
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -149,10 +151,11 @@ def _ranked(scan: Scan, step: Step, scores: FloatArray, unnamed: FloatArray) -> 
 
     A drift or field without a name is a rival of effects that lie where it would, and in the
     credible set until it is `EXCLUDED`. A mean error is no rival of an effect that was found
-    beside a free mean: either may act without the other.
+    beside a free mean: either may act without the other. Nor is what acts along other axes alone:
+    it leaves the error that was found as it is.
     """
+    scores = np.where(_along(scan, step), scores, -np.inf)
     if step.member >= 0:
-        scores = scores.copy()
         scores[len(scan.columns) : scan.tested] = -np.inf
     rivals = np.where(same_place(scan, step), unnamed, -np.inf)
     posterior = posterior_of(np.concatenate([scores, rivals]))
@@ -172,6 +175,25 @@ def _ranked(scan: Scan, step: Step, scores: FloatArray, unnamed: FloatArray) -> 
         credible=tuple(credible),
         unnamed=float(posterior[len(scores) :].sum()),
     )
+
+
+def _along(scan: Scan, step: Step) -> np.ndarray:
+    """Which candidates (F + S,) act along an axis of an effect; scatters do along all of them."""
+    strata, F = scan.frame.strata.all, len(scan.columns)
+
+    def axes(members: Iterable[MemberColumns]) -> set[int]:
+        return {strata[i].axis for member in members for column in member for i in column}
+
+    found = np.ones(scan.tested + len(scan.scatters), bool)
+    if step.index >= scan.tested:
+        return found
+    if step.member < 0:
+        own = {scan.offsets[step.index - F]}
+    else:
+        own = axes([[member for members in scan.columns for member in members][step.member]])
+    found[:F] = [not own.isdisjoint(axes(members)) for members in scan.columns]
+    found[F : scan.tested] = [axis in own for axis in scan.offsets]
+    return found
 
 
 def same_place(scan: Scan, step: Step) -> np.ndarray:

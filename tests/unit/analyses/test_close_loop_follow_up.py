@@ -14,6 +14,7 @@ from separation_examples import LIBRARY, found_as, members_of, prepared_day, pre
 
 from mtu_cli.analyses.close_loop.classes import experiments
 from mtu_cli.analyses.close_loop.follow_up import (
+    GOLDEN,
     OTHER_DAY_K,
     Wanted,
     as_it_is,
@@ -196,3 +197,24 @@ def test_what_stands_out_does_so_where_it_is_made_or_measured_again() -> None:
         np.testing.assert_array_equal(column, np.broadcast_to(np.eye(24)[5], (27, 24)))
     np.testing.assert_array_equal(member_columns(part, whole, more)[0][0][21:], 0.0)
     np.testing.assert_array_equal(member_columns(part, whole, again)[0][0][21:], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("read", "most"),
+    [(None, 65.0), ((0.0, 145.0), 13.0), ((0.0, 180.0), 40.0), ((0.0, 900.0), 130.0)],
+)
+def test_of_an_axis_without_travel_the_fixture_goes_no_farther_than_is_known(
+    read: tuple[float, float] | None, most: float
+) -> None:
+    """Holes in two rows, at 10 and 140 mm: their distance is the spacing, and all that is known of
+    the axis.
+    """
+    table = shop()
+    places = table.places.copy()
+    places[..., 0] = np.where(np.arange(H) % 2 == 0, 10.0, 140.0)
+    rows = replace(table, places=places)
+    ends = {} if read is None else {"x": read}
+    wanted = Wanted(used=("x",), pitches={}, read=ends)
+    (plan,) = (plan for plan in follow_ups(rows, wanted) if plan.name == "stagger-x")
+    by = (plan.places[P:, :, 0] - places[-K:, :, 0])[:, 0]
+    np.testing.assert_allclose(by, most * (GOLDEN * np.arange(1, K + 1) % 1.0))

@@ -15,10 +15,11 @@ from crossed_tables import (
     sizes,
     turned_out,
 )
-from scipy.stats import binom
+from scipy.stats import binom, chi2
 
 from mtu_cli.stats import design_inputs as module
 from mtu_cli.stats import direction_noise as direction_module
+from mtu_cli.stats.direction_noise import DirectionNoise
 from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.scatter_tests import scatter_p
 
@@ -206,3 +207,30 @@ def test_an_axis_without_any_scatter_silences_no_other() -> None:
     noise = frame.noise(y, dof, dof, NOTHING)
     assert noise.dof[1] == pytest.approx(noise.dof[0])
     assert noise.variance[1] == 0.0
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.6])
+def test_few_passes_that_showed_little_by_chance_raise_no_alarm(share: float) -> None:
+    """The machine's scatter, a `share` of it all, is known by 5 passes, which by chance show a
+    tenth of it now and then: Satterthwaite's degrees of freedom do not show that then, and at
+    0.001 would be wrong 5 to 20 times as often.
+    """
+    rng = np.random.default_rng(8)
+    count, dof, passes = 20_000, 32, 4
+    noise = (1 - share) * rng.chisquare(dof, count) / dof
+    shown = share * rng.chisquare(passes, count) / passes
+    squares = rng.chisquare(19, count)
+    p = []
+    for q, v, D in zip(squares, noise, shown, strict=True):
+        products = 19.0 * np.array([[1.0, D], [D, D**2]])
+        own = DirectionNoise(mean=np.array([19.0, 19.0 * D]), products=products)
+        p.append(own.p(float(q), np.array([v]), np.array([float(dof)]), float(passes)))
+    for level in (0.05, 0.01, 0.001):
+        assert (np.array(p) < level).sum() <= binom.ppf(1 - 1e-4, count, level)
+
+
+def test_what_is_known_exactly_is_judged_by_a_chi_squared() -> None:
+    own = DirectionNoise(mean=np.array([8.0, 4.0]), products=np.array([[8.0, 4.0], [4.0, 2.0]]))
+    found = own.p(31.0, np.ones(1), np.array([np.inf]), np.inf)
+    # E = 12, Var = 2 (8 + 8 + 2): 8 degrees of freedom.
+    assert found == pytest.approx(chi2.sf(31.0 / 12.0 * 8.0, 8), rel=1e-4)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from crossed_tables import (
@@ -15,8 +17,9 @@ from crossed_tables import (
 )
 from scipy.stats import binom, f, ks_1samp, norm
 
+from mtu_cli.stats.direction_noise import DirectionNoise
 from mtu_cli.stats.mean_squares import EntryNoise
-from mtu_cli.stats.scatter_tests import scatter_p, score_of, two_scatters_p, variance_ratio_p
+from mtu_cli.stats.scatter_tests import scatter_p, score_of, two_scatters_p
 
 STRATA = made(12, 10, 2)
 DOF = sizes(STRATA)
@@ -133,9 +136,14 @@ def test_tables_without_scatter_or_too_small_say_nothing() -> None:
 
 @pytest.mark.parametrize(("n", "m"), [(3.0, 12.0), (20.0, 5.0), (7.0, np.inf)])
 def test_one_sided_ratios_are_f_tails(n: float, m: float) -> None:
-    expected = f.sf(2.2 / 1.3, n, min(m, 1e9))
-    assert variance_ratio_p(2.2, 1.3, n, m) == pytest.approx(expected, rel=1e-4)
-    assert variance_ratio_p(0.0, 1.3, n, m) == variance_ratio_p(2.2, 0.0, n, m) == 1.0
+    """A direction in which only the machine scatters, n contrasts of it."""
+    own = DirectionNoise(mean=np.array([0.0, 1.3 * n]), products=np.diag([0.0, 1.3**2 * n]))
+
+    def p(square: float, of: DirectionNoise = own) -> float:
+        return of.p(square, np.zeros(1), np.full(1, 30.0), m)
+
+    assert p(2.2 * n) == pytest.approx(f.sf(2.2 / 1.3, n, min(m, 1e9)), rel=1e-4)
+    assert p(0.0) == p(2.2, replace(own, mean=np.zeros(2))) == 1.0
 
 
 def test_two_scatters_of_normal_entries_have_uniform_p() -> None:

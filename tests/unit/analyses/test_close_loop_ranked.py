@@ -1,0 +1,40 @@
+"""What stands beside an effect in its class: what acts where it does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from separation_examples import index, members_of, prepared_day
+
+from mtu_cli.analyses.close_loop.search import _ranked
+from mtu_cli.analyses.close_loop.state import Step
+
+
+@pytest.mark.parametrize("name", ["squareness-xy", "scale-y", "rotation-z"])
+def test_what_acts_along_other_axes_alone_is_no_rival(name: str) -> None:
+    """By the letters of the equations; a scatter lies in all axes."""
+    prepared = prepared_day("A", 3)
+    scan = prepared.scan
+
+    def axes(i: int) -> set[str]:
+        own = prepared.candidates[i]
+        by_equations = {key[1:] for member in own.members for key in member.equations}
+        return by_equations or ({own.axis} if own.axis else {"x", "y"})
+
+    own, member = index(prepared, name), members_of(prepared, name)[0]
+    step = Step(index=own, member=member, p=0.01, log_bayes=1.0, posterior=0.5, credible=(own,))
+    along = {key[1:] for key in prepared.members[member].equations}
+    unnamed = np.full(2 * len(prepared.table.axes), -np.inf)
+    found = _ranked(scan, step, np.zeros(len(prepared.candidates)), unnamed)
+    offsets = set(range(len(scan.columns), scan.tested))
+    rivals = {i for i in range(len(prepared.candidates)) if axes(i) & along} - offsets
+    assert set(found.credible) <= rivals
+    assert found.posterior == pytest.approx(1 / len(rivals))
+    # Nor do they take from the posterior of a mean error.
+    first = min(offsets)
+    level = replace(step, index=first, member=-1, credible=(first,))
+    found = _ranked(scan, level, np.zeros(len(prepared.candidates)), unnamed)
+    of_axis = [i for i in range(len(prepared.candidates)) if axes(i) & axes(first)]
+    assert found.posterior == pytest.approx(1 / len(of_axis))
