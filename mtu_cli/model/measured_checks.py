@@ -12,6 +12,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.copied_parts import copied_parts
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.measured_reach import reach_problems
 from mtu_cli.model.measured_rows import check_rows
 from mtu_cli.model.measured_slips import slips
 from mtu_cli.model.measured_units import EXPLAINS, look_like_errors, parts_of_other_units
@@ -55,8 +56,9 @@ def sound(points: Points, datum: Datum | None = None) -> list[Warned]:
 
 def refuse_mistaken(points: Points, datum: Datum | None = None) -> None:
     """Raises InputError where most points are so far from their nominal that the error of no
-    machine is behind it, and for parts in another unit than the others: what follows from them
-    would be said of a machine, or of parts.
+    machine is behind it, for parts in another unit than the others, and for single readings
+    that are not on the part at all: what follows from them would be said of a machine, or of
+    parts.
 
     Parts that lie on the CMM as they were put down may be millimetres off: the freedoms of
     `datum` are taken out first. None: the command has no such option to hint at.
@@ -64,11 +66,14 @@ def refuse_mistaken(points: Points, datum: Datum | None = None) -> None:
     axes = axes_of(points)
     loose = freed(points, axes, datum or "none")[0]
     far = _are_far(loose, axes)
-    if 2 * int(far.sum()) <= len(far):
-        free = datum not in (None, "none")
-        problems = list(parts_of_other_units(points, far, axes, SUSPICIOUS_MM, free))
-        if problems:
-            raise InputError(problems)
+    few, free = 2 * int(far.sum()) <= len(far), datum not in (None, "none")
+    problems = list(parts_of_other_units(points, far, axes, SUSPICIOUS_MM, free)) if few else []
+    # One reading moves all of its part where the freedoms are taken out.
+    if not problems and (few or free):
+        problems = list(reach_problems(points, axes, SUSPICIOUS_MM))
+    if problems:
+        raise InputError(problems)
+    if few:
         return
     errors = np.abs(loose.measured[far][:, axes] - loose.nominal[far][:, axes])
     guess = _mistake(loose.measured[far][:, axes], loose.nominal[far][:, axes])

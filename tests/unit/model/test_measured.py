@@ -302,7 +302,7 @@ def test_parts_that_lie_elsewhere_or_have_a_slip_are_not_refused() -> None:
     for changed in (found.measured + 240.0, -found.measured, found.measured[:, [1, 0, 2]]):
         refuse_mistaken(with_measured(found, np.where(own[:, None], changed, found.measured)))
     one = found.measured.copy()
-    one[np.flatnonzero(own)[0], 0] *= 1000
+    one[np.flatnonzero(own)[0], 0] *= 10
     refuse_mistaken(with_measured(found, one))
 
 
