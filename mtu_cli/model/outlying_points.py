@@ -9,8 +9,9 @@ import numpy as np
 from mtu_cli.files.points import Points
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.model.outlying_repeats import repeats_apart, swollen
 from mtu_cli.model.settings import Warned
-from mtu_cli.model.visits import IntArray, operations_of
+from mtu_cli.model.visits import IntArray, axes_of, operations_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import display_step, outlying_p
 
@@ -24,29 +25,25 @@ SHOWN = 6
 
 
 class Outlying(NamedTuple):
-    """Parts with a reading that stands out, the farthest first, and the warning of them."""
+    """Parts with a reading that stands out, the farthest first, and the warnings of them."""
 
     parts: tuple[str, ...]
     warnings: list[Warned]
 
 
 def outlying(tables: MeasuredTables, points: Points) -> Outlying:
-    """One warning with the farthest reading of every part that has any.
+    """One warning with the farthest reading of every part that has any, and one of repeats that
+    are apart (`repeats_apart`) where no mean stands out.
 
     The parts' means of a feature and axis are compared with one another (`outlying_p`), with
     the bound of Bonferroni over all of them. `tables` are what is compared, `points` as they were
     measured.
     """
-    p, off, scatter = _judged(tables)
-    doubted = np.argwhere(p <= SLIP_RATE).tolist()
-    step = {axis: _step(points, axis) for axis in {tables.labels[table][2] for table, _ in doubted}}
-    found = [
-        (table, part)
-        for table, part in doubted
-        if abs(off[table, part]) > STEPS * step[tables.labels[table][2]]
-    ]
+    found, off, scatter = _found(tables, points)
+    apart = repeats_apart(tables, points, {table for table, _ in found})
+    doubted = [tables.parts[part] for part in apart.parts]
     if not found:
-        return Outlying((), [])
+        return Outlying(tuple(doubted), apart.warnings)
     worst: dict[int, list[int]] = {}
     for table, part in sorted(found, key=lambda at: -abs(off[at])):
         worst.setdefault(part, []).append(table)
@@ -62,7 +59,35 @@ def outlying(tables: MeasuredTables, points: Points) -> Outlying:
         f"whether {'it is' if one else 'they are'} mistyped"
     )
     warning = Warned(code="reading-stands-out", message=text)
-    return Outlying(tuple(tables.parts[part] for part in worst), [warning])
+    parts = dict.fromkeys((*(tables.parts[part] for part in worst), *doubted))
+    return Outlying(tuple(parts), [warning, *apart.warnings])
+
+
+def farthest_off(tables: MeasuredTables, points: Points) -> FloatArray:
+    """How far the farthest part's mean that stands out is off the others in each table (tables,),
+    or what repeats that are apart scatter by, mm; 0 where nothing does. Tables of features or of
+    lengths of the `points`.
+    """
+    found, off, _ = _found(tables, points)
+    farthest, _ = swollen(tables)
+    for at in found:
+        farthest[at[0]] = max(farthest[at[0]], abs(off[at]))
+    return farthest
+
+
+def _found(
+    tables: MeasuredTables, points: Points
+) -> tuple[list[tuple[int, int]], FloatArray, FloatArray]:
+    """(table, part) of what stands out by more than rounding, and the figures of `_judged`."""
+    p, off, scatter = _judged(tables)
+    doubted = np.argwhere(p <= SLIP_RATE).tolist()
+    step = {axis: _step(points, axis) for axis in {tables.labels[table][2] for table, _ in doubted}}
+    found = [
+        (table, part)
+        for table, part in doubted
+        if abs(off[table, part]) > STEPS * step[tables.labels[table][2]]
+    ]
+    return found, off, scatter
 
 
 def _judged(tables: MeasuredTables) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -90,9 +115,12 @@ def _judged(tables: MeasuredTables) -> tuple[FloatArray, FloatArray, FloatArray]
 
 
 def _step(points: Points, axis: str) -> float:
-    """What errors along an axis were rounded to, as far as they tell, mm."""
-    k = AXES.index(axis)
-    return display_step(points.measured[:, k] - points.nominal[:, k], ROUNDING_MM) or ROUNDING_MM
+    """What errors along an axis were rounded to, as far as they tell, mm; of lengths, which have
+    no axis, along the coarsest.
+    """
+    own = (AXES.index(axis),) if axis else axes_of(points)
+    steps = (display_step(points.measured[:, k] - points.nominal[:, k], ROUNDING_MM) for k in own)
+    return max(*steps, ROUNDING_MM)
 
 
 def _text(

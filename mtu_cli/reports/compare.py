@@ -64,6 +64,7 @@ def _items(found: Compared, k: float) -> Iterator[dict[str, Any]]:
             "under_predicted": found.under_predicted[i],
             "over_predicted": found.over_predicted[i],
             "inconsistent": found.inconsistent[i] is True,
+            "reading_stands_out": found.pulled[i],
             "verdict": found.verdicts[i],
         }
 
@@ -119,6 +120,7 @@ def _summary(item: Summary, kind: str, stands_out: Sequence[str]) -> dict[str, A
         "under_predicted": item.under_predicted,
         "over_predicted": item.over_predicted,
         "inconsistent": item.inconsistent,
+        "reading_stands_out": item.pulled,
         "under_predicted_factor": _ends(item.under_factor) or [],
         "ratio_u": _ends(item.ratio_u),
         "ratio_scatter": _ends(item.ratio_scatter),

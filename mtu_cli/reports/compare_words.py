@@ -19,17 +19,19 @@ def verdict_text(item: Summary, kind: str, *, stands_out: Sequence[str] = ()) ->
     No verdict stands without the parts `stands_out`, of which single readings pull the figures.
     """
     name = f"{item.operation} {kind}" if item.operation else kind
-    faults = [text for text in (_under(item), _biased(item), _unclear(item), _over(item)) if text]
+    found = (_under(item), _biased(item), _unclear(item), _pulled(item, stands_out), _over(item))
+    faults = [text for text in found if text]
     if item.not_tested == item.items:
         return f"{name}: not tested"
     untested = _untested(item)
     if not faults:
         faults = ["consistent as far as it could be tested"]
         if not untested:
-            but = f", {_but(stands_out)}" if stands_out else ""
+            singles = f", but {_singles(stands_out)}" if stands_out else ""
             told = "no difference from what was predicted is beyond chance, all items counted"
-            return f"{name}: consistent{but}: {told}"
-    return f"{name}: {'; '.join([*faults, *untested, *([_but(stands_out)] if stands_out else [])])}"
+            return f"{name}: consistent{singles}: {told}"
+    but = [f"but {_singles(stands_out)}"] if stands_out and not item.pulled else []
+    return f"{name}: {'; '.join([*faults, *untested, *but])}"
 
 
 def set_up_text(result: CompareResult) -> str | None:
@@ -52,11 +54,11 @@ def set_up_text(result: CompareResult) -> str | None:
     return None
 
 
-def _but(parts: Sequence[str]) -> str:
+def _singles(parts: Sequence[str]) -> str:
     more = f" and {len(parts) - NAMED} more" if len(parts) > NAMED else ""
     several = "s" if len(parts) > 1 else ""
     named = ", ".join(map(repr, parts[:NAMED]))
-    return f"but single readings of part{several} {named}{more} stand out (see the warning)"
+    return f"single readings of part{several} {named}{more} stand out (see the warning)"
 
 
 def _under(item: Summary) -> str | None:
@@ -76,13 +78,20 @@ def _biased(item: Summary) -> str | None:
 
 
 def _unclear(item: Summary) -> str | None:
-    if not item.inconsistent:
+    if item.inconsistent == item.pulled:
         return None
-    count = _share(item.inconsistent, item)
+    count = _share(item.inconsistent - item.pulled, item)
     return (
         f"inconsistent: the mean is off by {_size(item)}, bias or scatter: too few parts to tell "
         f"({count})"
     )
+
+
+def _pulled(item: Summary, stands_out: Sequence[str]) -> str | None:
+    if not item.pulled:
+        return None
+    count = _share(item.pulled, item)
+    return f"inconsistent: {_singles(stands_out)}, more than U: they hide any fault ({count})"
 
 
 def _over(item: Summary) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,14 @@ from mtu_cli.analyses.compare.operations import (
     predict_operations,
 )
 from mtu_cli.analyses.compare.summary import Range, Summary, summarised
-from mtu_cli.analyses.compare.verdicts import FAMILY_RATE, VERDICTS, Compared, Verdict, judged
+from mtu_cli.analyses.compare.verdicts import (
+    FAMILY_RATE,
+    VERDICTS,
+    Compared,
+    Verdict,
+    judged,
+    less_pulled,
+)
 from mtu_cli.analyses.compare.warnings import compare_warnings
 from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
@@ -28,7 +35,7 @@ from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import MeasuredTables, feature_tables, length_tables
 from mtu_cli.model.measured_checks import sound
-from mtu_cli.model.outlying_points import outlying
+from mtu_cli.model.outlying_points import Outlying, farthest_off, outlying
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.model.visits import axes_of, visits_of
@@ -87,20 +94,20 @@ def compare(
     Raises InputError for points that cannot be what they claim or share no axis with the
     machine, and for a missing covariate or one with gaps.
     """
-    warnings = sound(points, datum)
-    axes = _shared_axes(model, points)
+    warnings, axes = sound(points, datum), _shared_axes(model, points)
     foreseen = predict_operations(model, points, covariates or {})
     predictions, given, points = foreseen.predictions, points, foreseen.points
     tables, more = _freed_tables(points, axes, datum)
     k, seen = settings.coverage_factor, np.unique(points.feature)
     features = evidence(tables, foretold_features(predictions, tables.labels, axes, datum), k)
-    lengths = _lengths(predictions, part, points, None if datum != "none" else features, k)
-    found, others = judged(features, lengths)
-    odd = outlying(tables, given)
+    long = length_tables(points, visits := visits_of(points), part)
+    lengths = _lengths(predictions, part, long, None if datum != "none" else features, k)
+    odd, off = _odd(tables, long, given)
+    found, others = _judged(features, lengths, off, k)
     warnings += [*more, *foreseen.warnings, *odd.warnings]
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),
-        places=visits_of(points).nominal[seen],
+        places=visits.nominal[seen],
         features=found,
         lengths=others,
         feature_summaries=summarised(found),
@@ -126,14 +133,35 @@ def _freed_tables(
     return tables.only([i for i, label in enumerate(tables.labels) if label[2] in names]), warned
 
 
+def _odd(
+    features: MeasuredTables, lengths: MeasuredTables | None, points: Points
+) -> tuple[Outlying, list[FloatArray]]:
+    """What stands out among the features and, where anything does, how far in the tables of both
+    kinds.
+    """
+    odd, kinds = outlying(features, points), (features, lengths)
+    return odd, [farthest_off(x, points) for x in kinds if x is not None and odd.parts]
+
+
+def _judged(
+    features: Evidence, lengths: Evidence | None, off: Sequence[FloatArray], k: float
+) -> tuple[Compared, Compared | None]:
+    """The verdicts; `off` (items,) of both kinds, mm, by how much single readings stand out, or
+    nothing where none does.
+    """
+    found, others = judged(features, lengths)
+    if not off:
+        return found, others
+    return less_pulled(found, off[0], k), others and less_pulled(others, off[1], k)
+
+
 def _lengths(
     predictions: Mapping[str, Prediction],
     part: LoadedPart,
-    points: Points,
+    tables: MeasuredTables | None,
     holes: Evidence | None,
     k: float,
 ) -> Evidence | None:
-    tables = length_tables(points, visits_of(points), part)
     if tables is None:
         return None
     return evidence(tables, foretold_lengths(predictions, tables.labels, part, holes), k)

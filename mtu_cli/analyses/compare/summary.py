@@ -24,10 +24,12 @@ class Summary:
     """The items of one operation: how many have which verdict and fault, and their figures.
 
     `verdicts` counts each item once, by its gravest fault; `biased`, `under_predicted`,
-    `over_predicted` and `inconsistent` count every fault. `bias_tested` and `scatter_tested`
+    `over_predicted` and `inconsistent` count every fault, `pulled` those of the inconsistent that
+    single readings pull. `bias_tested` and `scatter_tested`
     items could be judged at all, `not_tested` ones in neither. Ratios are measured over
     predicted; `under_factor` and `over_factor` are `ratio_scatter` of the items under- and
-    over-predicted, `bias_size` |bias| (mm) of the biased or inconsistent. `n0` and `ms_share`
+    over-predicted, `bias_size` |bias| (mm) of the biased or inconsistent, but the
+    `pulled`. `n0` and `ms_share`
     say what the paper's scatter, from MS_between, is of the parts' own: sqrt(n0) times, or
     somewhat more.
     """
@@ -42,6 +44,7 @@ class Summary:
     under_predicted: int
     over_predicted: int
     inconsistent: int
+    pulled: int
     ratio_u: Range | None
     ratio_range: Range | None
     ratio_scatter: Range | None
@@ -64,7 +67,8 @@ def summarised(found: Compared) -> tuple[Summary, ...]:
 def _summary(found: Compared, operation: str) -> Summary:
     own = np.array([label[0] == operation for label in found.labels])
     verdicts = [v for v, inside in zip(found.verdicts, own, strict=True) if inside]
-    off = _yes(found.biased) | _yes(found.inconsistent)
+    pulled = _yes(found.inconsistent) & _yes(found.pulled)
+    off = _yes(found.biased) | (_yes(found.inconsistent) & ~pulled)
     tested = _known(found.biased) | _known(found.inconsistent)
 
     def count(flags: np.ndarray) -> int:
@@ -81,6 +85,7 @@ def _summary(found: Compared, operation: str) -> Summary:
         under_predicted=count(_yes(found.under_predicted)),
         over_predicted=count(_yes(found.over_predicted)),
         inconsistent=count(_yes(found.inconsistent)),
+        pulled=count(pulled),
         ratio_u=_range(found.ratio_u[own]),
         ratio_range=_range(found.ratio_range[own]),
         ratio_scatter=_range(found.ratio_scatter[own]),

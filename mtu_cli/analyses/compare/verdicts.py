@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -24,7 +24,9 @@ class Compared(Evidence):
     """The evidence with its verdicts; `p_bias` and `p_scatter` are adjusted over the study.
 
     `biased`, `under_predicted`, `over_predicted` are tested each on its own, and `inconsistent`
-    takes the place of `biased` where parts are too few to tell a bias from their scatter. The
+    takes the place of `biased` where parts are too few to tell a bias from their scatter, and
+    stands beside it where single readings pull the item (`pulled`): the scatter that they make
+    hides both, so that what no test finds is no consistency. The
     verdict names the gravest: under-predicted (no statement of uncertainty holds), biased (a
     correction would mend it), inconsistent (one of the two), over-predicted (more was feared
     than came), consistent; None where nothing was tested. `withheld` items are those whose
@@ -36,6 +38,7 @@ class Compared(Evidence):
     under_predicted: Answers
     over_predicted: Answers
     inconsistent: Answers
+    pulled: tuple[bool, ...]
     withheld: tuple[bool, ...]
     verdicts: tuple[Verdict | None, ...]
 
@@ -84,9 +87,25 @@ def _judged(
         under_predicted=tuple(under),
         over_predicted=tuple(over),
         inconsistent=tuple(unclear),
+        pulled=(False,) * len(off),
         withheld=tuple(withheld.tolist()),
         verdicts=tuple(map(_gravest, biased, under, over, unclear)),
     )
+
+
+def less_pulled(found: Compared, off: FloatArray, k: float) -> Compared:
+    """The same with no "consistent" where single readings hide what the tests look for.
+
+    `off` (items,), mm: how far the readings that stand out are off the others. Beyond U = `k` u of
+    what is predicted of a part they pull the item, and only more scatter is still a finding.
+    """
+    pulled = tuple((off > k * found.predicted.u).tolist())
+    unclear = tuple(
+        not u if x else o
+        for x, u, o in zip(pulled, found.under_predicted, found.inconsistent, strict=True)
+    )
+    verdicts = map(_gravest, found.biased, found.under_predicted, found.over_predicted, unclear)
+    return replace(found, pulled=pulled, inconsistent=unclear, verdicts=tuple(verdicts))
 
 
 def _answer(p: float) -> bool | None:

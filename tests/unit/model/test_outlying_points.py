@@ -48,11 +48,15 @@ def test_a_mistyped_reading_is_named_where_it_changes_a_verdict() -> None:
     assert "it pulls the figures" in warning.message
     assert (before.stands_out, after.stands_out) == ((), (off.parts[off.part[row]],))
     headline = verdict_text(after.feature_summaries[0], "features", stands_out=after.stands_out)
-    told = f"but single readings of part {off.parts[off.part[row]]!r} stand out (see the warning)"
-    assert told in headline
+    told = f"single readings of part {off.parts[off.part[row]]!r} stand out (see the warning)"
+    assert f"inconsistent: {told}, more than U: they hide any fault (1 of " in headline
     where = before.features.labels.index(("", name, "x"))
     assert before.features.verdicts[where] == "biased"
-    assert after.features.verdicts[where] == "consistent"
+    # Not "consistent", which would pass a gate: what the reading scatters by hides the 10 um.
+    assert after.features.p_bias[where] > 0.05
+    assert after.features.verdicts[where] == "inconsistent"
+    assert [i for i, x in enumerate(after.features.pulled) if x] == [where]
+    assert not any(before.features.pulled)
     # An analysis of variance has the same reading in all its figures.
     analysed = analyse_variance(moved(off, [row], SLIP_MM), part, "anova", Settings())
     assert warning in analysed.warnings
@@ -95,7 +99,9 @@ def test_a_rounding_step_is_no_slip_but_many_are() -> None:
 
 
 def test_few_parts_are_not_judged() -> None:
-    assert told(moved(three_holes(4, 2, 1), [3], 100.0)) == []
+    """Not by their means; of one repeat that is off alone the others tell."""
+    assert told(moved(three_holes(4, 2, 1), [2, 3], 100.0)) == []
+    assert [x.code for x in told(moved(three_holes(4, 2, 1), [3], 100.0))] == ["repeats-scatter"]
     assert told(moved(three_holes(5, 1, 1, 0.001), [3], 0.3)) != []
 
 

@@ -1,0 +1,88 @@
+"""A repeat that swells the scatter within parts is named; features measured worse are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from compare_trials import fitted, made, study
+from measured_examples import points
+from measured_examples import study as three_holes
+
+from mtu_cli.analyses.anova import analyse_variance
+from mtu_cli.analyses.compare import compare
+from mtu_cli.files.points import Points
+from mtu_cli.model.measured import feature_tables
+from mtu_cli.model.outlying_points import outlying
+from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.reports.compare_words import verdict_text
+
+ROW = 5
+
+
+def told(found: Points) -> list[Warned]:
+    return outlying(feature_tables(found), found).warnings
+
+
+def slipped(found: Points, by: float, row: int = ROW) -> Points:
+    measured = found.measured.copy()
+    measured[row, 0] += by
+    return replace(found, measured=measured)
+
+
+@pytest.mark.parametrize("parts", [2, 3, 4])
+def test_one_repeat_of_few_parts_is_named(parts: int) -> None:
+    found = slipped(three_holes(parts, 2, 1), 0.4)
+    odd = outlying(feature_tables(found), found)
+    assert odd.parts == ("P0",)
+    (warning,) = odd.warnings
+    assert warning.code == "repeats-scatter"
+    where = f"cmm.csv, row {ROW + 2}: part 'P0', feature 'c', x_mm is {found.measured[ROW, 0]:.7g}"
+    assert warning.message.startswith(f"{where}; repeats scatter there by ")
+    assert warning.message.endswith("look whether a reading is mistyped")
+    assert analyse_variance(found, None, "reml", Settings()).warnings[-1] == warning
+
+
+def test_where_a_mean_stands_out_it_alone_is_told() -> None:
+    (warning,) = told(slipped(three_holes(12, 2, 1), 0.4))
+    assert warning.code == "reading-stands-out"
+
+
+def test_two_slips_do_not_hide_each_other() -> None:
+    (warning,) = told(slipped(slipped(three_holes(4, 2, 1), 0.4), -9.0, 14))
+    assert warning.message.count("row ") == 2
+    assert warning.message.startswith("cmm.csv, row 16:")
+
+
+def test_a_feature_that_is_measured_worse_is_no_slip() -> None:
+    """A rough bore three times as bad as the others; nor is one step of rounding."""
+    for seed in range(100):
+        found = three_holes(4, 3, seed, 0.002, 0.001)
+        rough = np.random.default_rng(seed).normal(0.0, 0.0028, (len(found), 3))
+        own = (found.feature == 1)[:, None]
+        assert told(replace(found, measured=found.measured + np.where(own, rough, 0.0))) == []
+    even = points(
+        [(f"P{p}", name, r, 0.0, 0.0) for p in range(4) for name in "abc" for r in (1, 2)]
+    )
+    assert told(slipped(even, 0.001)) == []
+
+
+def test_clean_studies_are_silent() -> None:
+    for seed in range(300):
+        assert told(three_holes(2 + seed % 4, 2 + seed % 3, seed)) == []
+
+
+def test_few_parts_are_not_consistent_for_a_repeat_that_swells_their_scatter() -> None:
+    """Three parts, 40 um off: found; with one reading 0.5 mm off no test finds it any more."""
+    _, truth, part = study()
+    model, off = fitted(9, 7), made(truth, part, 1, offset=0.04, parts=3)
+    before = compare(model, part, off, Settings())
+    where = before.features.labels.index(("", off.features[off.feature[ROW]], "x"))
+    assert before.features.verdicts[where] == "inconsistent"
+    assert not any(before.features.pulled)
+    after = compare(model, part, slipped(off, 0.5), Settings())
+    assert after.features.p_bias[where] > 0.05
+    assert (after.features.verdicts[where], after.features.pulled[where]) == ("inconsistent", True)
+    text = verdict_text(after.feature_summaries[0], "features", stands_out=after.stands_out)
+    assert text.endswith("stand out (see the warning), more than U: they hide any fault (1 of 48)")
