@@ -28,8 +28,9 @@ class UnusualPart:
     `why`: its mean over a group of tables (an axis of an operation, the lengths), its distance
     there (root mean square), or a `single` table. `where` is that table (operation, id, axis)
     or the group (id ""), "length" and "angle" standing for an axis; `deviation` how far the
-    part lies from the parts' mean there and `typical` how far the others do (root mean square),
-    in the unit of the tables; `singles` all tables that stand out by themselves.
+    part lies from the mean of the others there and `typical` how far these do (root mean
+    square), in the unit of the tables: neither is pulled by the part. `singles` all tables that
+    stand out by themselves.
     """
 
     part: str
@@ -141,8 +142,8 @@ def _unusual(
         where, deviation, typical = _of_groups(table, groups, kinds, i, why)
     else:
         why, j = "single", int(np.argmin(found.by_cell[i]))
-        where, deviation = table.labels[j], float(table.raw[i, j])
-        typical = _rms(np.delete(table.raw[:, j], i))
+        own = _off_the_others(table.raw[:, [j]], i)[:, 0]
+        where, deviation, typical = table.labels[j], float(own[i]), _rms(np.delete(own, i))
     return UnusualPart(
         part=table.parts[i],
         p=min(p_row, p_single),
@@ -159,9 +160,10 @@ def _of_groups(
 ) -> tuple[Label, float, float]:
     """The group in which part `i` stands out most: its deviation and the others'."""
     best: tuple[float, Label, float, float] | None = None
+    raw = _off_the_others(table.raw, i)
     for code, label in enumerate(kinds):
-        known = np.where(np.isfinite(table.raw), table.raw, 0.0)[:, groups == code]
-        count = np.maximum(np.isfinite(table.raw)[:, groups == code].sum(axis=1), 1)
+        known = np.where(np.isfinite(raw), raw, 0.0)[:, groups == code]
+        count = np.maximum(np.isfinite(raw)[:, groups == code].sum(axis=1), 1)
         each = known.sum(axis=1) if why == "mean" else np.einsum("ij,ij->i", known, known)
         value = each / count if why == "mean" else np.sqrt(each / count)
         typical = _rms(np.delete(value, i))
@@ -173,6 +175,15 @@ def _of_groups(
     if best is None:
         raise ValueError("a table without columns")
     return best[1:]
+
+
+def _off_the_others(raw: FloatArray, i: int) -> FloatArray:
+    """Deviations (parts, tables) from the mean of all parts but `i`."""
+    others = np.delete(raw, i, axis=0)
+    known = np.isfinite(others)
+    mean = np.where(known, others, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    off: FloatArray = raw - mean
+    return off
 
 
 def _rms(values: FloatArray) -> float:

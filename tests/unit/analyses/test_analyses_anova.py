@@ -168,6 +168,26 @@ def test_a_part_stands_out_where_it_differs() -> None:
     assert item.deviation == pytest.approx(0.06, rel=0.25)
 
 
+@pytest.mark.parametrize(("size", "alone"), [(0.5, True), (5.0, True), (5.0, False)])
+def test_the_others_are_told_without_the_part_that_stands_out(size: float, alone: bool) -> None:
+    """Neither their mean nor their scatter is pulled by it, however far off it is."""
+    found = study(21, 2, 4)
+    own, measured = (found.part == 3) & ((found.feature == 1) | (not alone)), found.measured.copy()
+    measured[own, 1] += size
+    (item,) = analysed(with_measured(found, measured)).unusual or ()
+    errors = measured[:, 1] - found.nominal[:, 1]
+    means = np.array(
+        [[errors[(found.part == p) & (found.feature == f)].mean() for f in range(3)]
+         for p in range(21)]
+    )  # fmt: skip
+    off = means - np.delete(means, 3, axis=0).mean(axis=0)
+    each = np.sqrt((off**2).mean(axis=1)) if item.why == "distance" else off.mean(axis=1)
+    assert (item.part, item.where, item.why != "distance") == ("P3", ("", "", "y"), not alone)
+    assert item.deviation == pytest.approx(each[3], rel=1e-9)
+    assert item.typical == pytest.approx(np.sqrt((np.delete(each, 3) ** 2).mean()), rel=1e-9)
+    assert item.typical < 0.013
+
+
 def test_limits_are_none_where_nobody_can_stand_out() -> None:
     assert np.isnan(analysed(study(3, 2, 1)).limits(0)).all()
     assert np.isfinite(analysed(study(21, 2, 1)).limits(0)).all()
