@@ -23,6 +23,10 @@ WORST = 10
 DIGITS = 3
 """Significant digits of a mean whose uncertainty is not known."""
 TITLES = {"feature": "Features", "length": "Lengths", "angle": "Right angles"}
+BELOW_ZERO = (
+    "[0, 0] bounds no s: both limits of the variance were below 0, as the part means scatter less "
+    "than repeats alone make them in 39 of 40 cases"
+)
 METHODS = {
     "reml": "restricted maximum likelihood",
     "anova": "mean squares (a negative variance is shown as <0)",
@@ -159,16 +163,18 @@ def _sheet(found: Analysed, k: float, digits: int) -> Sheet:
         counted = f"{total} features and axes" if found.kind == "feature" else str(total)
         title += f": the {len(chosen)} with {what}, of {counted}"
     rows = [_row(found, i, k, size, digits) for i in chosen]
-    return _filled(title, columns, rows, _notes(found, k, listed=total > len(chosen)))
+    empty = bool(found.below_zero[list(chosen)].any())
+    return _filled(title, columns, rows, _notes(found, k, listed=total > len(chosen), empty=empty))
 
 
-def _notes(found: Analysed, k: float, *, listed: bool) -> list[tuple[str, str]]:
+def _notes(found: Analysed, k: float, *, listed: bool, empty: bool) -> list[tuple[str, str]]:
     notes = [("mean ± u", "mean of all readings (a part counts by its repeats) and its u")]
     if found.method == "paper":
         notes.append(("part s", f"part s: {METHODS['paper']}"))
         notes.append(("U future", f"U future = {k:g} u by eq. (34), of the CMM's scatter alone"))
     else:
         notes.append(("95 % interval", "95 % interval: of the s before it"))
+        notes += [("95 % interval", BELOW_ZERO)] if empty else []
         notes.append(("U future", f"U future = {k:g} u, of a future part"))
     notes.append(("unusual", "unusual: parts that stand out there by themselves"))
     if listed:

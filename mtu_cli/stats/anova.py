@@ -176,6 +176,10 @@ def part_interval(cells: Cells, table: OneWay, probability: float = 0.95) -> Flo
     unweighted mean square S1 = h sum (m_i - mean m)^2/(a - 1), h the harmonic mean of n_i, and
     S2 = MS_within the limits are (S1 - S2 -+ sqrt(...))/h (Ting, Burdick, Graybill, Jeyaratnam &
     Lu, J. Stat. Comput. Simul. 35 (1990) 135). Limits below 0 are 0.
+
+    The upper one is where S1/S2 is below the lower quantile of F, in half of 1 - `probability` of
+    studies of parts that are alike, and in fewer of others: [0, 0] then counts among the intervals
+    that miss, and says nothing of the size of s_part.
     """
     from scipy.special import chdtri, fdtri
 

@@ -9,7 +9,15 @@ import numpy as np
 
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.settings import PROBABILITY
-from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval
+from mtu_cli.stats.anova import (
+    BoolArray,
+    Components,
+    OneWay,
+    moments,
+    one_way,
+    paper,
+    part_interval,
+)
 from mtu_cli.stats.family import holm
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml
@@ -50,6 +58,14 @@ class Analysed:
     p_parts: FloatArray
     p_mean: FloatArray
     unusual: tuple[tuple[str, ...], ...]
+
+    @property
+    def below_zero(self) -> BoolArray:
+        """Tables (tables,) of which both limits for the part variance were below 0 (see
+        `part_interval`): [0, 0] is no bound on it.
+        """
+        known: BoolArray = (self.one_way.ms_within > 0) & (self.interval == 0).all(axis=1)
+        return known
 
     def largest(self, k: float) -> list[int]:
         """Tables in the order of |mean| + k u_future, the largest first."""

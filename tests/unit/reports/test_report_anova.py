@@ -95,6 +95,30 @@ def test_what_cannot_be_had_is_null() -> None:
     assert all(math.isfinite(value) for value in all_numbers(results))
 
 
+def test_limits_below_zero_are_told_as_no_bound() -> None:
+    """Repeats to and fro about means that are alike: [0, 0] is no statement on the parts."""
+    rows = [
+        (f"P{p}", "a", r, 0.001 * (-1) ** r, 0.001 * p + 0.0001 * r)
+        for p in range(6)
+        for r in (1, 2)
+    ]
+    result = analyse_variance(points(rows), None, "reml", Settings())
+    x, y = document(result)["features"]
+    assert x["var_part_interval95_um2"] == [0, 0]
+    assert (x["var_part_limits_below_zero"], y["var_part_limits_below_zero"]) == (True, False)
+    note = "[0, 0] bounds no s: both limits of the variance were below 0"
+    assert note in " ".join(plain_text(table(result)).split())
+    header, listed = csv_rows(result)
+    column = header.index("var_part_limits_below_zero")
+    assert [row[column] for row in listed] == [True, False]
+    # Nothing that scatters at all is another matter, and has a warning of its own.
+    even = analyse_variance(
+        points([(*row[:3], 0.0, 0.0) for row in rows]), None, "reml", Settings()
+    )
+    assert not even.features.below_zero.any()
+    assert note not in " ".join(plain_text(table(even)).split())
+
+
 def test_csv_holds_every_kind_in_its_unit(planted: AnovaResult) -> None:
     header, rows = csv_rows(planted)
     assert header == CSV_COLUMNS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.stats
 from anova_designs import PAPER, cells, drawn, simulated
 
 from mtu_cli.stats.anova import cells_of, moments, one_way, paper, part_interval
@@ -100,6 +101,30 @@ def test_interval_at_no_part_variance_misses_on_one_side_only() -> None:
     low = part_interval(found, one_way(found))[:, 0]
     share = np.mean(low == 0)
     assert abs(share - 0.975) < 4 * np.sqrt(0.975 * 0.025 / TABLES)
+
+
+@pytest.mark.parametrize("repeats", [(2,) * 5, (1, 2, 3, 4, 5, 1, 2)])
+@pytest.mark.parametrize("ratio", [0.0, 0.1, 0.5])
+def test_interval_covers_with_its_empty_ones_as_misses(
+    repeats: tuple[int, ...], ratio: float
+) -> None:
+    """Small part scatter, few parts: [0, 0] misses any of it, and all together keep 95 %.
+
+    It is there in 2.5 % of studies of parts that are alike, where F is below its quantile, and in
+    fewer of others.
+    """
+    found = drawn(repeats, TABLES, ratio, 1.0, 13)
+    table = one_way(found)
+    low, high = part_interval(found, table).T
+    error = 4 * np.sqrt(0.95 * 0.05 / TABLES)
+    assert np.mean((low <= ratio**2) & (ratio**2 <= high)) > 0.95 - error
+    empty = high == 0
+    assert (low[empty] == 0).all()
+    assert np.mean(empty) < 0.025 + 4 * np.sqrt(0.025 * 0.975 / TABLES)
+    if len(set(repeats)) == 1:
+        limit = scipy.stats.f.ppf(0.025, table.df_between, table.df_within)
+        np.testing.assert_array_equal(empty, limit > table.F)
+    assert empty.any()
 
 
 def test_interval_is_exact_without_repeat_scatter() -> None:
