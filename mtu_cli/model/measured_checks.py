@@ -22,6 +22,7 @@ from mtu_cli.stats.least_squares import FloatArray
 
 SUSPICIOUS_MM = 0.5
 """A typical error beyond this is not one of a machine tool."""
+FAR = "error-of-millimetres"
 ORIGIN = "origin"
 MOST: Datum = "offset,rotation"
 _BLOCK = 1 << 15
@@ -116,7 +117,7 @@ def _far(points: Points, loose: Points, axes: tuple[int, ...]) -> list[Warned]:
     count = int(far.sum())
     return [
         Warned(
-            code="error-of-millimetres",
+            code=FAR,
             message=f"{count} of {len(far)} points {'is' if count == 1 else 'are'} more than "
             f"{SUSPICIOUS_MM:g} mm from {'its' if count == 1 else 'their'} nominal{place}: {guess}",
         )

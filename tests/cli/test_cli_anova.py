@@ -186,6 +186,25 @@ def test_bad_input(measured: Path, tmp_path: Path, kind: str, code: int, words: 
     assert out.exists() == (code == 0)
 
 
+def test_a_mistyped_place_of_the_part_is_told_where_it_is_refused_for_its_angle(
+    measured: Path, tmp_path: Path
+) -> None:
+    """The row runs off x for one feature; the points know which."""
+    text = PART.read_text()
+    place = "'9': {x_mm: 10, y_mm: 140}"
+    assert place in text
+    part = tmp_path / "part.yaml"
+    part.write_text(text.replace(place, "'9': {x_mm: 100, y_mm: 140}"))
+    found = mtu("anova", "--cmm", measured, "-p", part)
+    assert found.returncode == 2
+    off, why = found.stderr.splitlines()
+    assert "runs" in off
+    assert "degrees off y" in off
+    assert "points are more than 0.5 mm from their nominal: in column 'x_mm'" in why
+    assert "of feature '9' in every part: first" in why
+    assert "where about 100 is expected" in why
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

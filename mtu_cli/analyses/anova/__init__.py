@@ -30,6 +30,7 @@ from mtu_cli.analyses.anova.parts import (
 from mtu_cli.analyses.anova.tables import METHODS, Analysed, Base, Kind, Method, analysed
 from mtu_cli.analyses.anova.totals import Total, totals_of
 from mtu_cli.analyses.anova.warnings import anova_warnings, missing_entries
+from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.points import Points
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.measured import (
@@ -42,7 +43,7 @@ from mtu_cli.model.measured import (
     only_features,
     visits_of,
 )
-from mtu_cli.model.measured_checks import check_measured, refuse_mistaken
+from mtu_cli.model.measured_checks import FAR, check_measured, refuse_mistaken
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -155,10 +156,19 @@ def _bases(
         text = "parts with missing features were freed with the features they have"
         warnings.append(Warned(code="incomplete-datum", message=text))
     if part is not None:
-        kinds |= _of_part(points, part)
+        try:
+            kinds |= _of_part(points, part)
+        except InputError as error:
+            # A place of the part that is mistyped is far from what was measured there.
+            raise InputError([*error.problems, *_hints(warnings)]) from error
         warnings += missing_entries(part, kinds["length"], kinds["angle"])
         warnings += length_warnings(points, part)
     return [Base(k, tables) for k, tables in kinds.items() if tables is not None], warnings
+
+
+def _hints(warnings: Sequence[Warned]) -> list[Problem]:
+    """What the points say of a part that is refused: where its nominal places are not theirs."""
+    return [Problem(what=item.message) for item in warnings if item.code == FAR]
 
 
 def _of_part(points: Points, part: LoadedPart) -> dict[Kind, MeasuredTables | None]:
