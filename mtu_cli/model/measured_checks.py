@@ -11,6 +11,7 @@ from mtu_cli.files.features_alike import SAME_MM
 from mtu_cli.files.points import Points
 from mtu_cli.model.copied_parts import copied_parts
 from mtu_cli.model.datum import Datum, freed
+from mtu_cli.model.drawn_parts import refuse_drawn_parts
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured_reach import reach_problems
 from mtu_cli.model.measured_rows import check_rows
@@ -33,10 +34,12 @@ def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
     explain them, on rows that stand twice, and of what was noted when the points were read.
 
     Raises InputError for rows that contradict each other (`check_rows`) and for a part whose
-    values are those of another part, to the last digit, where that cannot be chance.
+    values are those of another part, or of the drawing, to the last digit, where that cannot be
+    chance.
     """
     rows = check_rows(points)
     axes = axes_of(points)
+    refuse_drawn_parts(points, axes)
     return [
         *(Warned(code=note.code, message=note.message) for note in points.notes),
         *rows,

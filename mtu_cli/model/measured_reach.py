@@ -18,6 +18,8 @@ FEWEST_ROWS = 3
 PLACES = range(-3, 7)
 """By which a decimal point is looked for elsewhere; by 3 it may be um, too."""
 THOUSAND = 3
+SAME_MM, SAME = 0.5, 1e-3
+"""How near a slip that is undone comes to the nominal, mm or in proportion."""
 
 
 def reach_problems(points: Points, axes: tuple[int, ...], near: float) -> Iterator[Problem]:
@@ -80,8 +82,10 @@ def _parts(points: Points, errors: FloatArray) -> Iterator[tuple[np.ndarray, flo
 
 def _slip(value: float, place: float) -> str:
     """The slip that explains a cell, in words."""
+    if abs(value + place) < max(SAME_MM, SAME * abs(place)):
+        return ": is its sign right?"
     for digits in PLACES:
-        if abs(value / 10.0**digits - place) < max(0.5, 1e-3 * abs(place)) and digits:
+        if abs(value / 10.0**digits - place) < max(SAME_MM, SAME * abs(place)) and digits:
             if digits == THOUSAND:
                 return ": um taken for mm, or a decimal point left out?"
             return ": is its decimal point in its place?"

@@ -81,3 +81,13 @@ def test_parts_of_few_readings_are_judged_together() -> None:
 def test_all_of_them_are_told() -> None:
     found = slipped(slipped(study(6, 2, 3), 1e4), -1e5, 20)
     assert [item.row for item in refused(found)] == [9, 22]
+
+
+def test_a_sign_is_asked_about() -> None:
+    found = study(6, 2, 3)
+    measured = found.measured.copy()
+    row = int(np.flatnonzero(found.feature == 2)[0])
+    measured[row, 1] *= -1
+    (problem,) = refused(replace(found, measured=measured))
+    assert problem.column == "y_mm"
+    assert str(problem.expected).endswith(": is its sign right?")

@@ -1,0 +1,61 @@
+"""Parts whose measured values are the nominal ones: written down from the drawing, not measured."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.errors import InputError, Problem
+from mtu_cli.files.features_alike import SAME_MM
+from mtu_cli.files.points import Points
+from mtu_cli.model.copied_parts import CHANCE, FEWEST_COPIED
+from mtu_cli.stats.least_squares import FloatArray
+
+
+def refuse_drawn_parts(points: Points, axes: tuple[int, ...]) -> None:
+    """Raises InputError for parts that are on their nominal in every value, to the last digit,
+    while the errors of all other parts differ from each other so much that this is no chance.
+
+    Of coarse digits, or of parts that are good, errors agree by themselves: as often as two
+    errors of the other part in which they agree most, in every value of the part.
+    """
+    exact = np.ones(len(points), bool)
+    for axis in axes:
+        exact &= np.abs(points.measured[:, axis] - points.nominal[:, axis]) <= SAME_MM
+    size = np.bincount(points.part, minlength=len(points.parts))
+    off = np.bincount(points.part, ~exact, minlength=len(points.parts))
+    drawn = np.flatnonzero((off == 0) & (size > 0))
+    others = np.flatnonzero(off > 0)
+    if not len(drawn) or not len(others):
+        return
+    agree = max(_agreeing(points, axes, int(part)) for part in others)
+    problems = []
+    for part in drawn.tolist():
+        rows = np.flatnonzero(points.part == part)
+        values = len(np.unique(points.feature[rows])) * len(axes)
+        if values >= FEWEST_COPIED and len(size) * agree**values < CHANCE:
+            problems.append(_problem(points, int(rows[0]), values))
+    if problems:
+        raise InputError(problems)
+
+
+def _agreeing(points: Points, axes: tuple[int, ...], part: int) -> float:
+    """How often two errors of a part along an axis agree, one pair more than was seen."""
+    rows = np.flatnonzero(points.part == part)
+    pairs = len(axes) * len(rows) * (len(rows) - 1) / 2
+    alike = 0.0
+    for axis in axes:
+        errors: FloatArray = points.measured[rows, axis] - points.nominal[rows, axis]
+        count = np.unique(np.round(errors / SAME_MM), return_counts=True)[1]
+        alike += float((count * (count - 1.0)).sum()) / 2
+    return (alike + 1) / (pairs + 1)
+
+
+def _problem(points: Points, row: int, values: int) -> Problem:
+    return Problem(
+        what=f"part {points.parts[points.part[row]]!r} is on its nominal in all of {values} "
+        "values, to the last digit, and no other part is",
+        file=points.sources[points.file_index[row]].shown,
+        row=int(points.row[row]),
+        column="part",
+        expected="places as measured: these look like those of the drawing",
+    )
