@@ -9,6 +9,7 @@ import numpy as np
 from mtu_cli.errors import Problem
 from mtu_cli.files.points import Points
 from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.measured_rows import LARGEST_MM
 from mtu_cli.stats.least_squares import FloatArray
 
 LEAST_MM = 10.0
@@ -57,6 +58,8 @@ def _out_of_reach(points: Points, axes: tuple[int, ...], most: float, near: floa
             away = np.abs(errors[rows] - centre)
             if 2 * np.count_nonzero(away <= near) > len(rows):
                 found[rows, k] = away > most
+        # Told by `check_rows`.
+        found[np.abs(points.measured[:, axis]) > LARGEST_MM, k] = False
     return found
 
 
