@@ -215,5 +215,10 @@ def test_one_slip_passes_no_gate(parts: Rows, well_known: Path, tmp_path: Path) 
     lengths = [item["id"] for item in found["lengths"] if item["reading_stands_out"]]
     assert all(parts[2]["feature"] in name.split("-") for name in lengths)
     assert lengths
+    # What one reading makes 20 000 times as large still fits a line, to two digits of its u.
+    lines = done(mtu("compare", well_known, "--cmm", near)).stdout.splitlines()
+    assert max(map(len, lines)) <= 100
+    (row,) = [line for line in lines if line.startswith(f"{parts[2]['feature']} x ")]
+    assert " 1300 ± 1200 " in row
     lost = done(mtu("compare", well_known, "--cmm", slipped("far.csv", 7e4), "-q"), 2)
     assert "far.csv, row 4, column 'x_mm': feature 'C' of part '1'" in lost.stderr
