@@ -1,9 +1,10 @@
-"""Notes below the tables of close-loop: what was not tested, what is a copy, what is left."""
+"""Notes below the tables of close-loop: what was not tested, what is a copy, what checks say."""
 
 from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import TableResult
-from mtu_cli.reports.close_loop_shown import something_left
+from mtu_cli.analyses.close_loop.shown import things
+from mtu_cli.reports.close_loop_shown import plural, something_left, stays
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import p_value
 
@@ -11,6 +12,15 @@ LEVEL = (
     "level: the constant of an equation and no effect of its own: the error where the effects of "
     "its axis are 0. Beside a growth or a drift it holds their constant part and any offset"
 )
+MEANINGS = {
+    "interaction-pattern": "the {columns} share a pattern that some {rows} have more of",
+    "serial-correlation": "{rows} follow one another too smoothly to be scatter",
+    "serial-shape": "the shape of the {rows} (scale, turn, squareness) changes smoothly in time",
+    "spatial-correlation": "{columns} near one another err alike",
+    "column-variance": "{columns} differ from one another by more than single entries scatter",
+    "part-variance": "{rows} differ from one another by more than single entries scatter",
+}
+"""What a check of the remainder says where it fires."""
 COPY = " is a copy of "
 """What the note of a candidate says of a column that is."""
 
@@ -25,8 +35,11 @@ def left_text(item: TableResult) -> str | None:
     """The checks that what is left passed, None where they did not all."""
     if something_left(item) or not item.checks:
         return None
-    least = min(p for _, p in item.checks)
-    return f"nothing is left that {len(item.checks)} checks would see (smallest p {of_p(least)})"
+    count, least = len(item.checks), f"smallest p {of_p(min(p for _, p in item.checks))}"
+    if stays(item):
+        _, column = things(item)
+        return f"{count} checks take what stays for errors of single {plural(column)} ({least})"
+    return f"nothing is left that {count} checks would see ({least})"
 
 
 def untested(item: TableResult, most: int = 4) -> list[str]:

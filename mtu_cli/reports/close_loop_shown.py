@@ -21,6 +21,8 @@ from mtu_cli.units import PARAMETER_UNITS, UNITS, Unit
 
 RIVALS = 3
 """Rivals that a sentence names."""
+WORTH, WORTH_AS_SCATTER = 0.9, 0.5
+"""Shares of the held-out error below which a correction for each place is worth to be told."""
 LIKELY = 0.95
 """Posterior above which one name is told before what has none."""
 
@@ -121,6 +123,18 @@ def one_cause_notes(item: TableResult) -> list[str]:
 def something_left(item: TableResult) -> bool:
     """Whether there is more than scatter beside what was named."""
     return bool(item.fired or item.twofold) or item.without_name
+
+
+def stays(item: TableResult) -> bool:
+    """Whether a correction for each place would take so much off the held-out error that it is to
+    be told: a tenth where something has no name; else half, of what is left in sample as well.
+    """
+    if item.by_column is None:
+        return False
+    if something_left(item):
+        return item.by_column.rms <= WORTH * item.after.rms
+    least = min(item.after.rms, item.in_sample_after.rms)
+    return item.by_column.rms <= WORTH_AS_SCATTER * least
 
 
 def ranked(item: TableResult) -> list[Judged]:

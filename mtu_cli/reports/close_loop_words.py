@@ -17,7 +17,7 @@ from mtu_cli.analyses.close_loop.shown import (
 )
 from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
 from mtu_cli.reports.close_loop_effects import effect_text
-from mtu_cli.reports.close_loop_notes import of_p
+from mtu_cli.reports.close_loop_notes import MEANINGS, of_p
 from mtu_cli.reports.close_loop_sentences import Sentence, one_cause, sentences
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
@@ -28,18 +28,9 @@ from mtu_cli.reports.close_loop_shown import (
     plural,
     ranked,
     size_of,
+    stays,
 )
 from mtu_cli.reports.numbers import p_value, significant, with_u
-
-MEANINGS = {
-    "interaction-pattern": "the {columns} share a pattern that some {rows} have more of",
-    "serial-correlation": "{rows} follow one another too smoothly to be scatter",
-    "serial-shape": "the shape of the {rows} (scale, turn, squareness) changes smoothly in time",
-    "spatial-correlation": "{columns} near one another err alike",
-    "column-variance": "{columns} differ from one another by more than single entries scatter",
-    "part-variance": "{rows} differ from one another by more than single entries scatter",
-}
-"""What a check of the remainder says where it fires."""
 
 PART_VARIANCE, TURNED = "part-variance", "rotation-scatter"
 OTHER_PLACES = "measure features at more, and uneven, distances along the axis"
@@ -49,8 +40,6 @@ ROUNDING = 1e-7
 """Share of the figure beside it below which an error is gone, but for the rounding of numbers."""
 HOPELESS = 100.0
 """Times the rms of the errors beyond which an effect would be found only in name."""
-WORTH = 0.9
-"""Share of the held-out error below which a correction for each place is worth to be told."""
 STRONG, LONE = 5.0, 0.9
 """log Bayes factor and posterior from which on an effect that is not proven is told."""
 
@@ -68,7 +57,9 @@ def verdict_text(item: TableResult, result: CloseLoopResult) -> str:
 def _named(item: TableResult) -> str:
     """Such as "X loses 8.2 ± 0.6 um at reversal, short from both sides (backlash-x). ..."."""
     found = "; ".join(said.named for said in sentences(item))
-    return " ".join([f"{_capital(found, item)}.", *_set_up(item), _before_after(item)])
+    return " ".join(
+        [f"{_capital(found, item)}.", *_set_up(item), _before_after(item), *_by_column(item)]
+    )
 
 
 def _capital(text: str, item: TableResult) -> str:
@@ -94,11 +85,12 @@ def _class(item: TableResult) -> str:
         else:
             more = " (more in the table)" if len(names) > RIVALS else ""
             beside = "Beside that " if words else ""  # What stands there is sure.
-            words.append(f"{beside}{either(names)}{more}: this data cannot tell which.")
+            both = ", or both" if stays(item) else ""
+            words.append(f"{beside}{either(names)}{both}{more}: this data cannot tell which.")
             words += [f"If {name}: {text}." for name, text in _members(item, effect)]
         if effect is not None and (len(names) > 1 or pitch_is_open(effect)):
             words += _experiment(effect)
-    return " ".join([*words, *_set_up(item), _before_after(item)])
+    return " ".join([*words, *_set_up(item), *_worth(item)])
 
 
 def _members(item: TableResult, effect: FoundEffect) -> list[tuple[str, str]]:
@@ -138,10 +130,7 @@ def _unexplained(item: TableResult) -> str:
     row, column = things(item)
     mass = {"rows": plural(row), "columns": plural(column)}
     p = dict(item.checks)
-    fired = [
-        f"{MEANINGS.get(name, name).format(**mass)} ({name}, p {of_p(p[name])})"
-        for name in item.fired
-    ]
+    fired = [f"{MEANINGS[n].format(**mass)} ({n}, p {of_p(p[n])})" for n in item.fired]
     if item.without_name:
         fired.append("a smooth drift or field explains as much as a named effect does")
     fired += [
@@ -166,7 +155,7 @@ def _unexplained(item: TableResult) -> str:
 
 def _by_column(item: TableResult) -> list[str]:
     """What a table of corrections would make of an error that stays where it is."""
-    if item.by_column is None or item.by_column.rms > WORTH * item.after.rms:
+    if item.by_column is None or not stays(item):
         return []
     (row, column), unit = things(item), item.table.unit
     after, own = _together(item, item.after.rms, item.by_column.rms)
@@ -245,7 +234,7 @@ def _none(item: TableResult, alpha: float) -> str:
             f"to {large} {unit} ({high.name}) would have been found"
             + (f"; {len(told) - len(known)} more hardly." if len(told) > len(known) else ".")
         )
-    return " ".join(said)
+    return " ".join([*said, *_by_column(item)])
 
 
 def _likely(item: TableResult) -> list[str]:
@@ -268,6 +257,10 @@ def _strong(judged: Judged) -> bool:
     there is always one that fits noise best.
     """
     return (judged.log_bayes_factor or 0.0) >= STRONG and (judged.posterior or 0.0) >= LONE
+
+
+def _worth(item: TableResult) -> list[str]:
+    return [_before_after(item), *_by_column(item)]
 
 
 def _before_after(item: TableResult) -> str:

@@ -373,8 +373,28 @@ def test_what_stays_at_its_place_is_told_where_a_correction_there_is_worth_it(
     said = "Much of it stays: a correction of its own for every feature would take the rms of "
     assert (f"{said}held-out parts from 3.8 to 3.2 um." in text) == told
     assert told or "Much of it stays" not in text
-    # What was found has a name otherwise, and needs none.
+    # What is left beside a name may be scatter of features, if it is not by far the most.
     assert said not in words(result(replace(on_table("named", (effect(),)), by_column=by_column)))
+
+
+@pytest.mark.parametrize("verdict", ["named", "none", "class"])
+@pytest.mark.parametrize(("rms", "in_sample", "told"), [(1.6, 3.5, True), (2.0, 3.5, False),
+                                                        (1.6, 3.1, False)])  # fmt: skip
+def test_what_stays_beside_a_verdict_is_told_where_it_is_the_most_of_what_is_left(
+    verdict: Verdict, rms: float, in_sample: float, told: bool
+) -> None:
+    """Of held-out parts with 3.8 um; what the whole table's fit takes out does not stay."""
+    base = {"named": named(), "class": ambiguous()}.get(verdict) or result(on_table("none", ()))
+    item = replace(
+        base.tables[0], by_column=scores(rms), after=scores(3.8), in_sample_after=scores(in_sample)
+    )
+    text, shown = words(result(item)), plain_text(table(result(item)))
+    assert (
+        "every feature would take the rms of held-out parts from 3.8 to 1.6 um." in text
+    ) == told
+    assert ("or both: this data cannot tell which" in text) == (told and verdict == "class")
+    assert ("checks take what stays for errors of single features" in shown) == told
+    assert ("nothing is left that" in shown) != told
 
 
 def test_an_effect_without_an_equation_keeps_its_sentence() -> None:
