@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from mtu_cli.files.contract_errors import number_expectation
@@ -28,33 +27,12 @@ NO_TIME = -(2**63)
 TIME_EXPECTED = "an ISO 8601 time such as 2024-05-03T14:30:00"
 
 
-FEWEST_SERIAL = 3
-"""Fewer cells may be anything."""
-SERIAL = (40_000.0, 80_000.0)
-"""Serial days of spreadsheets from 2009 to 2119."""
-SERIAL_ZERO = datetime(1899, 12, 30)  # of no zone, as those are
-
-
 def number(cell: str, decimal: Decimal = ".") -> float | None:
     """The value of a cell, or None where it is no number; infinite where it overflows."""
     cell = cell.strip()
     if _NUMBER[decimal].fullmatch(cell) is None:
         return None
     return float(cell.replace(",", "."))
-
-
-def serial_days(cells: Sequence[str], decimal: Decimal = ".") -> str | None:
-    """What is to be said of times that are all a spreadsheet's days since 1899-12-30; else None."""
-    values = [number(cell, decimal) for cell in cells]
-    days = [value for value in values if value is not None and SERIAL[0] <= value <= SERIAL[1]]
-    # Whole numbers may be seconds of a day.
-    if len(days) < max(FEWEST_SERIAL, len(cells)) or all(day.is_integer() for day in days):
-        return None
-    first = SERIAL_ZERO + timedelta(days=round(days[0] * 1440) / 1440)
-    return (
-        f"these look like serial days of a spreadsheet, the first of them {first:%Y-%m-%dT%H:%M}; "
-        "give the column a date format there"
-    )
 
 
 def is_not_finite(cell: str, decimal: Decimal = ".") -> bool:

@@ -19,7 +19,6 @@ from mtu_cli.files.csv_cells import (
     microseconds,
     number,
     overflows,
-    serial_days,
 )
 from mtu_cli.files.csv_table import (
     LARGEST_INTEGER,
@@ -32,6 +31,7 @@ from mtu_cli.files.csv_table import (
     TimeColumn,
 )
 from mtu_cli.files.csv_text import CELL_LIMIT, CsvText, lines_from
+from mtu_cli.files.csv_times import time_faults
 
 if TYPE_CHECKING:
     import numpy as np
@@ -232,6 +232,7 @@ class _TimeStore(_TextStore):
     def __init__(self, name: str, text: CsvText, spec: TableSpec, problems: ProblemList) -> None:
         super().__init__(name, text, spec, problems)
         self.expected = TIME_EXPECTED
+        self.minutes = "time_min" in spec.numbers
         self.rows = array("q")
 
     def add(self, row: int, cell: str) -> None:
@@ -247,11 +248,9 @@ class _TimeStore(_TextStore):
         whole = np.append(values, NO_TIME)[codes]
         faulty = np.flatnonzero((whole == NO_TIME) & (codes >= 0))
         cells = [labels[codes[index]] for index in faulty]
-        if serial := serial_days(cells, self.text.decimal):
-            what = f"{len(cells)} of {len(codes)} cells are no times"
-            self.fault(self.rows[faulty[0]], what, cells[0], f"{TIME_EXPECTED}: {serial}")
-        for index, cell in () if serial else zip(faulty, cells, strict=True):
-            self.fault(self.rows[index], "not a time", cell, TIME_EXPECTED)
+        rows, given = [self.rows[i] for i in faulty], int((codes >= 0).sum())
+        for found in time_faults(cells, rows, given, self.text.decimal, minutes=self.minutes):
+            self.fault(rows[found.place], found.what, cells[found.place], found.expected)
         if len(aware) > 1:
             expected = "all times with an offset, or none"
             self.fault(self.rows[0], "times with and without an offset from UTC", None, expected)

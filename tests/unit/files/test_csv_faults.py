@@ -15,6 +15,7 @@ from mtu_cli.files.contract_errors import number_expectation
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_table import LISTED_PROBLEMS, Table, TableSpec
 from mtu_cli.files.csv_text import CELL_LIMIT
+from mtu_cli.files.points import SPEC as POINTS
 
 SPEC = TableSpec(
     required=("name", "value"),
@@ -330,24 +331,77 @@ def test_a_header_that_stands_again_is_one_fault(tmp_path: Path) -> None:
     assert ", row 4: the header again, as in a table that was pasted again" in found[0]
 
 
+ISO = "an ISO 8601 time such as 2024-05-03T14:30:00"
+MINUTES = f"{ISO} or, where these are minutes, the column renamed to 'time_min'"
+WHOLE_DAYS = (
+    f"{MINUTES}; or, where these are serial days of a spreadsheet, the first of them "
+    "2023-03-15T00:00, give the column a date format there"
+)
+SERIAL = (
+    f"{ISO}: these look like serial days of a spreadsheet, the first of them 2023-03-15T00:00; "
+    "give the column a date format there"
+)
+SINCE_1970 = f"{ISO}: these look like {{}} since 1970, the first of them 2024-05-03T14:30:00"
+
+
 @pytest.mark.parametrize(
-    ("cells", "words"),
+    ("cells", "row", "expected"),
     [
-        (
-            ["45000", "45000.5", "45001.25"],
-            ["row 2, column 'time': 3 of 3 cells are no times: '45000'"],
-        ),
-        # An odd one among dates, and numbers that are no days, are told one by one.
-        (["2024-05-03", "45000.5", "2024-05-04"], ["row 3, column 'time': not a time: '45000.5'"]),
-        (["1", "2", "3"], ["row 2, column 'time': not a", "row 3, column", "row 4, column"]),
+        ("0 12.5 25", 2, MINUTES),
+        ("0 25", 2, MINUTES),
+        ("45000 45000.5 45001.25", 2, SERIAL),
+        # Whole numbers may be seconds of a day, or minutes of a month.
+        ("45000 45001 45002", 2, WHOLE_DAYS),
+        ("1714746600 1714746610 1714746620", 2, SINCE_1970.format("seconds")),
+        ("1714746600000 1714746610000", 2, SINCE_1970.format("milliseconds")),
+        ("08:15 8:20:30 11:05", 2, f"{ISO}: the date is to stand before the time of day"),
+        ("3.5.2024 03.05.24 4.5.2024", 2, f"{ISO}: year, month and day in this order, with hyph"),
+        ("2024/5/3 2024/05/04", 2, f"{ISO}: year, month and day in this order, with hyphens"),
+        # Beside dates, minutes are none.
+        ("2024-05-03 1 2 3", 3, f"{ISO}: these are plain numbers"),
     ],
 )
-def test_serial_days_of_a_spreadsheet_are_one_fault(
-    cells: list[str], words: list[str], tmp_path: Path
+def test_times_that_are_none_for_one_reason_are_one_fault(
+    cells: str, row: int, expected: str, tmp_path: Path
 ) -> None:
-    found = faults(tmp_path, "name,value,time\n" + "".join(f"a,1,{cell}\n" for cell in cells))
-    assert len(found) == len(words)
-    for line, own in zip(found, words, strict=True):
-        assert own in line
-    serial = "these look like serial days of a spreadsheet, the first of them 2023-03-15T00:00;"
-    assert (serial in found[0]) == (len(words) < 3 and cells[0] == "45000")
+    given = cells.split()
+    bad = given[row - 2 :]
+    rows = "".join(f"a,1,2,3,{cell}\n" for cell in given)
+    path = tmp_path / "t.csv"
+    path.write_text(f"part,feature,x_mm,y_mm,time\n{rows}")
+    with pytest.raises(InputError) as caught:
+        read_table(path, "cmm", POINTS)
+    (line,) = str(caught.value).splitlines()
+    assert line.startswith(
+        f"t.csv, row {row}, column 'time': {len(bad)} of {len(given)} cells are no times (rows "
+        f"{row} to {len(given) + 1}): {bad[0]!r}; expected {expected}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("cells", "told"),
+    [
+        # Odd ones among dates are told one by one.
+        (["2024-05-03", "45000.5", "2024-05-04"], {3: ISO}),
+        (["12", "2024-05-03", "13"], {2: ISO, 4: ISO}),
+        (["noon", "evening", "late"], {2: ISO, 3: ISO, 4: ISO}),
+        (["7"], {2: MINUTES}),
+    ],
+)
+def test_odd_times_are_told_one_by_one(
+    cells: list[str], told: dict[int, str], tmp_path: Path
+) -> None:
+    path = tmp_path / "t.csv"
+    rows = "".join(f"a,1,2,3,{cell}\n" for cell in cells)
+    path.write_text(f"part,feature,x_mm,y_mm,time\n{rows}")
+    with pytest.raises(InputError) as caught:
+        read_table(path, "cmm", POINTS)
+    assert str(caught.value).splitlines() == [
+        f"t.csv, row {row}, column 'time': not a time: {cells[row - 2]!r}; expected {expected}"
+        for row, expected in told.items()
+    ]
+
+
+def test_minutes_are_offered_where_a_column_of_them_is_known(tmp_path: Path) -> None:
+    (line,) = faults(tmp_path, "name,value,time\na,1,1\na,1,2\na,1,3\n")
+    assert line.endswith(f"expected {ISO}: these are plain numbers")
