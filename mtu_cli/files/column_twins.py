@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from mtu_cli.files.column_dimensions import POSITIONS
-from mtu_cli.files.column_words import direction_along, nominal_by_sign, plain
+from mtu_cli.files.column_orders import orders_and_times
+from mtu_cli.files.column_words import (
+    direction_alone,
+    direction_along,
+    nominal_by_sign,
+    plain,
+)
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_header import DRIFT, may_count
 from mtu_cli.files.csv_missing import MEASUREMENTS
@@ -20,7 +28,11 @@ TAKEN = (
     | {"pi": "a number"}
 )
 """What the equation language means by names that columns may have."""
+NAME_TAKEN, NOT_USED = "column-name-taken", "column-not-used"
 COUNTS = ("repeat", "pass")
+SIGNS = {"+", "-", "+1", "-1", "1", "pos", "neg", "positive", "negative", "positiv", "negativ",
+         "forward", "reverse", "plus", "minus"}  # fmt: skip
+_ALONG = re.compile("[+-] ?[xyz]|[xyz] ?[+-]", re.IGNORECASE)
 NOMINAL = "nominal_"
 
 
@@ -29,33 +41,48 @@ def column_twins(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
     table may take the other for it; a `Run` may be the repeat, or the pass, and `Richtung_x` the
     direction along x. Nor is a column that an equation cannot name.
     """
-    for table in tables:
-        for other in table.covariates:
-            if other in TAKEN:
-                text = (
-                    f"{table.source.shown}, row {table.header_row}: the column {other!r} cannot be "
-                    f"named in an equation, where {other!r} is {TAKEN[other]}; rename it where one "
-                    f"needs it, such as to '{other}_value'"
-                )
-                yield Notice(code="column-name-taken", message=text)
+    for given in tables:
+        # Of a block of a long file, columns of texts are named by its own contract.
+        free = tuple(name for name in given.header if not spec.named(name))
+        table = replace(given, covariates=free)
+        for other in filter(TAKEN.__contains__, table.covariates):
+            yield _notice(
+                table, other, NAME_TAKEN,
+                f"cannot be named in an equation, where {other!r} is {TAKEN[other]}; rename it "
+                f"where one needs it, such as to '{other}_value'",
+            )  # fmt: skip
         for other in table.covariates:
             own = _maybe(other, table, spec)
             if own is not None and own not in table.header:
-                text = (
-                    f"{table.source.shown}, row {table.header_row}: the column {other!r} is not "
-                    f"used as {own!r}: rename it where it {_holds(own)}"
-                )
-                yield Notice(code="column-not-used", message=text)
+                words = f"is not used as {own!r}: rename it where it {_holds(own)}"
+                yield _notice(table, other, NOT_USED, words)
+        for other, own, todo in (*orders_and_times(table, spec), *_directions(table, spec)):
+            yield _notice(table, other, NOT_USED, f"is not used as {own!r}: {todo}")
         named = {name.casefold(): name for name in table.header if spec.named(name)}
         for other in table.covariates:
             own = named.get(other.casefold())
             if own is not None:
-                text = (
-                    f"{table.source.shown}, row {table.header_row}: the column {other!r} is not "
-                    f"used as {own!r}, from which it differs by capital letters alone: remove it, "
-                    "or give it a name of its own"
-                )
-                yield Notice(code="columns-alike", message=text)
+                yield _notice(
+                    table, other, "columns-alike",
+                    f"is not used as {own!r}, from which it differs by capital letters alone: "
+                    "remove it, or give it a name of its own",
+                )  # fmt: skip
+
+
+def _notice(table: Table, other: str, code: str, words: str) -> Notice:
+    place = f"{table.source.shown}, row {table.header_row}"
+    return Notice(code=code, message=f"{place}: the column {other!r} {words}")
+
+
+def _directions(table: Table, spec: TableSpec) -> Iterator[tuple[str, str, str]]:
+    """Of columns of signs that do not tell the axis, what to do; `+X` or `-Y` tells it in cells."""
+    if not spec.named("dir_x") or any(name.startswith("dir_") for name in table.header):
+        return
+    for other in filter(direction_alone, table.covariates):
+        column = table.columns.texts.get(other)
+        labels = () if column is None else column.labels
+        if _signs(table, other) or (labels and all(map(_ALONG.fullmatch, labels))):
+            yield other, "dir_x", "-1 or +1 along x stand in 'dir_x', those along y in 'dir_y'"
 
 
 def _holds(own: str) -> str:
@@ -90,6 +117,9 @@ def _by_its_difference(other: str) -> str | None:
 
 
 def _signs(table: Table, name: str) -> bool:
+    column = table.columns.texts.get(name)
+    if column is not None:
+        return bool(column.labels) and SIGNS.issuperset(map(str.casefold, column.labels))
     cells = table.columns.numbers.get(name, np.zeros(0))
     return bool((np.isnan(cells) | (np.abs(cells) == 1)).all() and (cells == cells).any())
 

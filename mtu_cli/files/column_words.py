@@ -22,6 +22,8 @@ WORDS = {
     "sequence": ("sequence", "sequenz", "reihenfolge", "secuencia", "sequenza"),
     "time": ("time", "zeit", "timestamp", "zeitstempel", "datetime"),
 }  # fmt: skip
+APPROACH = ("approach", "anfahrrichtung", "anfahrt", "approche")
+"""Beside the words of directions: along which way the axis came to a point."""
 ACTUAL = ("actual", "act", "measured", "meas", "measurement", "ist", "istmass", "istwert",
           "gemessen", "mess", "messwert", "mesure", "mesuree", "medido", "medida", "real",
           "misurato")  # fmt: skip
@@ -49,6 +51,7 @@ NOMINAL_SIGN = "n"
 MINUTES = "min"
 UNIT = "mm"
 AXES = ("x", "y", "z")
+_WAYS = (*WORDS["direction"], *APPROACH)
 LONGEST = 200
 """Signs of a name that are looked at: none of those known is nearly so long."""
 
@@ -104,11 +107,20 @@ def may_name(other: str) -> bool:
 
 
 def direction_along(other: str) -> str | None:
-    """The column `dir_x` that `Richtung_x` or `direction X` may mean, where its cells are signs."""
-    words = re.findall("[a-z]+", plain(other))
+    """The column `dir_x` that `Richtung_x` or `approach X` may mean, where its cells are signs."""
+    words = [word for word in re.findall("[a-z]+", plain(other)) if word not in AXIS]
+    words = [word for word in words if word != "dir" or len(words) < 3]
+    if len(words) == 1 and words[0][:-1] in _WAYS:
+        words = [words[0][:-1], words[0][-1]]
     axes = [word for word in words if word in AXES]
-    ways = [word for word in words if word in WORDS["direction"]]
-    return f"dir_{axes[0]}" if len(axes) == len(ways) == 1 and len(words) == 2 else None
+    ways = [word for word in words if word in _WAYS]
+    return f"dir_{axes[0]}" if len(axes) == 1 and ways and len(words) == 1 + len(ways) else None
+
+
+def direction_alone(other: str) -> bool:
+    """Whether a column is called a direction, of whatever axis: `Anfahrrichtung`."""
+    words = re.findall("[a-z]+", plain(other))
+    return bool(words) and all(word in _WAYS for word in words)
 
 
 def _coordinate(words: list[str], axis: str) -> str | None:

@@ -26,6 +26,7 @@ _DATED = re.compile(
     r"(?:[0-9]{1,2}([-./])[0-9]{1,2}\1(?:[0-9]{4}|[0-9]{2})|[0-9]{4}([./])[0-9]{1,2}\2[0-9]{1,2})"
     r"(?:[T ,].*)?"
 )
+_MOMENT = re.compile(r"[0-9]{1,4}([-./]?)[0-9]{1,2}\1[0-9]{1,4}[T ,]+[0-9]{1,2}:[0-9]{2}.*")
 
 
 class TimeFault(NamedTuple):
@@ -61,9 +62,19 @@ def _kind(cell: str, decimal: Decimal) -> str:
     cell = cell.strip()
     if number(cell, decimal) is not None:
         return NUMBERS
-    if _CLOCK.fullmatch(cell):
+    if is_time_of_day(cell):
         return CLOCK
     return DATES if _DATED.fullmatch(cell) else ""
+
+
+def is_time_of_day(cell: str) -> bool:
+    """Whether a cell tells hours and minutes of some day."""
+    return _CLOCK.fullmatch(cell) is not None
+
+
+def is_moment(cell: str) -> bool:
+    """Whether a cell tells a date and a time of day, in whatever order."""
+    return _MOMENT.fullmatch(cell) is not None
 
 
 def _expected(kind: str, cells: Sequence[str], decimal: Decimal, minutes: bool) -> str:
