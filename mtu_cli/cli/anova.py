@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from mtu_cli.analyses.anova import METHODS, AnovaResult, Method, analyse_variance
@@ -11,10 +12,13 @@ from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import did_you_mean, fault
+from mtu_cli.files.contracts import NAME_TAKEN
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from mtu_cli.files.points import Points
 
 GATE = "unusual"
 
@@ -31,7 +35,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     method = inputs.options.method
     if method not in METHODS:
         raise fault("unknown method", value=method, expected=did_you_mean(method, METHODS))
-    points = inputs.points
+    points = without_equations(inputs.points)
     part = inputs.part if inputs.files("part") else None
     datum = chosen_datum(inputs)
     result = analyse_variance(points, part, cast(Method, method), settings, datum)
@@ -43,6 +47,12 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         warnings=result.warnings,
         gate=_met(result) if gates else None,
     )
+
+
+def without_equations(points: Points) -> Points:
+    """The points less what is noted for equations alone: that none can name a column."""
+    notes = tuple(note for note in points.notes if note.code != NAME_TAKEN)
+    return replace(points, notes=notes)
 
 
 def _tables(result: AnovaResult, digits: int) -> list[object]:

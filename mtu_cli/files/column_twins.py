@@ -16,7 +16,7 @@ from mtu_cli.files.column_words import (
     nominal_by_sign,
     plain,
 )
-from mtu_cli.files.contracts import Notice
+from mtu_cli.files.contracts import NAME_TAKEN, Notice
 from mtu_cli.files.csv_header import DRIFT, may_count
 from mtu_cli.files.csv_missing import MEASUREMENTS
 from mtu_cli.files.csv_table import Table, TableSpec
@@ -28,7 +28,7 @@ TAKEN = (
     | {"pi": "a number"}
 )
 """What the equation language means by names that columns may have."""
-NAME_TAKEN, NOT_USED = "column-name-taken", "column-not-used"
+NOT_USED = "column-not-used"
 COUNTS = ("repeat", "pass")
 SIGNS = {"+", "-", "+1", "-1", "1", "pos", "neg", "positive", "negative", "positiv", "negativ",
          "forward", "reverse", "plus", "minus"}  # fmt: skip
@@ -45,7 +45,9 @@ def column_twins(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
         # Of a block of a long file, columns of texts are named by its own contract.
         free = tuple(name for name in given.header if not spec.named(name))
         table = replace(given, covariates=free)
-        for other in filter(TAKEN.__contains__, table.covariates):
+        # No equation has columns of drifts.
+        taken = () if table.source.role == DRIFT else TAKEN
+        for other in filter(taken.__contains__, table.covariates):
             yield _notice(
                 table, other, NAME_TAKEN,
                 f"cannot be named in an equation, where {other!r} is {TAKEN[other]}; rename it "

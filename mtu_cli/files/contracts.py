@@ -49,6 +49,10 @@ class Contract(BaseModel):
     )
 
 
+NAME_TAKEN = "column-name-taken"
+"""Code of the Notice of a column that no equation can name."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notice:
     """Something the user should know that stops nothing: a report's warning.

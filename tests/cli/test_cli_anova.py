@@ -227,3 +227,13 @@ def test_the_gate_needs_four_parts(measured: Path, tmp_path: Path) -> None:
     assert found.returncode == 2
     assert "four or more" in found.stderr
     assert mtu("anova", "--cmm", path, "-p", PART, "-q").stdout == ""
+
+
+def test_no_equation_is_at_hand_that_could_name_a_column(measured: Path, tmp_path: Path) -> None:
+    """`compare` has those of the machine."""
+    rows = [row | {"step": "1", "Repeat": "a"} for row in rows_of(measured)]
+    path = write(tmp_path / "cmm.csv", rows)
+    told = [mtu(*call, "--cmm", path) for call in (("anova", "-p", PART), ("compare", PAPER))]
+    assert [found.returncode for found in told] == [0, 0]
+    assert ["column-name-taken" in found.stderr for found in told] == [False, True]
+    assert all("columns-alike" in found.stderr for found in told)

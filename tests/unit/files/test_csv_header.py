@@ -598,6 +598,11 @@ def test_a_column_that_no_equation_can_name_is_told(tmp_path: Path) -> None:
     ]
 
 
+def test_no_equation_has_columns_of_drifts(tmp_path: Path) -> None:
+    notes = read_readings(drift(tmp_path, "step"), None, for_fit=False).notes
+    assert not notes
+
+
 def test_a_comment_below_the_header_hides_nothing(tmp_path: Path) -> None:
     header, row = "Teil,feature,x_mm,y_mm,Messung", "1,A,1,2,1\n"
     plain = refused(tmp_path, header, row)
