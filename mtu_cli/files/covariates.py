@@ -37,11 +37,21 @@ def looks_like_temperature(name: str) -> bool:
 
 
 def as_temperature(name: str) -> str | None:
-    """The name of a sensor that such a name seems to mean: T_02_degC of T_02; None if unclear."""
+    """The name of a sensor that such a name seems to mean: T_02_degC of T_02; None if unclear, as
+    of what is a temperature alone (`T [degC]`).
+    """
+    found = f"T_{_core(name)}_degC"
+    return None if is_bare(name) or not is_temperature(found) else found
+
+
+def is_bare(name: str) -> bool:
+    """Whether nothing but temperature and unit is left of a name: `Temperatur [degC]`."""
+    return _core(name) in ("", "t", "T")
+
+
+def _core(name: str) -> str:
     core = _ENDING.sub("", name.replace("\u00b0", "deg"))
-    core = re.sub(r"\W+", "_", _START.sub("", core)).strip("_")
-    found = f"T_{core}_degC"
-    return found if core and is_temperature(found) else None
+    return re.sub(r"\W+", "_", _START.sub("", core)).strip("_")
 
 
 def closest_covariate(name: str, known: Iterable[str]) -> str | None:
@@ -49,8 +59,10 @@ def closest_covariate(name: str, known: Iterable[str]) -> str | None:
     for T_air_degC is no nearer to T_18_degC than air to 18, and T_1_degC is T_01_degC.
     """
     sensors: dict[str, str] = {}
-    for other in known:
-        sensors.setdefault(_sensor(other), other)
+    # What is named as it should be goes before what looks like it.
+    for other in sorted(known, key=looks_like_temperature):
+        meant = as_temperature(other) if looks_like_temperature(other) else None
+        sensors.setdefault(_sensor(meant or other), other)
     own = _sensor(name)
     # Numbers that differ are no slip of the fingers.
     near = (own if own in sensors else None) if own.isdigit() else closest(own, sensors)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Iterator, Sequence
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,7 @@ from mtu_cli.files.contracts import Notice
 from mtu_cli.files.covariates import (
     KELVIN,
     as_temperature,
+    is_bare,
     is_covariate,
     is_temperature,
     looks_like_temperature,
@@ -52,6 +54,8 @@ _SENSOR = re.compile(
 COLDEST_DEGC, WARMEST_DEGC = -20.0, 120.0
 LEAST_MOVE_K = 0.5
 """What numbers are that may be temperatures of a machine in a test of its drift."""
+EXAMPLES = ("T_spindle_degC", "T_air_degC", "T_table_degC")
+"""Names for what is called a temperature alone."""
 TOGETHER = 0.8
 """Correlation with a sensor from which on a column may well be another."""
 
@@ -108,18 +112,24 @@ def no_sensor(table: Table | CsvText, name: str, header: Container[str]) -> Prob
     """
     better = as_temperature(name)
     unit = _UNIT.search(name.replace("\u00b0", "deg"))
+    converted = "" if unit is None else CONVERTED[unit[1].casefold()]
+    form = "T_<sensor>_degC"
     otherwise = ", or, where it is no temperature, a name that does not look like one"
     if better is not None and better not in header:
         otherwise = (
             f": rename {name!r} to {better!r} (in degC), or, where it is none, to a name that does "
-            f"not look like one{'' if unit is None else CONVERTED[unit[1].casefold()]}"
+            f"not look like one{converted}"
         )
+    elif is_bare(name):
+        otherwise += converted
+        free = (example for example in EXAMPLES if example not in header)
+        form += "".join(f", such as {example} (in degC)," for example in islice(free, 1))
     return Problem(
         what="not the name of a temperature",
         file=table.source.shown,
         row=table.header_row,
         column=name,
-        expected=f"T_<sensor>_degC with letters a to z, digits and _ alone{otherwise}",
+        expected=f"{form} with letters a to z, digits and _ alone{otherwise}",
     )
 
 

@@ -18,6 +18,10 @@ from mtu_cli.files.covariates import closest_covariate
         ("time", ["time_min", "dir_x"], "time_min"),
         ("load", ["T_load_degC"], "T_load_degC"),
         ("load", [], None),
+        # Sensors by names of other programs, after those by their own.
+        ("T_spindle_degC", ["load", "Temperatur Spindel"], "Temperatur Spindel"),
+        ("T_1_degC", ["T_1", "T_01_degC"], "T_01_degC"),
+        ("T_spindle_degC", ["Temperatur [\u00b0C]"], None),
     ],
 )
 def test_the_covariate_that_was_meant(name: str, known: list[str], meant: str | None) -> None:

@@ -367,6 +367,33 @@ def test_a_sensor_is_not_lost_by_its_name(column: str, name: str | None, tmp_pat
     assert wanted in found[0]
 
 
+BARE = ["Temperatur [\u00b0C]", "Temperature (\u00b0C)", "Temp. [C]", "Temp", "T [\u00b0C]"]
+
+
+@pytest.mark.parametrize("column", BARE)
+def test_what_is_called_a_temperature_alone_is_to_be_named_by_its_place(
+    column: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "p.csv"
+    form = "T_<sensor>_degC, such as {} (in degC), with letters a to z, digits and _ alone, or,"
+    for more, example in (("", "T_spindle_degC"), (",T_spindle_degC", "T_air_degC")):
+        path.write_text(f"part,feature,x_mm,y_mm,{column}{more}\n1,A,1,2,20{more and ',20'}\n")
+        with pytest.raises(InputError) as caught:
+            read_points([(path, "cmm")], {"A": (10.0, 10.0, None)})
+        assert f"{column!r}: not the name of a temperature; expected {form.format(example)}" in str(
+            caught.value
+        )
+
+
+@pytest.mark.parametrize(("unit", "words"), [("K", "value - 273.15"), ("\u00b0F", "(value - 32)")])
+def test_a_bare_temperature_in_another_unit_is_to_be_converted(
+    unit: str, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as caught:
+        read_readings(drift(tmp_path, f"Temperatur [{unit}]"), None, for_fit=False)
+    assert words in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("column", "words"),
     [
