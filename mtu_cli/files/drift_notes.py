@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mtu_cli.files.csv_table import Table
 
     Floats = NDArray[np.float64]
+    Rows = NDArray[np.int64]
 
 OUT_OF_ORDER = "time-out-of-order"
 MOST = 0.05
@@ -40,23 +41,44 @@ def drift_notes(tables: Sequence[Table]) -> Iterator[Notice]:
 
 
 def negative_times(tables: Sequence[Table]) -> Iterator[Notice]:
-    """Of few rows whose minutes are below 0, in files whose other minutes ascend from 0 or more:
-    without their sign they may be in order.
+    """Of few rows whose minutes are below 0, in files whose other minutes ascend from 0 or more,
+    by rows or by parts: without their sign they may be in order.
     """
     for table in tables:
         values = table.columns.numbers.get("time_min", np.zeros(0))
-        odd = np.flatnonzero(values < 0)
-        if not 0 < len(odd) <= max(1.0, MOST * len(values)) or len(values) < FEWEST:
+        count = int((values < 0).sum())
+        if not 0 < count <= max(1.0, MOST * len(values)) or len(values) < FEWEST:
             continue
-        rest = np.flatnonzero(values >= 0)
-        if len(rest) + len(odd) < len(values) or (np.diff(values[rest]) < 0).any():
+        if np.isnan(values).any():
             continue
-        # Before the first of the others they are the start of a run that was zeroed later.
-        odd = odd[odd > rest[0]]
-        if len(odd):
-            after = np.searchsorted(rest, odd)
-            near = [rest[max(0, place - 1) : place + 1].tolist() for place in after.tolist()]
-            yield _out_of_order(table, list(zip(odd.tolist(), near, strict=True)))
+        for order, ascend in _orders(table, values):
+            rest = np.flatnonzero(values[order] >= 0)
+            if (np.diff(values[order][rest]) < 0).any():
+                continue
+            # Before the first of the others they are the start of a run that was zeroed later.
+            odd = np.flatnonzero(values[order] < 0)
+            odd = odd[odd > rest[0]]
+            near = [rest[max(0, place - 1) : place + 1] for place in np.searchsorted(rest, odd)]
+            pairs = zip(order[odd].tolist(), near, strict=True)
+            found = [(row, order[beside].tolist()) for row, beside in pairs]
+            if found:
+                yield _out_of_order(table, found, ascend)
+            break
+
+
+def _orders(table: Table, values: Floats) -> Iterator[tuple[Rows, str]]:
+    """In which rows (n,) may follow each other, with what is said of their times."""
+    yield np.arange(len(values)), "in a file whose times ascend"
+    column = table.columns.texts.get("part")
+    if column is None:
+        return
+    made = table.columns.numbers.get("sequence")
+    if made is None:
+        # Of parts with no time from 0 on nobody knows; they stay at the beginning.
+        of_part = np.full(len(column.labels), -np.inf)
+        np.maximum.at(of_part, column.codes, np.where(values < 0, -np.inf, values))
+        made = of_part[column.codes]
+    yield np.lexsort((values, made)), "where the times of parts ascend"
 
 
 def _cycle_notes(table: Table) -> Iterator[Notice]:
@@ -119,7 +141,11 @@ def _odd_one(values: Floats, i: int, start: int, end: int) -> int | None:
     return min(fits)[1] if fits else None
 
 
-def _out_of_order(table: Table, found: Sequence[tuple[int, list[int]]]) -> Notice:
+def _out_of_order(
+    table: Table,
+    found: Sequence[tuple[int, list[int]]],
+    ascend: str = "in a file whose times ascend",
+) -> Notice:
     """The warning of rows and their neighbours, by the first."""
     row, near = min(found)
     column = "time" if "time" in table.columns.times else "time_min"
@@ -129,8 +155,7 @@ def _out_of_order(table: Table, found: Sequence[tuple[int, list[int]]]) -> Notic
     mistyped = "they are mistyped" if more else "it is mistyped"
     text = (
         f"{table.source.shown}, row {table.rows[row]}, column {column!r}: {_shown(table, row)} "
-        f"lies outside the times beside it, {beside}, in a file whose times ascend{others}: look "
-        f"whether {mistyped}"
+        f"lies outside the times beside it, {beside}, {ascend}{others}: look whether {mistyped}"
     )
     return Notice(code=OUT_OF_ORDER, message=text)
 

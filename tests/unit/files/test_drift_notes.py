@@ -131,3 +131,33 @@ def test_single_negative_minutes_of_readings_and_points_are_told(
         found = [note.message for note in notes if note.code == "time-out-of-order"]
         assert len(found) == (words is not None)
         assert all(str(words) in message for message in found)
+
+
+@pytest.mark.parametrize(
+    ("changed", "sequence", "words"),
+    [
+        ({("P3", "B"): -13.0}, False, "-13 lies outside the times beside it, 10 (row 44) and 12 "
+         "(row 5), where the times of parts ascend: look whether it is mistyped"),
+        ({("P3", "A"): -12.0, ("P3", "B"): -13.0, ("P3", "C"): -14.0}, True, "; so do 2 more:"),
+        # What is known of no part's time, or stands before all others, may be as it is.
+        ({("P3", "A"): -12.0, ("P3", "B"): -13.0, ("P3", "C"): -14.0}, False, None),
+        ({("P0", "A"): -2.0, ("P0", "B"): -1.0}, False, None),
+        ({("P0", "A"): -2.0, ("P0", "B"): -1.0}, True, None),
+        ({("P3", "B"): -13.0, ("P1", "A"): 9.0}, False, None),
+    ],
+)  # fmt: skip
+def test_negative_minutes_are_told_in_files_sorted_by_feature(
+    changed: dict[tuple[str, str], float], sequence: bool, words: str | None, tmp_path: Path
+) -> None:
+    lines = ["part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,time_min,number"]
+    lines[0] = lines[0].replace("number", "sequence" if sequence else "number")
+    for f, feature in enumerate("ABC"):
+        for p in range(20):
+            time = changed.get((f"P{p}", feature), 4 * p + f)
+            lines.append(f"P{p},{feature},1.00{p:02},2.00{f},1,2,{time},{p}")
+    path = tmp_path / "c.csv"
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+    notes = read_points([(path, "cmm")], None).notes
+    found = [note.message for note in notes if note.code == "time-out-of-order"]
+    assert len(found) == (words is not None)
+    assert all(str(words) in message for message in found)
