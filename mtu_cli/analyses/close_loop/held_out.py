@@ -72,8 +72,8 @@ class Fold:
 class HeldOut:
     """Residuals (P, H, A) of held-out cells before and after what is foretold without them, and
     `chosen` the names that passed the gate in each fold. `by_column` is `after` less the mean of
-    what the other folds leave at each column: what a correction for each would leave; None where
-    columns are held out.
+    what the other folds leave at each column, gross entries apart: what a correction for each
+    would leave; None where columns are held out.
     """
 
     before: FloatArray
@@ -150,7 +150,8 @@ def joined(
         after[place] = left[place]
         variance[place] = own.variance
         if of_parts:
-            by_column[out] = left[out] - np.nanmean(left[split.kept], axis=0)
+            kept = np.where(own.there[:, :, None], left[split.kept], np.nan)
+            by_column[out] = left[out] - np.nanmean(kept, axis=0)
     return HeldOut(
         before=before,
         after=after,
@@ -164,9 +165,11 @@ def joined(
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OfFold:
     """What a fold says of all cells: errors `foretold` (P, H, A), the `variance` (A,) of an
-    entry beside what was found, and the names of what passed the gate.
+    entry beside what was found, and the names of what passed the gate. Of the cells that it keeps
+    those are `there` that were measured and are not gross.
     """
 
+    there: NDArray[np.bool_]
     foretold: FloatArray
     variance: FloatArray
     chosen: frozenset[str]
@@ -181,6 +184,7 @@ def of_fold(table: ResidualTable, fold: Fold, *, alpha: float, most: int) -> OfF
     own = searched(fold.split.cut(table), start, alpha=alpha, most=most)
     prepared, found = own.prepared, own.found
     return OfFold(
+        there=prepared.table.there,
         foretold=foretold(prepared, found, table, fold.cut.whole, fold.cut.weights),
         variance=_cell_variance(added(prepared, found), prepared.scan.frame.strata),
         chosen=frozenset(prepared.candidates[step.index].name for step in found.steps),

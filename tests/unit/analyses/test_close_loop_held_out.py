@@ -113,6 +113,17 @@ def test_a_correction_for_each_column_is_the_mean_of_what_the_other_folds_leave(
             np.testing.assert_allclose(together.by_column[part, column], wanted, rtol=1e-9)
 
 
+def test_a_gross_entry_is_in_no_correction_for_a_column() -> None:
+    errors = measured(2)
+    errors[1, 4, 0] += 500.0
+    off, clean = judged(residuals(errors)).by_column, first().by_column
+    assert off is not None
+    assert clean is not None
+    others = np.arange(len(errors)) != 1
+    np.testing.assert_allclose(off[others], clean[others], atol=0.5)
+    assert off[1, 4, 0] > 490.0
+
+
 def test_the_errors_of_held_out_cells_change_their_own_scores_alone() -> None:
     errors = measured(2)
     rng = np.random.default_rng(3)
