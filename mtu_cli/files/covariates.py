@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
-from mtu_cli.errors import closest
+from mtu_cli.errors import SHOWN_ALIKE, closest
 
 DIRECTIONS = ("dir_x", "dir_y", "dir_z")
 COVARIATES = (*DIRECTIONS, "time_min", "sequence")
@@ -79,9 +79,19 @@ def is_temperature(name: str) -> bool:
     return _TEMPERATURE.fullmatch(name) is not None
 
 
+def like_kelvin(value: float) -> bool:
+    """Whether what is no temperature of a machine in degC likely is one in kelvin."""
+    return COLDEST_K < value < HOTTEST_K
+
+
+def all_in_kelvin(values: Collection[float]) -> bool:
+    """Whether the values of a sensor that are no temperatures are one fault: many, all alike."""
+    return len(values) > SHOWN_ALIKE and all(map(like_kelvin, values))
+
+
 def expected_temperature(value: float) -> str:
     """What was expected where `value` is beyond what a sensor of a machine reads."""
     expected = f"degC, at most {HOTTEST_DEGC:g} in size"
-    if not COLDEST_K < value < HOTTEST_K:
+    if not like_kelvin(value):
         return expected
     return f"{expected}: in kelvin it would be {value - KELVIN:.4g} degC"

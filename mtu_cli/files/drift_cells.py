@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import SHOWN_ALIKE, InputError, Problem
+from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.covariates import (
-    COLDEST_K,
     HOTTEST_DEGC,
-    HOTTEST_K,
     KELVIN,
+    all_in_kelvin,
     is_temperature,
+    like_kelvin,
 )
 from mtu_cli.files.sensor_faults import check_sensors
 from mtu_cli.files.sensor_names import check_sensor_names
@@ -55,7 +55,7 @@ def check_drift(
         far = np.flatnonzero(np.abs(values) > HOTTEST_DEGC)
         cells = values[far].tolist()
         if cells and name not in kelvin:
-            expected = KELVIN_EXPECTED if _like_kelvin(values[far]) else TEMPERATURE_EXPECTED
+            expected = KELVIN_EXPECTED if all(map(like_kelvin, cells)) else TEMPERATURE_EXPECTED
             problems.add_cells(table, far, name, "no temperature", cells, expected)
     if components is None:
         _check_kinds(table, problems)
@@ -66,13 +66,9 @@ def _in_kelvin(table: Table) -> list[str]:
     found = []
     for name, values in table.columns.numbers.items():
         far = values[np.abs(values) > HOTTEST_DEGC] if is_temperature(name) else values[:0]
-        if len(far) > SHOWN_ALIKE and _like_kelvin(far):
+        if all_in_kelvin(far.tolist()):
             found.append(name)
     return found
-
-
-def _like_kelvin(values: NDArray[np.float64]) -> bool:
-    return bool(values.min() > COLDEST_K and values.max() < HOTTEST_K)
 
 
 def _kelvin_problem(table: Table, names: Sequence[str]) -> Problem:

@@ -10,9 +10,9 @@ from mtu_cli.files.column_dimensions import columns_of, own_columns
 from mtu_cli.files.contracts import Findings, Notice
 from mtu_cli.files.covariates import (
     COLDEST_K,
-    HOTTEST_K,
     KELVIN,
     is_temperature,
+    like_kelvin,
     looks_like_temperature,
 )
 from mtu_cli.files.machine_contract import Effect, Machine
@@ -117,7 +117,7 @@ def _kelvin(tree: Node, effect: Effect) -> Iterator[tuple[str, float]]:
                 pass
             case _:
                 continue
-        if COLDEST_K < value < HOTTEST_K and _in_degc(column, effect):
+        if like_kelvin(value) and _in_degc(column, effect):
             yield column, value
 
 

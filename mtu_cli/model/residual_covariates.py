@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import SHOWN_ALIKE, InputError, Problem
+from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.covariates import (
-    COLDEST_K,
     HOTTEST_DEGC,
-    HOTTEST_K,
+    all_in_kelvin,
     as_temperature,
     closest_covariate,
     expected_temperature,
@@ -264,8 +263,7 @@ def _no_temperatures(
         return []
     far = rows[np.isfinite(values[rows]) & (np.abs(values[rows]) > HOTTEST_DEGC)]
     what = "no temperature"
-    kelvin = (values[far] > COLDEST_K) & (values[far] < HOTTEST_K)
-    if len(far) > SHOWN_ALIKE and kelvin.all():
+    if all_in_kelvin(values[far].tolist()):
         # A whole column in kelvin is one fault, though each cell has its own value.
         what, far = f"{len(far)} of {len(rows)} cells are no temperatures", far[:1]
     return [

@@ -612,6 +612,18 @@ def test_sensors_in_kelvin_are_one_fault(tmp_path: Path) -> None:
     )
 
 
+def test_sensors_of_which_not_all_cells_may_be_kelvin_are_told_by_rows(tmp_path: Path) -> None:
+    cells = [293.0, 293.5, 999.0, 294.5, 295.0]
+    rows = "".join(f"a,1,um,{cell}\n" for cell in cells)
+    path = tmp_path / "d.csv"
+    path.write_text(f"component,error,unit,T_01_degC\n{rows}", "utf-8")
+    with pytest.raises(InputError) as caught:
+        read_readings([(path, "drift")], None, for_fit=False)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == len(cells)
+    assert not [line for line in lines if "kelvin" in line]
+
+
 def test_a_column_that_no_equation_can_name_is_told(tmp_path: Path) -> None:
     path = tmp_path / "r.csv"
     head = "component,position_mm,error,unit,x,step,pi,shift\n"

@@ -130,6 +130,22 @@ def test_sensors_that_read_no_temperature(tmp_path: Path, value: float) -> None:
     assert kelvin == (value > 0)
 
 
+@pytest.mark.parametrize(("odd", "one_fault"), [(294.0, True), (999.0, False), (-294.0, False)])
+def test_a_sensor_in_kelvin_is_one_fault_where_all_its_cells_may_be(
+    odd: float, one_fault: bool, tmp_path: Path
+) -> None:
+    points = measured(3, 2, 2)
+    column = np.full(len(points), 20.5)
+    column[:5] = [293.0, 293.5, odd, 294.5, 295.0]
+    with pytest.raises(InputError) as raised:
+        residual_table(
+            stated(tmp_path, MACHINE), replace(points, covariates={"T_bed_degC": column}), {}
+        )
+    told = [problem.what for problem in raised.value.problems]
+    whole = [f"5 of {len(points)} cells are no temperatures"]
+    assert told == (whole if one_fault else ["no temperature"] * 5)
+
+
 def thermal_points(parts: int, features: int, *, same_time: bool) -> Points:
     """Measured where they should be, while the machine warms up; a reading a minute."""
     points = measured(parts, features, 2, sigma=0.0)
