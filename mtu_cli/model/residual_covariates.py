@@ -13,7 +13,6 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.covariates import (
     HOTTEST_DEGC,
     all_in_kelvin,
-    as_temperature,
     closest_covariate,
     expected_temperature,
     is_temperature,
@@ -210,8 +209,7 @@ def missing_sensor(
 
 
 def _lacks(points: Points, name: str, known: Sequence[str], what: str) -> Problem:
-    near = next((n for n in known if as_temperature(n) == name), None)
-    near = near or closest_covariate(name, known)
+    near = closest_covariate(name, known)
     return Problem(
         what=f"{what} {name!r}",
         file=", ".join(source.shown for source in points.sources),
