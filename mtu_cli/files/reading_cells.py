@@ -46,6 +46,12 @@ reached from there. More than `extents.MOST_APART`, as where the frame lies does
 NARROW = {"m": (1000.0, 0.0), "inch": (25.4, 0.5)}
 """What positions may be written in by mistake, in mm, and the share of a travel from which on they
 are asked about: a thousandth of it is measured by nobody, a twenty-fifth now and then."""
+ROUND = 1e-6
+GRIDS = (0.1, 0.125)
+"""What positions are typed by, in mm or in inches; converted ones lie on neither ..."""
+WHOLE, BEYOND_MM = 0.9, 1.0
+"""... and those on one are inches where these are at least this share of a travel, and do not go
+beyond it: 0 to 20 mm of 500 are one turn of its screw, as 20 inches are more than the axis has."""
 WIDE = 1.02
 """Times its travel that positions of an axis may span: ends are stated to a few mm."""
 FEWEST_OF_A_CYCLE = 4
@@ -200,6 +206,30 @@ def narrow_unit(positions: Floats, travels: Travels, axis: str | None) -> str | 
         if size * far <= MOST_FROM_ZERO * reached
     )
     return next(fit, None)
+
+
+def seems_narrow(positions: Floats, travels: Travels, axis: str | None) -> str | None:
+    """The same where nothing but the positions tells it: those that are round as they stand are
+    inches only where they cover the travel from end to end.
+    """
+    unit = narrow_unit(positions, travels, axis)
+    if unit != "inch" or axis is None:
+        return unit
+    given = positions[np.isfinite(positions)]
+    steps = [given / grid for grid in GRIDS]
+    round_ = any(np.abs(step - np.round(step)).max() < ROUND for step in steps)
+    moved = NARROW[unit][0] * float(np.ptp(given))
+    travel = abs(travels[axis][1] - travels[axis][0])
+    return unit if not round_ or WHOLE * travel <= moved <= travel + BEYOND_MM else None
+
+
+def may_be_narrow(positions: Floats, travels: Travels, axis: str | None, unit: str) -> bool:
+    """Whether `positions` (n,) of an axis may be in the `unit`: it travels as far."""
+    given = positions[np.isfinite(positions)]
+    if axis is None or axis not in travels or not len(given):
+        return True
+    travel = abs(travels[axis][1] - travels[axis][0])
+    return bool(NARROW[unit][0] * float(np.ptp(given)) <= WIDE * travel)
 
 
 def axis_of(

@@ -13,7 +13,8 @@ from mtu_cli.files.reading_cells import (
     Travels,
     largest_errors,
     look_large,
-    narrow_unit,
+    may_be_narrow,
+    seems_narrow,
 )
 from mtu_cli.model.reading_expected import expected
 from mtu_cli.model.settings import Warned
@@ -21,8 +22,12 @@ from mtu_cli.stats.outliers import told_apart
 from mtu_cli.units import LENGTH, UM, UNITS
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.readings import Readings
+
+    IntArray = NDArray[np.int64]
 
 FEW = 0.05
 """Share of a component's readings up to which those beyond the limit are slips; more must be apart
@@ -72,7 +77,8 @@ def _scales(
         if axis in travels:
             low, high = sorted(travels[axis])
             span = float(np.ptp(positions))
-            if meant := narrow_unit(positions, travels, axis):
+            meant = seems_narrow(positions, travels, axis)
+            if meant and (meant == "m" or _in_inches(readings, rows, components, travels)):
                 narrow.setdefault(meant, []).append(name)
             if span > WIDE * (high - low):
                 wide.append(f"{name} {span:.4g} mm (travel of {axis}: {high - low:.4g} mm)")
@@ -91,6 +97,28 @@ def _scales(
             f"travel that the machine states: are they {NAMES[meant]} in a column of mm?"
         )
         yield Warned(code="positions-narrow", message=text)
+
+
+def _in_inches(
+    readings: Readings, rows: IntArray, components: Mapping[str, Any], travels: Travels
+) -> bool:
+    """Whether all positions beside the `rows` (n,) of a component, in one of their files, may be
+    inches too: nobody writes half a file in them.
+    """
+    for file in np.unique(readings.file_index[rows]).tolist():
+        inside = readings.file_index == file
+        codes = readings.code[inside]
+        if all(
+            may_be_narrow(
+                readings.position_mm[inside][codes == code],
+                travels,
+                components[readings.components[code]].of,
+                "inch",
+            )
+            for code in np.unique(codes).tolist()
+        ):
+            return True
+    return False
 
 
 def _small(readings: Readings, components: Mapping[str, Any]) -> Iterator[Warned]:

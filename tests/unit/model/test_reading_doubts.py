@@ -300,6 +300,43 @@ def test_positions_that_lie_farther_apart_than_the_axis_travels_are_asked_about(
     assert text.endswith("px 720 mm (travel of x: 600 mm)")
 
 
+@pytest.mark.parametrize(
+    ("positions", "travel", "told"),
+    [
+        # One turn of a screw, by whole, half and tenths of mm; 20 in are more than 500 mm.
+        (np.arange(21.0), 500.0, False), (np.arange(41) / 2, 500.0, False),
+        (np.arange(201) / 10, 800.0, False), (np.arange(21.0), 1000.0, False),
+        # A machine of 20 in, or one of 21.
+        (np.arange(21.0), 508.0, True), (np.arange(161) / 8, 508.0, True),
+        (np.arange(21.0), 533.4, True), (np.arange(21.0), 600.0, False),
+        # Steps of 25 mm, converted, of somewhat more than half of a travel too.
+        (25 * np.arange(21) / 25.4, 500.0, True),
+        ((25 * np.arange(21) / 25.4).round(3), 900.0, True),
+    ],
+)  # fmt: skip
+def test_a_short_way_of_a_long_axis_is_inches_by_its_steps_or_its_ends(
+    positions: np.ndarray, travel: float, told: bool, tmp_path: Path
+) -> None:
+    known = loaded(
+        tmp_path,
+        f"axes: {{x: {{travel_mm: [0, {travel}]}}, y: {{travel_mm: [0, 700]}}}}\n"
+        "components: {px: {of: x, unit: um}, py: {of: y, unit: um}}\nequations: {Ex: px + py}\n",
+    )
+    error = 1e-3 * np.random.default_rng(4).normal(size=len(positions))
+    own = Segment(name="px", position=positions, error=error, role="laser")
+
+    def narrow(*others: Segment) -> bool:
+        found = scale_doubts(known, readings([own, *others]))
+        return "positions-narrow" in {item.code for item in found}
+
+    assert narrow() == told
+    # Of one file all positions are in one unit; other files may be in another.
+    there = 600 * np.linspace(0, 1, len(positions))
+    for role in ("laser", "lbb"):
+        mm = Segment(name="py", position=there, error=error, role=role)
+        assert narrow(mm) == (told and role == "lbb")
+
+
 def test_one_turn_of_a_screw_far_from_the_zero_is_no_inch() -> None:
     """20 mm of an axis that travels 500; from 100 on, as inches, at 2.5 m."""
     from mtu_cli.files.reading_cells import narrow_unit
