@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
 from itertools import islice, pairwise
 
@@ -12,7 +13,8 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.column_lengths import in_other_unit, renaming
 from mtu_cli.files.column_words import direction_along, meant_by, nominal_by_sign, plain
 from mtu_cli.files.covariates import looks_like_temperature
-from mtu_cli.files.csv_cells import is_text
+from mtu_cli.files.csv_cells import is_text, number
+from mtu_cli.files.csv_first_line import LOOKED_AT
 from mtu_cli.files.csv_missing import (
     COORDINATES,
     IN_MM,
@@ -27,9 +29,9 @@ from mtu_cli.files.csv_missing import (
 )
 from mtu_cli.files.csv_mistaken import refuse_other_table, row_per_axis
 from mtu_cli.files.csv_table import TableSpec
-from mtu_cli.files.csv_text import CsvText, lines_from
+from mtu_cli.files.csv_text import CsvText, Decimal, lines_from
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
-from mtu_cli.files.sensor_names import no_sensor
+from mtu_cli.files.sensor_names import may_be_tool, no_sensor
 
 NUMBER = ("no", "nr", "number", "num", "id")
 KEY = "id"
@@ -105,29 +107,40 @@ def _missing(text: CsvText, spec: TableSpec, wanted: list[str]) -> Iterator[Prob
 
 def _told_later(text: CsvText, spec: TableSpec, told: list[Problem]) -> Iterator[Problem]:
     """What is told of other columns once the header is sound, so that all is told at once; by the
-    first row, as far as cells tell.
+    first rows, as far as cells tell.
     """
     known, header = {problem.column for problem in told}, frozenset(text.header)
     of_points = "feature" in spec.required
     repeats = MEASUREMENTS if of_points and "repeat" not in text.header else ()
-    for name, cell in zip(text.header, _first_row(text), strict=False):
+    rows = _first_rows(text)
+    for index, name in enumerate(text.header):
         if spec.named(name) or name in known or not is_name(name):
             continue
-        if looks_like_temperature(name) and not is_text(cell, text.decimal):
-            if of_points or text.source.role == DRIFT:
+        cells = [row[index].strip() for row in rows if index < len(row)]
+        if looks_like_temperature(name):
+            # By itself that is no fault in points, but warned of.
+            fault = not may_be_tool(name) if of_points else text.source.role == DRIFT
+            if fault and not any(is_text(cell, text.decimal) for cell in cells):
                 yield no_sensor(text, name, header)
-        elif plain(name).strip() in repeats and cell.strip() in ("0", "1"):
+        elif plain(name).strip() in repeats and cells and _numbered(cells, text.decimal):
             yield _otherwise(text, name, "repeat", " where it numbers these")
 
 
-def _first_row(text: CsvText) -> list[str]:
-    """The cells of the first line below the header, where they can be read."""
+def _numbered(cells: Sequence[str], decimal: Decimal) -> bool:
+    """Whether cells are whole numbers from 0 or 1 on."""
+    values = [number(cell, decimal) for cell in cells]
+    found = [value for value in values if value is not None and value.is_integer()]
+    return len(found) == len(cells) and min(found) in (0, 1)
+
+
+def _first_rows(text: CsvText) -> list[list[str]]:
+    """The cells of the first lines below the header, as far as they can be read."""
     # Comment lines are blank by now.
     lines = filter(str.strip, lines_from(text.content, text.body))
-    try:
-        return next(csv.reader(islice(lines, 1), delimiter=text.separator), [])
-    except csv.Error:
-        return []
+    found: list[list[str]] = []
+    with suppress(csv.Error):
+        found.extend(csv.reader(islice(lines, LOOKED_AT), delimiter=text.separator))
+    return found
 
 
 def _doubtful(name: str) -> bool:

@@ -35,6 +35,7 @@ _SURE = re.compile(
     r"|^temp(?:erature?)?[\W_]*\d*\W*$",
     re.IGNORECASE,
 )
+_TOOL = re.compile(r"[Tt][\W_]*[0-9]+\W*")
 _UNIT = re.compile(
     r"(?:deg[\W_]*(?=[kf]\W*$)|(?=kelvin|fahrenheit)|(?<=[\W_])(?=[kf]\W*$))([kf])", re.IGNORECASE
 )
@@ -104,6 +105,11 @@ def _is_sure(name: str) -> bool:
     word, with a number at most.
     """
     return _SURE.search(name.replace("\u00b0", "deg")) is not None
+
+
+def may_be_tool(name: str) -> bool:
+    """Whether a name that looks like a temperature's is as likely that of a tool: `T_12`."""
+    return _TOOL.fullmatch(name) is not None
 
 
 def no_sensor(table: Table | CsvText, name: str, header: Container[str]) -> Problem:

@@ -11,6 +11,7 @@ from mtu_cli.errors import InputError
 from mtu_cli.files import column_words, csv_file
 from mtu_cli.files.column_words import may_name, meant_by
 from mtu_cli.files.csv_file import read_table
+from mtu_cli.files.csv_text import CELL_LIMIT
 from mtu_cli.files.points import read_points
 from mtu_cli.files.readings import SPEC as READINGS
 from mtu_cli.files.readings import read_readings
@@ -540,6 +541,36 @@ def test_all_columns_to_rename_are_told_at_once(
     for other, line in zip(others, lines[1:], strict=True):
         assert f", column {other!r}: " in line
         assert words[other] in line
+
+
+@pytest.mark.parametrize(
+    ("column", "cells", "told"),
+    [
+        # A tool, as it may be by itself.
+        ("T_12", ["12", "13", "12"], False), ("T12", ["20.5"] * 3, False),
+        ("T_12_C", ["20.5"] * 3, True),
+        # All the first rows decide.
+        ("Temp. 2", ["20.5", "", "20.7"], True), ("Temp. 2", ["", "", "glued on"], False),
+        ("Messung", ["1", "2", "1"], True), ("Messung", ["0", "1", "2"], True),
+        ("Messung", ["3", "1", "2"], True), ("Messung", ["1", "10.0012", "9.998"], False),
+        ("Messung", ["1", "", "2"], False), ("Messung", ["4", "5", "6"], False),
+    ],
+)  # fmt: skip
+def test_what_is_told_beside_other_columns_is_what_all_first_rows_say(
+    column: str, cells: list[str], told: bool, tmp_path: Path
+) -> None:
+    rows = "".join(f"{i},A,1,2,{cell}\n" for i, cell in enumerate(cells))
+    lines = refused(tmp_path, f"Teil,feature,x_mm,y_mm,{column}", rows)
+    assert [f", column {column!r}: " in line for line in lines] == [False, True][: 1 + told]
+
+
+def test_rows_that_cannot_be_read_hide_no_fault_of_the_header(tmp_path: Path) -> None:
+    header, row = "Teil,feature,x_mm,y_mm,Messung", "1,A,1,2,1\n"
+    plain = refused(tmp_path, header, row)
+    for place, told in ((0, 1), (1, 2)):
+        rows = [row, row]
+        rows[place] = f"1,A,1,2,{'1' * (CELL_LIMIT + 1)}\n"
+        assert refused(tmp_path, header, "".join(rows)) == plain[:told]
 
 
 @pytest.mark.parametrize(
