@@ -258,13 +258,23 @@ def _check_agreement(path: Path, role: str, spec: TableSpec) -> None:
     for name, values in columns.numbers.items():
         np.testing.assert_array_equal(found.columns.numbers[name], values, err_msg=name)
     for name, raw in columns.texts.items():
-        texts = csv_file._plain_units(raw) if name in spec.units else raw
+        cells = [raw.labels[code] if code >= 0 else None for code in raw.codes.tolist()]
+        if name in spec.units:
+            cells = [UNIT_SIGNS.get(cell or "", cell) for cell in cells]
         mine = found.columns.texts[name]
-        assert mine.labels == texts.labels, f"other texts cell by cell: {name}"
-        np.testing.assert_array_equal(mine.codes, texts.codes, err_msg=name)
+        labels = tuple(dict.fromkeys(cell for cell in cells if cell is not None))
+        assert mine.labels == labels, f"other texts cell by cell: {name}"
+        texts = [mine.labels[code] if code >= 0 else None for code in mine.codes.tolist()]
+        assert texts == cells, f"texts of other rows cell by cell: {name}"
     for name, times in columns.times.items():
         mine_too = found.columns.times[name]
         np.testing.assert_array_equal(mine_too.microseconds, times.microseconds, err_msg=name)
+
+
+UNIT_SIGNS = {
+    f"{sign}{unit}": f"u{unit}" for sign in "\u00b5\u03bc" for unit in ("m", "rad", "m/m")
+}
+"""Units with another sign for micro."""
 
 
 def _cells(problems: ProblemList) -> set[tuple[int | None, str | int | None]]:

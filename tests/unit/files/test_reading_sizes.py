@@ -288,6 +288,24 @@ def test_positions_in_another_unit_are_not_the_readings_fault(
     assert "; or else errors of at most 1 mm, or 1 % of the distance moved: these look" in message
 
 
+def test_positions_explain_all_errors_or_none(tmp_path: Path) -> None:
+    """Of errors beyond 1 % of 9 m too, some rows would be left."""
+    long = {"x": (0.0, 9000.0)}
+
+    def told(most: float) -> str:
+        def change(name: str, i: int, cell: Cell) -> Cell:
+            error = most if i >= 25 else 2000.0
+            return cell[0] / 20, error + 0.01 * i if name == "dx_x" else cell[1], cell[2]
+
+        with pytest.raises(InputError) as caught:
+            read(tmp_path, table(change), long)
+        return str(caught.value)
+
+    assert "these look like m in a column of mm" in told(80_000.0)
+    assert "larger than any machine's error" in told(100_000.0)
+    assert "column of mm" not in told(100_000.0)
+
+
 @pytest.mark.parametrize(
     ("travel", "words"),
     [
