@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
 from mtu_cli.errors import Problem, closest
-from mtu_cli.files.contract_keys import decimals_of, expected_key, meant, torn_values
+from mtu_cli.files.contract_keys import Decimals, expected_key, meant, torn_values
 from mtu_cli.files.contract_shapes import (
     annotation_at,
     expected_keys,
@@ -120,8 +120,9 @@ def to_problems(
                 alone.setdefault(tuple(parent), []).append(item["loc"])
     torn = _torn(alone, items, document, model)
     pieces = {(*path[:-1], key) for path, parts in torn.items() for key in parts[1:]} | set(torn)
+    decimals = Decimals(document)
     problems = [
-        _problem(item, document, model)
+        _problem(item, decimals, model)
         for item in items
         if item["loc"] not in pieces and not (item["type"] == "missing" and item["loc"] in misspelt)
     ]
@@ -159,7 +160,8 @@ def _torn_problem(path: YamlPath, parts: list[str], document: YamlDocument) -> P
     )
 
 
-def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel]) -> Problem:
+def _problem(item: ErrorDetails, decimals: Decimals, model: type[BaseModel]) -> Problem:
+    document = decimals.document
     path = tuple(step for step in item["loc"] if step != "[key]")
     path = existing_path(path, document)
     value: str | None = None
@@ -172,7 +174,7 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
     elif item["type"] == "extra_forbidden":
         what, value = "unknown key", str(item["loc"][-1])
         known = keys_at(model, item["loc"][:-1])
-        expected = decimals_of(item["loc"], document) or expected_key(value, known)
+        expected = decimals.point(item["loc"]) or expected_key(value, known)
     elif item["type"] == TOLD:
         context = item.get("ctx", {})
         what, expected = str(context["what"]), str(context["expected"])
@@ -181,7 +183,7 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
         what, expected = _literal(item)
         value = shown_value(item["input"])
     elif item["input"] is None:
-        what, expected = "has no value", _missing_value(item, path, document, model)
+        what, expected = "has no value", _missing_value(item, path, decimals, model)
     else:
         what, value = "wrong value", shown_value(item["input"])
         expected = _expected(item, annotation_at(model, path))
@@ -198,12 +200,12 @@ def _problem(item: ErrorDetails, document: YamlDocument, model: type[BaseModel])
 
 
 def _missing_value(
-    item: ErrorDetails, path: YamlPath, document: YamlDocument, model: type[BaseModel]
+    item: ErrorDetails, path: YamlPath, decimals: Decimals, model: type[BaseModel]
 ) -> str:
     entry = as_entry(str(path[-1])) if path else None
     if entry is not None:
         return f"'{entry}', {COLON}"
-    return decimals_of(path, document) or _expected(item, annotation_at(model, path))
+    return decimals.point(path) or _expected(item, annotation_at(model, path))
 
 
 def _literal(item: ErrorDetails) -> tuple[str, str]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from mtu_cli.errors import closest, is_near, listing
@@ -92,20 +93,33 @@ def torn_values(
     return found
 
 
-def decimals_of(path: YamlPath, document: YamlDocument) -> str | None:
-    """What to write instead of an entry without a value whose key follows a number on its line:
-    `10` of ``{arm: 3,10}``. None where it is no such rest.
+@dataclass(frozen=True, slots=True)
+class Decimals:
+    """Entries without a value whose key follows a number on its line, `10` of ``{arm: 3,10}``; of
+    a mapping all are found at once, however many entries are without a value.
     """
-    before: object = None
-    line: int | None = None
-    for key, value in _at(document.data, path[:-1]).items():
-        own = document.line_of(*path[:-1], key)
-        if key == path[-1]:
-            number = isinstance(before, (int, float)) and not isinstance(before, bool)
-            return decimal_point(key) if value is None and number and own == line else None
-        if value is not None:
-            before, line = value, own
-    return None
+
+    document: YamlDocument
+    rests: dict[YamlPath, frozenset[str]] = field(default_factory=dict)
+
+    def point(self, path: YamlPath) -> str | None:
+        """What to write instead of the entry at a path, None where it is no such rest."""
+        if not path:
+            return None
+        *parent, key = path
+        if tuple(parent) not in self.rests:
+            self.rests[tuple(parent)] = frozenset(self._within(tuple(parent)))
+        return decimal_point(str(key)) if key in self.rests[tuple(parent)] else None
+
+    def _within(self, parent: YamlPath) -> Iterator[str]:
+        before: object = None
+        line: int | None = None
+        for key, value in _at(self.document.data, parent).items():
+            own = self.document.line_of(*parent, key)
+            if value is not None:
+                before, line = value, own
+            elif isinstance(before, (int, float)) and not isinstance(before, bool) and own == line:
+                yield key
 
 
 def _at(data: Any, path: YamlPath) -> Mapping[str, Any]:

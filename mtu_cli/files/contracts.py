@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from mtu_cli.errors import InputError, Problem, closest, did_you_mean
+from mtu_cli.errors import InputError, Problem, closest, did_you_mean, listing
 from mtu_cli.files.contract_errors import (
     existing_path,
     missing_key,
@@ -27,6 +27,8 @@ from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 SCHEMA_VERSION = 1
 MAX_DEGREE = 9
 """Of a polynomial in position."""
+HINTED = 100
+"""Unknown names of a document that are compared with all that are known."""
 
 OWN_SIZES = ("budget",)
 """Kinds of files whose checks know by themselves how large their numbers may be."""
@@ -115,7 +117,9 @@ class Findings:
         the list of them is told already.
         """
         if known or not self.problems:
-            self.add(path, what, value=name, expected=hint(name, known))
+            # No more than the first few problems are shown.
+            few = len(self.problems) < HINTED
+            self.add(path, what, value=name, expected=hint(name, known) if few else listing(known))
 
     def keys(self, *path: str | int) -> tuple[str, ...]:
         """The keys of a mapping as they stand in the file, those with faults included."""

@@ -262,9 +262,10 @@ def _check_round(
 
 
 def _known(name: str, path: YamlPath, places: Mapping[str, Place], findings: Findings) -> bool:
-    # A feature whose own entry is faulty has its own message; it is not unknown.
+    if name in places:
+        return True
     names = findings.keys("features")
-    if name in names:
-        return name in places
-    findings.add_unknown(path, "unknown feature", name, names)
+    # A feature whose own entry is faulty has its own message; it is not unknown.
+    if name not in names:
+        findings.add_unknown(path, "unknown feature", name, names)
     return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ PYDANTIC = ("should", "input", "value error", "assertion", "pydantic", "validat"
 WRONG: tuple[Any, ...] = (
     None, True, -1, 1e99, 2.5, "Wrong_1", "", [], [[3]], [None], {"a": None}, [1, 2, 3, 4, 5],
 )  # fmt: skip
+MANY, SECONDS = 6000, 5.0
 MATRIX = [[1, 0], [0, 1]]
 THERMAL = {
     "positions_mm": [0, 400], "degree": 1, "gradients": {"T_a_degC": [1, 2]}, "s_leftover": 1,
@@ -233,6 +235,27 @@ def test_a_key_that_follows_no_number_on_its_line_is_no_decimal() -> None:
     assert "unknown key: '2nd'; expected one of" in told
     (told,) = problems(PART + "z_mm: 1\n2nd:\n", Part)
     assert "unknown key: '2nd'; expected one of" in told
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "features:\n" + "".join(f"  {i}:\n" for i in range(MANY)),
+        "features:\n"
+        + "".join(f"  a{i}: {{x_mm: 1, y_mm: 2}}\n" for i in range(MANY))
+        + "lengths:\n"
+        + "".join(f"- {{from: b{i}, to: a0}}\n" for i in range(MANY)),
+    ],
+    ids=["no values", "unknown names"],
+)
+def test_thousands_of_faults_take_no_longer_each(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "part.yaml"
+    path.write_text(f"schema: mtu/part/1\nname: p\n{text}", "utf-8")
+    start = time.perf_counter()
+    with pytest.raises(InputError) as caught:
+        load_part(path)
+    assert time.perf_counter() - start < SECONDS
+    assert len(caught.value.problems) >= MANY
 
 
 GRAPH_OF_TWO = """
