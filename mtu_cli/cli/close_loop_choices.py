@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mtu_cli.cli.datum import chosen_datum
+from mtu_cli.cli.gates import given_gates, unknown_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.errors import InputError, Problem, did_you_mean
 from mtu_cli.model.datum import Datum
@@ -31,7 +32,7 @@ def read_choices(inputs: Inputs) -> Choices:
     """Raises InputError for every choice that is out of range, at once."""
     alpha = float(_given(inputs, "alpha", ALPHA))
     max_effects = int(_given(inputs, "max_effects", MAX_EFFECTS))
-    gates = tuple(name.strip() for name in (inputs.options.fail_if or "").split(",") if name)
+    gates = given_gates(inputs.options.fail_if)
     problems = []
     if not 0 < alpha < 1:
         problems.append(
@@ -45,11 +46,7 @@ def read_choices(inputs: Inputs) -> Choices:
                 what="--max-effects is out of range", value=str(max_effects), expected="1 or more"
             )
         )
-    problems += [
-        Problem(what="unknown gate", value=gate, expected=did_you_mean(gate, GATES))
-        for gate in gates
-        if gate not in GATES
-    ]
+    problems += unknown_gates(gates, GATES.__contains__, lambda gate: did_you_mean(gate, GATES))
     if problems:
         raise InputError(problems)
     return Choices(
@@ -57,7 +54,7 @@ def read_choices(inputs: Inputs) -> Choices:
         max_effects=max_effects,
         datum=chosen_datum(inputs),
         exclude=tuple(dict.fromkeys(inputs.options.exclude or ())),
-        gates=gates,
+        gates=tuple(gates),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from mtu_cli.errors import InputError, Problem
 
@@ -12,13 +12,27 @@ def read_gates(given: str | None, known: Callable[[str], bool], expected: str) -
 
     Raises InputError with each of them that is not `known`, and not with those beside it.
     """
-    gates = [] if given is None else [name.strip() for name in given.split(",")]
-    gates = list(dict.fromkeys(gates))
-    unknown = [
-        Problem(what="unknown gate", value=gate, expected=expected)
-        for gate in gates
-        if not known(gate)
-    ]
+    gates = given_gates(given)
+    unknown = unknown_gates(gates, known, lambda _: expected)
     if unknown:
         raise InputError(unknown)
     return gates
+
+
+def given_gates(given: str | None) -> list[str]:
+    """The names between the commas, each once; an empty one, of a script's variable that is not
+    set, is a name too.
+    """
+    names = [] if given is None else [name.strip() for name in given.split(",")]
+    return list(dict.fromkeys(names))
+
+
+def unknown_gates(
+    gates: Iterable[str], known: Callable[[str], bool], expected: Callable[[str], str]
+) -> list[Problem]:
+    """The Problem of each that is not `known`."""
+    return [
+        Problem(what="unknown gate", value=gate, expected=expected(gate))
+        for gate in gates
+        if not known(gate)
+    ]

@@ -219,12 +219,20 @@ def test_unknown_gates(command: str, gate: str, expected: str, work: Path) -> No
         ("fit-components", "drift"),
         ("anova", "unusual"),
         ("compare", "biased"),
+        ("close-loop", "found"),
     ],
 )
 def test_of_several_gates_the_unknown_one_is_told(command: str, known: str, work: Path) -> None:
     message = refused(work, command, "--fail-if", f"{known},drifts", *OUTPUTS)
     assert message.startswith("mtu: unknown gate: 'drifts'; expected ")
     assert len(message.splitlines()) == 1
+
+
+@pytest.mark.parametrize("gates", [",", "found,"])
+@pytest.mark.parametrize("command", ["lengths", "anova", "compare", "close-loop"])
+def test_a_gate_without_a_name_is_refused(command: str, gates: str, work: Path) -> None:
+    """Of a script's variable that is not set: the command would run without its gate."""
+    assert "unknown gate: ''; expected " in refused(work, command, "--fail-if", gates, *OUTPUTS)
 
 
 def test_two_limits_of_nonconforming_parts_are_refused(work: Path) -> None:
