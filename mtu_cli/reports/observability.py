@@ -14,6 +14,8 @@ from mtu_cli.reports.document import listed
 from mtu_cli.reports.fitted import passes_read
 from mtu_cli.stats.pass_tests import FEWEST_PASSES, MAX_POSITIONS, by_runs
 
+FEWEST_OF_TREND = 3
+"""Runs there and back from which on a straight line leaves a degree of freedom."""
 _ALONE = "correlation of its drift with that of other components"
 _GROUPS = "correlation of their drift with that of the other groups"
 _SAID = {
@@ -135,14 +137,14 @@ def _slope(item: InstrumentFit) -> Check:
 def _trend(item: InstrumentFit) -> Check:
     if not item.fit.separated or item.trend is not None:
         return None
-    few = f"{_count(item.fit.n_passes, 'pass')} only"
+    enough, few = item.fit.pass_dof >= 2, f"{_count(item.fit.n_passes, 'pass')} only"
     would = "at least 4 passes, in each direction where both are read"
     if by_runs(item.fit):
-        few = f"{_count(len(item.fit.pairs), 'run')} there and back only"
-        would = "at least 3 runs there and back"
-    if item.fit.pass_dof >= 2:
-        few = "the levels of its passes do not differ"
-    return "steady drift from pass to pass", few, would
+        runs = len(item.fit.pairs)
+        enough, few = runs >= FEWEST_OF_TREND, f"{_count(runs, 'run')} there and back only"
+        would = f"at least {FEWEST_OF_TREND} runs there and back"
+    because = "the levels of its passes do not differ" if enough else few
+    return "steady drift from pass to pass", because, would
 
 
 def _repeatability(item: InstrumentFit) -> Check:

@@ -212,16 +212,17 @@ def test_instruments_that_disagree_are_told_of_their_component(tmp_path: Path) -
     assert limits_of(limit_warnings(fit), {"the", "on", "line"}) == []
 
 
-def test_two_runs_there_and_back_lack_runs_for_a_trend(tmp_path: Path) -> None:
-    """Not passes, of which there are four."""
+@pytest.mark.parametrize("passes", [4, 5])
+def test_two_runs_there_and_back_lack_runs_for_a_trend(passes: int, tmp_path: Path) -> None:
+    """Not passes, of which there are four; nor do levels agree where one more stands alone."""
     known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
     rng = np.random.default_rng(9)
     segment = Segment(
         name="a",
-        position=np.tile(np.linspace(0, 90, 4), 4),
-        error=1e-3 * rng.standard_normal(16),
-        passes=np.repeat([0, 0, 1, 1], 4),
-        direction=np.repeat([1, -1, 1, -1], 4),
+        position=np.tile(np.linspace(0, 90, 4), passes),
+        error=1e-3 * rng.standard_normal(4 * passes),
+        passes=np.repeat([0, 0, 1, 1, 2][:passes], 4),
+        direction=np.repeat([1, -1, 1, -1, 1][:passes], 4),
     )
     fit = fit_machine(known, readings([segment]))
     left = observability(fit, estimates_from_fit(known, fit))
