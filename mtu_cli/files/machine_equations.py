@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -21,6 +21,9 @@ from mtu_cli.language.finite import check_finite
 from mtu_cli.units import LENGTH, UNITS, Unit
 
 __all__ = ["POSITIONS", "Vocabulary", "check_equations"]
+
+OTHER_AXES = ("u", "v", "w")
+POSITIONS_EXPECTED = "x, y and z for positions along the axes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,15 +95,34 @@ def check_equations(
         form = None if own else _linear(node, vocabulary, findings, (*path, name))
         if form is not None:
             forms[name] = form
-    for name, columns in unknown.items():
-        (first, column), *others = columns.items()
-        also = f" (also in {', '.join(key for key, _ in others)})" if others else ""
-        hint = did_you_mean(
-            name, [own for own in vocabulary.dimensions if own not in vocabulary.axes]
-        )
-        what = f"unknown name {name!r}{also}"
-        _add(findings, (*path, first), EquationError(what, column, hint))
+    axes = [name for name in unknown if name.casefold() in OTHER_AXES]
+    told = [axes, *([name] for name in unknown if name not in axes)]
+    if len(axes) < 2:
+        told = [[name] for name in unknown]
+    for own_names in told:
+        _tell_unknown(own_names, unknown, vocabulary, findings, path)
     return forms
+
+
+def _tell_unknown(
+    told: Sequence[str],
+    unknown: Mapping[str, Mapping[str, int]],
+    vocabulary: Vocabulary,
+    findings: Findings,
+    path: YamlPath,
+) -> None:
+    """One fault of names that nothing knows, at the first of their equations and columns; several
+    are the letters of other axes.
+    """
+    first, *others = dict.fromkeys(key for name in told for key in unknown[name])
+    also = f" (also in {', '.join(others)})" if others else ""
+    hint = POSITIONS_EXPECTED
+    if len(told) == 1:
+        known = [own for own in vocabulary.dimensions if own not in vocabulary.axes]
+        hint = did_you_mean(told[0], known)
+    what = f"unknown name{'s' * (len(told) > 1)} {', '.join(map(repr, told))}{also}"
+    column = min(unknown[name][first] for name in told if first in unknown[name])
+    _add(findings, (*path, first), EquationError(what, column, hint))
 
 
 def _unknown(node: Node, vocabulary: Vocabulary) -> dict[str, int]:

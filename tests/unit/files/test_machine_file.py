@@ -211,6 +211,31 @@ def test_an_unknown_name_of_several_equations_is_told_once(tmp_path: Path) -> No
     assert "equations.Ex: unknown name 'w' (also in Ez) at column 5; expected one of: x, y" in found
 
 
+@pytest.mark.parametrize(
+    ("equations", "lines"),
+    [
+        (
+            "{Ex: a + w*a + U*a, Ey: a, Ez: v*a + w*a}",
+            ["Ex: unknown names 'w', 'U', 'v' (also in Ez) at column 5; expected x, y and z for "
+             "positions along the axes"],
+        ),
+        (
+            "{Ex: a, Ey: v*a, Ez: q*u*a}",
+            ["Ey: unknown names 'v', 'u' (also in Ez) at column 1; expected x, y and z for posi",
+             "Ez: unknown name 'q' at column 1; expected one of: x, y, z"],
+        ),
+        ("{Ex: p*a + q*a}", ["Ex: unknown name 'p' at column 1", "Ex: unknown name 'q' at colu"]),
+    ],
+)  # fmt: skip
+def test_positions_by_the_letters_of_other_axes_are_one_fault(
+    equations: str, lines: list[str], tmp_path: Path
+) -> None:
+    found = faults(tmp_path, machine(equations=equations))
+    assert len(found) == len(lines)
+    for line, words in zip(found, lines, strict=True):
+        assert f": equations.{words}" in line
+
+
 def test_a_constant_of_an_effect(tmp_path: Path) -> None:
     effect = "effects: [{name: e, parameters: {}, equations: {Ex: 5 + 0.001*dir_x}}]\n"
     (found,) = [
