@@ -247,6 +247,6 @@ def listing(names: Iterable[str]) -> str:
     return f"one of: {shown}" if known else "no such name: none is known here"
 
 
-def counted(number: int, noun: str) -> str:
-    """``1 row``, ``2 rows``."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+def counted(number: int, noun: str, several: str = "") -> str:
+    """``1 row``, ``2 rows``; ``1 entry``, and of `several` ``2 entries``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {several or noun + 's'}"

@@ -246,7 +246,7 @@ def _effect_problems(source: Source, effects: ReportedEffects) -> list[Problem]:
     size = len(effects.parameters)
     problems = [
         Problem(
-            what=f"{len(values)} entries for {size} parameters",
+            what=f"{counted(len(values), 'entry', 'entries')} for {counted(size, 'parameter')}",
             file=source.shown,
             path=f"{path}.{key}",
         )

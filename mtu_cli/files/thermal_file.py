@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, counted
 from mtu_cli.files.contracts import Notice, duplicates
 from mtu_cli.files.covariance import covariance_fault
 from mtu_cli.files.covariates import is_temperature
@@ -162,15 +162,17 @@ def _sizes(source: Source, name: str, item: ReportedDrift) -> list[Problem]:
     for key in ("time_constants_min", "sensor_u_degC", "temperature_range_degC"):
         values = getattr(item, key)
         if values is not None and len(values) != sensors:
-            what = f"{len(values)} entries for {sensors} sensors"
+            entries = counted(len(values), "entry", "entries")
+            what = f"{entries} for {counted(sensors, 'sensor')}"
             problems.append(_problem(source, name, key, what))
     if len(item.coefficients) != item.degree + 1:
-        what = f"{len(item.coefficients)} rows of coefficients of a drift of degree {item.degree}"
+        rows = counted(len(item.coefficients), "row")
+        what = f"{rows} of coefficients of a drift of degree {item.degree}"
         expected = f"{item.degree + 1}"
         problems.append(_problem(source, name, "coefficients", what, expected=expected))
     for index, row in enumerate(item.coefficients):
         if len(row) != sensors:
-            what = f"{len(row)} coefficients for {sensors} sensors"
+            what = f"{counted(len(row), 'coefficient')} for {counted(sensors, 'sensor')}"
             problems.append(_problem(source, name, f"coefficients.{index}", what))
     if item.of is None and item.degree > 0:
         expected = "0, or the axis as `of`"

@@ -197,7 +197,7 @@ def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"units": ["um"]}, "results.effects.units: 1 entries for 3 parameters"),
+        ({"units": ["um"]}, "results.effects.units: 1 entry for 3 parameters"),
         ({"values": []}, "results.effects.values: 0 entries for 3 parameters"),
         ({"units": ["um", "um", "ell"]}, "results.effects.units: unknown unit: 'ell'"),
         ({"covariance": [[1]]}, "results.effects.covariance: not 3 x 3"),
