@@ -161,8 +161,12 @@ def _reversal(value: float, item: TableResult) -> dict[str, str]:
 
 
 def direction_text(effect: FoundEffect, item: TableResult) -> str | None:
-    """Which way a reversal goes: E = lost_motion dir, dir = +1 after a move towards +."""
+    """Which way a reversal goes: E = lost_motion dir, dir = +1 after a move towards +; and what
+    the sign of a squareness means, E = angle b along a.
+    """
     shown = parameters_of(effect)
+    if effect.family == "squareness":
+        return "+ where the right angle is too small (of `mtu orthogonality`: too large)"
     if effect.family != "backlash" or len(shown) != 1:
         return None
     first, over = shown[0], shown[0].value >= 0

@@ -109,6 +109,8 @@ def _members(item: TableResult, effect: FoundEffect) -> list[tuple[str, str]]:
 def _experiment(effect: FoundEffect) -> list[str]:
     """What to do to tell the class apart, where anything is known of it."""
     planned = effect.experiment
+    if effect.inseparable:
+        return ["No further parts tell these apart: look for each of them on the machine itself."]
     if planned is None and pitch_is_open(effect):
         return [f"To tell: {OTHER_PLACES}."]
     if planned is None:

@@ -10,8 +10,9 @@ from scipy.special import stdtrit
 
 from mtu_cli.analyses.close_loop.added import Added
 from mtu_cli.analyses.close_loop.classes import aliases_of
+from mtu_cli.analyses.close_loop.experiment import SAME, Choice
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.result import DRIFT, FIELD, Experiment, FoundEffect
+from mtu_cli.analyses.close_loop.result import DRIFT, FIELD, FoundEffect
 from mtu_cli.analyses.close_loop.scatter_rivals import apart_from
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.state import Step
@@ -32,9 +33,7 @@ class Described:
     chosen: tuple[frozenset[str], ...]
 
 
-def found_effects(
-    told: Described, experiments: Sequence[Experiment | None]
-) -> tuple[FoundEffect, ...]:
+def found_effects(told: Described, experiments: Sequence[Choice | None]) -> tuple[FoundEffect, ...]:
     """The effects of all steps, in the order found."""
     place = 0
     found = []
@@ -53,7 +52,7 @@ def candidate_name(prepared: Prepared, index: int) -> str:
     return f"{FIELD if kind else DRIFT}-{axes[axis]}"
 
 
-def _effect(told: Described, step: Step, place: int, experiment: Experiment | None) -> FoundEffect:
+def _effect(told: Described, step: Step, place: int, planned: Choice | None) -> FoundEffect:
     prepared = told.prepared
     candidate = prepared.candidates[step.index]
     member = prepared.members[step.member] if step.member >= 0 else None
@@ -83,7 +82,8 @@ def _effect(told: Described, step: Step, place: int, experiment: Experiment | No
         explained_share=_share(told, step, place),
         class_names=tuple(names),
         aliases=aliases,
-        experiment=experiment,
+        experiment=None if planned is None else planned.experiment,
+        inseparable=planned is not None and planned.reason == SAME,
         folds=sum(not own.isdisjoint(names) for own in told.chosen),
         of_folds=len(told.chosen),
         apart=tuple(candidate_name(prepared, i) for i in apart_from(prepared, step)),

@@ -160,7 +160,7 @@ def _described(
 ) -> tuple[tuple[FoundEffect, ...], tuple[Instead, ...]]:
     """The effects found, with their rivals; and what each rival would be in their place."""
     planned = experiments(told.effects, told.found, library=library)
-    alone = found_effects(told, [choice.experiment for choice in planned])
+    alone = found_effects(told, planned)
     alone = with_other_pitches(told, alone, library)
     others = all_instead(told, alone, library, seed)
     return with_rivals(alone, others), others

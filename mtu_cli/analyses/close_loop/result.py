@@ -45,8 +45,8 @@ class FoundEffect:
     the data. `rivals` are the other names of a small class, each estimated in its place. `apart`
     are those of `class_names` that a scatter cannot be mistaken for: as likely as it, but other
     findings. `unnamed` is the posterior of drifts and fields without a name in its place.
-    `folds` counts the held-out folds that chose it, or another of its class, of
-    `of_folds`.
+    `inseparable`: no further parts tell its class apart. `folds` counts the held-out folds that
+    chose it, or another of its class, of `of_folds`.
     """
 
     name: str
@@ -72,6 +72,7 @@ class FoundEffect:
     experiment: Experiment | None
     folds: int
     of_folds: int
+    inseparable: bool = False
     alike: tuple[float, ...] = ()
     rivals: tuple[FoundEffect, ...] = ()
     apart: tuple[str, ...] = ()

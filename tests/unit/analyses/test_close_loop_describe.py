@@ -13,6 +13,8 @@ from scipy.stats import binom, t
 
 from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, candidate_name, found_effects
+from mtu_cli.analyses.close_loop.experiment import NO_RIVALS, Choice
+from mtu_cli.analyses.close_loop.experiment import SAME as NEVER_APART
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.scan import calibrated
@@ -107,6 +109,13 @@ def test_what_is_the_same_whatever_the_data_is_named_with_it() -> None:
     assert found[name].class_names[0] == name
     assert other in found[name].class_names
     assert found["step"].aliases == ()
+
+
+@pytest.mark.parametrize(("reason", "expected"), [(NEVER_APART, True), (NO_RIVALS, False)])
+def test_what_no_further_parts_tell_apart_is_marked(reason: str, expected: bool) -> None:
+    own = told(strong(5))
+    planned = [Choice(experiment=None, reason=reason)] * len(own.found.steps)
+    assert {effect.inseparable for effect in found_effects(own, planned)} == {expected}
 
 
 def test_the_share_is_that_of_the_mean_square_of_the_table() -> None:

@@ -69,6 +69,23 @@ def test_a_reversal_says_which_way_it_goes() -> None:
     assert way == "dx_x is 4.10 ± 0.30 um lower forward than in reverse"
 
 
+def test_the_sign_of_a_squareness_is_told() -> None:
+    """E_x = angle y: + leans Y towards X."""
+    own = effect(
+        family="squareness", name="squareness-xy", parameters=(("angle", "arcsec", 5e-5, 1e-6),)
+    )
+    text = " ".join(plain_text(table(result(on_table("named", (own,))))).split())
+    assert "squareness-xy: + where the right angle is too small (of `mtu orthogonality`" in text
+
+
+def test_no_parts_are_advised_that_tell_nothing_apart() -> None:
+    (own,) = ambiguous().tables[0].effects
+    alone = replace(own, experiment=None, inseparable=True)
+    text = words(result(on_table("class", (alone,))))
+    assert "No further parts tell these apart: look for each of them on the machine" in text
+    assert "To tell:" not in text
+
+
 def test_a_class_is_not_told_as_one_name() -> None:
     text = words(ambiguous())
     assert text.startswith(
