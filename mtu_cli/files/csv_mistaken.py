@@ -37,7 +37,7 @@ def refuse_other_table(text: CsvText, spec: TableSpec) -> None:
                 value=text.separator.join(header),
                 expected=f"a file of {own} (this one goes to {options})",
             )
-    if found := _further_down(text, spec.required):
+    if found := _further_down(text, spec.required) or _below_a_title(text):
         raise header_below(text.source, text.header_row, text.separator.join(header), found)
     if any(number(cell, sign) is not None for cell in header for sign in DECIMALS):
         raise fault(
@@ -91,3 +91,18 @@ def _further_down(text: CsvText, names: Sequence[str]) -> int | None:
         if all(name in cells for name in names):
             return text.body_row + row
     return None
+
+
+def _below_a_title(text: CsvText) -> int | None:
+    """The row right below a first one of mostly empty cells, where it is full of names: programs
+    put their own name and that of the part into a row of the table.
+    """
+    header = text.header
+    line = next(iter(lines_from(text.content, text.body)), "")
+    cells = [cell.strip(' "\r\n') for cell in line.split(text.separator)]
+    names = [
+        cell for cell in cells if cell and all(number(cell, sign) is None for sign in DECIMALS)
+    ]
+    empty = sum(not name for name in header)
+    full = len(names) == len(cells) >= len(header) and len(set(names)) == len(names)
+    return text.body_row if full and 2 * empty >= len(header) > 1 else None

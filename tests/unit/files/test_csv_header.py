@@ -325,6 +325,8 @@ def test_a_text_of_the_time_beside_minutes_may_stay(tmp_path: Path) -> None:
          "header row first (that of row 3?): lines above it begin with #"),
         ("Report,7,,\npart,feature,x_mm,y_mm\n", "row 1: no header: 'Report,7,,'; expected the "
          "header row first (that of row 2?)"),
+        ("Protokoll;Calypso;;\nTeil;Merkmal;X-Wert;Y-Wert;Datum\n", "row 1: no header: "
+         "'Protokoll;Calypso;;'; expected the header row first (that of row 2?)"),
         ("P1,A,10.001,10.002\n", "row 1: the file begins without a header: 'P1,A,10.001,10.002'"),
     ],
 )  # fmt: skip
@@ -337,6 +339,15 @@ def test_what_is_no_table_of_points_is_told_by_what_it_is(
         read_points([(path, "cmm")], {"A": (10.0, 10.0, None)})
     (line,) = str(caught.value).splitlines()
     assert words in line
+
+
+@pytest.mark.parametrize("second", ["P1,A,10.001,10.002", "a,b,c,", "a,b", "a,a,b,c"])
+def test_empty_names_above_what_is_no_header_are_told_as_such(second: str, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(f"Report,Calypso,,\n{second}\n", "utf-8")
+    with pytest.raises(InputError) as caught:
+        read_points([(path, "cmm")], {"A": (10.0, 10.0, None)})
+    assert "columns 3 to 4 have no name" in str(caught.value)
 
 
 def drift(tmp_path: Path, column: str, cell: str = "20.5") -> list[tuple[Path, str]]:
