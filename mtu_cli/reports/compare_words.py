@@ -91,7 +91,9 @@ def _pulled(item: Summary, stands_out: Sequence[str]) -> str | None:
     if not item.pulled:
         return None
     count = _share(item.pulled, item)
-    return f"inconsistent: {_singles(stands_out)}, more than U: they hide any fault ({count})"
+    return (
+        f"inconsistent: {_singles(stands_out)} by more than U: beside them no fault shows ({count})"
+    )
 
 
 def _over(item: Summary) -> str | None:

@@ -49,7 +49,7 @@ def test_a_mistyped_reading_is_named_where_it_changes_a_verdict() -> None:
     assert (before.stands_out, after.stands_out) == ((), (off.parts[off.part[row]],))
     headline = verdict_text(after.feature_summaries[0], "features", stands_out=after.stands_out)
     told = f"single readings of part {off.parts[off.part[row]]!r} stand out (see the warning)"
-    assert f"inconsistent: {told}, more than U: they hide any fault (1 of " in headline
+    assert f"inconsistent: {told} by more than U: beside them no fault shows (1 of " in headline
     where = before.features.labels.index(("", name, "x"))
     assert before.features.verdicts[where] == "biased"
     # Not "consistent", which would pass a gate: what the reading scatters by hides the 10 um.

@@ -85,4 +85,6 @@ def test_few_parts_are_not_consistent_for_a_repeat_that_swells_their_scatter() -
     assert after.features.p_bias[where] > 0.05
     assert (after.features.verdicts[where], after.features.pulled[where]) == ("inconsistent", True)
     text = verdict_text(after.feature_summaries[0], "features", stands_out=after.stands_out)
-    assert text.endswith("stand out (see the warning), more than U: they hide any fault (1 of 48)")
+    assert text.endswith(
+        "stand out (see the warning) by more than U: beside them no fault shows (1 of 48)"
+    )
