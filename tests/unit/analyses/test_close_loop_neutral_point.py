@@ -107,6 +107,7 @@ def test_its_interval_covers() -> None:
         (drifts(),),
         (OFFSET,),
         (drifts(), SCALE, OFFSET),
+        (SCALE, replace(OFFSET, parameters=(("shift", "um", 1e-3, 1e-4),))),
         (
             drifts(),
             drifts("thermal-drift-x-2", equations={"Ex": "drift*(T_part_degC - 20)"}),
@@ -123,7 +124,16 @@ def test_its_interval_covers() -> None:
         (drifts(), effect("odd-x", equations={}, chosen="H7")),
     ],
     ids=[
-        *("none", "no-offset", "no-drift", "place", "two-sensors", "not-in-the-data", "bent"),
+        *(
+            "none",
+            "no-offset",
+            "no-drift",
+            "place",
+            "fixed-point",
+            "two-sensors",
+            "not-in-the-data",
+            "bent",
+        ),
         *("two-classes", "hardly-a-drift", "other-axis", "no-equation"),
     ],
 )

@@ -94,6 +94,13 @@ def test_a_copy_within_the_last_digit_is_asked_about() -> None:
     assert verdict(errors) == "asked"
 
 
+def test_where_all_parts_are_equal_nothing_tells_what_they_differ_by() -> None:
+    """Two of them: a fine part measured twice, or a coarse display."""
+    errors = set_ups(1, 1, 2, 8, 1, 5.0)
+    errors[1] = errors[0]
+    assert verdict(errors, 0.001) == "asked"
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_parts_of_unequal_repeats(seed: int) -> None:
     """Honest ones that shift as a whole, where every fourth is measured three times more."""

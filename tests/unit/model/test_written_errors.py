@@ -72,14 +72,21 @@ def test_what_only_goes_with_the_error_stays() -> None:
         assert told(found, column) is None
 
 
-def test_of_few_points_and_of_coarse_ones_nothing_is_said() -> None:
+@pytest.mark.parametrize("count", [FEWEST - 1, FEWEST])
+def test_of_few_points_nothing_is_said(count: int) -> None:
+    """Of one feature, so that the last digit of the coordinates shows."""
     found = measured()
+    kept = np.flatnonzero(found.feature == found.feature[0])[:count]
+    assert len(kept) == count
     few = replace(
-        found, **{name: getattr(found, name)[: FEWEST - 1]
+        found, **{name: getattr(found, name)[kept]
                   for name in ("measured", "nominal", "part", "feature")},
     )  # fmt: skip
     given = replace(few, covariates={"own": errors(few)[:, 0]})
-    assert without_written_errors(given, ()) == (given, ())
+    assert bool(without_written_errors(given, ())[1]) == (count == FEWEST)
+
+
+def test_of_coarse_points_nothing_is_said() -> None:
     coarse = measured(digits=2)
     assert told(coarse, errors(coarse)[:, 0]) is None
 

@@ -55,6 +55,9 @@ def test_a_group_rather_ends_before_what_begins() -> None:
     first = Extent(wanted=10, least=10, begins=True)
     found = groups([NAME, first, TEN, TEN, first, TEN, TEN], 63)
     assert [group.columns for group in found] == [(0, 1, 2, 3), (0, 4, 5, 6)]
+    # Also where there is room for no more than what ends there.
+    found = groups([NAME, first, TEN, first, TEN, first, TEN], 52)
+    assert [group.columns for group in found] == [(0, 1, 2, 3, 4), (0, 5, 6)]
 
 
 def test_a_column_without_room_beside_the_names_is_whole_all_the_same() -> None:
