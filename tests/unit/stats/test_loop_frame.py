@@ -62,6 +62,26 @@ def test_columns_of_incomplete_tables_are_completed_as_the_errors_are(name: str,
         assert lost < 1e-20
 
 
+@pytest.mark.parametrize("mask", ["none", *MASKS])
+def test_many_columns_are_each_what_it_is_alone(mask: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where they are turned in several goes, with columns between them that need none."""
+    monkeypatch.setattr("mtu_cli.stats.loop_frame.CACHED", 2 * int(np.prod(STRATA.shape)))
+    frame = whole_frame(STRATA) if mask == "none" else frame_of(STRATA, MASKS[mask])
+    rng = np.random.default_rng(4)
+    several = [*COLUMNS.values(), *({1: rng.normal(size=(6, 8))} for _ in range(4))]
+    for together, column in zip(frame.columns(several), several, strict=True):
+        np.testing.assert_allclose(flat(together), flat(frame.column(column)), rtol=0, atol=1e-12)
+
+
+def test_what_filling_smears_into_a_stratum_is_not_tested_there() -> None:
+    """Of a column and hardly any of one that needs it; what is taken off is all of it."""
+    frame = frame_of(STRATA, MASKS["holes"])
+    column = {0: np.arange(6.0)[:, None] + 1e-3 * COLUMNS["cells"][0]}
+    (tested,), (taken,) = frame.columns([column]), frame.whole_columns([column])
+    assert {STRATA.all[i].kind for i in tested} == {"part"}
+    assert {STRATA.all[i].kind for i in taken} == {"part", "line", "interaction", "column"}
+
+
 def test_columns_lie_where_they_should() -> None:
     frame = whole_frame(STRATA)
 
