@@ -74,7 +74,7 @@ class Prepared:
 
     def flat(self) -> list[MemberColumns]:
         """The coordinates of all members, end to end."""
-        return [member for members in self.scan.columns for member in members]
+        return self.scan.flat()
 
     def whole(self, members: Sequence[int]) -> list[MemberColumns]:
         """The coordinates of these members in all strata, also where they are not tested."""

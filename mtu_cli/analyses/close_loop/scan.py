@@ -53,6 +53,10 @@ class Scan:
         """Candidates whose statistic is drawn."""
         return len(self.columns) + len(self.offsets)
 
+    def flat(self) -> list[MemberColumns]:
+        """The members of all mean candidates, end to end."""
+        return [member for members in self.columns for member in members]
+
     def pack(self, found: Sequence[MemberColumns] = ()) -> Packed:
         """The mean candidates beside what was found."""
         return packed(

@@ -187,10 +187,8 @@ def _along(scan: Scan, step: Step) -> np.ndarray:
     found = np.ones(scan.tested + len(scan.scatters), bool)
     if step.index >= scan.tested:
         return found
-    if step.member < 0:
-        own = {scan.offsets[step.index - F]}
-    else:
-        own = axes([[member for members in scan.columns for member in members][step.member]])
+    offset = step.member < 0
+    own = {scan.offsets[step.index - F]} if offset else axes([scan.flat()[step.member]])
     found[:F] = [not own.isdisjoint(axes(members)) for members in scan.columns]
     found[F : scan.tested] = [axis in own for axis in scan.offsets]
     return found
@@ -204,8 +202,7 @@ def same_place(scan: Scan, step: Step) -> np.ndarray:
     squares = {"part": np.zeros(A), "column": np.zeros(A)}
     total = 0.0
     if step.member >= 0:
-        flat = [member for members in scan.columns for member in members]
-        for column in flat[step.member]:
+        for column in scan.flat()[step.member]:
             for index, values in column.items():
                 stratum = scan.frame.strata.all[index]
                 size = float(values @ values)
