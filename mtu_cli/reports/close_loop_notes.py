@@ -22,7 +22,8 @@ MEANINGS = {
 }
 """What a check of the remainder says where it fires."""
 COPY = " is a copy of "
-"""What the note of a candidate says of a column that is."""
+COPIED = ": the two cannot be told apart"
+"""What the note of a candidate says of a column that is, and how it ends."""
 
 
 def of_p(p: float) -> str:
@@ -59,7 +60,9 @@ def untested(item: TableResult, most: int = 4) -> list[str]:
     ]
 
 
-def copied(item: TableResult) -> list[str]:
-    """Columns of the data that are copies of others, once each."""
-    said = [note for judged in item.candidates for note in judged.notes if COPY in note]
-    return list(dict.fromkeys(said))
+def copied(item: TableResult, names: tuple[str, ...] | None = None) -> list[str]:
+    """Columns of the data that are copies of others, once each: those that candidates of these
+    `names` take, or any.
+    """
+    judged = [own for own in item.candidates if names is None or own.name in names]
+    return list(dict.fromkeys(note for own in judged for note in own.notes if COPY in note))

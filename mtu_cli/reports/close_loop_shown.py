@@ -163,3 +163,8 @@ def either(names: tuple[str, ...]) -> str:
 
 def plural(word: str) -> str:
     return f"{word}es" if word.endswith("s") else f"{word}s"
+
+
+def capital(text: str, item: TableResult) -> str:
+    """With a capital, where no component's name stands in front."""
+    return text if item.table.component is not None else text[:1].upper() + text[1:]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rich.console import Group
+from rich.padding import Padding
 from rich.text import Text
 
 from mtu_cli.analyses.close_loop.result import (
@@ -34,7 +36,7 @@ from mtu_cli.reports.close_loop_shown import (
     ranked,
     size_of,
 )
-from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.reports.close_loop_words import verdict_lines
 from mtu_cli.reports.document import finite, listed
 from mtu_cli.reports.numbers import MISSING, interval, p_value, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
@@ -63,20 +65,17 @@ def table(result: CloseLoopResult) -> list[object]:
     return [*sheets, rest] if rest is not None else sheets
 
 
-def _verdict(result: CloseLoopResult) -> Text:
+def _verdict(result: CloseLoopResult) -> Group:
     """Components without an undeclared effect take one line together."""
-    text = Text(f"Undeclared effects: {result.verdict}\n", style="bold")
     found = [item for item in result.tables if item.verdict != "none"]
     shown = found or [result.tables[0]]
-    lines = [verdict_text(item, result) for item in shown]
-    silent = [
-        item.table.component or ""
-        for item in result.tables
-        if item.verdict == "none" and item not in shown
-    ]
-    if silent:
-        lines.append(f"Nothing undeclared in {listed(silent, 8)}.")
-    return text.append("\n".join([*lines, ""]), style="not bold")
+    lines = [line for item in shown for line in verdict_lines(item, result)]
+    none = (item for item in result.tables if item.verdict == "none" and item not in shown)
+    if silent := [item.table.component or "" for item in none]:
+        lines.append((False, f"Nothing undeclared in {listed(silent, 8)}."))
+    head = Text(f"Undeclared effects: {result.verdict}", style="bold")
+    told = [Padding(Text(text), (0, 0, 0, 2 if one else 0)) for one, text in lines]
+    return Group(head, *told, Text(""))
 
 
 def _effects(result: CloseLoopResult) -> Sheet:

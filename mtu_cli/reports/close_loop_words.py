@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+
 from mtu_cli.analyses.close_loop.result import (
     CloseLoopResult,
-    FoundEffect,
     Judged,
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import (
     most_left,
     own_verdict,
-    pitch_is_open,
-    should_be_told,
     things,
 )
 from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
-from mtu_cli.reports.close_loop_effects import effect_text
+from mtu_cli.reports.close_loop_class import class_lines, members
 from mtu_cli.reports.close_loop_notes import MEANINGS, of_p
-from mtu_cli.reports.close_loop_sentences import Sentence, one_cause, sentences
+from mtu_cli.reports.close_loop_sentences import Sentence, sentences
 from mtu_cli.reports.close_loop_shown import (
-    RIVALS,
+    capital,
     class_of,
     either,
     in_words,
-    nearly_alone,
     plural,
     ranked,
     size_of,
@@ -33,9 +31,6 @@ from mtu_cli.reports.close_loop_shown import (
 from mtu_cli.reports.numbers import p_value, significant, with_u
 
 PART_VARIANCE, TURNED = "part-variance", "rotation-scatter"
-OTHER_PLACES = "measure features at more, and uneven, distances along the axis"
-NO_DISTANCE = 0.05
-"""Standard deviations below which rivals are the same in the data so far."""
 ROUNDING = 1e-7
 """Share of the figure beside it below which an error is gone, but for the rounding of numbers."""
 HOPELESS = 100.0
@@ -46,85 +41,39 @@ STRONG, LONE = 5.0, 0.9
 
 def verdict_text(item: TableResult, result: CloseLoopResult) -> str:
     """The verdict on a table in a few sentences, its component in front."""
+    return " ".join(text for _, text in verdict_lines(item, result))
+
+
+def verdict_lines(item: TableResult, result: CloseLoopResult) -> list[tuple[bool, str]]:
+    """The same in paragraphs, each with whether it is one of several that cannot be told apart."""
     if item.verdict == "none":
-        said = _none(item, result.alpha)
+        said = [(False, _none(item, result.alpha))]
+    elif item.verdict == "class":
+        said = _class(item)
     else:
-        told = {"named": _named, "class": _class, "unexplained": _unexplained}
-        said = told[item.verdict](item)
-    return said if item.table.component is None else f"{item.table.component}: {said}"
+        told = {"named": _named, "unexplained": _unexplained}
+        said = [(False, told[item.verdict](item))]
+    if item.table.component is not None:
+        said[0] = (False, f"{item.table.component}: {said[0][1]}")
+    return said
 
 
 def _named(item: TableResult) -> str:
     """Such as "X loses 8.2 ± 0.6 um at reversal, short from both sides (backlash-x). ..."."""
     found = "; ".join(said.named for said in sentences(item))
     return " ".join(
-        [f"{_capital(found, item)}.", *_set_up(item), _before_after(item), *_by_column(item)]
+        [f"{capital(found, item)}.", *_set_up(item), _before_after(item), *_by_column(item)]
     )
 
 
-def _capital(text: str, item: TableResult) -> str:
-    """With a capital, where no component's name stands in front."""
-    return text if item.table.component is not None else text[:1].upper() + text[1:]
-
-
-def _class(item: TableResult) -> str:
-    words = []
-    for said in sentences(item):
-        effect = said.effects[0] if len(said.effects) == 1 else None
-        names = () if effect is None else class_of(effect)
-        if effect is None or len(names) < 2:
-            words.append(_capital(f"{said.named}.", item))
-            if effect is not None and effect.apart:
-                words.append(
-                    f"Not much less likely, but no readings of it: {either(effect.apart)}."
-                )
-        elif nearly_alone(effect):
-            place = next(e for e, own in enumerate(item.effects) if own is effect)
-            likely = "; ".join(filter(None, [said.named, one_cause(item, place, effect)]))
-            words.append(f"Most likely {likely}; {either(names[1:])} is not excluded.")
-        else:
-            more = " (more in the table)" if len(names) > RIVALS else ""
-            beside = "Beside that " if words else ""  # What stands there is sure.
-            both = ", or both" if stays(item) else ""
-            words.append(f"{beside}{either(names)}{both}{more}: this data cannot tell which.")
-            words += [f"If {name}: {text}." for name, text in _members(item, effect)]
-        if effect is not None and (len(names) > 1 or pitch_is_open(effect)):
-            words += _experiment(effect)
-    return " ".join([*words, *_set_up(item), *_worth(item)])
-
-
-def _members(item: TableResult, effect: FoundEffect) -> list[tuple[str, str]]:
-    """What each of a class would be, as far as each was estimated, and what that would make of
-    the other effects.
-    """
-    place = next(e for e, own in enumerate(item.effects) if own is effect)
-    found = []
-    for own in (effect, *effect.rivals):
-        cause = one_cause(item, place, own)
-        text = effect_text(own, item)
-        found.append((own.name, text if cause is None else f"{text}; {cause}"))
-    return found
-
-
-def _experiment(effect: FoundEffect) -> list[str]:
-    """What to do to tell the class apart, where anything is known of it."""
-    planned = effect.experiment
-    if effect.inseparable:
-        return ["No further parts tell these apart: look for each of them on the machine itself."]
-    if planned is None and pitch_is_open(effect):
-        return [f"To tell: {OTHER_PLACES}."]
-    if planned is None:
-        return [] if effect.separates is None else [f"To tell: {effect.separates}."]
-    further = significant(planned.further_d)
-    now = significant(planned.now_d) if planned.now_d >= NO_DISTANCE else "none"
-    if should_be_told(effect):
-        return [
-            f"One of them alone would show in this data ({now} standard deviations): "
-            f"more than one may act, or none. To tell: {planned.do}."
-        ]
+def _class(item: TableResult) -> list[tuple[bool, str]]:
+    """What cannot be told apart one by one, and what it is worth behind all of them."""
+    rest = [*_set_up(item), _before_after(item), *_by_column(item)]
+    lines = [*class_lines(item), *((False, text) for text in rest)]
     return [
-        f"To tell: {planned.do}: that should set them a further {further} standard deviations "
-        f"apart (so far {now})."
+        (one, text)
+        for one, run in groupby(lines, key=lambda line: line[0])
+        for text in ([own for _, own in run] if one else [" ".join(own for _, own in run)])
     ]
 
 
@@ -151,7 +100,7 @@ def _unexplained(item: TableResult) -> str:
     known = "; ".join(said.named for said in sure)
     beside = "Beside that something" if sure else "Something"
     text = f"{beside} is there that no effect of the library describes: {'; '.join(fired)}."
-    first = [f"{_capital(known, item)}."] if sure else []
+    first = [f"{capital(known, item)}."] if sure else []
     return " ".join([*first, text, *_hint(item, rest_of), *_set_up(item), left, *_by_column(item)])
 
 
@@ -209,7 +158,7 @@ def _hinted(said: Sentence, item: TableResult) -> str:
     (effect,) = said.effects
     if not effect.rivals:
         return f"{either(class_of(effect))} ({said.text})"
-    known = dict(_members(item, effect))
+    known = {name: "; ".join(filter(None, said)) for name, *said in members(item, effect)}
     return " or ".join(
         f"{name} ({known[name]})" if name in known else in_words(name) for name in class_of(effect)
     )
@@ -259,10 +208,6 @@ def _strong(judged: Judged) -> bool:
     there is always one that fits noise best.
     """
     return (judged.log_bayes_factor or 0.0) >= STRONG and (judged.posterior or 0.0) >= LONE
-
-
-def _worth(item: TableResult) -> list[str]:
-    return [_before_after(item), *_by_column(item)]
 
 
 def _before_after(item: TableResult) -> str:

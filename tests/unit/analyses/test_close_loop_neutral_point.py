@@ -317,6 +317,14 @@ def test_where_each_of_a_class_has_one_the_offset_is_told_with_them() -> None:
     assert "verything is shifted" not in text
 
 
+def test_a_cause_that_is_the_same_with_each_of_a_class_is_told_once() -> None:
+    names = ("thermal-drift-x", "screw-heat-x")
+    text = of_a_class(drifts("screw-heat-x", class_names=names[::-1]), names=names)
+    whichever = "Whichever it is, with offset-x that is one cause: X is right at T_spindle_degC = "
+    assert text.count("one cause") == 1
+    assert text.index(whichever) > text.index("If screw-heat-x: ")
+
+
 def test_beside_a_hint_an_offset_that_stands_is_told() -> None:
     names = ("thermal-drift-x", "screw-heat-x")
     heats = replace(HEATS, class_names=names[::-1])

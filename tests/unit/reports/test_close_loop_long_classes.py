@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from close_loop_examples import effect, left_over, on_table, result
+from close_loop_examples import ambiguous, effect, judged, left_over, on_table, result
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult
-from mtu_cli.reports.close_loop import table
+from mtu_cli.reports.close_loop import document, table
 from mtu_cli.reports.close_loop_notes import untested
 from mtu_cli.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
@@ -62,3 +62,33 @@ def test_reasons_of_what_was_not_tested_are_lines_of_their_own() -> None:
         "not tested: c3: reason 3",
         "not tested for 3 further reasons (-o FILE.json): c4, c5, c6",
     ]
+
+
+def test_each_of_a_class_has_a_line_of_its_own() -> None:
+    found = ambiguous()
+    lines = plain_text(table(found)).splitlines()
+    assert lines[:2] == [
+        "Undeclared effects: class",
+        "backlash-x, abbe-x or trend-x: this data cannot tell which.",
+    ]
+    first, what = (next(i for i, own in enumerate(lines) if own.startswith(s)) for s in
+                   ("  If backlash-x: ", "To tell: "))  # fmt: skip
+    assert all(own.startswith("  ") for own in lines[first:what])
+    assert "Held-out parts: rms" in " ".join(lines[what : lines.index("")])
+    # The report has the same words without the lines.
+    said = " ".join(own.strip() for own in lines[1 : lines.index("")])
+    assert document(found)["verdict_text"] == [said]
+
+
+def test_a_class_of_columns_that_are_copies_says_so() -> None:
+    note = "T_spindle_degC is a copy of time_min here: the two cannot be told apart"
+    own = effect(class_names=("backlash-x", "trend-x"))
+    item = on_table("class", (own,))
+    told = {"trend-x": (note,), "radial": ("T_a is a copy of T_b here",)}
+    candidates = tuple(
+        judged(old.name, log_bayes_factor=old.log_bayes_factor, notes=told.get(old.name, ()))
+        for old in item.candidates
+    )
+    text = words(result(replace(item, candidates=candidates)))
+    assert "this data cannot tell which, for T_spindle_degC is a copy of time_min here. If " in text
+    assert "T_a" not in text

@@ -1,0 +1,104 @@
+"""What close-loop says of effects that the data cannot tell apart: each of them, and what would."""
+
+from __future__ import annotations
+
+from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.shown import pitch_is_open, should_be_told
+from mtu_cli.reports.close_loop_effects import effect_text
+from mtu_cli.reports.close_loop_notes import COPIED, copied
+from mtu_cli.reports.close_loop_sentences import one_cause, sentences
+from mtu_cli.reports.close_loop_shown import (
+    RIVALS,
+    capital,
+    class_of,
+    either,
+    nearly_alone,
+    stays,
+)
+from mtu_cli.reports.numbers import significant
+
+OTHER_PLACES = "measure features at more, and uneven, distances along the axis"
+NO_DISTANCE = 0.05
+"""Standard deviations below which rivals are the same in the data so far."""
+
+Line = tuple[bool, str]
+"""Whether it is what one of several rivals would be, and the words."""
+
+
+def class_lines(item: TableResult) -> list[Line]:
+    """What was found, each of what cannot be told apart on a line of its own, and what to do."""
+    lines: list[Line] = []
+    for said in sentences(item):
+        effect = said.effects[0] if len(said.effects) == 1 else None
+        names = () if effect is None else class_of(effect)
+        if effect is None or len(names) < 2:
+            lines.append((False, capital(f"{said.named}.", item)))
+            if effect is not None and effect.apart:
+                apart = f"Not much less likely, but no readings of it: {either(effect.apart)}."
+                lines.append((False, apart))
+        elif nearly_alone(effect):
+            cause = one_cause(item, _place(item, effect), effect)
+            likely = "; ".join(filter(None, [said.named, cause]))
+            rest = f"{either(names[1:])} is not excluded."
+            lines.append((False, f"Most likely {likely}; {rest}"))
+        else:
+            lines += _rivals(item, effect, beside=bool(lines))
+        if effect is not None and (len(names) > 1 or pitch_is_open(effect)):
+            lines += [(False, text) for text in _experiment(effect)]
+    return lines
+
+
+def _rivals(item: TableResult, effect: FoundEffect, *, beside: bool) -> list[Line]:
+    """The names, then each of them; a cause that all of them make with others is told once."""
+    names = class_of(effect)
+    more = " (more in the table)" if len(names) > RIVALS else ""
+    first = "Beside that " if beside else ""  # What stands there is sure.
+    both = ", or both" if stays(item) else ""
+    alike = [text.removesuffix(COPIED) for text in copied(item, names[:RIVALS])]
+    why = f", for {' and '.join(alike)}" if alike else ""
+    lead = f"{first}{either(names)}{both}{more}: this data cannot tell which{why}."
+    known = members(item, effect)
+    causes = {cause for _, _, cause in known}
+    one = causes.pop() if len(known) > 1 and len(causes) == 1 else None
+    lines = [
+        (True, f"If {name}: {text}{'' if one or cause is None else f'; {cause}'}.")
+        for name, text, cause in known
+    ]
+    return [(False, lead), *lines, *([(False, f"Whichever it is, {one}.")] if one else [])]
+
+
+def members(item: TableResult, effect: FoundEffect) -> list[tuple[str, str, str | None]]:
+    """The name of each of a class, what it would be, as far as it was estimated, and what that
+    would make of the other effects.
+    """
+    place = _place(item, effect)
+    return [
+        (own.name, effect_text(own, item), one_cause(item, place, own))
+        for own in (effect, *effect.rivals)
+    ]
+
+
+def _place(item: TableResult, effect: FoundEffect) -> int:
+    return next(e for e, own in enumerate(item.effects) if own is effect)
+
+
+def _experiment(effect: FoundEffect) -> list[str]:
+    """What to do to tell the class apart, where anything is known of it."""
+    planned = effect.experiment
+    if effect.inseparable:
+        return ["No further parts tell these apart: look for each of them on the machine itself."]
+    if planned is None and pitch_is_open(effect):
+        return [f"To tell: {OTHER_PLACES}."]
+    if planned is None:
+        return [] if effect.separates is None else [f"To tell: {effect.separates}."]
+    further = significant(planned.further_d)
+    now = significant(planned.now_d) if planned.now_d >= NO_DISTANCE else "none"
+    if should_be_told(effect):
+        return [
+            f"One of them alone would show in this data ({now} standard deviations): "
+            f"more than one may act, or none. To tell: {planned.do}."
+        ]
+    return [
+        f"To tell: {planned.do}: that should set them a further {further} standard deviations "
+        f"apart (so far {now})."
+    ]
