@@ -51,6 +51,7 @@ class MeasuredTables:
             n=self.cells.n[kept],
             mean=self.cells.mean[kept],
             within=self.cells.within[kept],
+            within_part=self.cells.within_part[kept],
         )
         return MeasuredTables(
             labels=tuple(self.labels[i] for i in kept), parts=self.parts, cells=cells
@@ -119,6 +120,7 @@ def _stacked(found: list[Cells]) -> Cells:
         n=np.concatenate([cells.n for cells in found]),
         mean=np.concatenate([cells.mean for cells in found]),
         within=np.concatenate([cells.within for cells in found]),
+        within_part=np.concatenate([cells.within_part for cells in found]),
     )
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from mtu_cli.files.points import Points
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured import MeasuredTables
-from mtu_cli.model.outlying_repeats import repeats_apart, swollen
+from mtu_cli.model.outlying_repeats import of_operation, repeats_apart, rows_at, swollen
 from mtu_cli.model.settings import Warned
-from mtu_cli.model.visits import IntArray, axes_of, operations_of
+from mtu_cli.model.visits import axes_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import display_step, outlying_p
 
@@ -32,8 +32,8 @@ class Outlying(NamedTuple):
 
 
 def outlying(tables: MeasuredTables, points: Points) -> Outlying:
-    """One warning with the farthest reading of every part that has any, and one of repeats that
-    are apart (`repeats_apart`) where no mean stands out.
+    """One warning with the farthest reading of every part that has any, and those of repeats
+    that are apart (`repeats_apart`) where no mean stands out.
 
     The parts' means of a feature and axis are compared with one another (`outlying_p`), with
     the bound of Bonferroni over all of them. `tables` are what is compared, `points` as they were
@@ -65,11 +65,11 @@ def outlying(tables: MeasuredTables, points: Points) -> Outlying:
 
 def farthest_off(tables: MeasuredTables, points: Points) -> FloatArray:
     """How far the farthest part's mean that stands out is off the others in each table (tables,),
-    or what repeats that are apart scatter by, mm; 0 where nothing does. Tables of features or of
-    lengths of the `points`.
+    or what repeats that a slip has put apart scatter by, mm; 0 where nothing does. Tables of
+    features or of lengths of the `points`.
     """
     found, off, _ = _found(tables, points)
-    farthest, _ = swollen(tables)
+    farthest = swollen(tables).by_slips
     for at in found:
         farthest[at[0]] = max(farthest[at[0]], abs(off[at]))
     return farthest
@@ -129,22 +129,15 @@ def _text(
     """The reading behind a part's mean: of its repeats the one that is farthest off."""
     operation, feature, axis = tables.labels[at[0]]
     part, k = tables.parts[at[1]], AXES.index(axis)
-    rows = _rows(points, operation, feature)
+    rows = rows_at(points, operation, feature)
     errors = points.measured[rows, k] - points.nominal[rows, k]
     own = rows[points.part[rows] == at[1]]
     away = np.abs(points.measured[own, k] - points.nominal[own, k] - np.median(errors))
     row = int(own[np.argmax(away)])
-    of = f" ({operation})" if operation else ""
     what = "the part" if len(own) == 1 else f"the mean of the part's {len(own)} readings"
     return (
         f"{points.sources[points.file_index[row]].shown}, row {points.row[row]}: part {part!r}, "
-        f"feature {feature!r}{of}, {axis}_mm is {points.measured[row, k]:.7g}; {what} "
-        f"is {float(f'{1e3 * off:.3g}'):g} um off the others, which scatter by "
-        f"{float(f'{1e3 * scatter:.2g}'):g} um"
+        f"feature {feature!r}{of_operation(operation)}, {axis}_mm is "
+        f"{points.measured[row, k]:.7g}; {what} is {float(f'{1e3 * off:.3g}'):g} um "
+        f"off the others, which scatter by {float(f'{1e3 * scatter:.2g}'):g} um"
     )
-
-
-def _rows(points: Points, operation: str, feature: str) -> IntArray:
-    names, code = operations_of(points)
-    here = (code == names.index(operation)) & (points.feature == points.features.index(feature))
-    return np.flatnonzero(here)

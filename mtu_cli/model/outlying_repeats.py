@@ -1,4 +1,6 @@
-"""Repeats that scatter far more than those of the other features: one is likely mistyped."""
+"""Repeats that scatter far more than those of the other features: one is likely mistyped, or the
+feature is measured far worse.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.settings import Warned
-from mtu_cli.model.visits import operations_of
+from mtu_cli.model.visits import IntArray, operations_of
+from mtu_cli.stats.anova import Cells
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import GROSS
 
@@ -20,19 +23,33 @@ SHOWN = 6
 
 
 class Apart(NamedTuple):
-    """The part (index) with the repeat that is farthest off, of each table told, and a warning."""
+    """The part (index) with the repeat that is farthest off, of each table told, and warnings."""
 
     parts: tuple[int, ...]
     warnings: list[Warned]
 
 
-def swollen(tables: MeasuredTables) -> tuple[FloatArray, FloatArray]:
-    """(s, others), mm, each (tables,): the standard deviation of repeats within their part, and
-    that of the other tables of the operation and axis. s is 0 where it is no more than theirs.
+class Swollen(NamedTuple):
+    """Each (tables,): the standard deviation `s`, mm, of repeats within their part, 0 where it is
+    no more than that of the `others` of the operation and axis; whether most parts have it.
+    """
 
-    By Fisher's F at SLIP_RATE over all tables (Bonferroni), and GROSS times theirs at least, so
-    that features that a CMM measures worse are none. Others that are themselves so far beyond
-    the median hide nothing.
+    s: FloatArray
+    others: FloatArray
+    of_most: np.ndarray
+
+    @property
+    def by_slips(self) -> FloatArray:
+        """The s (tables,) that few parts have made, 0 elsewhere."""
+        return np.where(self.of_most, 0.0, self.s)
+
+
+def swollen(tables: MeasuredTables) -> Swollen:
+    """The tables whose repeats are apart.
+
+    By Fisher's F at SLIP_RATE over all tables (Bonferroni), and GROSS times the others' at least,
+    so that features that a CMM measures somewhat worse are none. Others that are themselves so far
+    beyond the median hide nothing.
     """
     from scipy.special import fdtrc
 
@@ -54,35 +71,81 @@ def swollen(tables: MeasuredTables) -> tuple[FloatArray, FloatArray]:
         p = fdtrc(df[own], np.maximum(dof, 1.0), ratio) * len(df)
         found[own] = np.where((ratio > GROSS**2) & (p <= SLIP_RATE), np.sqrt(ms[own]), 0.0)
         beside[own] = np.sqrt(np.maximum(rest, 0.0))
-    return found, beside
+    return Swollen(found, beside, (found > 0) & (_of_middle(cells) > GROSS * beside**2))
+
+
+def _of_middle(cells: Cells) -> FloatArray:
+    """Mean square (tables,) of the repeats of the part that has the middle one, the lesser of two:
+    a slip leaves it as it is.
+    """
+    several = cells.n > 1
+    square = np.divide(
+        cells.within_part, cells.n - 1, out=np.full(cells.n.shape, np.inf), where=several
+    )
+    place = np.maximum(several.sum(axis=1) - 1, 0) // 2
+    middle: FloatArray = np.take_along_axis(np.sort(square, axis=1), place[:, None], 1)[:, 0]
+    return np.where(several.any(axis=1), middle, 0.0)
 
 
 def repeats_apart(tables: MeasuredTables, points: Points, told: set[int]) -> Apart:
-    """One warning of the tables with `swollen` repeats but for those already `told`."""
-    s, others = swollen(tables)
-    doubted = [int(i) for i in np.argsort(-s) if s[i] > 0 and int(i) not in told]
-    if not doubted:
-        return Apart((), [])
-    found = [_text(tables, points, i, 1e3 * float(s[i]), 1e3 * float(others[i])) for i in doubted]
-    more = f"; and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
-    text = (
-        f"{'; '.join(text for _, text in found[:SHOWN])}{more}: what scatters so hides what the "
-        "parts do, look whether a reading is mistyped"
+    """The warnings of tables with `swollen` repeats but for those already `told`: of single
+    repeats, and of features whose repeats are apart in most parts.
+    """
+    found = swollen(tables)
+    order = [int(i) for i in np.argsort(-found.s) if found.s[i] > 0 and int(i) not in told]
+    slips = [_slip(tables, points, i, found) for i in order if not found.of_most[i]]
+    rough = [_rough(tables, i, found) for i in order if found.of_most[i]]
+    warnings = []
+    if slips:
+        text = (
+            f"{_first([text for _, text in slips])}: what scatters so hides what the parts do, "
+            "look whether a reading is mistyped"
+        )
+        warnings.append(Warned(code="repeats-scatter", message=text))
+    if rough:
+        text = (
+            f"{_first(rough)}, in most parts: no single reading makes that, look how the feature "
+            "is measured"
+        )
+        warnings.append(Warned(code="feature-scatters", message=text))
+    return Apart(tuple(dict.fromkeys(part for part, _ in slips)), warnings)
+
+
+def _first(texts: list[str]) -> str:
+    more = f"; and {len(texts) - SHOWN} more" if len(texts) > SHOWN else ""
+    return f"{'; '.join(texts[:SHOWN])}{more}"
+
+
+def _rough(tables: MeasuredTables, table: int, found: Swollen) -> str:
+    operation, feature, axis = tables.labels[table]
+    return f"feature {feature!r}{of_operation(operation)}, {axis}_mm: {_scatter(found, table)}"
+
+
+def of_operation(name: str) -> str:
+    """What is said of the operation beside a feature: nothing where there is one alone."""
+    return f" ({name})" if name else ""
+
+
+def rows_at(points: Points, operation: str, feature: str) -> IntArray:
+    """The measurements of a feature in an operation."""
+    names, code = operations_of(points)
+    here = (code == names.index(operation)) & (points.feature == points.features.index(feature))
+    return np.flatnonzero(here)
+
+
+def _scatter(found: Swollen, table: int) -> str:
+    s, others = 1e3 * float(found.s[table]), 1e3 * float(found.others[table])
+    return (
+        f"repeats scatter there by {float(f'{s:.3g}'):g} um, at other features by "
+        f"{float(f'{others:.2g}'):g} um"
     )
-    warning = Warned(code="repeats-scatter", message=text)
-    return Apart(tuple(dict.fromkeys(part for part, _ in found)), [warning])
 
 
-def _text(
-    tables: MeasuredTables, points: Points, table: int, s: float, others: float
-) -> tuple[int, str]:
+def _slip(tables: MeasuredTables, points: Points, table: int, found: Swollen) -> tuple[int, str]:
     """The part of the repeat that is farthest from its part's mean, and what to say of it."""
     operation, feature, axis = tables.labels[table]
     k = AXES.index(axis)
-    names, code = operations_of(points)
-    rows = np.flatnonzero(
-        (code == names.index(operation)) & (points.feature == points.features.index(feature))
-    )
+    rows = rows_at(points, operation, feature)
     errors = points.measured[rows, k] - points.nominal[rows, k]
     part = points.part[rows]
     size = np.bincount(part)
@@ -90,11 +153,9 @@ def _text(
     # Of two repeats both are as far from their mean: the one farther from all others is meant.
     likely = np.isclose(away, away.max()) * np.abs(errors - np.median(errors))
     row = int(rows[np.argmax(likely)])
-    of = f" ({operation})" if operation else ""
     own = int(points.part[row])
     return own, (
         f"{points.sources[points.file_index[row]].shown}, row {points.row[row]}: part "
-        f"{tables.parts[own]!r}, feature {feature!r}{of}, {axis}_mm is "
-        f"{points.measured[row, k]:.7g}; repeats scatter there by {float(f'{s:.3g}'):g} um, at "
-        f"other features by {float(f'{others:.2g}'):g} um"
+        f"{tables.parts[own]!r}, feature {feature!r}{of_operation(operation)}, {axis}_mm is "
+        f"{points.measured[row, k]:.7g}; {_scatter(found, table)}"
     )

@@ -21,14 +21,15 @@ _BLOCK = 1 << 15
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cells:
     """What an analysis needs of the data: per table and part the count n (tables, parts) and
-    the mean above `origin` (tables,), one of the table's values; the sum of squares within the
-    parts, `within` (tables,).
+    the mean above `origin` (tables,), one of the table's values; the sum of squares within each
+    part, `within_part` (tables, parts), and within all of them, `within` (tables,).
     """
 
     origin: FloatArray
     n: FloatArray
     mean: FloatArray
     within: FloatArray
+    within_part: FloatArray
 
     @property
     def present(self) -> BoolArray:
@@ -86,14 +87,17 @@ def cells_of(
     step = np.divide(left, n, out=np.zeros(size), where=n > 0)
     mean += step
     np.square(shifted, out=shifted)
-    within = np.bincount(cell, shifted, minlength=size) - left * step
-    squares: FloatArray = within.reshape(tables, parts).sum(axis=1)
-    squares[squares <= _rounding(n, mean, tables)] = 0.0
+    each = np.bincount(cell, shifted, minlength=size) - left * step
+    within = np.asarray(each, np.float64).reshape(tables, parts)
+    squares: FloatArray = within.sum(axis=1)
+    rounded = squares <= _rounding(n, mean, tables)
+    squares[rounded], within[rounded] = 0.0, 0.0
     return Cells(
         origin=origin,
         n=n.reshape(tables, parts),
         mean=mean.reshape(tables, parts),
         within=squares,
+        within_part=within,
     )
 
 

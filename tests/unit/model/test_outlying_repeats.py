@@ -14,7 +14,7 @@ from mtu_cli.analyses.anova import analyse_variance
 from mtu_cli.analyses.compare import compare
 from mtu_cli.files.points import Points
 from mtu_cli.model.measured import feature_tables
-from mtu_cli.model.outlying_points import outlying
+from mtu_cli.model.outlying_points import farthest_off, outlying
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.reports.compare_words import verdict_text
 
@@ -66,6 +66,50 @@ def test_a_feature_that_is_measured_worse_is_no_slip() -> None:
         [(f"P{p}", name, r, 0.0, 0.0) for p in range(4) for name in "abc" for r in (1, 2)]
     )
     assert told(slipped(even, 0.001)) == []
+
+
+def rough(found: Points, axis: int, s: float, seed: int) -> Points:
+    """The second feature's repeats scatter by `s`, mm, along an axis in every part."""
+    measured = found.measured.copy()
+    own = found.feature == 1
+    measured[own, axis] += np.random.default_rng(seed).normal(0.0, s, own.sum())
+    return replace(found, measured=measured)
+
+
+@pytest.mark.parametrize("repeats", [2, 3, 5])
+def test_a_feature_that_is_measured_far_worse_has_no_single_reading(repeats: int) -> None:
+    """Thirty times as bad in every part: no reading of one part is to be looked for."""
+    for seed in range(20):
+        found = rough(three_holes(8, repeats, seed, 0.002, 0.001), 0, 0.03, seed)
+        odd = outlying(feature_tables(found), found)
+        assert odd.parts == ()
+        (warning,) = odd.warnings
+        assert warning.code == "feature-scatters"
+        assert warning.message.startswith("feature 'b', x_mm: repeats scatter there by ")
+        assert "row" not in warning.message
+        tables = feature_tables(found)
+        assert not farthest_off(tables, found).any()
+
+
+def test_a_slip_beside_a_rough_feature_is_told_apart_from_it() -> None:
+    found = slipped(rough(three_holes(4, 3, 1, 0.002, 0.001), 1, 0.05, 1), 0.4)
+    assert [warning.code for warning in told(found)] == ["repeats-scatter", "feature-scatters"]
+    tables = feature_tables(found)
+    (place,) = np.flatnonzero(farthest_off(tables, found))
+    assert tables.labels[place] == ("", found.features[found.feature[ROW]], "x")
+
+
+def test_the_squares_of_the_parts_are_those_of_their_table() -> None:
+    found = three_holes(5, 4, 2)
+    tables = feature_tables(found)
+    for i, (_, feature, axis) in enumerate(tables.labels):
+        k, own = "xyz".index(axis), found.feature == found.features.index(feature)
+        errors = (found.measured - found.nominal)[:, k]
+        for part in range(5):
+            values = errors[own & (found.part == part)]
+            expected = ((values - values.mean()) ** 2).sum()
+            assert tables.cells.within_part[i, part] == pytest.approx(expected, rel=1e-9)
+    assert tables.only([2]).cells.within_part == pytest.approx(tables.cells.within_part[[2]])
 
 
 def test_clean_studies_are_silent() -> None:
