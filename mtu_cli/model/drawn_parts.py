@@ -8,6 +8,7 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.features_alike import SAME_MM
 from mtu_cli.files.points import Points
 from mtu_cli.model.copied_parts import CHANCE, FEWEST_COPIED
+from mtu_cli.model.visits import IntArray
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -16,7 +17,8 @@ def refuse_drawn_parts(points: Points, axes: tuple[int, ...]) -> None:
     while the errors of all other parts differ from each other so much that this is no chance.
 
     Of coarse digits, or of parts that are good, errors agree by themselves: as often as two
-    errors of the other part in which they agree most, in every value of the part.
+    errors of the other part in which they agree most, in every value of the part. Parts with one
+    reading tell nothing of that.
     """
     exact = np.ones(len(points), bool)
     for axis in axes:
@@ -24,10 +26,10 @@ def refuse_drawn_parts(points: Points, axes: tuple[int, ...]) -> None:
     size = np.bincount(points.part, minlength=len(points.parts))
     off = np.bincount(points.part, ~exact, minlength=len(points.parts))
     drawn = np.flatnonzero((off == 0) & (size > 0))
-    others = np.flatnonzero(off > 0)
+    others = np.flatnonzero((off > 0) & (size > 1))
     if not len(drawn) or not len(others):
         return
-    agree = max(_agreeing(points, axes, int(part)) for part in others)
+    agree = float(_agreeing(points, axes, size)[others].max())
     problems = []
     for part in drawn.tolist():
         rows = np.flatnonzero(points.part == part)
@@ -38,16 +40,18 @@ def refuse_drawn_parts(points: Points, axes: tuple[int, ...]) -> None:
         raise InputError(problems)
 
 
-def _agreeing(points: Points, axes: tuple[int, ...], part: int) -> float:
-    """How often two errors of a part along an axis agree, one pair more than was seen."""
-    rows = np.flatnonzero(points.part == part)
-    pairs = len(axes) * len(rows) * (len(rows) - 1) / 2
-    alike = 0.0
+def _agreeing(points: Points, axes: tuple[int, ...], size: IntArray) -> FloatArray:
+    """How often two errors of a part along an axis agree (parts,), one pair more than was seen;
+    `size` (parts,) are its rows.
+    """
+    pairs, alike = len(axes) * size * (size - 1) / 2, np.zeros(len(size))
     for axis in axes:
-        errors: FloatArray = points.measured[rows, axis] - points.nominal[rows, axis]
-        count = np.unique(np.round(errors / SAME_MM), return_counts=True)[1]
-        alike += float((count * (count - 1.0)).sum()) / 2
-    return (alike + 1) / (pairs + 1)
+        errors = np.round((points.measured[:, axis] - points.nominal[:, axis]) / SAME_MM)
+        _, code = np.unique(errors, return_inverse=True)
+        key = code.reshape(-1) * len(size) + points.part
+        equal, count = np.unique(key, return_counts=True)
+        alike += np.bincount(equal % len(size), count * (count - 1.0) / 2, minlength=len(size))
+    return np.asarray((alike + 1) / (pairs + 1), np.float64)
 
 
 def _problem(points: Points, row: int, values: int) -> Problem:

@@ -51,3 +51,64 @@ def test_coarse_digits_are_no_drawing(digit: float) -> None:
         for errors in (found.measured - found.nominal, found.measured - found.nominal + shift):
             rounded = found.nominal + digit * np.round(errors / digit)
             refuse_drawn_parts(replace(found, measured=rounded), PLANE)
+
+
+Row = tuple[str, str, int, float, float]
+
+
+def rows(errors: np.ndarray) -> list[Row]:
+    """Of errors (parts, repeats, 3, 2), mm, of the three holes."""
+    parts, repeats, _, _ = errors.shape
+    return [
+        (f"P{p}", name, r, float(errors[p, r, i, 0]), float(errors[p, r, i, 1]))
+        for p in range(parts)
+        for r in range(repeats)
+        for i, name in enumerate("abc")
+    ]
+
+
+def errors_but(part: int, repeats: int = 2) -> np.ndarray:
+    errors = np.random.default_rng(3).normal(0.0, 0.01, (4, repeats, 3, 2))
+    errors[part] = 0.0
+    return errors
+
+
+def refused(found: list[Row]) -> list[str]:
+    try:
+        refuse_drawn_parts(points(found), PLANE)
+    except InputError as error:
+        return [item.what.split()[1] for item in error.problems]
+    return []
+
+
+def test_parts_with_one_reading_do_not_hide_a_drawing() -> None:
+    """A rejected part of which one hole was measured says nothing of how often errors agree."""
+    found = rows(errors_but(2))
+    assert refused([row for row in found if row[0] != "P3" or row[1:3] == ("a", 0)]) == ["'P2'"]
+    # Nor is anything known where every other part has one.
+    assert refused([row for row in found if row[0] == "P2" or row[1:3] == ("a", 0)]) == []
+
+
+@pytest.mark.parametrize(
+    ("second", "expected"),
+    [((0, 0, 1, 1, 2, 3), ["'P2'"]), ((0, 0, 0, 1, 2, 3), [])],
+)
+def test_errors_agree_as_often_as_in_the_part_where_they_do_most(
+    second: tuple[int, ...], expected: list[str]
+) -> None:
+    """Along x 4 of 15 pairs of P1 agree, along y 2 or 3: of 30 and one more 7 or 8. In all of six
+    values one of four parts agrees by chance in 4 (7/31)^6 = 5e-4 of studies, or in 1.2e-3.
+    """
+    errors = errors_but(2)
+    errors[1, :, :, 0] = 0.01 * np.reshape((0, 0, 0, 1, 1, 2), (2, 3))
+    errors[1, :, :, 1] = 0.01 * np.reshape(second, (2, 3))
+    assert refused(rows(errors)) == expected
+
+
+def test_few_values_or_one_axis_on_the_nominal_are_no_drawing() -> None:
+    errors = errors_but(2, 9)
+    found = rows(errors)
+    assert refused(found) == ["'P2'"]
+    assert refused([row for row in found if row[0] != "P2" or row[1] == "b"]) == []
+    errors[2, :, :, 1] = 0.01
+    assert refused(rows(errors)) == []
