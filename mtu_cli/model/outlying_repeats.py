@@ -76,7 +76,7 @@ def swollen(tables: MeasuredTables) -> Swollen:
 
 def _of_middle(cells: Cells) -> FloatArray:
     """Mean square (tables,) of the repeats of the part that has the middle one, the lesser of two:
-    a slip leaves it as it is.
+    a slip leaves it as it is. 0 of one part alone, of which nothing tells a slip from all others.
     """
     several = cells.n > 1
     square = np.divide(
@@ -84,7 +84,7 @@ def _of_middle(cells: Cells) -> FloatArray:
     )
     place = np.maximum(several.sum(axis=1) - 1, 0) // 2
     middle: FloatArray = np.take_along_axis(np.sort(square, axis=1), place[:, None], 1)[:, 0]
-    return np.where(several.any(axis=1), middle, 0.0)
+    return np.where(several.sum(axis=1) > 1, middle, 0.0)
 
 
 def repeats_apart(tables: MeasuredTables, points: Points, told: set[int]) -> Apart:

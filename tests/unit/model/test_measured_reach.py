@@ -12,6 +12,8 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.points import Points
 from mtu_cli.model.datum import Datum
 from mtu_cli.model.measured_checks import refuse_mistaken
+from mtu_cli.model.measured_reach import reach_problems
+from mtu_cli.model.measured_rows import LARGEST_MM
 
 ROW = 7
 """Of feature a of P1 at (10, 20); the features are at most 223.6 mm apart."""
@@ -91,3 +93,17 @@ def test_a_sign_is_asked_about() -> None:
     (problem,) = refused(replace(found, measured=measured))
     assert problem.column == "y_mm"
     assert str(problem.expected).endswith(": is its sign right?")
+
+
+def test_a_reading_of_every_part_moves_all_of_their_places() -> None:
+    """Taken about the means of their parts, all points are far off: the readings are, not they."""
+    found = study(3, 1, 3)
+    measured = found.measured.copy()
+    measured[found.feature == 0, 0] += 500.0
+    assert [item.row for item in refused(replace(found, measured=measured), "offset")] == [2, 5, 8]
+
+
+def test_what_is_no_coordinate_of_a_machine_is_told_elsewhere() -> None:
+    found = study(6, 2, 3)
+    assert len(list(reach_problems(slipped(found, 0.99 * LARGEST_MM), (0, 1), 0.5))) == 1
+    assert not list(reach_problems(slipped(found, 1.01 * LARGEST_MM), (0, 1), 0.5))

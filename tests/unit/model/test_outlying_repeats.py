@@ -132,3 +132,38 @@ def test_few_parts_are_not_consistent_for_a_repeat_that_swells_their_scatter() -
     assert text.endswith(
         "stand out (see the warning) by more than U: beside them no fault shows (1 of 48)"
     )
+
+
+def of_two(*given: Points) -> Points:
+    """The same parts in two operations."""
+    rows, operations = [], []
+    for found, operation in zip(given, ("drilled", "milled"), strict=True):
+        errors = (found.measured - found.nominal).tolist()
+        for i, (x, y, _) in enumerate(errors):
+            part, feature = found.parts[found.part[i]], found.features[found.feature[i]]
+            rows.append((part, feature, int(found.repeat[i]), x, y))
+            operations.append(operation)
+    return points(rows, operations)
+
+
+def test_repeats_are_judged_by_their_operation_and_axis() -> None:
+    """Milled ones scatter twenty times as much as drilled ones, those along y as those along x."""
+    fine, coarse = three_holes(4, 3, 1, 0.002, 0.001), three_holes(4, 3, 2, 0.002, 0.02)
+    assert told(of_two(fine, coarse)) == []
+    along_y = fine.measured.copy()
+    along_y[:, 1] = coarse.measured[:, 1]
+    assert told(replace(fine, measured=along_y)) == []
+    (warning,) = told(of_two(slipped(fine, 0.1), coarse))
+    assert f"feature '{fine.features[fine.feature[ROW]]}' (drilled), x_mm" in warning.message
+    assert told(of_two(fine, slipped(coarse, 0.1))) == []
+
+
+@pytest.mark.parametrize(("ratio", "expected"), [(5000.0, []), (7000.0, ["repeats-scatter"])])
+def test_what_chance_may_do_with_few_repeats_is_no_slip(ratio: float, expected: list[str]) -> None:
+    """Of 1 and 2 degrees of freedom P(F > f) = 1 - sqrt(f/(f + 2)): 2.0e-4, or 1.4e-4, in each of
+    six tables.
+    """
+    off = {"a": 1e-3 * np.sqrt(ratio), "b": 1e-3, "c": 1e-3}
+    rows = [("P0", name, r, r * by, r * 1e-3) for name, by in off.items() for r in (0, 1)]
+    rows += [("P1", name, 0, 0.0, 0.0) for name in off]
+    assert [warning.code for warning in told(points(rows))] == expected
