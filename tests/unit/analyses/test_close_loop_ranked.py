@@ -33,8 +33,21 @@ def test_what_acts_along_other_axes_alone_is_no_rival(name: str) -> None:
     assert set(found.credible) <= rivals
     assert found.posterior == pytest.approx(1 / len(rivals))
     # Nor do they take from the posterior of a mean error.
-    first = min(offsets)
-    level = replace(step, index=first, member=-1, credible=(first,))
-    found = _ranked(scan, level, np.zeros(len(prepared.candidates)), unnamed)
-    of_axis = [i for i in range(len(prepared.candidates)) if axes(i) & axes(first)]
-    assert found.posterior == pytest.approx(1 / len(of_axis))
+    for first in sorted(offsets):
+        level = replace(step, index=first, member=-1, credible=(first,))
+        found = _ranked(scan, level, np.zeros(len(prepared.candidates)), unnamed)
+        of_axis = [i for i in range(len(prepared.candidates)) if axes(i) & axes(first)]
+        assert found.posterior == pytest.approx(1 / len(of_axis))
+
+
+def test_a_scatter_has_rivals_along_all_axes() -> None:
+    prepared = prepared_day("A", 3)
+    count, first = len(prepared.candidates), prepared.scan.tested
+    step = Step(index=first, member=-1, p=0.01, log_bayes=1.0, posterior=0.5, credible=(first,))
+    unnamed = np.full(2 * len(prepared.table.axes), -np.inf)
+    scores = np.full(count, -np.inf)
+    means = [index(prepared, name) for name in ("scale-x", "scale-y")]
+    scores[[first, *means]] = 0.0
+    found = _ranked(prepared.scan, step, scores, unnamed)
+    assert set(found.credible) == {first, *means}
+    assert found.posterior == pytest.approx(1 / 3)

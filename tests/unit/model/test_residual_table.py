@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from compare_trials import fitted
 from model_examples import stated
 from numpy.typing import NDArray
 from residual_examples import (
@@ -242,3 +243,20 @@ def test_a_table_takes_a_fraction_of_the_loop(tmp_path: Path) -> None:
     loop = seconds(lambda: residuals(model, points, (0, 1), {}))
     table = min(seconds(lambda: residual_table(model, points, {})) for _ in range(3))
     assert table < loop / 4
+
+
+def test_an_axis_was_read_as_far_as_any_of_its_components() -> None:
+    """One along x goes farther at one end, another at the other; what has no axis tells nothing."""
+    model = fitted(9, 7)
+    ends = {0: (-20.0, 130.0), 1: (15.0, 900.0), 2: None}
+    terms = [
+        replace(
+            term,
+            estimate=replace(
+                term.estimate, position_range=ends.get(i, term.estimate.position_range)
+            ),
+        )
+        for i, term in enumerate(model.terms)
+    ]
+    found = residual_factors.read_ranges(replace(model, terms=tuple(terms)))
+    assert found == {"x": (-20.0, 900.0), "y": (10.0, 140.0)}
