@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from compare_trials import fitted, made, study
-from measured_examples import PLACES, points
+from measured_examples import PLACES, part_file, points
 from measured_examples import study as three_holes
 
 from mtu_cli.analyses.anova import analyse_variance
 from mtu_cli.analyses.compare import compare
 from mtu_cli.files.points import Points
-from mtu_cli.model.measured import feature_tables
-from mtu_cli.model.outlying_points import outlying
+from mtu_cli.model.measured import feature_tables, length_tables
+from mtu_cli.model.outlying_points import farthest_off, outlying
 from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.visits import visits_of
 from mtu_cli.reports.compare_words import verdict_text
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -125,3 +127,33 @@ def test_operations_are_apart() -> None:
     (warning,) = told(moved(both, [40], 0.3))
     assert "row 42: part 'P1', feature 'b' (drilled), x_mm" in warning.message
     assert "the part is 299 um off the others, which scatter by 1.2 um" in warning.message
+
+
+@pytest.mark.parametrize("by", [0.3, -0.3])
+def test_the_farthest_of_a_table_is_far_off_whatever_its_sign(by: float) -> None:
+    whole = three_holes(20, 1, 3)
+    rows = np.flatnonzero((whole.feature == 1) & np.isin(whole.part, (2, 7)))
+    found = moved(moved(whole, rows[:1].tolist(), by, 1), rows[1:].tolist(), 0.5 * by, 1)
+    tables = feature_tables(found)
+    far = farthest_off(tables, found)
+    assert [tables.labels[i] for i in np.flatnonzero(far)] == [("", "b", "y")]
+    assert far.max() == pytest.approx(0.3, abs=0.04)
+
+
+@pytest.mark.parametrize(("by", "told"), [(0.02, False), (-0.05, True)])
+def test_lengths_are_rounded_as_their_coarsest_axis(tmp_path: Path, by: float, told: bool) -> None:
+    """Along y the CMM shows hundredths, along x it shows all: two of them are no slip."""
+    rng = np.random.default_rng(1)
+    rows = [
+        (f"P{p}", name, 0, 0.0, 0.01 * (p % 6 == 5 and name == "b"))
+        for p in range(20)
+        for name in PLACES
+    ]
+    found = moved(points(rows), [2], by, 1)
+    found.measured[:, 0] += rng.normal(0.0, 1e-5, len(found))
+    tables = length_tables(found, visits_of(found), part_file(tmp_path))
+    assert tables is not None
+    far = farthest_off(tables, found)
+    assert bool(far.any()) is told
+    if told:
+        assert [tables.labels[i] for i in np.flatnonzero(far)] == [("", "c-a", "")]
