@@ -19,6 +19,7 @@ from mtu_cli.files.csv_table import (
     TimeColumn,
 )
 from mtu_cli.files.csv_text import CsvText, lines_from
+from mtu_cli.files.sign_words import direction_sign
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _SNIFFED_ROWS = 20
+NUMBERS = ("number", "sign", "covariate")
+"""Kinds of columns that pandas is to read as numbers, unless their first rows hold texts."""
 
 
 def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
@@ -36,11 +39,11 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
     seen here: the caller counts separators.
     """
     kinds = {name: spec.kind(name) for name in text.header}
-    if "covariate" in kinds.values():
+    if not {"covariate", "sign"}.isdisjoint(kinds.values()):
         seen = _first_texts(text)
-        kinds |= {name: "text" for name in seen if kinds[name] == "covariate"}
+        kinds |= {name: "text" for name in seen if kinds[name] in ("covariate", "sign")}
     capacity = text.newlines + 1
-    numeric = [name for name, kind in kinds.items() if kind in ("number", "covariate")]
+    numeric = [name for name, kind in kinds.items() if kind in NUMBERS]
     numbers, vectors = _number_stores(numeric, spec, capacity)
     texts = {name: _Texts(capacity) for name, kind in kinds.items() if kind == "text"}
     times = {name: _Times(capacity) for name, kind in kinds.items() if kind == "time"}
@@ -48,7 +51,7 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
     for frame in frames(text, _dtypes(kinds)):
         found = dict(frame.items())
         for name in [name for name in numbers if found[name].dtype.kind not in "iuf"]:
-            if kinds[name] == "number":
+            if kinds[name] != "covariate":
                 raise Suspect
             del numbers[name]
         for column in (numbers, texts, times):
@@ -65,13 +68,14 @@ def read_fast(text: CsvText, spec: TableSpec) -> tuple[int, Columns]:
             names: _filled(values, names, numbers, count) for names, values in vectors.items()
         },
     )
+    _to_signs(columns, spec)
     _check_cells(columns, spec)
     return count, columns
 
 
 def _dtypes(kinds: dict[str, Kind]) -> dict[str, Any]:
     """What pandas is told of the columns; it finds out by itself what a covariate is."""
-    found = {"number": "float64", "text": "category", "time": "category"}
+    found = {"number": "float64", "sign": "float64", "text": "category", "time": "category"}
     return {name: found[kind] for name, kind in kinds.items() if kind != "covariate"}
 
 
@@ -224,9 +228,28 @@ class _Times:
         return TimeColumn(self.values[:count], next(iter(self.aware)))
 
 
+def _to_signs(columns: Columns, spec: TableSpec) -> None:
+    """Numbers in place of the texts of columns that hold signs in words.
+
+    Raises Suspect for a text that is no sign.
+    """
+    import numpy as np
+
+    for name in spec.signs & columns.texts.keys():
+        text = columns.texts.pop(name)
+        signs = [direction_sign(label) for label in text.labels]
+        if None in signs:
+            raise Suspect
+        columns.numbers[name] = np.array([*signs, np.nan], np.float64)[text.codes]
+
+
 def _check_cells(columns: Columns, spec: TableSpec) -> None:
+    import numpy as np
+
     for name, values in columns.numbers.items():
         if not _finite(values, spec.empty_allowed(name)):
+            raise Suspect
+        if name in spec.signs and not ((np.abs(values) == 1.0) | np.isnan(values)).all():
             raise Suspect
         if name in WHOLE and name in spec.numbers:
             ends = values.min(initial=0.0), values.max(initial=0.0)

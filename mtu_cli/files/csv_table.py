@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-Kind = Literal["number", "text", "time", "covariate"]
+Kind = Literal["number", "text", "time", "sign", "covariate"]
 LISTED_PROBLEMS = 10_000
 WHOLE = ("pass", "repeat", "sequence")
 """Columns of whole numbers where a contract names them."""
@@ -30,13 +30,14 @@ class TableSpec:
 
     `may_be_empty` are named columns whose cells may be empty; `exclusive` pairs must not
     both be there, `together` pairs only both. `vectors` are numbers that belong together, `units`
-    are texts that are units.
+    are texts that are units, `signs` numbers -1 or +1 that may be written in words.
     """
 
     required: tuple[str, ...]
     numbers: frozenset[str]
     texts: frozenset[str]
     times: frozenset[str] = frozenset()
+    signs: frozenset[str] = frozenset()
     may_be_empty: frozenset[str] = frozenset()
     exclusive: tuple[tuple[str, str], ...] = ()
     together: tuple[tuple[str, str], ...] = ()
@@ -52,16 +53,18 @@ class TableSpec:
             return "text"
         if name in self.times:
             return "time"
+        if name in self.signs:
+            return "sign"
         return "number" if is_covariate(name) else "covariate"
 
     @property
     def names(self) -> tuple[str, ...]:
         """All columns that the contract names."""
-        return tuple(sorted(self.numbers | self.texts | self.times))
+        return tuple(sorted(self.numbers | self.texts | self.times | self.signs))
 
     def named(self, name: str) -> bool:
         """Whether the contract names the column."""
-        return name in self.numbers or name in self.texts or name in self.times
+        return any(name in own for own in (self.numbers, self.texts, self.times, self.signs))
 
     def empty_allowed(self, name: str) -> bool:
         """Whether cells of the column may be empty."""

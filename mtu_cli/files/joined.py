@@ -30,7 +30,6 @@ FEW = 30_000
 LONGEST_MIN = 5.3e7
 """A century; minutes since 1970 are fewer, seconds more."""
 IN_MINUTES = f"minutes, at most a century ({LONGEST_MIN:g}) from the start; seconds divided by 60"
-SIGNS = "-1 or +1"
 
 
 def read_tables(
@@ -113,14 +112,6 @@ def integers(tables: Sequence[Table], name: str, problems: ProblemList) -> Ints:
     _by_table(tables, faulty, name, "not a whole number", values, "a whole number", problems)
     _by_table(tables, ~faulty & (values < least), name, lesser, values, wanted, problems)
     return np.where(faulty | np.isnan(values), -1.0, values).astype(np.int64)
-
-
-def check_signs(tables: Sequence[Table], name: str, problems: ProblemList) -> None:
-    """Cells of a column other than -1, +1 and empty ones."""
-    if any(name in table.columns.numbers for table in tables):
-        values = numbers(tables, name)
-        faulty = ~np.isnan(values) & (np.abs(values) != 1.0)
-        _by_table(tables, faulty, name, "not a direction", values, SIGNS, problems)
 
 
 def check_magnitude(table: Table, name: str, problems: ProblemList) -> None:

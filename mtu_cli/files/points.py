@@ -35,11 +35,12 @@ SHOWN_FEATURES = 3
 SPEC = TableSpec(
     required=("part", "feature", "x_mm", "y_mm"),
     numbers=frozenset(
-        {"x_mm", "y_mm", "z_mm", "repeat", "sequence", "time_min", "dir_x", "dir_y", "dir_z"}
+        {"x_mm", "y_mm", "z_mm", "repeat", "sequence", "time_min"}
         | {f"nominal_{axis}_mm" for axis in AXES}
     ),
     texts=frozenset({"part", "feature", "operation"}),
     times=frozenset({"time"}),
+    signs=frozenset({"dir_x", "dir_y", "dir_z"}),
     may_be_empty=frozenset({"dir_x", "dir_y", "dir_z", *(f"nominal_{axis}_mm" for axis in AXES)}),
     exclusive=(("time", "time_min"),),
     together=(("nominal_x_mm", "nominal_y_mm"),),
@@ -51,7 +52,6 @@ SPEC = TableSpec(
         "part": "the serial number or name of the part",
         "feature": "the name of a feature of the part",
         "operation": "a name such as drilled in every row, or no column 'operation'",
-        **dict.fromkeys(("dir_x", "dir_y", "dir_z"), joined.SIGNS),
     },
 )
 
@@ -106,8 +106,6 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
     for table in tables:
         _check_table(table, features, problems)
     if problems.listed:
-        for axis in AXES:
-            joined.check_signs(tables, f"dir_{axis}", problems)
         for name in ("repeat", "sequence"):
             joined.integers(tables, name, problems)
         problems.raise_if_any()
@@ -145,8 +143,6 @@ def _assemble(
     names, feature = joined.labelled(tables, "feature", tuple(features or ()))
     operations, operation = joined.labelled(tables, "operation")
     directions = [f"dir_{axis}" for axis in AXES]
-    for name in directions:
-        joined.check_signs(tables, name, problems)
     return Points(
         parts=parts,
         part=part,

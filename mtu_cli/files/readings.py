@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from mtu_cli.errors import Problem, closest, did_you_mean
+from mtu_cli.errors import Problem, did_you_mean
 from mtu_cli.files import doubled, joined
 from mtu_cli.files.column_twins import column_twins
 from mtu_cli.files.contracts import Notice
@@ -22,6 +22,7 @@ from mtu_cli.files.reading_cells import Travels
 from mtu_cli.files.reading_sizes import check_sizes, check_units
 from mtu_cli.files.row_marks import row_marks
 from mtu_cli.files.run_signs import run_signs
+from mtu_cli.files.sign_words import direction_hint, direction_sign
 from mtu_cli.files.source import Source
 from mtu_cli.files.swapped_columns import refuse_swapped
 from mtu_cli.files.unused_positions import unused_positions
@@ -47,7 +48,6 @@ SPEC = TableSpec(
 
 FEWEST_COPIED = 4
 """Fewer equal readings than this may be chance."""
-DIRECTIONS = {"forward": 1, "+": 1, "1": 1, "+1": 1, "reverse": -1, "-": -1, "-1": -1}
 
 
 class ComponentLike(Protocol):
@@ -150,7 +150,7 @@ def check_cells(
     """Cells that mean nothing: units, directions, components, positions, sizes."""
     refuse_swapped(table)
     check_units(table, problems)
-    joined.check_labels(table, "direction", "unknown direction", _direction_hint, problems)
+    joined.check_labels(table, "direction", "unknown direction", direction_hint, problems)
     for name in ("error", "position_mm"):
         joined.check_magnitude(table, name, problems)
     if table.source.role == ROLE:
@@ -165,18 +165,6 @@ def check_cells(
             problems,
         )  # fmt: skip
         _check_machine(table, components, problems)
-
-
-def _direction_hint(label: str) -> str | None:
-    if direction_sign(label) is not None:
-        return None
-    near = closest(label, ("forward", "reverse"))
-    return f"did you mean {near!r}?" if near else "forward or reverse, + or -, 1 or -1"
-
-
-def direction_sign(label: str) -> int | None:
-    """+1 for forward, -1 for reverse, None for anything else."""
-    return DIRECTIONS.get(label.casefold().removesuffix(".0"))
 
 
 def _check_machine(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mtu_cli.errors import InputError
+from mtu_cli.files import csv_file
 from mtu_cli.files.contracts import LEAST
 from mtu_cli.files.points import Place, Points, read_points
 
@@ -123,22 +124,45 @@ def test_dates_are_minutes_from_the_first(tmp_path: Path) -> None:
     assert read(tmp_path, content).time_min.tolist() == [30.0, 0.0]
 
 
+@pytest.mark.parametrize("small", [1 << 20, 0], ids=["cell by cell", "pandas"])
+def test_directions_are_written_as_those_of_readings(
+    small: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In words, signs or numbers, by either reader, and mixed from file to file."""
+    monkeypatch.setattr(csv_file, "SMALL", small)
+    first = f"{HEAD},dir_x,dir_y\na,h1,0,0,+,forward\na,h2,0,0,,Reverse\nb,h1,0,0,-,+1\n"
+    second = f"{HEAD},dir_x\nc,h1,0,0,1.0\nc,h2,0,0,-1\n"
+    found = read(tmp_path, first, second).direction
+    np.testing.assert_array_equal(found[:, 0], [1, np.nan, -1, 1, -1])
+    np.testing.assert_array_equal(found[:3, 1], [1, -1, 1])
+    one = f"{HEAD},dir_x\n{'a,h1,0,0,1'}\na,h2,0,0,+\n"
+    assert read(tmp_path, one).direction[:, 0].tolist() == [1, 1]
+    bad = f"{HEAD},dir_x,dir_y\na,h1,0,0,+,1\na,h2,0,0,forwrd,0.5\n"
+    assert faults(tmp_path, bad) == [
+        "p0.csv, row 3, column 'dir_x': not a direction: 'forwrd'; did you mean 'forward'?",
+        "p0.csv, row 3, column 'dir_y': not a direction: '0.5'; expected forward or reverse, + or "
+        "-, 1 or -1",
+    ]
+    german = f"{HEAD};dir_x".replace(",", ";") + "\na;h1;0,5;0;1,0\na;h2;0;0;−\n"
+    assert read(tmp_path, german).direction[:, 0].tolist() == [1, -1]
+
+
 def test_all_faults(tmp_path: Path) -> None:
     content = f"{HEAD},dir_x,repeat,sequence\na,h3,0,0,1,1,1\na,H1,0,0,0,1,1\na,h1,0,0,2,1.5,x\n"
     assert [line.split("column ")[1].split(":")[0] for line in faults(tmp_path, content)] == [
-        "'feature'", "'feature'", "'dir_x'", "'sequence'", "'dir_x'", "'repeat'",
+        "'feature'", "'dir_x'", "'feature'", "'dir_x'", "'sequence'", "'repeat'",
     ]  # fmt: skip
     found = faults(tmp_path, content.replace(",x\n", ",0.5\n"))
     assert [line.split("; ")[0] for line in found] == [
         "p0.csv, row 2, column 'feature': unknown feature: 'h3'",
-        "p0.csv, row 3, column 'feature': unknown feature: 'H1'",
         "p0.csv, row 3, column 'dir_x': not a direction: '0'",
+        "p0.csv, row 3, column 'feature': unknown feature: 'H1'",
         "p0.csv, row 4, column 'dir_x': not a direction: '2'",
         "p0.csv, row 4, column 'repeat': not a whole number: '1.5'",
         "p0.csv, row 4, column 'sequence': not a whole number: '0.5'",
     ]
-    assert "did you mean 'h1'?" in found[1]
-    assert "expected -1 or +1" in found[2]
+    assert "did you mean 'h1'?" in found[2]
+    assert "expected forward or reverse, + or -, 1 or -1" in found[1]
 
 
 def test_equal_rows_where_repeats_are_told_apart(tmp_path: Path) -> None:

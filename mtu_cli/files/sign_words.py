@@ -1,0 +1,24 @@
+"""The signs of a direction, as readings and points may write them."""
+
+from __future__ import annotations
+
+from mtu_cli.errors import closest
+
+SIGN_WORDS = {"forward": 1, "+": 1, "1": 1, "+1": 1, "reverse": -1, "-": -1, "-1": -1}
+_MINUS = str.maketrans({"\u2212": "-", "\u2013": "-"})
+"""What a word processor makes of a minus: as a sign it can mean nothing else."""
+EXPECTED = "forward or reverse, + or -, 1 or -1"
+
+
+def direction_sign(label: str) -> int | None:
+    """+1 for forward, -1 for reverse, None for anything else."""
+    plain = label.strip().casefold().translate(_MINUS).replace(",", ".")
+    return SIGN_WORDS.get(plain.removesuffix(".0"))
+
+
+def direction_hint(label: str) -> str | None:
+    """What to write instead of a label that is no direction; None for one that is."""
+    if direction_sign(label) is not None:
+        return None
+    near = closest(label, ("forward", "reverse"))
+    return f"did you mean {near!r}?" if near else EXPECTED
