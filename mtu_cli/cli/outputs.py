@@ -65,7 +65,9 @@ def check_outputs(inputs: Inputs) -> None:
 
 
 def check_overwritten(targets: Iterable[Path], mark: str) -> None:
-    """Refuses to write over files with anything in them that do not begin with a `mark`."""
+    """Raises InputError for files with anything in them that do not begin with a `mark`: they are
+    not written over.
+    """
     from mtu_cli.files.source import begins_with, given_path
 
     problems = [

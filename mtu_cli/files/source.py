@@ -162,16 +162,20 @@ def hash_of(path: Path, role: str) -> str:
 
 
 def begins_with(path: Path, mark: str) -> bool:
-    """Whether a file begins so; as if it did where there is nothing in it, or no such file."""
+    """Whether a file begins so, blank lines left out; as if it did where there is nothing in it but
+    blanks, or no such file.
+    """
     start = mark.encode()
     try:
         if not path.is_file():
             return True
         with path.open("rb") as stream:
-            found = stream.read(len(codecs.BOM_UTF8) + len(start))
+            found = stream.read(len(codecs.BOM_UTF8)).removeprefix(codecs.BOM_UTF8).lstrip()
+            while len(found) < len(start) and (more := stream.read(_CHUNK)):
+                found = found + more if found else more.lstrip()
     except OSError:
         return False
-    return not found or found.removeprefix(codecs.BOM_UTF8).startswith(start)
+    return not found or found.startswith(start)
 
 
 def missing_file(folder: Path, name: str) -> Problem | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from pathlib import Path
 from typing import Any
 
@@ -147,5 +148,13 @@ def test_simulate_overwrites_files_of_its_own_alone(tmp_path: Path) -> None:
         "measured data is not overwritten; expected another name, or the file moved away\n"
     )
     assert [path.read_bytes() for path in files.values()] == [second[0], measured]
-    files["--write-cmm"].write_bytes(b"")
+    at_fault = mtu(*call, "--effect", "Ex: 0.004*dir_q", cwd=work)
+    assert (at_fault.returncode, "dir_q" in at_fault.stderr) == (2, True)
+    assert "overwritten" not in at_fault.stderr
+    for nothing in (b"", b"\n", codecs.BOM_UTF8 + b" \r\n" * 100_000):
+        files["--write-cmm"].write_bytes(nothing)
+        assert mtu(*call, "--seed", "3", cwd=work).returncode == 0
+    files["--write-cmm"].write_bytes(b"\n" * 100_000 + measured)
+    assert mtu(*call, "--seed", "3", cwd=work).returncode == 2
+    files["--write-cmm"].write_bytes(b"\n" * 100_000 + second[1])
     assert mtu(*call, "--seed", "3", cwd=work).returncode == 0
