@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import did_you_mean, fault
+from mtu_cli.errors import InputError, did_you_mean, fault
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
@@ -71,11 +72,8 @@ def by_component(option: str, texts: list[str] | None, names: list[str]) -> dict
     found: dict[str, FloatArray] = {}
     for text in texts or ():
         name, colon, numbers = (item.strip() for item in text.partition(":"))
-        try:
-            values = np.array([float(item) for item in numbers.replace(",", " ").split()])
-        except ValueError:
-            values = np.empty(0)
-        if not colon or not len(values) or not np.isfinite(values).all():
+        items = numbers.replace(",", " ").split()
+        if not colon or not items:
             raise fault(f"{option} is not NAME: NUMBERS", value=text, expected="'pos_y: 0 75 200'")
         if name not in names:
             raise fault(
@@ -85,5 +83,8 @@ def by_component(option: str, texts: list[str] | None, names: list[str]) -> dict
             )
         if name in found:
             raise fault(f"{option} names {name!r} twice", value=text)
-        found[name] = values
+        for item in items:
+            if bad := no_number(f"{option} {name}", item):
+                raise InputError(bad)
+        found[name] = np.array(list(map(float, items)))
     return found

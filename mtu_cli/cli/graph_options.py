@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import InputError, Problem, did_you_mean, fault
 from mtu_cli.files.graph_file import load_graph
@@ -50,6 +51,8 @@ def varied(options: Options, known: Sequence[str]) -> dict[str, tuple[float, ...
             what = "--vary: the count of values is out of range"
             expected = f"LOW:HIGH:COUNT with a count from 2 to {MOST}"
             problems.append(Problem(what=what, value=text, expected=expected))
+        elif bad := _bad_number(f"--vary {name}", listed):
+            problems.append(bad)
         elif values is None:
             problems.append(Problem(what="--vary is not NAME=VALUES", value=text, expected=EXAMPLE))
         elif len(set(values)) < len(values):
@@ -72,11 +75,20 @@ def _bad_count(text: str) -> bool:
         return False
 
 
+def _bad_number(option: str, text: str) -> Problem | None:
+    """The first of listed numbers, or of both ends of a range and their count, that is none."""
+    parts = text.split(":") if ":" in text else text.split(",")
+    if not all(part.strip() for part in parts):
+        return None
+    found = (
+        no_number(option, part, whole=":" in text and place == 2)
+        for place, part in enumerate(parts)
+    )
+    return next((bad for bad in found if bad), None)
+
+
 def _values(text: str) -> tuple[float, ...] | None:
     """Numbers from ``low:high:count``, downwards too, or ``a,b,c``; None where it is neither."""
-    if "_" in text:
-        # Python reads 1_0 as 10.
-        return None
     try:
         if ":" not in text:
             values = [float(part) for part in text.split(",")]

@@ -9,11 +9,12 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.covariates import DIRECTIONS
-from mtu_cli.files.csv_cells import expectation, is_not_finite, number
 from mtu_cli.files.csv_table import cell_text
+from mtu_cli.files.sign_words import direction_sign
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
 
 if TYPE_CHECKING:
@@ -175,25 +176,21 @@ class Inputs:
         problems: list[Problem] = []
         for text in self.options.at or ():
             name, equals, value = (part.strip() for part in text.partition("="))
-            given = number(value)
-            named = equals and name and name.isprintable()
-            if named and is_not_finite(value):
-                problems.append(
-                    Problem(
-                        what=f"--at {name}: not finite", value=value, expected=expectation(value)
-                    )
-                )
-                continue
-            if not named or given is None:
+            if not (equals and name and name.isprintable() and value):
                 expected = "--at T_02_degC=23.5, say"
                 problems.append(
                     Problem(what="--at is not NAME=VALUE", value=text, expected=expected)
                 )
                 continue
+            if name.startswith("dir_") and (sign := direction_sign(value)) is not None:
+                value = str(sign)
+            if bad := no_number(f"--at {name}", value):
+                problems.append(bad)
+                continue
             if name in found:
                 problems.append(Problem(what=f"--at gives {name!r} twice", value=text))
-            problems += unlike_cells(name, given)
-            found[name] = given
+            problems += unlike_cells(name, float(value))
+            found[name] = float(value)
         if problems:
             raise InputError(problems)
         return found

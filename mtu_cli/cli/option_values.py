@@ -43,6 +43,24 @@ def bad_number(param: Any, raw: Mapping[str, Any], said: str) -> InputError | No
     return InputError(Problem(what=what, value=bad[0], expected=_meant(bad[0].strip(), whole)))
 
 
+def no_number(option: str, text: str, *, whole: bool = False) -> Problem | None:
+    """The Problem of a part of an option's value, such as the VALUE of NAME=VALUE, that is no
+    finite number; None of one that is.
+    """
+    from mtu_cli.files.contract_errors import number_expectation
+    from mtu_cli.files.csv_cells import is_not_finite, number
+
+    text = text.strip()
+    if is_not_finite(text):
+        return Problem(what=f"{option}: not finite", value=text, expected="a finite number")
+    if number(text) is None or (whole and not _fits(text, whole)):
+        kind = "whole number" if whole else "number"
+        expected = _meant(text, whole)
+        expected = number_expectation(text) if expected == "a number" else expected
+        return Problem(what=f"{option}: not a {kind}", value=text, expected=expected)
+    return None
+
+
 def _fits(text: str, whole: bool) -> bool:
     try:
         (int if whole else float)(text)

@@ -9,9 +9,10 @@ import numpy as np
 
 from mtu_cli.cli.drift_places import by_component, read_at
 from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.simulate_ranges import MOST
-from mtu_cli.errors import did_you_mean, fault
+from mtu_cli.errors import InputError, did_you_mean, fault
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.model.calibrated_places import growth
 from mtu_cli.model.climate import Climate, as_read, settled
@@ -125,12 +126,13 @@ def check_cmm_room(options: Options) -> None:
 
 
 def _pair(option: str, text: str, example: str, bounds: tuple[float, float]) -> tuple[float, float]:
-    try:
-        low, high = (float(item) for item in text.split(":"))
-    except ValueError:
-        low, high = np.nan, np.nan
-    if not np.isfinite([low, high]).all():
+    ends = text.split(":")
+    if len(ends) != 2 or not all(end.strip() for end in ends):
         raise fault(f"{option} is not LOW:HIGH", value=text, expected=f"{example}, say")
+    for end in ends:
+        if bad := no_number(option, end):
+            raise InputError(bad)
+    low, high = map(float, ends)
     if low > high:
         raise fault(f"{option}: LOW is above HIGH", value=text, expected="the lower end first")
     if not bounds[0] <= low <= high <= bounds[1]:

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.errors import fault
+from mtu_cli.cli.option_values import no_number
+from mtu_cli.errors import InputError, fault
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -71,14 +72,14 @@ def _given(text: str) -> dict[str, FloatArray]:
 
 
 def _range(part: str, text: str) -> FloatArray:
-    try:
-        ends = part.split(":", 2)
-        low, high, count = float(ends[0]), float(ends[1]), int(ends[2])
-    except (ValueError, IndexError):
-        low, high, count = np.nan, np.nan, 0
-    if not np.isfinite([low, high]).all():
+    ends = part.split(":")
+    if len(ends) != 3 or not all(end.strip() for end in ends):
         what = "--positions is not LOW:HIGH:COUNT"
         raise fault(what, value=text, expected="0:140:8, say, or x=0:140:8,y=0:90:5")
+    for place, end in enumerate(ends):
+        if bad := no_number("--positions", end, whole=place == 2):
+            raise InputError(bad)
+    low, high, count = float(ends[0]), float(ends[1]), int(ends[2])
     if low >= high:
         what = f"--positions: LOW, {low:g}, is {'above' if low > high else 'the same as'} HIGH"
         raise fault(what, value=text, expected="LOW:HIGH:COUNT with LOW below HIGH")

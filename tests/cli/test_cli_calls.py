@@ -178,9 +178,17 @@ def test_help_is_shown_beside_arguments_too_many(work: Path) -> None:
 
 
 def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
-    bad = ["T", "=1", "T_a_degC=", "T_a_degC=warm", "a\x07=1", "T_b_degC=1_0", "T_b_degC=\uff12"]
+    bad = ["T", "=1", "T_a_degC=", "a\x07=1"]
+    words = {
+        "warm": "a number",
+        "1_0": "a number",
+        "\uff12": "a number in the digits 0 to 9",
+        "23,5": "23.5 with a decimal point",
+        "23.5 degC": "a number alone, without its unit",
+    }
     vast = ["nan", "-inf", "1e400"]
-    given = [*bad, *(f"T_a_degC={value}" for value in vast), "dir_x=1", "dir_x=-1"]
+    values = [*words, *vast]
+    given = [*bad, *(f"T_a_degC={value}" for value in values), "dir_x=1", "dir_x=-1"]
     call = [word for text in given for word in ("--at", text)]
     found = refused(work, "lengths", *call, *OUTPUTS).removeprefix("mtu: ").splitlines()
     assert len(found) == len(given) - 1
@@ -188,10 +196,13 @@ def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
         assert line.startswith(
             f"--at is not NAME=VALUE: {text!r}; expected --at T_02_degC=23.5, say"
         )
-    not_finite = [
-        f"--at T_a_degC: not finite: {value!r}; expected a finite number" for value in vast
+    assert found[len(bad) : -1] == [
+        *(
+            f"--at T_a_degC: not a number: {text!r}; expected {hint}"
+            for text, hint in words.items()
+        ),
+        *(f"--at T_a_degC: not finite: {value!r}; expected a finite number" for value in vast),
     ]
-    assert found[len(bad) : -1] == not_finite
     assert found[-1] == "--at gives 'dir_x' twice: 'dir_x=-1'"
 
 
@@ -248,7 +259,10 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
     ("call", "words"),
     [
         (["--positions", "0:140"], "--positions is not LOW:HIGH:COUNT: '0:140'"),
-        (["--positions", "0:inf:8"], "--positions is not LOW:HIGH:COUNT"),
+        (["--positions", "0:inf:8"], "--positions: not finite: 'inf'; expected a finite number"),
+        (["--positions", "x=0:ab:8"], "--positions: not a number: 'ab'; expected a number"),
+        (["--positions", "0:9:8.0"], "--positions: not a whole number: '8.0'; expected 8, a whole"),
+        (["--positions", "0::8"], "--positions is not LOW:HIGH:COUNT: '0::8'"),
         (
             ["--positions", "0:1:2:3"],
             "--positions is not LOW:HIGH:COUNT: '0:1:2:3'; expected 0:140",

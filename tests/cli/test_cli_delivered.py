@@ -208,6 +208,8 @@ def test_a_direction_is_forth_or_back(name: str, work: Path) -> None:
     """As a column of points is."""
     text = (work / "machine.yaml").read_text()
     (work / "machine.yaml").write_text(text.replace("Ex: ", "Ex: 0.001*dir_x + "))
+    for sign in ("-1", "-", "reverse"):
+        assert Inputs(Options("lengths", {"at": [f"dir_*={sign}"]})).at == {"dir_*": -1.0}
     modelled(Inputs(Options("lengths", {"at": ["dir_*=-1"]})))
     words = r"--at dir_[xz]: not a direction: '.*'; expected -1 or \+1"
     with pytest.raises(InputError, match=words):

@@ -95,8 +95,11 @@ def test_how_many_probings() -> None:
     [
         ("axis_um=1,1", "a value twice"),
         ("axis_um=2:2:3", "a value twice"),
-        ("axis_um=1_0", "not NAME=VALUES"),
-        ("axis_um=0:1_0:2", "not NAME=VALUES"),
+        ("axis_um=1_0", "--vary axis_um: not a number: '1_0'; expected a number"),
+        ("axis_um=0:1_0:2", "--vary axis_um: not a number: '1_0'; expected a number"),
+        ("axis_um=0:1:2.5", "--vary axis_um: not a whole number: '2.5'; expected a whole number"),
+        ("axis_um=1,nan", "--vary axis_um: not finite: 'nan'; expected a finite number"),
+        ("axis_um=1,,2", "--vary is not NAME=VALUES: 'axis_um=1,,2'; expected --vary axis_um="),
     ],
 )
 def test_slips_in_vary(vary: str, told: str, tmp_path: Path) -> None:
