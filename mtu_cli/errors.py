@@ -8,6 +8,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from mtu_cli.slips import nearest
+
 EXIT_INPUT = 2
 EXIT_GATE = 3
 
@@ -211,16 +213,7 @@ def printable(text: str) -> str:
 
 def closest(name: str, names: Iterable[str]) -> str | None:
     """The known name that `name` was probably meant to be, or None."""
-    known: Sequence[str] = [str(candidate) for candidate in names]
-    folded = {candidate.casefold(): candidate for candidate in known}
-    if name.casefold() in folded:
-        return folded[name.casefold()]
-    found = difflib.get_close_matches(name.casefold(), folded, n=len(folded) or 1, cutoff=0.6)
-    # Letters in another order are a slip of the fingers: `azx` is `axz` sooner than `ayz`.
-    letters = sorted(name.casefold())
-    swapped = (candidate for candidate in found if sorted(candidate) == letters)
-    near = next(swapped, found[0] if found else None)
-    return None if near is None else folded[near]
+    return next(iter(nearest(name, names)), None)
 
 
 def is_near(name: str, other: str) -> bool:
@@ -236,8 +229,17 @@ def is_near(name: str, other: str) -> bool:
 def did_you_mean(name: str, names: Iterable[str]) -> str:
     """The ending of an unknown-name message: the closest name, or the known ones."""
     known = list(names)
-    near = closest(name, known)
-    return listing(known) if near is None else f"did you mean {near!r}?"
+    return question(nearest(name, known)) or listing(known)
+
+
+def question(near: Sequence[str]) -> str:
+    """``did you mean 'um' or 'mm'?``; nothing where no name is near, or so many are that none is
+    nearer than the rest.
+    """
+    if not 0 < len(near) <= SHOWN_ALIKE:
+        return ""
+    *first, last = map(repr, near)
+    return f"did you mean {', '.join(first)}{' or ' if first else ''}{last}?"
 
 
 def listing(names: Iterable[str]) -> str:

@@ -18,6 +18,7 @@ import mtu_cli
 ROOT = Path(mtu_cli.__file__).parent
 FLOORS = {
     "errors": 0,
+    "slips": 0,
     "units": 0,
     "language": 1,
     "files": 2,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
-from mtu_cli.errors import Problem, closest
+from mtu_cli.errors import Problem, question
 from mtu_cli.files.contract_keys import Decimals, expected_key, meant, torn_values
 from mtu_cli.files.contract_shapes import (
     annotation_at,
@@ -21,6 +21,7 @@ from mtu_cli.files.contract_shapes import (
 from mtu_cli.files.shown_values import shown_value
 from mtu_cli.files.yaml_entries import COLON, as_entry
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
+from mtu_cli.slips import nearest
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -211,12 +212,12 @@ def _missing_value(
 def _literal(item: ErrorDetails) -> tuple[str, str]:
     allowed = _allowed(item)
     what = "unknown key" if item["loc"][-1:] == ("[key]",) else "unknown value"
-    near = closest(str(item["input"]), allowed)
+    near = nearest(str(item["input"]), allowed)
     if item["loc"][-1:] == ("distribution",):
         # Another name is no slip of the most alike: `uniform` is not meant to be `normal`.
-        meant = _distribution(str(item["input"]))
-        near = near if meant is None else meant if meant in allowed else None
-    return what, f"did you mean {near!r}?" if near else f"one of: {', '.join(allowed)}"
+        own = _distribution(str(item["input"]))
+        near = near if own is None else [own] if own in allowed else []
+    return what, question(near) or f"one of: {', '.join(allowed)}"
 
 
 def _allowed(item: ErrorDetails) -> list[str]:

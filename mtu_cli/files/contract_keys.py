@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from mtu_cli.errors import closest, is_near, listing
+from mtu_cli.errors import closest, did_you_mean
 from mtu_cli.files.yaml_commas import decimal_point
 from mtu_cli.files.yaml_entries import COLON, as_entry, key_of
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
@@ -22,7 +22,7 @@ def meant(key: str, known: Collection[str]) -> str | None:
     """The known key that an unknown one was probably meant to be."""
     key = key_of(key)
     own = key if key in known else None
-    return own or by_other_name(key, known) or _stated_in(key, known) or _near(key, known)
+    return own or by_other_name(key, known) or _stated_in(key, known) or closest(key, known)
 
 
 def expected_key(key: str, known: Collection[str]) -> str:
@@ -34,8 +34,7 @@ def expected_key(key: str, known: Collection[str]) -> str:
         return f"{other!r}: in {_unit(other)}, not {_unit(key)}"
     if (other := by_other_name(key, known)) is not None:
         return f"{other!r}"
-    near = _near(key, known)
-    return f"did you mean {near!r}?" if near is not None else listing(known)
+    return did_you_mean(key, known)
 
 
 def by_other_name(key: str, known: Collection[str]) -> str | None:
@@ -59,15 +58,6 @@ def _stated_in(key: str, known: Iterable[str]) -> str | None:
 
 def _unit(key: str) -> str:
     return key.rpartition("_")[2]
-
-
-def _near(key: str, known: Collection[str]) -> str | None:
-    """The most alike of the known keys, where it is no other word: `units` are not `notes`."""
-    near = closest(key, known)
-    if near is None:
-        return None
-    short, long = sorted((key.casefold(), near.casefold()), key=len)
-    return near if is_near(key, near) or long.startswith(short) else None
 
 
 def torn_values(

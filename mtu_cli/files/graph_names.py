@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import SequenceMatcher
 
-from mtu_cli.errors import closest, listing
+from mtu_cli.errors import listing, question
+from mtu_cli.slips import nearest
 
 SHOWN = 12
 """Names listed."""
@@ -14,9 +15,8 @@ SHOWN = 12
 def known_places(name: str, known: Iterable[str]) -> str:
     """``did you mean 'H1'?``; or what is known, the most alike first, and how many more."""
     listed = list(known)
-    near = closest(name, listed)
-    if near is not None:
-        return f"did you mean {near!r}?"
+    if near := question(nearest(name, listed)):
+        return near
     if not listed:
         return listing(listed)
     order = sorted(listed, key=lambda item: (-_likeness(name, item), abs(len(item) - len(name))))

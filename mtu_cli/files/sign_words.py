@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from mtu_cli.errors import closest
+from mtu_cli.errors import question
+from mtu_cli.slips import nearest
 
 SIGN_WORDS = {"forward": 1, "+": 1, "1": 1, "+1": 1, "reverse": -1, "-": -1, "-1": -1}
 _MINUS = str.maketrans({"\u2212": "-", "\u2013": "-"})
@@ -20,5 +21,4 @@ def direction_hint(label: str) -> str | None:
     """What to write instead of a label that is no direction; None for one that is."""
     if direction_sign(label) is not None:
         return None
-    near = closest(label, ("forward", "reverse"))
-    return f"did you mean {near!r}?" if near else EXPECTED
+    return question(nearest(label, ("forward", "reverse"))) or EXPECTED

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import product
 
 import pytest
 
@@ -19,6 +20,7 @@ from mtu_cli.errors import (
     shorten,
 )
 from mtu_cli.model.settings import Warned
+from mtu_cli.slips import _slips, nearest
 
 
 @pytest.mark.parametrize(
@@ -156,6 +158,41 @@ def test_letters_in_another_order_are_nearest() -> None:
     assert closest("AZX", ["ayz", "axz"]) == "axz"
     assert closest("T_12_degC", ["T_02_degC", "T_21_degC"]) == "T_21_degC"
     assert closest("trap", ["part"]) is None
+
+
+def test_what_is_not_near_is_no_suggestion() -> None:
+    """A third of the letters may differ, or the rest is missing; slips of the fingers count."""
+    steps = ["meas", "line", "plane", "angle", "distance"]
+    assert nearest("winkel", steps) == []
+    assert nearest("dist", steps) == nearest("distence", steps) == ["distance"]
+    assert nearest("lien", steps) == ["line"]
+    assert nearest("LINE", steps) == ["line"]
+    assert nearest("umm", ["um", "mm", "nm", "um/m"]) == ["um", "mm"]
+    assert nearest("um/mm", ["um", "mm", "um/m"]) == ["um/m"]
+    assert did_you_mean("umm", ["um", "mm", "um/m"]) == "did you mean 'um' or 'mm'?"
+    assert did_you_mean("winkel", steps) == "one of: meas, line, plane, angle, distance"
+
+
+def test_so_many_names_equally_near_are_listed() -> None:
+    holes = [f"hole{i}" for i in range(1, 5)]
+    assert did_you_mean("hole", holes[:3]) == "did you mean 'hole1', 'hole2' or 'hole3'?"
+    assert did_you_mean("hole", holes) == "one of: hole1, hole2, hole3, hole4"
+
+
+def test_slips_between_names() -> None:
+    """Against the recursive definition."""
+
+    def slow(a: str, b: str) -> int:
+        if not a or not b:
+            return len(a) + len(b)
+        found = [slow(a[1:], b) + 1, slow(a, b[1:]) + 1, slow(a[1:], b[1:]) + (a[0] != b[0])]
+        if a[:2] == b[1::-1] and len(a) > 1 < len(b):
+            found.append(slow(a[2:], b[2:]) + 1)
+        return min(found)
+
+    words = ["".join(letters) for n in range(5) for letters in product("ab", repeat=n)]
+    for a, b in product(words, ["", "ba", "abc", "bca", "caba"]):
+        assert _slips(a, b) == slow(a, b)
 
 
 @pytest.mark.parametrize(

@@ -189,7 +189,11 @@ E = "--effect Ex: "
 @pytest.mark.parametrize(
     ("what", "equation", "words"),
     [
-        ("effects", "dir_q", f"{E}unknown name 'dir_q' at column 1; did you mean 'dir_y'?"),
+        (
+            "effects",
+            "dir_q",
+            f"{E}unknown name 'dir_q' at column 1; did you mean 'dir_x' or 'dir_y'?",
+        ),
         ("effects", "1/x", f"{E}no finite value in part 1 at feature 'a': 'x = 0'; {FINITE}"),
         ("effects", "1/(80-y)", f"{E}no finite value in part 1 at feature 'c': 'y = 80'; {FINITE}"),
         ("effects", "1/(2-sequence)", "no finite value in part 2 at feature 'a': 'sequence = 2'"),
