@@ -104,8 +104,8 @@ def check_net(graph: Graph, findings: Findings) -> None:
 
 def _unclear_sides(graph: Graph, findings: Findings) -> dict[str, float]:
     """How many places may be meant by what is wrong with `out` and `in`: one by each name that is
-    not known or no text, any by a transition that lacks its list. So many that nothing names
-    elsewhere are not told: that fault is.
+    not known or no text, any by a transition that lacks its list. So many that nothing makes are
+    not told: that fault is.
     """
     known = findings.keys("places")
     data = findings.document.data.get("transitions")
@@ -120,7 +120,6 @@ def _unclear_sides(graph: Graph, findings: Findings) -> dict[str, float]:
             unknown[OUT] = math.inf
         if entry.get("do") != "meas" and not isinstance(entry.get(IN), list):
             unknown[IN] = math.inf
-    unknown[IN] += sum(name not in known for name in graph.report)
     return unknown
 
 
@@ -242,7 +241,8 @@ def _check_used(
     shown = reported or [name for name in graph.places if name in ends - used]
     listed = [name for name in dict.fromkeys(shown) if name in known]
     idle = [name for name in graph.places if name not in used and name not in ends]
-    if len(idle) > unclear:
+    # A place leads nowhere mostly because what was to use it is at fault: that comes first.
+    if not unclear and len(idle) > sum(name not in known for name in reported):
         for name in idle:
             hint = f"`report: [{', '.join([*listed, name])}]`"
             hint = hint if len(listed) < SHOWN_REPORT else "listed under `report:`"

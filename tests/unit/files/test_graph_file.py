@@ -155,6 +155,15 @@ def test_more_places_than_a_slip_explains_are_told(tmp_path: Path) -> None:
     assert sum("no transition makes this vector" in line for line in faults(tmp_path, text)) == 2
 
 
+def test_a_place_that_leads_nowhere_comes_after_what_was_to_use_it(tmp_path: Path) -> None:
+    """However many do: the unknown input stands below them, and is what is to be mended."""
+    spare = NET.replace("  L:", "  u: {kind: vector}\n  w: {kind: constant, value: 1}\n  L:")
+    assert "places.w: leads nowhere" in str(faults(tmp_path, spare))
+    (found,) = [line for line in faults(tmp_path, spare.replace("in: [P, Q]", "in: [P, K]"))
+                if "no transition makes" not in line]  # fmt: skip
+    assert "unknown place: 'K'" in found
+
+
 def test_a_faulty_transition_is_not_a_missing_one(tmp_path: Path) -> None:
     text = """
 places:
