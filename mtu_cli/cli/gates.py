@@ -6,6 +6,17 @@ from collections.abc import Callable, Iterable
 
 from mtu_cli.errors import InputError, Problem
 
+OWNERS = {
+    "drift": "fit-components",
+    "nonconforming": "lengths",
+    "unusual": "anova",
+    "biased": "compare",
+    "under-predicted": "compare",
+    "found": "close-loop",
+    "unexplained": "close-loop",
+}
+"""The command of each gate: a step that is copied within a script brings another's along."""
+
 
 def read_gates(given: str | None, known: Callable[[str], bool], expected: str) -> list[str]:
     """The gates asked for, each once.
@@ -30,9 +41,14 @@ def given_gates(given: str | None) -> list[str]:
 def unknown_gates(
     gates: Iterable[str], known: Callable[[str], bool], expected: Callable[[str], str]
 ) -> list[Problem]:
-    """The Problem of each that is not `known`."""
+    """The Problem of each that is not `known`, with the command that has it, if one does."""
     return [
-        Problem(what="unknown gate", value=gate, expected=expected(gate))
+        Problem(what="unknown gate", value=gate, expected=expected(gate) + _of_another(gate))
         for gate in gates
         if not known(gate)
     ]
+
+
+def _of_another(gate: str) -> str:
+    name = gate.partition("=")[0]
+    return f"; {name} is a gate of mtu {OWNERS[name]}" if name in OWNERS else ""

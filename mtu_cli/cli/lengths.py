@@ -9,7 +9,10 @@ from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled, one_direction
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
+from mtu_cli.files.csv_cells import number
 from mtu_cli.model.settings import Settings, Warned
+
+GATE = "nonconforming"
 
 
 def run(options: Options) -> None:
@@ -42,20 +45,18 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
 def _limit(given: str | None) -> float | None:
     """The largest allowed probability of a part that does not conform."""
     expected = "nonconforming=P with P from 0 to below 1, such as 0.01 for 1 %"
-    gates = read_gates(given, lambda gate: _share(gate) is not None, expected)
+    gates = read_gates(given, lambda gate: gate.startswith(f"{GATE}="), expected)
     if len(gates) > 1:
         raise fault("--fail-if gives nonconforming twice", value=given, expected="one of them")
+    if gates and _share(gates[0]) is None:
+        raise fault(f"--fail-if {GATE} is no share of parts", value=gates[0], expected=expected)
     return _share(gates[0]) if gates else None
 
 
 def _share(gate: str) -> float | None:
-    """P of ``nonconforming=P``; None where it is no such gate."""
-    name, _, value = gate.partition("=")
-    try:
-        limit = float(value)
-    except ValueError:
-        return None
-    return limit if name == "nonconforming" and 0 <= limit < 1 else None
+    """P of ``nonconforming=P``; None where it is none."""
+    limit = number(gate.partition("=")[2])
+    return limit if limit is not None and 0 <= limit < 1 else None
 
 
 def _nonconforming(result: LengthsResult, limit: float) -> str | None:

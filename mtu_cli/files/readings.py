@@ -132,7 +132,7 @@ def read_readings(
         _check_copied_files(readings, problems)
     known = components if for_fit else None
     if known is not None and not problems.listed:
-        _check_positions(readings, known, problems)
+        _check_positions(readings, known, travels or {}, problems)
         for table in tables:
             refuse_drift(table)
     if not problems.listed:
@@ -237,7 +237,10 @@ def assemble(
 
 
 def _check_positions(
-    readings: Readings, components: Mapping[str, ComponentLike], problems: ProblemList
+    readings: Readings,
+    components: Mapping[str, ComponentLike],
+    travels: Travels,
+    problems: ProblemList,
 ) -> None:
     for code, name in enumerate(readings.components):
         component = components[name]
@@ -247,6 +250,9 @@ def _check_positions(
             continue
         first = inside[0]
         shown = ", ".join(f"{value:g}" for value in distinct)
+        length = float(np.ptp(travels.get(component.of, (0.0, np.inf))))
+        far = np.abs(distinct).max() > length
+        travel = f"; {component.of} travels {length:g} mm" if far else ""
         plural = "one position only" if len(distinct) == 1 else f"{len(distinct)} positions only"
         problems.add(
             Problem(
@@ -255,7 +261,7 @@ def _check_positions(
                 row=int(readings.row[first]),
                 column="position_mm",
                 value=f"{shown} mm",
-                expected=f"at least {component.degree + 1} positions",
+                expected=f"at least {component.degree + 1} positions{travel}",
             )
         )
 

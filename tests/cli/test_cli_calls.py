@@ -11,6 +11,9 @@ import pytest
 from cli_runner import SMALL, TRUTH, done, mtu, prepared, refused
 from support import CONFIGS, PAPER
 
+from mtu_cli.cli import anova, close_loop_choices, compare, fit_components, lengths
+from mtu_cli.cli.gates import OWNERS
+
 OUTPUTS = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.png"]
 
 
@@ -212,15 +215,33 @@ SHARE = "nonconforming=P with P from 0 to below 1, such as 0.01 for 1 %"
 @pytest.mark.parametrize(
     ("command", "gate", "expected"),
     [
-        ("lengths", "nonconforming=1.5", SHARE),
-        ("lengths", "nonconforming=1", SHARE),
-        ("lengths", "nonconforming=nan", SHARE),
+        ("lengths", "nonconforming", f"{SHARE}; nonconforming is a gate of mtu lengths"),
+        ("lengths", "drift", f"{SHARE}; drift is a gate of mtu fit-components"),
+        ("anova", "nonconforming=0.1", "unusual; nonconforming is a gate of mtu lengths"),
         ("fit-components", "drifts", "drift"),
     ],
 )
 def test_unknown_gates(command: str, gate: str, expected: str, work: Path) -> None:
     message = refused(work, command, "--fail-if", gate, *OUTPUTS)
     assert message == f"mtu: unknown gate: '{gate}'; expected {expected}\n"
+
+
+@pytest.mark.parametrize("share", ["1.5", "1", "nan", "ab", "0,01", "1_0", ""])
+def test_a_gate_with_no_share(share: str, work: Path) -> None:
+    message = refused(work, "lengths", "--fail-if", f"nonconforming={share}", *OUTPUTS)
+    if share == "0,01":
+        # Commas stand between gates.
+        assert message.startswith("mtu: unknown gate: '01'; expected nonconforming=P")
+        return
+    told = f"--fail-if nonconforming is no share of parts: 'nonconforming={share}'"
+    assert message == f"mtu: {told}; expected {SHARE}\n"
+
+
+def test_every_gate_has_its_command() -> None:
+    gates = {"fit-components": fit_components.GATES, "anova": (anova.GATE,),
+             "lengths": (lengths.GATE,), "compare": compare.GATES,
+             "close-loop": close_loop_choices.GATES}  # fmt: skip
+    assert {name: command for command, own in gates.items() for name in own} == OWNERS
 
 
 @pytest.mark.parametrize(

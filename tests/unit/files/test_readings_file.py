@@ -239,6 +239,19 @@ def test_times_that_do_not_go_together(tmp_path: Path) -> None:
     )
 
 
+def test_a_position_that_is_everywhere_the_same_slip_tells_the_travel(tmp_path: Path) -> None:
+    """No position can be judged by the others then."""
+    path = tmp_path / "r.csv"
+    for value, told in ((9999, "; x travels 400 mm"), (40, "")):
+        path.write_text(f"{HEAD}\ndx_x,{value},1,um\ndx_x,{value},2,um\n")
+        travels = {"x": (0.0, 400.0)}
+        with pytest.raises(InputError) as caught:
+            read_readings([(path, "laser")], MACHINE, for_fit=True, travels=travels)
+        expected = f"only: '{value} mm'; expected at least 2 positions{told}"
+        assert str(caught.value).endswith(expected)
+        assert ", column 'position_mm': 'dx_x' of degree 1 is measured at one" in str(caught.value)
+
+
 def test_a_fit_needs_as_many_positions_as_coefficients(tmp_path: Path) -> None:
     content = f"{HEAD}\naxy,,1,arcsec\ndx_x,7,1,um\ndx_x,7,2,um\nez_x,1,1,rad\nez_x,2,1,rad\n"
     assert len(read(tmp_path, content)) == 5
