@@ -60,7 +60,7 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
         elif name and places.setdefault(name, index) != index:
             what = f"the column stands twice, as column {places[name] + 1} and {index + 1}"
             problems.append(Problem(what=what, file=shown, row=row, column=name))
-    problems += _nameless(shown, row, header)
+    problems += _nameless(shown, row, header, text.separator)
     wanted = list(spec.required)
     wanted += [b for a, b in spec.together if a in header]
     wanted += [a for a, b in spec.together if b in header]
@@ -75,7 +75,7 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
         raise InputError(problems + named + list(_told_later(text, spec, problems + named)))
 
 
-def _nameless(shown: str, row: int, header: tuple[str, ...]) -> Iterator[Problem]:
+def _nameless(shown: str, row: int, header: tuple[str, ...], separator: str) -> Iterator[Problem]:
     """The one problem of all columns without a name."""
     places = [index for index, name in enumerate(header, 1) if not name]
     if not places:
@@ -87,6 +87,10 @@ def _nameless(shown: str, row: int, header: tuple[str, ...]) -> Iterator[Problem
     several = f"columns {', '.join(told)}{f' and {left} more' if left else ''} have no name"
     what = several if len(places) > 1 else f"column {told[0]} has no name"
     expected = "a name (spreadsheets leave empty columns: delete them)"
+    if places == [len(header)]:
+        # Of programs that end each row with the sign that stands between columns.
+        what += f", as the header ends with {separator!r}"
+        expected = f"a name, or rows without {separator!r} at their end"
     yield Problem(what=what, file=shown, row=row, expected=expected)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from itertools import islice, pairwise
 from typing import TYPE_CHECKING
 
-from mtu_cli.errors import Problem
+from mtu_cli.errors import Problem, counted
 from mtu_cli.files.csv_stores import cell_problem, store_of
 from mtu_cli.files.csv_table import Columns, ProblemList, TableSpec
 from mtu_cli.files.csv_text import CELL_LIMIT, CsvText, lines_from
@@ -81,6 +81,7 @@ def _broken(text: CsvText, row: int, reason: str) -> Problem:
 
 
 _INTEGER = re.compile(r"[+-]?\d+")
+_WITH_POINT = re.compile(r"[+-]?\d+\.\d+")
 
 
 _SIGNS: dict[str, str] = {",": "commas", ";": "semicolons"}
@@ -98,14 +99,19 @@ def _wrong_length(text: CsvText, row: int, cells: list[str]) -> Problem:
         return cell_problem(text, row, None, what, None, "the same ones in all rows")
     expected = f"{wanted}, as in the header"
     surplus = len(cells) - wanted
+    if surplus > 0 and not any(map(str.strip, cells[wanted:])):
+        more = f"{text.separator!r}" if surplus == 1 else f"{surplus} {text.separator!r}"
+        what = f"{more} too many at the end of the row"
+        return cell_problem(text, row, None, what, None, f"{wanted} cells, as in the header")
     if surplus > 0:
         pairs = pairwise(cells)
         halves = sum(
             _INTEGER.fullmatch(left.strip()) is not None and right.strip().isdigit()
             for left, right in pairs
         )
-        if text.separator == "," and halves >= surplus:
+        points = any(_WITH_POINT.fullmatch(cell.strip()) for cell in cells)
+        if text.separator == "," and halves >= surplus and not points:
             expected += "; do the numbers have decimal commas? Then separate columns by semicolons"
     kind = "a short row" if surplus < 0 else "a long row"
-    what = f"{kind} of {len(cells)} cells"
+    what = f"{kind} of {counted(len(cells), 'cell')}"
     return cell_problem(text, row, None, what, text.separator.join(cells), expected)

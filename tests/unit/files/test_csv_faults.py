@@ -87,9 +87,21 @@ def test_faulty_headers(tmp_path: Path, content: str, words: list[str]) -> None:
 @pytest.mark.parametrize(
     ("row", "words"),
     [
-        ("a", ", row 3: a short row of 1 cells: 'a'; expected 3, as in the header"),
+        ("a", ", row 3: a short row of 1 cell: 'a'; expected 3, as in the header"),
         ("a,1", ", row 3: a short row of 2 cells: 'a,1'; expected 3"),
         ("a,1,2,x", ", row 3: a long row of 4 cells: 'a,1,2,x'; expected 3, as in the header"),
+        (
+            "a,1,2,",
+            ", row 3: ',' too many at the end of the row; expected 3 cells, as in the header",
+        ),
+        (
+            "a,1,2, ,",
+            ", row 3: 2 ',' too many at the end of the row; expected 3 cells, as in the h",
+        ),
+        (
+            "a,1.5,2,1,7",
+            ", row 3: a long row of 5 cells: 'a,1.5,2,1,7'; expected 3, as in the header",
+        ),
         ("a,1,5,2", "do the numbers have decimal commas? Then separate columns by semicolons"),
         (",,", ", row 3: all cells are empty"),
         (",1,2", ", row 3, column 'name': empty cell; expected a text"),

@@ -629,7 +629,7 @@ def test_an_axis_beside_coordinates_is_a_column_of_its_own(tmp_path: Path) -> No
 
 @pytest.mark.parametrize(
     ("header", "words"),
-    [("part,feature,x_mm,y_mm,", "column 5 has no name"),
+    [("part,feature,x_mm,y_mm,", "column 5 has no name, as the header ends with ','"),
      ("part,feature,x_mm,y_mm" + "," * 5000, "columns 5 to 5004 have no name"),
      ("part,,feature,x_mm,,,y_mm,", "columns 2, 5 to 6, 8 have no name"),
      ("part" + ",,a".join(map(str, range(10))) + ",feature,x_mm,y_mm",
