@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import compare_trials
 import measured_examples
 import numpy as np
 import pytest
@@ -186,6 +187,21 @@ def test_the_others_are_told_without_the_part_that_stands_out(size: float, alone
     assert item.deviation == pytest.approx(each[3], rel=1e-9)
     assert item.typical == pytest.approx(np.sqrt((np.delete(each, 3) ** 2).mean()), rel=1e-9)
     assert item.typical < 0.013
+
+
+@pytest.mark.parametrize("size", [0.02, 1.0])
+def test_the_others_of_a_single_table_are_told_without_the_part_too(size: float) -> None:
+    """One hole of 24 on one of 21 parts: by hand from the means of all parts there."""
+    found = compare_trials.made(*compare_trials.study()[1:], 1, parts=21)
+    here, measured = found.feature == 7, found.measured.copy()
+    measured[here & (found.part == 3), 0] += size
+    (item,) = analysed(with_measured(found, measured)).unusual or ()
+    errors = (measured - found.nominal)[:, 0]
+    means = np.array([errors[here & (found.part == p)].mean() for p in range(21)])
+    others = np.delete(means, 3)
+    assert (item.why, item.where) == ("single", ("", found.features[7], "x"))
+    assert item.deviation == pytest.approx(means[3] - others.mean(), rel=1e-9)
+    assert item.typical == pytest.approx(others.std(), rel=1e-9)
 
 
 def test_limits_are_none_where_nobody_can_stand_out() -> None:

@@ -111,6 +111,15 @@ def test_limits_below_zero_are_told_as_no_bound() -> None:
     header, listed = csv_rows(result)
     column = header.index("var_part_limits_below_zero")
     assert [row[column] for row in listed] == [True, False]
+    # An interval from 0 on is one.
+    one = next(
+        found.features
+        for seed in range(20)
+        for found in [analyse_variance(study(5, 2, seed, 0.0, 0.001), None, "reml", Settings())]
+        if ((found.features.interval == [0, 0]).sum(axis=1) == 1).any()
+    )
+    only_low = (one.interval == 0).sum(axis=1) == 1
+    assert not one.below_zero[only_low].any()
     # Nothing that scatters at all is another matter, and has a warning of its own.
     even = analyse_variance(
         points([(*row[:3], 0.0, 0.0) for row in rows]), None, "reml", Settings()
