@@ -95,12 +95,12 @@ def _order(table: Table, name: str) -> str:
     if not (explicit or _only(words, COUNTER)):
         return ""
     values, part = table.columns.numbers.get(name), table.columns.texts["part"].codes
-    if values is None or not bool((values == np.floor(values)).all()) or (part < 0).any():
+    if values is None or not bool((values == np.floor(values)).all()):
         return ""
     first = _firsts(values, part)
     if len(first) < FEWEST_PARTS or len(np.unique(first)) < len(first):
         return ""
-    of_parts = bool((first[_places(part)] == values).all())
+    of_parts = bool((first[part] == values).all())
     steps = np.diff(first)
     if of_parts and ((steps < 0).any() or (explicit and (steps != 1).any())):
         return "rename it where it is the order in which the parts were made"
@@ -112,17 +112,10 @@ def _order(table: Table, name: str) -> str:
     return ""
 
 
-def _places(part: Codes) -> NDArray[np.int64]:
-    """Parts (n,) counted from 0 in the order in which they first appear."""
-    _, first, inverse = np.unique(part, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    return rank[inverse.reshape(-1)]
-
-
 def _firsts(values: Floats, part: Codes) -> Floats:
-    """The least of the values (n,) of each part, in the order in which they first appear."""
-    place = _places(part)
-    least = np.full(int(place.max(initial=-1)) + 1, np.inf)
-    np.minimum.at(least, place, values)
+    """The least of the values (n,) of each part, in the order in which they first appear: that of
+    the codes of texts.
+    """
+    least = np.full(int(part.max(initial=-1)) + 1, np.inf)
+    np.minimum.at(least, part, values)
     return least

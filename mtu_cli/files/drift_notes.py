@@ -74,9 +74,9 @@ def _orders(table: Table, values: Floats) -> Iterator[tuple[Rows, str]]:
         return
     made = table.columns.numbers.get("sequence")
     if made is None:
-        # Of parts with no time from 0 on nobody knows; they stay at the beginning.
+        # Of parts with no time from 0 on nobody knows; below 0 they stay at the beginning.
         of_part = np.full(len(column.labels), -np.inf)
-        np.maximum.at(of_part, column.codes, np.where(values < 0, -np.inf, values))
+        np.maximum.at(of_part, column.codes, values)
         made = of_part[column.codes]
     yield np.lexsort((values, made)), "where the times of parts ascend"
 
