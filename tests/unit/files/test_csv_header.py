@@ -379,6 +379,16 @@ def test_a_sensor_is_not_lost_by_its_name(column: str, name: str | None, tmp_pat
     assert wanted in found[0]
 
 
+@pytest.mark.parametrize("first", ["Teil,Bohrung,Lage,Rand", "Teil,Bohrung,Lage,"])
+def test_a_header_of_other_names_stands_above_no_other(first: str, tmp_path: Path) -> None:
+    """Texts below names are cells."""
+    path = tmp_path / "t.csv"
+    path.write_text(f"{first}\nP1,A,left,upper\n", "utf-8")
+    with pytest.raises(InputError) as caught:
+        read_points([(path, "cmm")], {"A": (10.0, 10.0, None)})
+    assert "no header" not in str(caught.value)
+
+
 BARE = ["Temperatur [\u00b0C]", "Temperature (\u00b0C)", "Temp. [C]", "Temp", "T [\u00b0C]"]
 
 
