@@ -139,6 +139,22 @@ def test_runs_of_the_same_mean_are_warned_of(tmp_path: Path) -> None:
     assert drift.because == "the levels of its passes do not differ"
 
 
+def test_passes_one_way_of_the_same_mean_do_not_differ_however_many(tmp_path: Path) -> None:
+    """Each is up by a um at one end and down by it at the other, or the other way round."""
+    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
+    segment = Segment(
+        name="a",
+        position=np.tile(np.linspace(0, 90, 4), 6),
+        error=1e-3 * np.tile([1.0, 0.0, 0.0, -1.0, -1.0, 0.0, 0.0, 1.0], 3),
+        passes=np.repeat(np.arange(6), 4),
+        direction=np.repeat([1], 24),
+    )
+    fit = fit_machine(known, readings([segment]))
+    left = observability(fit, estimates_from_fit(known, fit))
+    (drift,) = [one for one in left if one.not_determined.startswith("steady drift")]
+    assert drift.because == "the levels of its passes do not differ"
+
+
 def test_instruments_that_disagree(tmp_path: Path) -> None:
     known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
     rng = np.random.default_rng(8)
