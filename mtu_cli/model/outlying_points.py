@@ -9,19 +9,23 @@ import numpy as np
 from mtu_cli.files.points import Points
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured import MeasuredTables
-from mtu_cli.model.outlying_repeats import of_operation, repeats_apart, rows_at, swollen
+from mtu_cli.model.outlying_repeats import (
+    SHOWN,
+    SLIP_RATE,
+    of_operation,
+    repeats_apart,
+    rows_at,
+    swollen,
+)
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import axes_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import display_step, outlying_p
 
-SLIP_RATE = 1e-3
-"""Chance of any warning over all features, axes and parts of a clean study."""
 FEWEST_PARTS = 5
 STEPS = 3.0
 """Of what the readings were rounded to: parts that are alike otherwise differ by less."""
 ROUNDING_MM = 1e-6
-SHOWN = 6
 
 
 class Outlying(NamedTuple):

@@ -18,7 +18,7 @@ from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import GROSS
 
 SLIP_RATE = 1e-3
-"""Chance of any warning over all tables of a clean study."""
+"""Chance of any warning of a kind over all features, axes and parts of a clean study."""
 SHOWN = 6
 
 

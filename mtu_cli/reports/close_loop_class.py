@@ -53,7 +53,7 @@ def _rivals(item: TableResult, effect: FoundEffect, *, beside: bool) -> list[Lin
     names = class_of(effect)
     more = " (more in the table)" if len(names) > RIVALS else ""
     first = "Beside that " if beside else ""  # What stands there is sure.
-    both = ", or both" if stays(item) else ""
+    both = f", or {'both' if len(names) == 2 else 'several of them'}" if stays(item) else ""
     alike = [text.removesuffix(COPIED) for text in copied(item, names[:RIVALS])]
     why = f", for {' and '.join(alike)}" if alike else ""
     lead = f"{first}{either(names)}{both}{more}: this data cannot tell which{why}."

@@ -61,20 +61,22 @@ def verdict_lines(item: TableResult, result: CloseLoopResult) -> list[tuple[bool
 def _named(item: TableResult) -> str:
     """Such as "X loses 8.2 ± 0.6 um at reversal, short from both sides (backlash-x). ..."."""
     found = "; ".join(said.named for said in sentences(item))
-    return " ".join(
-        [f"{capital(found, item)}.", *_set_up(item), _before_after(item), *_by_column(item)]
-    )
+    return " ".join([f"{capital(found, item)}.", *_worth(item)])
 
 
 def _class(item: TableResult) -> list[tuple[bool, str]]:
     """What cannot be told apart one by one, and what it is worth behind all of them."""
-    rest = [*_set_up(item), _before_after(item), *_by_column(item)]
-    lines = [*class_lines(item), *((False, text) for text in rest)]
+    lines = [*class_lines(item), *((False, text) for text in _worth(item))]
     return [
         (one, text)
         for one, run in groupby(lines, key=lambda line: line[0])
         for text in ([own for _, own in run] if one else [" ".join(own for _, own in run)])
     ]
+
+
+def _worth(item: TableResult) -> list[str]:
+    """What follows where effects were found: what else may be, and the error before and after."""
+    return [*_set_up(item), _before_after(item), *_by_column(item)]
 
 
 def _unexplained(item: TableResult) -> str:
