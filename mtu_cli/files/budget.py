@@ -34,6 +34,8 @@ __all__ = [
 
 OUTPUT_NAMES = ("y", "Y", "result")
 """Of an equation whose quantity has no name, the first that no input has."""
+SHOWN_UNITS = 6
+"""Inputs without a unit that a warning names."""
 RESERVED = frozenset(BUDGET_FUNCTIONS) | {"pi"}
 
 
@@ -112,6 +114,7 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
         warnings=(
             *_unused(budget, trees, document),
             *_unclear_units(budget, document),
+            *_unstated_units(budget, trees, document),
             *reading_notices(budget, document),
         ),
         document=document,
@@ -229,6 +232,27 @@ def _unused(
         for name in budget.inputs
         if name not in used
     )
+
+
+def _unstated_units(
+    budget: Budget, trees: Mapping[str, Node], document: YamlDocument
+) -> tuple[Notice, ...]:
+    """That inputs without a unit are left alone, where others have theirs: who states some expects
+    that they are checked. A budget of plain numbers throughout says nothing of units.
+    """
+    used = {name for tree in trees.values() for name in names(tree)}
+    without = [name for name, item in budget.inputs.items() if item.unit is None and name in used]
+    if not without or all(item.unit is None for item in budget.inputs.values()):
+        return ()
+    more = f" and {len(without) - SHOWN_UNITS} more" if len(without) > SHOWN_UNITS else ""
+    one = len(without) == 1
+    text = (
+        f"{document.source.shown}:{document.line_of('inputs', without[0])}: "
+        f"{'input' if one else 'inputs'} {', '.join(without[:SHOWN_UNITS])}{more}: no `unit:`, so "
+        f"that no term with {'it' if one else 'one of them'} is checked; `unit: '1'` is that of a "
+        "plain number"
+    )
+    return (Notice(code="unit-not-stated", message=text),)
 
 
 def _unclear_units(budget: Budget, document: YamlDocument) -> tuple[Notice, ...]:

@@ -264,6 +264,22 @@ def test_a_unit_that_is_not_read_is_a_warning_where_another_is_meant() -> None:
     assert notice.message.startswith("b.yaml:5: inputs.a.unit: 'um/m K' is not read, so that no ")
 
 
+def test_inputs_without_a_unit_beside_others_are_a_warning() -> None:
+    """Who states some units expects that all are checked; of none at all nothing is."""
+    text = "equation: a*b + c\ninputs:\n  a: {value: 1, u: 1, unit: mm}\n  b: {value: 1, u: 1}\n"
+    (notice,) = loaded(text + "  c: {value: 1, u: 1}\n").warnings
+    assert notice.code == "unit-not-stated"
+    assert notice.message == (
+        "b.yaml:6: inputs b, c: no `unit:`, so that no term with one of them is checked; "
+        "`unit: '1'` is that of a plain number"
+    )
+    (notice,) = loaded(text + "  c: {value: 1, u: 1, unit: mm}\n").warnings
+    assert "input b: no `unit:`, so that no term with it is" in notice.message
+    numbered = text.replace("b: {value: 1, u: 1", "b: {value: 1, u: 1, unit: '1'")
+    assert loaded(numbered + "  c: {value: 1, u: 1, unit: mm}\n").warnings == ()
+    assert loaded(text.replace(", unit: mm", "") + "  c: {value: 1, u: 1}\n").warnings == ()
+
+
 def test_an_unused_input_is_a_warning() -> None:
     """As an unused component of a machine is one."""
     budget = loaded("equation: a\ninputs:\n  a: {value: 1, u: 1}\n  b: {value: 1, u: 1}\n")
