@@ -159,6 +159,7 @@ def _uncertainties(result: Sweep, digits: int) -> tuple[list[Column], list[list[
         Column(title=f"formula\n{unit}"),
         Column(title="error\n%"),
     ]
+    scatter = math.nan if result.formula is None else result.formula.monte_carlo_percent
     means = _in_one_place([item.deviation * factor for item in result.grid], u, digits)
     cells = [
         [
@@ -166,7 +167,7 @@ def _uncertainties(result: Sweep, digits: int) -> tuple[list[Column], list[list[
             significant(item.u * factor, 4),
             significant(item.first_order_u * factor, 4),
             significant(item.formula_u * factor, 4),
-            _percent(item.error_percent),
+            _known(item.error_percent, scatter),
         ]
         for item, mean in zip(result.grid, means, strict=True)
     ]
@@ -176,6 +177,27 @@ def _uncertainties(result: Sweep, digits: int) -> tuple[list[Column], list[list[
 def _percent(error: float) -> str:
     """An error of the formula, without what rounding leaves of none."""
     return significant(0.0 if abs(error) < ROUNDING_PERCENT else error)
+
+
+def _known(error: float, standard_error: float) -> str:
+    """An error of the formula in percent, to the first digit of how well the Monte Carlo knows u
+    (in percent of it): digits beyond are noise.
+    """
+    if standard_error > ROUNDING_PERCENT:
+        return with_u(error, standard_error, 1)[0]
+    return _percent(error)
+
+
+def _differences(found: Formula, points: int) -> str:
+    """How far formula and Monte Carlo are apart, and how far chance alone would bring them."""
+    scatter = found.monte_carlo_percent
+    if scatter <= ROUNDING_PERCENT:
+        return f"formula and Monte Carlo differ by {_percent(found.max_error_percent)} % at most"
+    return (
+        f"formula and Monte Carlo differ by {_known(found.max_error_percent, scatter)} % at most; "
+        f"the Monte Carlo knows each u to {significant(scatter, 1)} %, so that by chance alone the "
+        f"largest of {points} differences is about {significant(found.expected_max_percent, 1)} %"
+    )
 
 
 def _in_one_place(values: Sequence[float], u: Sequence[float], digits: int) -> list[str]:
@@ -206,9 +228,7 @@ def _notes(result: Sweep) -> list[str]:
     values = ", ".join(f"{name} = {significant(v, 4)}" for name, v in found.coefficients.items())
     notes = [
         f"{found.form}; {values}",
-        f"largest error {_percent(found.max_error_percent)} %; the Monte Carlo's standard error "
-        f"is {significant(found.monte_carlo_percent)} %, which alone makes "
-        f"{significant(found.expected_max_percent)} % the largest of {len(result.grid)}",
+        _differences(found, len(result.grid)),
     ]
     if len(result.grid) == len(found.terms):
         notes[1] = "as many terms as grid points: it meets them all, and nothing checks it"

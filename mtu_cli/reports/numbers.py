@@ -126,9 +126,10 @@ def _to_place(value: float, last: int) -> str:
 
 
 def _scaled(value: float, last: int, exponent: int) -> str:
-    """`value` rounded to 10^last and written as a multiple of 10^exponent."""
+    """`value` rounded to 10^last and written as a multiple of 10^exponent; 0 as 0."""
     mantissa = value / 10.0**exponent if exponent > -300 else value * 10.0 ** (-exponent)
-    return f"{_unsigned_zero(f'{mantissa:.{max(exponent - last, 0)}f}')}e{exponent}"
+    text = _unsigned_zero(f"{mantissa:.{max(exponent - last, 0)}f}")
+    return f"{text}e{exponent}" if text.strip("0.") else "0"
 
 
 def _unsigned_zero(text: str) -> str:

@@ -194,8 +194,17 @@ def test_report_of_a_sweep() -> None:
     header, rows = graph_sweep.csv_rows(result)
     assert all(len(row) == len(header) for row in rows)
     notes = graph_sweep.table(result)[0].notes
-    assert "Monte Carlo's standard error is 2.2 %" in " ".join(notes)
-    # What rounding leaves of no error is none; an error that is one is shown.
+    told = " ".join(notes)
+    assert re.search("differ by [1-9] % at most; the Monte Carlo knows each u to 2 %, so", told)
+    assert re.search("by chance alone the largest of 6 differences is about [2-6] %", told)
+    # Digits below what u is known to are noise; of an exact one rounding leaves no error, and an
+    # error that is one is shown.
+    near = tuple(replace(item, error_percent=-0.36) for item in result.grid)
+    assert {row[-2] for row in graph_sweep.table(replace(result, grid=near))[0].rows} == {"0"}
+    assert result.formula is not None
+    exact = replace(result.formula, monte_carlo_percent=1e-13)
+    result = replace(result, formula=exact)
+    assert "knows each u" not in " ".join(graph_sweep.table(result)[0].notes)
     noisy = [replace(item, error_percent=5.9e-13) for item in result.grid[:1]]
     noisy += [replace(item, error_percent=5.9e-5) for item in result.grid[1:2]]
     sheet = graph_sweep.table(replace(result, grid=(*noisy, *result.grid[2:])))[0]
