@@ -12,7 +12,7 @@ from mtu_cli.model.fit import MachineFit
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.fitted import pass_covariance, single_instrument
 from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
-from mtu_cli.reports.observability import observability
+from mtu_cli.reports.observability import NotDetermined, observability
 from mtu_cli.reports.runs import runs_notes
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.stats.family import FAMILY_RATE
@@ -161,12 +161,13 @@ def _agreement(fit: MachineFit) -> list[str]:
 
 def _open(fit: MachineFit, estimates: Estimates) -> list[str]:
     """What is not determined, one line for all components that lack the same."""
-    grouped: dict[tuple[str, str, str], list[str]] = {}
+    grouped: dict[tuple[str, str, str], list[NotDetermined]] = {}
     for item in observability(fit, estimates):
         if item.component in fit.components or "," in item.component:
             key = (item.not_determined, item.because, item.reading_that_would)
-            grouped.setdefault(key, []).append(item.shown)
+            grouped.setdefault(key, []).append(item)
     return [
-        f"not determined of {listed(names, 12)}: {what} ({because}); what would: {would}"
-        for (what, because, would), names in grouped.items()
+        f"not known: the {items[0].of(listed([item.shown for item in items], 12))}. "
+        f"Why: {because}. To know it: {would}"
+        for (_, because, would), items in grouped.items()
     ]

@@ -266,7 +266,7 @@ def test_components_of_a_group_stay_together_in_a_list_of_groups(
     for module in (fit_components, fit_table):
         monkeypatch.setattr(module, "observability", lambda *_: apart)
     text = plain_text(fit_components.table("machine", paper.fit, paper.estimates))
-    assert "not determined of dx_x + dy_x, ex_y + ey_y: it (so); what would: that" in text
+    assert "not known: the it of dx_x + dy_x, ex_y + ey_y. Why: so. To know it: that" in text
     (warning,) = fit_components.warnings(paper.fit, paper.estimates)
     assert "it of dx_x + dy_x, ex_y + ey_y." in warning.message
 
