@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from compare_trials import made, study
+from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
+from mtu_cli.model import written_errors
 from mtu_cli.model.written_errors import FEWEST, without_written_errors
 from mtu_cli.stats.least_squares import FloatArray
+
+Covariates = dict[str, FloatArray | NDArray[np.object_]]
 
 
 def measured(seed: int = 1, digits: int = 4) -> Points:
@@ -50,6 +55,35 @@ def test_what_a_measuring_machine_writes_of_the_error_is_taken_out(words: str) -
     message = told(found, WRITTEN[words](errors(found), found.measured))
     assert message is not None
     assert f"column 'own' ({words}): what was measured, and no cause of it" in message
+
+
+def test_the_nominal_places_are_called_so() -> None:
+    """Their distances are no last digit, within which the places as measured agree as well."""
+    found = measured()
+    for column, unit in ((found.nominal[:, 0], "mm"), (1e3 * found.nominal[:, 0], "um")):
+        message = told(found, column)
+        assert message is not None
+        assert f"column 'own' (the nominal x, {unit}): the nominal place, by which" in message
+        assert "what was measured" not in message
+    both: Covariates = {"own": errors(found)[:, 0], "nomx": found.nominal[:, 0]}
+    _, warned = without_written_errors(replace(found, covariates=both), ())
+    assert [item.code for item in warned] == ["covariate-is-error", "covariate-is-nominal"]
+
+
+def test_what_is_written_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not for every column: a CMM writes dozens beside the points."""
+    found = measured()
+    calls: list[Points] = []
+    make = written_errors._written
+
+    def counted(points: Points) -> Iterator[written_errors._Written]:
+        calls.append(points)
+        return make(points)
+
+    monkeypatch.setattr(written_errors, "_written", counted)
+    columns: Covariates = {f"c{i}": np.arange(len(found), dtype=np.float64) for i in range(5)}
+    without_written_errors(replace(found, covariates=columns), ())
+    assert len(calls) == 1
 
 
 def test_more_digits_than_the_coordinates_have() -> None:
