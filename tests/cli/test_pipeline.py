@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from pathlib import Path
 
@@ -172,7 +173,9 @@ def test_clean_takes_away_what_the_pipeline_has_made_alone(tmp_path: Path) -> No
 
 def test_another_root_has_an_output_of_its_own(tmp_path: Path) -> None:
     """A study of the same name with older files would keep the reports of the other one."""
-    for shop in ("first", "second"):
+    # Nor do strokes and hyphens make one name of two.
+    shops = ("first/b-c", "first-b/c", "first/b+-c")
+    for shop in shops:
         study = tmp_path / shop / "mill"
         study.mkdir(parents=True)
         (study / "machine.yaml").write_bytes((GILSINN_LING / "machine.yaml").read_bytes())
@@ -188,11 +191,36 @@ def test_another_root_has_an_output_of_its_own(tmp_path: Path) -> None:
             timeout=90,
             check=True,
         ).stdout
-        for shop in ("first", "second")
+        for shop in shops
     ]
     folders = [{word for word in text.split() if word.endswith("lengths.json")} for text in told]
-    assert folders[0]
-    assert folders[0].isdisjoint(folders[1])
+    assert all(folders)
+    assert len(set.union(*folders)) == sum(map(len, folders))
+
+
+def test_a_relative_root_counts_from_where_make_runs_whatever_an_older_pwd_says(
+    tmp_path: Path,
+) -> None:
+    """After `make -C` alone, which moves make, the shell's PWD tells where it was called."""
+    placed(tmp_path / "shop" / "mill")
+    pipeline = CONFIGS / "pipeline"
+    here = os.path.relpath(tmp_path / "shop", pipeline)
+    for words, root, pwd in (
+        ([], here, tmp_path),
+        (["-C", str(pipeline)], "shop", tmp_path),
+        (["-C", str(pipeline), "--no-print-directory"], "shop", tmp_path),
+        (["-sC", str(pipeline)], "shop", tmp_path),
+    ):
+        told = subprocess.run(
+            ["make", "-n", *words, f"ROOT={root}", f"OUT={tmp_path / 'out'}", f"MTU={MTU}"],
+            env=environment({"MAKEFLAGS": "", "PWD": str(pwd)}),
+            cwd=tmp_path if words else pipeline,
+            capture_output=True,
+            encoding="utf-8",
+            timeout=90,
+            check=False,
+        )
+        assert f"lengths {tmp_path / 'shop' / 'mill'}" in told.stdout, told.stderr
 
 
 def test_quoted_names_and_whole_paths_are_found(tmp_path: Path) -> None:
