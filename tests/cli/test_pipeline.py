@@ -29,6 +29,7 @@ def test_a_study_runs_once_and_a_gate_stops_every_time(tmp_path: Path) -> None:
         assert stopped.returncode == 2
         assert "Error 3" in stopped.stderr
         assert "gate nonconforming" in stopped.stderr
+    assert make(out, root, "GATE=0").returncode == 0
 
 
 def test_steps_follow_from_what_a_study_names(tmp_path: Path) -> None:
