@@ -90,8 +90,9 @@ def _summary_sheet(result: CompareResult) -> Sheet:
     notes = [
         "items with each verdict, twice where biased and under-predicted; at 5 % over the whole "
         "study (Holm)",
-        "ratios: measured over predicted, least to largest; range: 2 (|mean| + k u); as in the "
-        "paper: MS_between taken for the part variance, over independent predictions",
+        "ratios: measured over predicted, least to largest; u: of one future part, its scatter and "
+        "what is not known of the mean; range: 2 (|mean| + k u); as in the paper: MS_between taken "
+        "for the part variance, over independent predictions",
         *_paper(result),
     ]
     return Sheet(title="Verdicts and ratios", columns=columns, rows=rows, notes=notes)
@@ -128,7 +129,7 @@ def _sheet(
         Column(title="bias\num"),
         Column(title="E_n\n"),
         Column(title="p of\nbias"),
-        Column(title="u ratio\n"),
+        Column(title="scatter\nratio"),
         Column(title="p of\nscatter"),
         Column(title="verdict\n", text=True, folds=True),
     ]
@@ -136,8 +137,9 @@ def _sheet(
     notes = [told] if told else []
     notes += [
         "predicted, measured: mean ± u of one future part (in anova ± is the u of the mean)",
-        "bias ± its u; E_n = bias/(k u of the bias); p: how often chance alone gives such a bias, "
-        "or scatter, somewhere among all items (Holm)",
+        "bias ± its u; E_n = bias/(k u of the bias); scatter ratio: from part to part, measured "
+        "over predicted; p: how often chance alone gives such a bias, or scatter, somewhere among "
+        "all items (Holm)",
     ]
     return Sheet(title=title, columns=columns, rows=rows, notes=notes)
 
@@ -150,7 +152,7 @@ def _row(found: Compared, i: int, digits: int) -> Sequence[str]:
         plus_minus(found.bias[i] / UM, found.u_difference[i] / UM, digits),
         significant(found.E_n[i]),
         p_value(float(found.p_bias[i])),
-        significant(found.ratio_u[i]),
+        significant(found.ratio_scatter[i]),
         p_value(float(found.p_scatter[i])),
         verdict(found, i),
     ]

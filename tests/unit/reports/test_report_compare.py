@@ -221,12 +221,26 @@ def test_one_sentence_an_operation_and_kind(two: CompareResult) -> None:
     text = " ".join(plain_text(table(result)).split())
     assert text.startswith(f"Predicted against measured {drilled['verdict_text']}")
     assert "in anova ± is the u of the mean" in text
-    assert "E_n p of u ratio p of verdict" in text
+    assert "E_n p of scatter p of verdict" in text
     few = with_features(
         two, replace(result_of(ring()[:3]).features, labels=two.features.labels[:6])
     )
     both = decreed(few.features, under=(1,), biased=(1,))
     assert "biased, under-predicted" in plain_text(table(with_features(two, both)))
+
+
+def test_the_scatter_that_a_sentence_tells_is_found_again_in_its_line(two: CompareResult) -> None:
+    """u of a future part holds the uncertainty of the mean, too: another ratio, 7.7 beside 7.6."""
+    one = np.zeros(len(two.features.labels))
+    one[0] = 1.0
+    found = replace(decreed(two.features, under=(0,)), ratio_scatter=7.6 * one, ratio_u=7.7 * one)
+    text = plain_text(table(with_features(two, found)))
+    assert "the scatter is 7.6 times the predicted one (1 of 48)" in " ".join(text.split())
+    line = next(x for x in text.splitlines() if x.startswith("drilled 1 x"))
+    assert "7.6" in line.split()
+    assert "7.7" not in line
+    told = "u: of one future part, its scatter and what is not known of the mean"
+    assert told in " ".join(text.split())
 
 
 def test_what_the_papers_scatter_is_of_the_parts(two: CompareResult) -> None:
