@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
+from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary, Undecided
 from mtu_cli.reports.compare_figure import figure
 from mtu_cli.reports.compare_table import table
 from mtu_cli.reports.compare_words import paper_scatter, verdict_text
@@ -122,6 +122,7 @@ def _summary(item: Summary, kind: str, stands_out: Sequence[str]) -> dict[str, A
         "inconsistent": item.inconsistent,
         "reading_stands_out": item.pulled,
         "under_predicted_factor": _ends(item.under_factor) or [],
+        "scatter_undecided": _undecided(item.undecided),
         "ratio_u": _ends(item.ratio_u),
         "ratio_scatter": _ends(item.ratio_scatter),
         "ratio_range": _ends(item.ratio_range),
@@ -133,6 +134,18 @@ def _summary(item: Summary, kind: str, stands_out: Sequence[str]) -> dict[str, A
         "n0": _median(item.n0),
         "sqrt_ms_between_over_s_part": _ends(item.ms_share),
         "paper_scatter_text": paper_scatter(item),
+    }
+
+
+def _undecided(found: Undecided | None) -> dict[str, Any]:
+    if found is None:
+        return {"items": 0, "factor": []}
+    _, name, axis = found.largest
+    return {
+        "items": found.items,
+        "factor": _ends(found.factor),
+        "largest": {"id": name, "axis": axis or None},
+        "p_familywise": found.p,
     }
 
 

@@ -8,7 +8,13 @@ import numpy as np
 from rich.text import Text
 
 from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
-from mtu_cli.reports.compare_words import paper_scatter, set_up_text, verdict, verdict_text
+from mtu_cli.reports.compare_words import (
+    cause_text,
+    paper_scatter,
+    set_up_text,
+    verdict,
+    verdict_text,
+)
 from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant, span
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
@@ -55,8 +61,7 @@ def _words(result: CompareResult) -> Text:
     sentences = [
         verdict_text(item, kind, stands_out=result.stands_out) for kind, item in _kinds(result)
     ]
-    set_up = set_up_text(result)
-    sentences += [] if set_up is None else [set_up]
+    sentences += [text for text in (set_up_text(result), cause_text(result)) if text]
     text = Text("Predicted against measured\n", style="bold")
     return text.append("\n".join([*sentences, ""]), style="not bold")
 

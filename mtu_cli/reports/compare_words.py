@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
-from mtu_cli.reports.numbers import significant, span
+from mtu_cli.reports.numbers import p_value, significant, span
 from mtu_cli.units import UM
 
 NAMED = 3
@@ -21,6 +21,7 @@ def verdict_text(item: Summary, kind: str, *, stands_out: Sequence[str] = ()) ->
     name = f"{item.operation} {kind}" if item.operation else kind
     found = (_under(item), _biased(item), _unclear(item), _pulled(item, stands_out), _over(item))
     faults = [text for text in found if text]
+    left = [text for text in (_undecided(item),) if text]
     if item.not_tested == item.items:
         return f"{name}: not tested"
     untested = _untested(item)
@@ -29,9 +30,9 @@ def verdict_text(item: Summary, kind: str, *, stands_out: Sequence[str] = ()) ->
         if not untested:
             singles = f", but {_singles(stands_out)}" if stands_out else ""
             told = "no difference from what was predicted is beyond chance, all items counted"
-            return f"{name}: consistent{singles}: {told}"
+            return "; ".join([f"{name}: consistent{singles}: {told}", *left])
     but = [f"but {_singles(stands_out)}"] if stands_out and not item.pulled else []
-    return f"{name}: {'; '.join([*faults, *untested, *but])}"
+    return f"{name}: {'; '.join([*faults, *left, *untested, *but])}"
 
 
 def set_up_text(result: CompareResult) -> str | None:
@@ -51,6 +52,17 @@ def set_up_text(result: CompareResult) -> str | None:
                 "(on the machine or the CMM), with an offset of its own. --datum offset takes that "
                 "out."
             )
+    return None
+
+
+def cause_text(result: CompareResult) -> str | None:
+    """Which command looks for the cause of what parts do that was not predicted."""
+    summaries = (*result.feature_summaries, *result.length_summaries)
+    if any(
+        item.biased or item.under_predicted or item.inconsistent > item.pulled or item.undecided
+        for item in summaries
+    ):
+        return "mtu close-loop looks for the cause in the same files."
     return None
 
 
@@ -102,6 +114,19 @@ def _over(item: Summary) -> str | None:
     times = "less than" if item.over_factor is None else f"{_times(item.over_factor)} times"
     count = _share(item.over_predicted, item)
     return f"over-predicted: the scatter is {times} the predicted one ({count})"
+
+
+def _undecided(item: Summary) -> str | None:
+    """Scatter that is large, but not beyond what chance makes of few passes and parts."""
+    found = item.undecided
+    if found is None:
+        return None
+    where = " ".join(word for word in found.largest[1:] if word)
+    at = f"at {where}" if found.items == 1 else f"{_share(found.items, item)}, most at {where}"
+    return (
+        f"undecided: the scatter is {_times(found.factor)} times the predicted one ({at}), which "
+        f"so few passes and parts cannot tell from chance (p = {p_value(found.p)})"
+    )
 
 
 def _untested(item: Summary) -> list[str]:

@@ -18,7 +18,7 @@ from mtu_cli.analyses.compare.operations import (
     foretold_lengths,
     predict_operations,
 )
-from mtu_cli.analyses.compare.summary import Range, Summary, summarised
+from mtu_cli.analyses.compare.summary import Range, Summary, Undecided, summarised
 from mtu_cli.analyses.compare.verdicts import (
     FAMILY_RATE,
     VERDICTS,
@@ -50,6 +50,7 @@ __all__ = [
     "Range",
     "Side",
     "Summary",
+    "Undecided",
     "Verdict",
     "compare",
     "judged",

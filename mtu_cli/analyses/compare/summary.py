@@ -9,6 +9,10 @@ import numpy as np
 from mtu_cli.analyses.compare.verdicts import VERDICTS, Answers, Compared, Verdict
 from mtu_cli.stats.least_squares import FloatArray
 
+LARGE, UNDECIDED_P = 2.0, 1.0
+"""A ratio of scatter that matters though no test finds it, where its family-wise p is below the
+bound: of a clean study chance makes as much, by Bonferroni, of less than one item."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Range:
@@ -20,18 +24,31 @@ class Range:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Undecided:
+    """Items of which the parts scatter LARGE times as much as predicted or more, without a finding.
+
+    Their number, `factor` (`ratio_scatter`), the label of the largest, and the least family-wise
+    `p`.
+    """
+
+    items: int
+    factor: Range
+    largest: tuple[str, str, str]
+    p: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
     """The items of one operation: how many have which verdict and fault, and their figures.
 
     `verdicts` counts each item once, by its gravest fault; `biased`, `under_predicted`,
     `over_predicted` and `inconsistent` count every fault, `pulled` those of the inconsistent that
-    single readings pull. `bias_tested` and `scatter_tested`
-    items could be judged at all, `not_tested` ones in neither. Ratios are measured over
-    predicted; `under_factor` and `over_factor` are `ratio_scatter` of the items under- and
-    over-predicted, `bias_size` |bias| (mm) of the biased or inconsistent, but the
-    `pulled`. `n0` and `ms_share`
-    say what the paper's scatter, from MS_between, is of the parts' own: sqrt(n0) times, or
-    somewhat more.
+    single readings pull. `bias_tested` and `scatter_tested` items could be judged at all,
+    `not_tested` ones in neither. Ratios are measured over predicted; `under_factor` and
+    `over_factor` are `ratio_scatter` of the items under- and over-predicted, `bias_size` |bias|
+    (mm) of the biased or inconsistent, but the `pulled`; `undecided` is what may be
+    under-predicted, too. `n0` and `ms_share` say what the paper's scatter, from MS_between, is of
+    the parts' own: sqrt(n0) times, or somewhat more.
     """
 
     operation: str
@@ -54,6 +71,7 @@ class Summary:
     bias_size: Range | None
     under_factor: Range | None
     over_factor: Range | None
+    undecided: Undecided | None
     n0: Range | None
     ms_share: Range | None
 
@@ -95,8 +113,25 @@ def _summary(found: Compared, operation: str) -> Summary:
         bias_size=_range(np.abs(found.bias[own & off])),
         under_factor=_range(found.ratio_scatter[own & _yes(found.under_predicted)]),
         over_factor=_range(found.ratio_scatter[own & _yes(found.over_predicted)]),
+        undecided=_undecided(found, own),
         n0=_range(found.one_way.n0[own]),
         ms_share=_range(found.ms_share[own]),
+    )
+
+
+def _undecided(found: Compared, own: np.ndarray) -> Undecided | None:
+    """What the tests leave open, but for readings that stand out: these are told by themselves."""
+    p, ratio = found.p_scatter, found.ratio_scatter
+    large = own & (ratio >= LARGE) & (p < UNDECIDED_P)
+    large &= ~_yes(found.under_predicted) & ~np.array(found.pulled)
+    factor = _range(ratio[large])
+    if factor is None:
+        return None
+    return Undecided(
+        items=int(large.sum()),
+        factor=factor,
+        largest=found.labels[int(np.argmax(np.where(large, ratio, 0.0)))],
+        p=float(p[large].min()),
     )
 
 

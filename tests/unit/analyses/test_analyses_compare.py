@@ -71,6 +71,17 @@ def test_false_alarms_from_readings_to_verdict(
     assert (rates.mean(axis=0) > 0.005).all()
 
 
+def test_clean_studies_hear_of_no_undecided_scatter() -> None:
+    """Not one in twenty; of parts that scatter more most do."""
+    runs, extra = 40, 0.012
+    clean = [trial(5, seed).feature_summaries[0].undecided for seed in range(runs)]
+    assert sum(found is not None for found in clean) <= 0.05 * runs
+    # Parts that are set down 12 um apart scatter more, seldom enough for a finding.
+    more = [trial(5, seed, extra=extra, parts=10).feature_summaries[0] for seed in range(20)]
+    assert sum(item.under_predicted > 0 for item in more) < 5
+    assert sum(item.undecided is not None for item in more) > 15
+
+
 @pytest.mark.parametrize("parts", [1, 2])
 def test_false_alarms_of_few_parts(parts: int) -> None:
     runs = 40

@@ -30,6 +30,7 @@ from mtu_cli.stats.least_squares import FloatArray
 
 Labels = list[tuple[str, str, str]]
 K = 2.0
+NO: tuple[Verdict] = ("consistent",)
 
 
 def compared(labels: Labels, seed: int) -> Compared:
@@ -241,6 +242,61 @@ def test_the_scatter_that_a_sentence_tells_is_found_again_in_its_line(two: Compa
     assert "7.7" not in line
     told = "u: of one future part, its scatter and what is not known of the mean"
     assert told in " ".join(text.split())
+
+
+def test_scatter_that_is_large_but_no_finding_is_told_as_undecided(two: CompareResult) -> None:
+    """From twice the predicted on, where the p of all items together is not 1."""
+    found, m = decreed(two.features, biased=(1,)), len(two.features.labels)
+    ratio, p = np.ones(m), np.ones(m)
+    ratio[[0, 2, 5, 50]], p[[0, 2, 5, 50]] = (3.52, 2.4, 1.9, 9.0), (0.454, 0.49, 0.1, 1.0)
+    result = with_features(two, replace(found, ratio_scatter=ratio, p_scatter=p))
+    drilled, milled = document(result)["summary"]["features"]
+    assert drilled["verdict_text"].endswith(
+        "(1 of 48); undecided: the scatter is 2.4 to 3.5 times the predicted one (2 of 48, most at "
+        "1 x), which so few passes and parts cannot tell from chance (p = 0.45)"
+    )
+    assert drilled["scatter_undecided"] == {
+        "items": 2, "factor": [2.4, 3.52], "largest": {"id": "1", "axis": "x"},
+        "p_familywise": 0.454,
+    }  # fmt: skip
+    assert milled["scatter_undecided"] == {"items": 0, "factor": []}
+    assert "undecided" not in milled["verdict_text"]
+    one = with_features(
+        two, replace(found, ratio_scatter=ratio, p_scatter=np.where(p > 0.46, 1.0, p))
+    )
+    consistent = with_features(one, replace(one.features, biased=(False,) * m, verdicts=NO * m))
+    text = document(consistent)["summary"]["features"][0]["verdict_text"]
+    assert (
+        "all items counted; undecided: the scatter is 3.5 times the predicted one (at 1 x)" in text
+    )
+    # What is a finding, or a reading that stands out makes, is not undecided.
+    for other in (
+        replace(found, under_predicted=(True, *(False,) * (m - 1))),
+        replace(found, pulled=(True, *(False,) * (m - 1))),
+    ):
+        own = replace(other, ratio_scatter=ratio, p_scatter=np.where(p > 0.46, 1.0, p))
+        assert summarised(own)[0].undecided is None
+
+
+def test_who_finds_a_difference_hears_which_command_looks_for_its_cause(two: CompareResult) -> None:
+    told, ratio = "mtu close-loop looks for the cause", np.ones(len(two.features.labels))
+    none = replace(decreed(two.features), ratio_scatter=ratio, p_scatter=ratio)
+    assert two.lengths is not None
+    base = replace(with_features(two, none), length_summaries=summarised(decreed(two.lengths)))
+    assert told not in plain_text(table(base))
+    for found in (
+        decreed(none, biased=(3,)),
+        decreed(none, under=(3,)),
+        replace(none, inconsistent=(True, *(False,) * (len(ratio) - 1))),
+        replace(none, ratio_scatter=3 * ratio, p_scatter=0.3 * ratio),
+    ):
+        assert told in plain_text(table(with_features(base, found)))
+    pulled = (True, *(False,) * (len(ratio) - 1))
+    assert told not in plain_text(
+        table(with_features(base, replace(none, inconsistent=pulled, pulled=pulled)))
+    )
+    over = replace(none, over_predicted=pulled)
+    assert told not in plain_text(table(with_features(base, over)))
 
 
 def test_what_the_papers_scatter_is_of_the_parts(two: CompareResult) -> None:
