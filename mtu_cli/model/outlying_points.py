@@ -18,7 +18,7 @@ from mtu_cli.model.outlying_repeats import (
     swollen,
 )
 from mtu_cli.model.settings import Warned
-from mtu_cli.model.visits import axes_of
+from mtu_cli.model.visits import IntArray, axes_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import display_step, outlying_p
 
@@ -29,10 +29,17 @@ ROUNDING_MM = 1e-6
 
 
 class Outlying(NamedTuple):
-    """Parts with a reading that stands out, the farthest first, and the warnings of them."""
+    """Parts with a reading that stands out, the farthest first, and the warnings of them.
+
+    `texts` say which reading it is, by how much and what the part's others are, one a part;
+    `rows` (k,) are the points of every part at every feature that stands out, whole: which of
+    several readings is wrong need not be known.
+    """
 
     parts: tuple[str, ...]
     warnings: list[Warned]
+    texts: tuple[str, ...]
+    rows: IntArray
 
 
 def outlying(tables: MeasuredTables, points: Points) -> Outlying:
@@ -45,9 +52,7 @@ def outlying(tables: MeasuredTables, points: Points) -> Outlying:
     """
     found, off, scatter = _found(tables, points)
     apart = repeats_apart(tables, points, {table for table, _ in found})
-    doubted = [tables.parts[part] for part in apart.parts]
-    if not found:
-        return Outlying(tuple(doubted), apart.warnings)
+    doubted = [tables.parts[part] for _, part in apart.cells]
     worst: dict[int, list[int]] = {}
     for table, part in sorted(found, key=lambda at: -abs(off[at])):
         worst.setdefault(part, []).append(table)
@@ -56,15 +61,25 @@ def outlying(tables: MeasuredTables, points: Points) -> Outlying:
         + (f" (and {len(own) - 1} more of part {tables.parts[part]!r})" if len(own) > 1 else "")
         for part, own in list(worst.items())[:SHOWN]
     ]
-    more = f"; and {len(worst) - SHOWN} more parts" if len(worst) > SHOWN else ""
-    one = len(found) == 1
+    rows = [_own(tables, points, at) for at in (*found, *apart.cells)]
+    return Outlying(
+        parts=tuple(dict.fromkeys((*(tables.parts[part] for part in worst), *doubted))),
+        warnings=[*_warned(texts, len(worst), len(found)), *apart.warnings],
+        texts=(*texts, *apart.texts),
+        rows=np.unique(np.concatenate(rows)) if rows else np.zeros(0, np.int64),
+    )
+
+
+def _warned(texts: list[str], parts: int, cells: int) -> list[Warned]:
+    if not texts:
+        return []
+    more = f"; and {parts - SHOWN} more parts" if parts > SHOWN else ""
+    one = cells == 1
     text = (
         f"{'; '.join(texts)}{more}: {'it pulls' if one else 'they pull'} the figures, look "
-        f"whether {'it is' if one else 'they are'} mistyped"
+        f"whether {'it is' if one else 'they are'} mistyped, or the part is off"
     )
-    warning = Warned(code="reading-stands-out", message=text)
-    parts = dict.fromkeys((*(tables.parts[part] for part in worst), *doubted))
-    return Outlying(tuple(parts), [warning, *apart.warnings])
+    return [Warned(code="reading-stands-out", message=text)]
 
 
 def farthest_off(tables: MeasuredTables, points: Points) -> FloatArray:
@@ -130,18 +145,45 @@ def _step(points: Points, axis: str) -> float:
 def _text(
     tables: MeasuredTables, points: Points, at: tuple[int, int], off: float, scatter: float
 ) -> str:
-    """The reading behind a part's mean: of its repeats the one that is farthest off."""
+    """The reading behind a part's mean: of its repeats the one that is farthest off, and how far
+    the others are: one that is mistyped is alone, of a part that is off all are.
+    """
     operation, feature, axis = tables.labels[at[0]]
-    part, k = tables.parts[at[1]], AXES.index(axis)
-    rows = rows_at(points, operation, feature)
-    errors = points.measured[rows, k] - points.nominal[rows, k]
-    own = rows[points.part[rows] == at[1]]
-    away = np.abs(points.measured[own, k] - points.nominal[own, k] - np.median(errors))
-    row = int(own[np.argmax(away)])
-    what = "the part" if len(own) == 1 else f"the mean of the part's {len(own)} readings"
+    k = AXES.index(axis)
+    own = _own(tables, points, at)
+    errors = points.measured[own, k] - points.nominal[own, k]
+    away = errors - (errors.mean() - off)
+    row = int(own[np.argmax(np.abs(away))])
     return (
-        f"{points.sources[points.file_index[row]].shown}, row {points.row[row]}: part {part!r}, "
-        f"feature {feature!r}{of_operation(operation)}, {axis}_mm is "
-        f"{points.measured[row, k]:.7g}; {what} is {float(f'{1e3 * off:.3g}'):g} um "
-        f"off the others, which scatter by {float(f'{1e3 * scatter:.2g}'):g} um"
+        f"{points.sources[points.file_index[row]].shown}, row {points.row[row]}: part "
+        f"{tables.parts[at[1]]!r}, feature {feature!r}{of_operation(operation)}, {axis}_mm is "
+        f"{points.measured[row, k]:.7g}, {_um(away[own == row][0])} off the other parts, which "
+        f"scatter by {float(f'{1e3 * scatter:.2g}'):g} um"
+        + _rest(points, own[own != row], away[own != row], off)
     )
+
+
+def _rest(points: Points, rows: IntArray, away: FloatArray, off: float) -> str:
+    """Of the part's other readings at the feature: how far they are `away` (n,) off, mm."""
+    if not len(rows):
+        return ""
+    one = len(rows) == 1
+    named = f"other reading (row {points.row[rows[0]]})" if one else f"other {len(rows)} readings"
+    # About as far as their mean: nobody mistypes a number twice.
+    if (np.abs(away) > abs(off) / 2).all():
+        far = _um(away[0]) if one else f"{_um(away.min())} to {_um(away.max())}"
+        return f"; the part's {named} {'is' if one else 'are'} as far off ({far}): no single slip"
+    least = away[np.argmax(np.abs(away))]
+    return f"; the part's {named} {'is' if one else 'are at most'} {_um(least)} off"
+
+
+def _um(value: float) -> str:
+    return f"{float(f'{1e3 * value:.3g}'):g} um"
+
+
+def _own(tables: MeasuredTables, points: Points, at: tuple[int, int]) -> IntArray:
+    """The points of a part at the feature and in the operation of a table."""
+    operation, feature, _ = tables.labels[at[0]]
+    rows = rows_at(points, operation, feature)
+    own: IntArray = rows[points.part[rows] == at[1]]
+    return own

@@ -23,10 +23,13 @@ SHOWN = 6
 
 
 class Apart(NamedTuple):
-    """The part (index) with the repeat that is farthest off, of each table told, and warnings."""
+    """The table and part (indices) with the repeat that is farthest off, of each table told, what
+    is said of them, and warnings.
+    """
 
-    parts: tuple[int, ...]
+    cells: tuple[tuple[int, int], ...]
     warnings: list[Warned]
+    texts: tuple[str, ...]
 
 
 class Swollen(NamedTuple):
@@ -93,12 +96,14 @@ def repeats_apart(tables: MeasuredTables, points: Points, told: set[int]) -> Apa
     """
     found = swollen(tables)
     order = [int(i) for i in np.argsort(-found.s) if found.s[i] > 0 and int(i) not in told]
-    slips = [_slip(tables, points, i, found) for i in order if not found.of_most[i]]
+    doubted = [i for i in order if not found.of_most[i]]
+    slips = [_slip(tables, points, i, found) for i in doubted]
+    texts = [text for _, text in slips]
     rough = [_rough(tables, i, found) for i in order if found.of_most[i]]
     warnings = []
     if slips:
         text = (
-            f"{_first([text for _, text in slips])}: what scatters so hides what the parts do, "
+            f"{_first(texts)}: what scatters so hides what the parts do, "
             "look whether a reading is mistyped"
         )
         warnings.append(Warned(code="repeats-scatter", message=text))
@@ -108,7 +113,8 @@ def repeats_apart(tables: MeasuredTables, points: Points, told: set[int]) -> Apa
             "is measured"
         )
         warnings.append(Warned(code="feature-scatters", message=text))
-    return Apart(tuple(dict.fromkeys(part for part, _ in slips)), warnings)
+    cells = tuple((table, part) for table, (part, _) in zip(doubted, slips, strict=True))
+    return Apart(cells, warnings, tuple(texts[:SHOWN]))
 
 
 def _first(texts: list[str]) -> str:
@@ -152,10 +158,31 @@ def _slip(tables: MeasuredTables, points: Points, table: int, found: Swollen) ->
     away = np.abs(errors - (np.bincount(part, errors) / np.maximum(size, 1))[part])
     # Of two repeats both are as far from their mean: the one farther from all others is meant.
     likely = np.isclose(away, away.max()) * np.abs(errors - np.median(errors))
-    row = int(rows[np.argmax(likely)])
-    own = int(points.part[row])
+    worst = int(np.argmax(likely))
+    row, own = int(rows[worst]), int(part[worst])
     return own, (
         f"{points.sources[points.file_index[row]].shown}, row {points.row[row]}: part "
         f"{tables.parts[own]!r}, feature {feature!r}{of_operation(operation)}, {axis}_mm is "
-        f"{points.measured[row, k]:.7g}; {_scatter(found, table)}"
+        f"{points.measured[row, k]:.7g}{_other(points, rows, part, errors, worst)}; "
+        f"{_scatter(found, table)}"
     )
+
+
+def _other(points: Points, rows: IntArray, part: IntArray, errors: FloatArray, worst: int) -> str:
+    """How far the `worst` of the readings (n,) of a feature is off its part's other one; which of
+    two is wrong, only other parts tell.
+    """
+    same = np.flatnonzero((part == part[worst]) & (np.arange(len(rows)) != worst))
+    if len(same) != 1:
+        return ""
+    apart = float(errors[worst] - errors[same[0]])
+    text = (
+        f", {float(f'{1e3 * apart:.3g}'):g} um off the part's other reading (row "
+        f"{points.row[rows[same[0]]]})"
+    )
+    beside = errors[part != part[worst]]
+    if len(beside):
+        off, less = (abs(errors[i] - np.median(beside)) for i in (worst, int(same[0])))
+        if off - less > abs(apart) / 2:
+            return text
+    return f"{text}, and which of them is wrong is not known"

@@ -99,17 +99,24 @@ def only_features(points: Points, names: Iterable[str]) -> Points:
     feature = code[points.feature]
     rows = np.flatnonzero(feature >= 0)
     return replace(
-        points,
+        only_rows(points, rows),
         features=tuple(points.features[i] for i in kept),
         feature=feature[rows],
+    )
+
+
+def only_rows(points: Points, rows: IntArray) -> Points:
+    """Some of the points (k,); parts, features and operations keep their codes."""
+    return replace(
+        points,
         covariates={name: column[rows] for name, column in points.covariates.items()},
         **{name: getattr(points, name)[rows] for name in _BY_POINT},
     )
 
 
 _BY_POINT = (
-    "part", "operation", "measured", "nominal", "repeat", "time_min", "sequence", "direction",
-    "file_index", "row",
+    "part", "feature", "operation", "measured", "nominal", "repeat", "time_min", "sequence",
+    "direction", "file_index", "row",
 )  # fmt: skip
 
 

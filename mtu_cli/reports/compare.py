@@ -13,7 +13,12 @@ from typing import Any
 from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary, Undecided
 from mtu_cli.reports.compare_figure import figure
 from mtu_cli.reports.compare_table import table
-from mtu_cli.reports.compare_words import paper_scatter, verdict_text
+from mtu_cli.reports.compare_words import (
+    paper_scatter,
+    parts_that_stand_out,
+    verdict_text,
+    without_text,
+)
 from mtu_cli.reports.document import finite, um, um2
 from mtu_cli.units import UM
 
@@ -22,18 +27,34 @@ __all__ = ["csv_rows", "document", "figure", "table"]
 
 def document(result: CompareResult) -> dict[str, Any]:
     """`results` of the report."""
-    k = result.coverage_factor
+    k, odd = result.coverage_factor, parts_that_stand_out(result)
     return {
         "datum": result.datum,
         "features": list(_items(result.features, k)),
         "lengths": [] if result.lengths is None else list(_items(result.lengths, k)),
         "summary": {
-            "features": [
-                _summary(item, "features", result.stands_out) for item in result.feature_summaries
-            ],
+            "features": [_summary(item, "features", odd) for item in result.feature_summaries],
             "lengths": None
             if result.lengths is None
-            else [_summary(item, "lengths", result.stands_out) for item in result.length_summaries],
+            else [_summary(item, "lengths", odd) for item in result.length_summaries],
+        },
+        "stands_out": _stands_out(result),
+    }
+
+
+def _stands_out(result: CompareResult) -> dict[str, Any]:
+    """The readings that stand out, and the verdicts on all others."""
+    odd = result.stands_out
+    if odd is None:
+        return {"parts": []}
+    return {
+        "parts": list(odd.parts),
+        "readings": odd.rows,
+        "texts": list(odd.texts),
+        "without": {
+            "verdict_text": without_text(result),
+            "features": [_summary(item, "features", ()) for item in odd.feature_summaries],
+            "lengths": [_summary(item, "lengths", ()) for item in odd.length_summaries],
         },
     }
 

@@ -55,9 +55,39 @@ def set_up_text(result: CompareResult) -> str | None:
     return None
 
 
+def parts_that_stand_out(result: CompareResult) -> tuple[str, ...]:
+    """The parts of which readings stand out."""
+    return () if result.stands_out is None else result.stands_out.parts
+
+
+def stands_out_texts(result: CompareResult) -> list[str]:
+    """Which readings stand out, and what the others are without them."""
+    odd = result.stands_out
+    if odd is None:
+        return []
+    more = len(odd.texts) - NAMED
+    texts = [*odd.texts[:NAMED], *([f"{more} more (see the warning)"] if more > 0 else [])]
+    return ["Stands out: " + ";\n".join(texts) + ".", without_text(result) or ""]
+
+
+def without_text(result: CompareResult) -> str | None:
+    """What is said of all readings but those that stand out."""
+    odd = result.stands_out
+    if odd is None:
+        return None
+    kinds = (("features", odd.feature_summaries), ("lengths", odd.length_summaries))
+    said = [verdict_text(item, kind) for kind, items in kinds for item in items]
+    which = f"Without {'it' if odd.rows == 1 else f'these {odd.rows} readings'} (the verdicts "
+    which += "above and the gate count all)"
+    return f"{which}:\n" + "\n".join(said) if said else f"{which} nothing is left to compare."
+
+
 def cause_text(result: CompareResult) -> str | None:
-    """Which command looks for the cause of what parts do that was not predicted."""
-    summaries = (*result.feature_summaries, *result.length_summaries)
+    """Which command looks for the cause of what parts do that was not predicted, but for readings
+    that stand out.
+    """
+    whole = result.stands_out or result
+    summaries = (*whole.feature_summaries, *whole.length_summaries)
     if any(
         item.biased or item.under_predicted or item.inconsistent > item.pulled or item.undecided
         for item in summaries
@@ -70,7 +100,7 @@ def _singles(parts: Sequence[str]) -> str:
     more = f" and {len(parts) - NAMED} more" if len(parts) > NAMED else ""
     several = "s" if len(parts) > 1 else ""
     named = ", ".join(map(repr, parts[:NAMED]))
-    return f"single readings of part{several} {named}{more} stand out (see the warning)"
+    return f"readings of part{several} {named}{more} stand out"
 
 
 def _under(item: Summary) -> str | None:

@@ -211,7 +211,7 @@ def test_one_slip_passes_no_gate(parts: Rows, well_known: Path, tmp_path: Path) 
     ]
     (summary,) = found["summary"]["features"]
     assert summary["reading_stands_out"] == 1
-    assert "stand out (see the warning) by more than U: beside them no" in summary["verdict_text"]
+    assert "stand out by more than U: beside them no" in summary["verdict_text"]
     lengths = [item["id"] for item in found["lengths"] if item["reading_stands_out"]]
     assert all(parts[2]["feature"] in name.split("-") for name in lengths)
     assert lengths

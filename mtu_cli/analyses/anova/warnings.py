@@ -73,7 +73,8 @@ def anova_warnings(kinds: Sequence[Analysed], method: Method, points: Points) ->
         found.append(Warned(code="paper-method", message=PAPER))
     tables = kinds[0].tables
     empty = [w for item in kinds for w in _empty(item)]
-    return [*found, *empty, *_few(tables), *outlying(tables, points).warnings]
+    # What pulls all figures comes before what cannot be had.
+    return [*outlying(tables, points).warnings, *found, *empty, *_few(tables)]
 
 
 def _some(item: Analysed, rows: BoolArray) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from mtu_cli.analyses.compare.evidence import (
     paper_length_variance,
 )
 from mtu_cli.analyses.compare.operations import (
+    Foreseen,
     foretold_features,
     foretold_lengths,
     predict_operations,
@@ -38,7 +40,7 @@ from mtu_cli.model.measured_checks import sound
 from mtu_cli.model.outlying_points import Outlying, farthest_off, outlying
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings, Warned
-from mtu_cli.model.visits import axes_of, visits_of
+from mtu_cli.model.visits import axes_of, only_rows, visits_of
 from mtu_cli.stats.least_squares import FloatArray
 
 __all__ = [
@@ -49,6 +51,7 @@ __all__ = [
     "Evidence",
     "Range",
     "Side",
+    "StandsOut",
     "Summary",
     "Undecided",
     "Verdict",
@@ -59,11 +62,27 @@ __all__ = [
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StandsOut:
+    """Readings that pull the figures: of which `parts`, `texts` on what they are, and what is said
+    of all other readings (summaries as in `CompareResult`; none where nothing is left).
+
+    They were chosen for being far off, by more than 1 clean study in 1000 has, so that the others
+    are judged as if they were all there is; it is no verdict on all parts.
+    """
+
+    parts: tuple[str, ...]
+    texts: tuple[str, ...]
+    rows: int
+    feature_summaries: tuple[Summary, ...]
+    length_summaries: tuple[Summary, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CompareResult:
     """Features and lengths, predicted against measured; nominal `places` (ids, 3) in mm.
 
-    The summaries have one entry an operation; `stands_out` names the parts of which single readings
-    pull these figures (a warning names the readings).
+    The summaries have one entry an operation. Verdicts are those of all readings; `stands_out`
+    tells those that pull these figures, None where none does.
     """
 
     ids: tuple[str, ...]
@@ -75,7 +94,7 @@ class CompareResult:
     datum: Datum
     coverage_factor: float
     warnings: tuple[Warned, ...]
-    stands_out: tuple[str, ...] = ()
+    stands_out: StandsOut | None = None
 
 
 def compare(
@@ -97,26 +116,70 @@ def compare(
     """
     warnings, axes = sound(points, datum), _shared_axes(model, points)
     foreseen = predict_operations(model, points, covariates or {})
-    predictions, given, points = foreseen.predictions, points, foreseen.points
-    tables, more = _freed_tables(points, axes, datum)
-    k, seen = settings.coverage_factor, np.unique(points.feature)
-    features = evidence(tables, foretold_features(predictions, tables.labels, axes, datum), k)
-    long = length_tables(points, visits := visits_of(points), part)
-    lengths = _lengths(predictions, part, long, None if datum != "none" else features, k)
-    odd, off = _odd(tables, long, given)
-    found, others = _judged(features, lengths, off, k)
-    warnings += [*more, *foreseen.warnings, *odd.warnings]
+    given, points = points, foreseen.points
+    task = _Task(foreseen=foreseen, axes=axes, datum=datum, part=part, k=settings.coverage_factor)
+    sides = _sides(task, points)
+    odd, off = _odd(sides, given)
+    found, others = _judged(sides.features, sides.lengths, off, task.k)
+    warnings = [*odd.warnings, *warnings, *sides.warnings, *foreseen.warnings]
+    seen = np.unique(points.feature)
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),
-        places=visits.nominal[seen],
+        places=visits_of(points).nominal[seen],
         features=found,
         lengths=others,
         feature_summaries=summarised(found),
         length_summaries=() if others is None else summarised(others),
         datum=datum,
-        coverage_factor=k,
-        warnings=(*warnings, *compare_warnings(model, part, points, tables, found, others)),
-        stands_out=odd.parts,
+        coverage_factor=task.k,
+        warnings=(*warnings, *compare_warnings(model, part, points, sides.tables, found, others)),
+        stands_out=_stands_out(task, points, odd) if odd.parts else None,
+    )
+
+
+class _Task(NamedTuple):
+    """What is compared, whatever the readings."""
+
+    foreseen: Foreseen
+    axes: tuple[int, ...]
+    datum: Datum
+    part: LoadedPart
+    k: float
+
+
+class _Sides(NamedTuple):
+    """The evidence of both kinds, the tables it is of, and what is odd about these."""
+
+    features: Evidence
+    lengths: Evidence | None
+    tables: MeasuredTables
+    length_tables: MeasuredTables | None
+    warnings: list[Warned]
+
+
+def _sides(task: _Task, points: Points) -> _Sides:
+    predictions, datum, k = task.foreseen.predictions, task.datum, task.k
+    tables, warned = _freed_tables(points, task.axes, datum)
+    features = evidence(tables, foretold_features(predictions, tables.labels, task.axes, datum), k)
+    long = length_tables(points, visits_of(points), task.part)
+    lengths = _lengths(predictions, task.part, long, None if datum != "none" else features, k)
+    return _Sides(features, lengths, tables, long, warned)
+
+
+def _stands_out(task: _Task, points: Points, odd: Outlying) -> StandsOut:
+    """The same of all readings but those that stand out."""
+    rest = np.setdiff1d(np.arange(len(points)), odd.rows)
+    features: Compared | None = None
+    lengths: Compared | None = None
+    if len(rest):
+        sides = _sides(task, only_rows(points, rest))
+        features, lengths = judged(sides.features, sides.lengths)
+    return StandsOut(
+        parts=odd.parts,
+        texts=odd.texts,
+        rows=len(odd.rows),
+        feature_summaries=() if features is None else summarised(features),
+        length_summaries=() if lengths is None else summarised(lengths),
     )
 
 
@@ -134,13 +197,11 @@ def _freed_tables(
     return tables.only([i for i, label in enumerate(tables.labels) if label[2] in names]), warned
 
 
-def _odd(
-    features: MeasuredTables, lengths: MeasuredTables | None, points: Points
-) -> tuple[Outlying, list[FloatArray]]:
+def _odd(sides: _Sides, points: Points) -> tuple[Outlying, list[FloatArray]]:
     """What stands out among the features and, where anything does, how far in the tables of both
     kinds.
     """
-    odd, kinds = outlying(features, points), (features, lengths)
+    odd, kinds = outlying(sides.tables, points), (sides.tables, sides.length_tables)
     return odd, [farthest_off(x, points) for x in kinds if x is not None and odd.parts]
 
 

@@ -17,8 +17,10 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.measured import feature_tables, length_tables
 from mtu_cli.model.outlying_points import farthest_off, outlying
 from mtu_cli.model.settings import Settings, Warned
-from mtu_cli.model.visits import visits_of
-from mtu_cli.reports.compare_words import verdict_text
+from mtu_cli.model.visits import only_rows, visits_of
+from mtu_cli.reports.compare import document, table
+from mtu_cli.reports.compare_words import parts_that_stand_out, verdict_text
+from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.least_squares import FloatArray
 
 SLIP_MM = -0.15
@@ -45,12 +47,18 @@ def test_a_mistyped_reading_is_named_where_it_changes_a_verdict() -> None:
     after = compare(model, part, moved(off, [row], SLIP_MM), Settings())
     (warning,) = [item for item in after.warnings if item.code == "reading-stands-out"]
     place = f"cmm.csv, row {off.row[row]}: part {off.parts[off.part[row]]!r}, feature {name!r}"
-    assert warning.message.startswith(f"{place}, x_mm is {off.measured[row, 0] + SLIP_MM:.7g};")
-    assert "the mean of the part's 2 readings is -6" in warning.message
+    assert warning.message.startswith(f"{place}, x_mm is {off.measured[row, 0] + SLIP_MM:.7g},")
+    assert ", -1" in warning.message.split("x_mm is ")[1].split(" um off the other parts")[0]
+    other = off.row[(off.part == off.part[row]) & (off.feature == off.feature[row])].tolist()
+    other.remove(off.row[row])
+    assert f"; the part's other reading (row {other[0]}) is " in warning.message
+    assert "as far off" not in warning.message
     assert "it pulls the figures" in warning.message
-    assert (before.stands_out, after.stands_out) == ((), (off.parts[off.part[row]],))
-    headline = verdict_text(after.feature_summaries[0], "features", stands_out=after.stands_out)
-    told = f"single readings of part {off.parts[off.part[row]]!r} stand out (see the warning)"
+    assert before.stands_out is None
+    parts = parts_that_stand_out(after)
+    assert parts == (off.parts[off.part[row]],)
+    headline = verdict_text(after.feature_summaries[0], "features", stands_out=parts)
+    told = f"readings of part {off.parts[off.part[row]]!r} stand out"
     assert f"inconsistent: {told} by more than U: beside them no fault shows (1 of " in headline
     where = before.features.labels.index(("", name, "x"))
     assert before.features.verdicts[where] == "biased"
@@ -64,6 +72,53 @@ def test_a_mistyped_reading_is_named_where_it_changes_a_verdict() -> None:
     assert warning in analysed.warnings
     clean = analyse_variance(off, part, "anova", Settings())
     assert "reading-stands-out" not in {item.code for item in clean.warnings}
+
+
+def test_a_part_that_is_off_is_told_from_a_slip_and_from_the_verdict_of_the_others() -> None:
+    """Both repeats of one hole 0.3 mm off: the verdict and the gate count them, the others are as
+    without them. Of a slip the other repeat is where it belongs.
+    """
+    _, truth, part = study()
+    model, clean = fitted(9, 7), made(truth, part, 1)
+    both = np.flatnonzero((clean.part == 4) & (clean.feature == 9)).tolist()
+    found = compare(model, part, moved(clean, both, 0.3), Settings())
+    assert found.feature_summaries[0].under_predicted == 1
+    odd = found.stands_out
+    assert odd is not None
+    assert (odd.parts, odd.rows) == ((clean.parts[4],), 2)
+    named = {f"row {clean.row[i]}" for i in both}
+    (text,) = odd.texts
+    assert all(name in text for name in named)
+    assert "as far off (" in text
+    assert text.endswith("no single slip")
+    # The others are judged as if the two readings had never been: to the last digit.
+    rest = np.setdiff1d(np.arange(len(clean)), both)
+    alone = compare(model, part, only_rows(clean, rest), Settings())
+    assert odd.feature_summaries == alone.feature_summaries
+    assert odd.length_summaries == alone.length_summaries
+    assert odd.feature_summaries[0].verdicts["consistent"] == 48
+    said = plain_text(table(found))
+    assert said.index("under-predicted: the scatter") < said.index(f"Stands out: {text[:20]}")
+    assert "Without these 2 readings (the verdicts above and the gate count all):" in said
+    assert "close-loop" not in said
+    report = document(found)["stands_out"]
+    assert report["without"]["features"][0]["under_predicted"] == 0
+    assert document(alone)["stands_out"] == {"parts": []}
+    # Where the others are off as well, the cause is still to be found.
+    shifted = replace(clean, measured=clean.measured + np.array([0.06, 0.0, 0.0]))
+    said = plain_text(table(compare(model, part, moved(shifted, both, 0.3), Settings())))
+    assert "close-loop" in said
+
+
+def test_who_is_alone_and_off_leaves_nothing_to_compare() -> None:
+    """One part, one feature, of which two repeats differ: nothing is told of others."""
+    whole = three_holes(1, 2, 1)
+    odd = outlying(feature_tables(whole), moved(whole, [5], 0.4))
+    assert len(odd.rows) == len(odd.texts) == 0
+    slipped = moved(whole, [5], 0.4)
+    odd = outlying(feature_tables(slipped), slipped)
+    assert odd.rows.tolist() == [4, 5]
+    assert "and which of them is wrong is not known" in odd.texts[0]
 
 
 def test_clean_studies_are_silent() -> None:
@@ -126,7 +181,7 @@ def test_operations_are_apart() -> None:
     both = points(rows + rows, ["milled"] * 36 + ["drilled"] * 36)
     (warning,) = told(moved(both, [40], 0.3))
     assert "row 42: part 'P1', feature 'b' (drilled), x_mm" in warning.message
-    assert "the part is 299 um off the others, which scatter by 1.2 um" in warning.message
+    assert ", 299 um off the other parts, which scatter by 1.2 um" in warning.message
 
 
 @pytest.mark.parametrize("by", [0.3, -0.3])

@@ -16,7 +16,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.measured import feature_tables
 from mtu_cli.model.outlying_points import farthest_off, outlying
 from mtu_cli.model.settings import Settings, Warned
-from mtu_cli.reports.compare_words import verdict_text
+from mtu_cli.reports.compare_words import parts_that_stand_out, verdict_text
 
 ROW = 5
 
@@ -39,9 +39,10 @@ def test_one_repeat_of_few_parts_is_named(parts: int) -> None:
     (warning,) = odd.warnings
     assert warning.code == "repeats-scatter"
     where = f"cmm.csv, row {ROW + 2}: part 'P0', feature 'c', x_mm is {found.measured[ROW, 0]:.7g}"
-    assert warning.message.startswith(f"{where}; repeats scatter there by ")
+    assert warning.message.startswith(f"{where}, 40")
+    assert " um off the part's other reading (row 6); repeats scatter there by " in warning.message
     assert warning.message.endswith("look whether a reading is mistyped")
-    assert analyse_variance(found, None, "reml", Settings()).warnings[-1] == warning
+    assert analyse_variance(found, None, "reml", Settings()).warnings[0] == warning
 
 
 def test_where_a_mean_stands_out_it_alone_is_told() -> None:
@@ -51,8 +52,8 @@ def test_where_a_mean_stands_out_it_alone_is_told() -> None:
 
 def test_two_slips_do_not_hide_each_other() -> None:
     (warning,) = told(slipped(slipped(three_holes(4, 2, 1), 0.4), -9.0, 14))
-    assert warning.message.count("row ") == 2
-    assert warning.message.startswith("cmm.csv, row 16:")
+    assert warning.message.count("row ") == 4  # each with its fellow
+    assert warning.message.startswith("cmm.csv, row 16: ")
 
 
 def test_a_feature_that_is_measured_worse_is_no_slip() -> None:
@@ -128,10 +129,10 @@ def test_few_parts_are_not_consistent_for_a_repeat_that_swells_their_scatter() -
     after = compare(model, part, slipped(off, 0.5), Settings())
     assert after.features.p_bias[where] > 0.05
     assert (after.features.verdicts[where], after.features.pulled[where]) == ("inconsistent", True)
-    text = verdict_text(after.feature_summaries[0], "features", stands_out=after.stands_out)
-    assert text.endswith(
-        "stand out (see the warning) by more than U: beside them no fault shows (1 of 48)"
+    text = verdict_text(
+        after.feature_summaries[0], "features", stands_out=parts_that_stand_out(after)
     )
+    assert text.endswith("stand out by more than U: beside them no fault shows (1 of 48)")
 
 
 def of_two(*given: Points) -> Points:

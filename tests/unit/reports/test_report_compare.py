@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.quiver import Quiver
 from matplotlib.text import Text
 
-from mtu_cli.analyses.compare import Compared, CompareResult, Verdict
+from mtu_cli.analyses.compare import Compared, CompareResult, StandsOut, Verdict
 from mtu_cli.analyses.compare.evidence import Foretold, evidence
 from mtu_cli.analyses.compare.summary import summarised
 from mtu_cli.analyses.compare.verdicts import judged
@@ -79,6 +79,17 @@ def decreed(
         inconsistent=tuple(None for _ in rows),
         withheld=no,
         verdicts=tuple(verdicts),  # type: ignore[arg-type]  # literals
+    )
+
+
+def odd(result: CompareResult, *parts: str) -> StandsOut:
+    """A reading of each of these parts stands out; the others are as all are."""
+    return StandsOut(
+        parts=parts,
+        texts=tuple(f"row {part}" for part in parts),
+        rows=len(parts),
+        feature_summaries=result.feature_summaries,
+        length_summaries=result.length_summaries,
     )
 
 
@@ -192,14 +203,16 @@ def test_figures_that_cannot_be_had_are_null(two: CompareResult) -> None:
 
 def test_no_verdict_stands_without_readings_that_pull_it(two: CompareResult) -> None:
     """Of readings that stand out, the headline says so beside "consistent", and the report."""
-    result = replace(with_features(two, decreed(two.features, biased=(1,))), stands_out=("7",))
+    result = replace(
+        with_features(two, decreed(two.features, biased=(1,))), stands_out=odd(two, "7")
+    )
     drilled, milled = document(result)["summary"]["features"]
-    told = "but single readings of part '7' stand out (see the warning)"
+    told = "but readings of part '7' stand out"
     assert drilled["verdict_text"].endswith(f"(1 of 48); {told}")
     assert milled["verdict_text"].startswith(f"milled features: consistent, {told}: no difference")
     text = " ".join(plain_text(table(result)).split())
     assert milled["verdict_text"] in text
-    several = document(replace(result, stands_out=tuple("7294")))["summary"]["features"][0]
+    several = document(replace(result, stands_out=odd(two, *"7294")))["summary"]["features"][0]
     assert "of parts '7', '2', '9' and 1 more stand out" in several["verdict_text"]
 
 
