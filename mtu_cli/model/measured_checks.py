@@ -10,11 +10,12 @@ from mtu_cli.errors import InputError, fault
 from mtu_cli.files.features_alike import SAME_MM
 from mtu_cli.files.points import Points
 from mtu_cli.model.copied_parts import copied_parts
+from mtu_cli.model.copied_repeats import copied_repeats
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.drawn_parts import refuse_drawn_parts
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured_reach import reach_problems
-from mtu_cli.model.measured_rows import check_rows
+from mtu_cli.model.measured_rows import TWICE, check_rows
 from mtu_cli.model.measured_slips import slips
 from mtu_cli.model.measured_units import EXPLAINS, look_like_errors, parts_of_other_units
 from mtu_cli.model.settings import Warned
@@ -31,7 +32,8 @@ _BLOCK = 1 << 15
 
 def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
     """Warnings on errors of millimetres less the freedoms of `datum`, with the mistake that would
-    explain them, on rows that stand twice, and of what was noted when the points were read.
+    explain them, on rows that stand twice, on repeats that are copies, and of what was noted when
+    the points were read.
 
     Raises InputError for rows that contradict each other (`check_rows`) and for a part whose
     values are those of another part, or of the drawing, to the last digit, where that cannot be
@@ -44,6 +46,7 @@ def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
         *(Warned(code=note.code, message=note.message) for note in points.notes),
         *rows,
         *copied_parts(points, axes),
+        *([] if any(w.code == TWICE for w in rows) else copied_repeats(points, axes)),
         *_left_out(points, axes),
         *_moved(points, axes),
         *_far(points, freed(points, axes, datum)[0], axes),

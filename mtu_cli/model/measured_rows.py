@@ -14,6 +14,7 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import operations_of
 
+TWICE = "rows-stand-twice"
 LARGEST_MM = 1e6
 """No machine is a kilometre long."""
 MOST_TOLD = 1000
@@ -126,7 +127,7 @@ def _twins(points: Points) -> list[Warned]:
         f"and {places[1]}): a copy counts as a repeat without scatter, so that the CMM seems "
         "better and the mean surer than they are"
     )
-    return [Warned(code="rows-stand-twice", message=text)]
+    return [Warned(code=TWICE, message=text)]
 
 
 def _marks(points: Points) -> NDArray[np.uint64]:

@@ -61,7 +61,7 @@ def visits_of(points: Points) -> Visits:
     _, operation = operations_of(points)
     features, parts = len(points.features), len(points.parts)
     run = operation.astype(np.int64) * parts + points.part
-    repeat = _numbered(points.repeat, run * features + points.feature)
+    repeat = numbered(points.repeat, run * features + points.feature)
     numbers, code = np.unique(repeat, return_inverse=True)
     distinct, visit = np.unique(run * len(numbers) + code.reshape(-1), return_inverse=True)
     visit = visit.reshape(-1)
@@ -82,7 +82,7 @@ def visits_of(points: Points) -> Visits:
     )
 
 
-def _numbered(repeat: IntArray, place: IntArray) -> IntArray:
+def numbered(repeat: IntArray, place: IntArray) -> IntArray:
     """Repeats with a number each; where none is given, counted on from the largest given."""
     untold, found = repeat < 0, repeat.copy()
     if untold.any():

@@ -360,7 +360,7 @@ def test_repeats_without_scatter() -> None:
         for r in (1, 2)
     ]
     result = analysed(points(rows))
-    assert codes(result) == ["zero-variance"]
+    assert codes(result) == ["repeats-alike", "zero-variance"]
     one = result.features
     assert np.isnan(one.one_way.F).all()
     assert (one.components.repeat == 0).all()
