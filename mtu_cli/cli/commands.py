@@ -67,6 +67,12 @@ PREDICTED = [
     p.CORRELATION,
 ]
 PREDICTION = [*PREDICTED, p.MONTE_CARLO]
+UNUSUAL = p.fail_if("unusual, a part stands out from the others; what all share is for compare")
+FOUND = p.fail_if(
+    "found, unexplained. Single entries that are set aside meet neither: for anova they are unusual"
+)
+OFF = p.fail_if("biased, under-predicted; readings that stand out by more than U meet both")
+
 register(
     app,
     "fit-components",
@@ -105,7 +111,7 @@ register(
 register(
     app,
     "anova",
-    [p.STUDY, p.PART, p.CMM, p.METHOD, p.DATUM, p.COVERAGE, p.SEED, p.OUTPUT, p.fail_if("unusual")],
+    [p.STUDY, p.PART, p.CMM, p.METHOD, p.DATUM, p.COVERAGE, p.SEED, p.OUTPUT, UNUSUAL],
     _lazily("anova"),
     "Measured parts: part-to-part and CMM scatter of features, lengths and right angles.",
 )
@@ -114,7 +120,7 @@ register(
     "close-loop",
     [
         *[p.STUDY, p.PART, p.COMPONENTS, p.READINGS, p.CMM, p.DRIFT, p.AT],
-        *[p.DATUM, CLOSE_LOOP, p.SEED, p.OUTPUT, p.fail_if("found, unexplained")],
+        *[p.DATUM, CLOSE_LOOP, p.SEED, p.OUTPUT, FOUND],
     ],
     _lazily("close_loop"),
     "Measured minus model: effects that the machine does not declare, named and added to it.",
@@ -122,7 +128,7 @@ register(
 register(
     app,
     "compare",
-    [*PREDICTION, p.CMM, p.DATUM, p.OUTPUT, p.fail_if("biased, under-predicted")],
+    [*PREDICTION, p.CMM, p.DATUM, p.OUTPUT, OFF],
     _lazily("compare"),
     "Predicted against measured parts: means, scatter, ratios, a verdict for each.",
 )

@@ -37,6 +37,33 @@ def moved(rows: Rows, shift_mm: Callable[[dict[str, str]], float]) -> Rows:
     return [row | {"x_mm": repr(float(row["x_mm"]) + shift_mm(row))} for row in rows]
 
 
+@pytest.mark.parametrize(
+    ("wrong", "met"),
+    [
+        (lambda row: 0.05 * (row["feature"] == "B"), {"compare": "biased", "close-loop": "found"}),
+        (
+            lambda row: 0.05 * (row["feature"] == "B" and row["part"] == "3"),
+            {"compare": "under-predicted", "anova": "unusual"},
+        ),
+    ],
+)
+def test_what_each_gate_sees_of_one_wrong_feature(
+    parts: Rows, well_known: Path, tmp_path: Path, wrong: Callable[[dict[str, str]], float],
+    met: dict[str, str],
+) -> None:  # fmt: skip
+    """On every part it is no unusual part; on one part it is no effect of the machine."""
+    path = write(tmp_path / "cmm.csv", moved(parts, wrong))
+    for command, gates in (
+        ("anova", "unusual"),
+        ("compare", met["compare"]),
+        ("close-loop", "found,unexplained"),
+    ):
+        found = mtu(command, well_known, "--cmm", path, "-q", "--fail-if", gates)
+        assert found.returncode == (3 if command in met else 0), found.stderr
+    if "anova" in met:
+        assert "set aside" in found.stderr
+
+
 GATED: dict[str, Callable[[dict[str, str]], float]] = {
     "biased": lambda _: 0.05,
     "under-predicted": lambda row: 0.05 * (-1) ** int(row["part"]),
