@@ -136,10 +136,14 @@ def _judged(tables: MeasuredTables) -> tuple[FloatArray, FloatArray, FloatArray]
 def _step(points: Points, axis: str) -> float:
     """What errors along an axis were rounded to, as far as they tell, mm; of lengths, which have
     no axis, along the coarsest.
+
+    Deviations are rounded as they are printed, or coordinates: of nominal places between two
+    digits errors are then no multiples of any step, and coordinates are.
     """
     own = (AXES.index(axis),) if axis else axes_of(points)
-    steps = (display_step(points.measured[:, k] - points.nominal[:, k], ROUNDING_MM) for k in own)
-    return max(*steps, ROUNDING_MM)
+    given = [points.measured[:, k] - points.nominal[:, k] for k in own]
+    given += [points.measured[:, k] for k in own]
+    return max(*(display_step(values, ROUNDING_MM) for values in given), ROUNDING_MM)
 
 
 def _text(

@@ -22,6 +22,7 @@ from mtu_cli.reports.compare import document, table
 from mtu_cli.reports.compare_words import parts_that_stand_out, verdict_text
 from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.outliers import outlying_p
 
 SLIP_MM = -0.15
 
@@ -153,6 +154,23 @@ def test_a_rounding_step_is_no_slip_but_many_are() -> None:
         even = moved(points(rows), [4, 11], step)
         assert told(even) == []
         assert "row 9:" in told(moved(even, [7], 20 * step))[0].message
+
+
+@pytest.mark.parametrize("digits", [2, 3])
+def test_coordinates_of_few_digits_and_nominal_places_of_more_are_no_slips(digits: int) -> None:
+    """Parts that differ by less than the last digit: most agree to it, and some are one off."""
+    between = 10.0**-digits * np.array([0.333, 0.667, 0.15])
+    off = 0
+    for seed in range(40):
+        whole = three_holes(15, 1 + seed % 2, seed, 0.15 * 10.0**-digits, 0.0)
+        nominal = whole.nominal + between[whole.feature][:, None]
+        measured = np.round(nominal + whole.measured - whole.nominal, digits)
+        rounded = replace(whole, nominal=nominal, measured=measured)
+        assert told(rounded) == []
+        off += int(outlying_p(feature_tables(rounded).cells.mean, 5).min() < 1e-6)
+        (warning,) = told(moved(rounded, [0], 20 * 10.0**-digits))
+        assert "row 2:" in warning.message
+    assert off > 5
 
 
 def test_few_parts_are_not_judged() -> None:
