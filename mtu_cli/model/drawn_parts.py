@@ -8,13 +8,21 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.features_alike import SAME_MM
 from mtu_cli.files.points import Points
 from mtu_cli.model.copied_parts import CHANCE, FEWEST_COPIED
+from mtu_cli.model.resolution import in_steps
+from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import IntArray
 from mtu_cli.stats.least_squares import FloatArray
 
+COARSE_MM = 0.005
+"""To such digits a good part may be on its nominal everywhere, whatever the others are."""
 
-def refuse_drawn_parts(points: Points, axes: tuple[int, ...]) -> None:
-    """Raises InputError for parts that are on their nominal in every value, to the last digit,
-    while the errors of all other parts differ from each other so much that this is no chance.
+
+def drawn_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+    """A warning of parts that are on their nominal in every value, to the last digit, of no more
+    digits than `COARSE_MM`, while the errors of all other parts differ from each other so much
+    that this is no chance.
+
+    Raises InputError for them where the digits are finer: no part is as good.
 
     Of coarse digits, or of parts that are good, errors agree by themselves: as often as two
     errors of the other part in which they agree most, in every value of the part. Parts with one
@@ -28,7 +36,7 @@ def refuse_drawn_parts(points: Points, axes: tuple[int, ...]) -> None:
     drawn = np.flatnonzero((off == 0) & (size > 0))
     others = np.flatnonzero((off > 0) & (size > 1))
     if not len(drawn) or not len(others):
-        return
+        return []
     agree = float(_agreeing(points, axes, size)[others].max())
     problems = []
     for part in drawn.tolist():
@@ -36,8 +44,22 @@ def refuse_drawn_parts(points: Points, axes: tuple[int, ...]) -> None:
         values = len(np.unique(points.feature[rows])) * len(axes)
         if values >= FEWEST_COPIED and len(size) * agree**values < CHANCE:
             problems.append(_problem(points, int(rows[0]), values))
-    if problems:
+    if problems and not _is_coarse(points, axes):
         raise InputError(problems)
+    text = "are its places those of the drawing, or is it as good as the digits tell?"
+    return [
+        Warned(code="part-on-nominal", message=f"{item.file}, row {item.row}: {item.what}: {text}")
+        for item in problems
+    ]
+
+
+def _is_coarse(points: Points, axes: tuple[int, ...]) -> bool:
+    """Whether coordinates, or deviations, have no finer digits along any axis."""
+    measured = points.measured[:, axes]
+    return any(
+        in_steps(values.ravel(), COARSE_MM)
+        for values in (measured, measured - points.nominal[:, axes])
+    )
 
 
 def _agreeing(points: Points, axes: tuple[int, ...], size: IntArray) -> FloatArray:

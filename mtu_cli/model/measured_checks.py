@@ -12,7 +12,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.copied_parts import copied_parts
 from mtu_cli.model.copied_repeats import copied_repeats
 from mtu_cli.model.datum import Datum, freed
-from mtu_cli.model.drawn_parts import refuse_drawn_parts
+from mtu_cli.model.drawn_parts import drawn_parts
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured_reach import reach_problems
 from mtu_cli.model.measured_rows import TWICE, check_rows
@@ -41,8 +41,8 @@ def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
     """
     rows = check_rows(points)
     axes = axes_of(points)
-    refuse_drawn_parts(points, axes)
     return [
+        *drawn_parts(points, axes),
         *(Warned(code=note.code, message=note.message) for note in points.notes),
         *rows,
         *copied_parts(points, axes),

@@ -14,8 +14,10 @@ WHOLE = 1e-6
 
 def resolution(values: FloatArray) -> float:
     """The largest of `STEPS_MM` that all `values` (n,) mm are multiples of; 0 without one."""
-    for step in STEPS_MM:
-        count = values / step
-        if bool((np.abs(count - np.round(count)) < WHOLE).all()):
-            return step
-    return 0.0
+    return next((step for step in STEPS_MM if in_steps(values, step)), 0.0)
+
+
+def in_steps(values: FloatArray, step: float) -> bool:
+    """Whether all `values` (n,) are multiples of the step."""
+    count = values / step
+    return bool((np.abs(count - np.round(count)) < WHOLE).all())

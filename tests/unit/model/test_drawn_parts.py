@@ -10,7 +10,7 @@ from measured_examples import points, study
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.points import Points
-from mtu_cli.model.drawn_parts import refuse_drawn_parts
+from mtu_cli.model.drawn_parts import drawn_parts
 from mtu_cli.model.measured_checks import check_measured
 
 PLANE = (0, 1)
@@ -23,7 +23,7 @@ def drawn(found: Points, part: int) -> Points:
 
 def test_a_part_written_from_the_drawing_is_refused() -> None:
     found = study(6, 2, 3, 0.001, 0.0005)
-    refuse_drawn_parts(found, PLANE)
+    assert drawn_parts(found, PLANE) == []
     with pytest.raises(InputError) as caught:
         check_measured(drawn(drawn(found, 2), 4))
     assert [item.row for item in caught.value.problems] == [14, 26]
@@ -35,10 +35,11 @@ def test_one_hole_on_its_nominal_is_no_drawing() -> None:
     """Two values of few parts, and all parts alike: nothing tells."""
     found = study(6, 2, 3)
     own = ((found.part == 2) & (found.feature == 1))[:, None]
-    refuse_drawn_parts(replace(found, measured=np.where(own, found.nominal, found.measured)), PLANE)
+    here = replace(found, measured=np.where(own, found.nominal, found.measured))
+    assert drawn_parts(here, PLANE) == []
     one = points([(f"P{p}", "a", 1, 0.001 * p, 0.002 * p) for p in range(5)])
-    refuse_drawn_parts(one, PLANE)
-    refuse_drawn_parts(replace(found, measured=found.nominal), PLANE)
+    assert drawn_parts(one, PLANE) == []
+    assert drawn_parts(replace(found, measured=found.nominal), PLANE) == []
 
 
 @pytest.mark.parametrize("digit", [0.001, 0.005, 0.01])
@@ -50,7 +51,28 @@ def test_coarse_digits_are_no_drawing(digit: float) -> None:
         shift = rng.normal(0.0, digit, (8, 3))[found.part]
         for errors in (found.measured - found.nominal, found.measured - found.nominal + shift):
             rounded = found.nominal + digit * np.round(errors / digit)
-            refuse_drawn_parts(replace(found, measured=rounded), PLANE)
+            assert drawn_parts(replace(found, measured=rounded), PLANE) == []
+
+
+@pytest.mark.parametrize(("digit", "refused"), [(0.001, True), (0.005, False), (0.01, False)])
+@pytest.mark.parametrize("between", [0.0, 0.0004])
+def test_to_coarse_digits_a_good_part_is_on_its_nominal(
+    digit: float, between: float, refused: bool
+) -> None:
+    """After a machine was set right. Digits of coordinates, or of deviations from nominal places
+    that have more.
+    """
+    found = study(8, 1, 3, 0.2, 0.0)
+    errors = digit * np.round((found.measured - found.nominal) / digit)
+    errors[found.part == 5] = 0.0
+    nominal = found.nominal + between
+    rounded = replace(found, nominal=nominal, measured=nominal + errors)
+    if refused:
+        with pytest.raises(InputError, match="part 'P5' is on its nominal in all of 6 values"):
+            check_measured(rounded)
+    else:
+        (told,) = [item for item in check_measured(rounded) if item.code == "part-on-nominal"]
+        assert told.message.startswith("cmm.csv, row 17: part 'P5' is on its nominal in all of 6")
 
 
 Row = tuple[str, str, int, float, float]
@@ -75,7 +97,7 @@ def errors_but(part: int, repeats: int = 2) -> np.ndarray:
 
 def refused(found: list[Row]) -> list[str]:
     try:
-        refuse_drawn_parts(points(found), PLANE)
+        assert drawn_parts(points(found), PLANE) == []
     except InputError as error:
         return [item.what.split()[1] for item in error.problems]
     return []
