@@ -15,10 +15,14 @@ from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import IntArray, operations_of
 from mtu_cli.stats.anova import Cells
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.outliers import GROSS
+from mtu_cli.stats.outliers import GROSS, BoolArray
 
 SLIP_RATE = 1e-3
 """Chance of any warning of a kind over all features, axes and parts of a clean study."""
+OWN_RATE = 0.02
+"""Chance, in a feature that is measured worse, of any part that passes for a slip of its own."""
+FEW = 20
+"""Parts, of more than which the means tell."""
 SHOWN = 6
 
 
@@ -48,33 +52,81 @@ class Swollen(NamedTuple):
 
 
 def swollen(tables: MeasuredTables) -> Swollen:
-    """The tables whose repeats are apart.
-
-    By Fisher's F at SLIP_RATE over all tables (Bonferroni), and GROSS times the others' at least,
-    so that features that a CMM measures somewhat worse are none. Others that are themselves so far
-    beyond the median hide nothing.
+    """The tables whose repeats are apart: as a whole by `_beyond`, or those of one of its parts by
+    `lone_repeats`.
     """
-    from scipy.special import fdtrc
-
     cells = tables.cells
     df = np.asarray(cells.n.sum(axis=1) - cells.present.sum(axis=1), np.float64)
     ms = np.divide(cells.within, df, out=np.zeros(len(df)), where=df > 0)
     found, beside = np.zeros(len(df)), np.zeros(len(df))
+    for rows in _groups(tables):
+        own = rows[df[rows] > 0]
+        if not len(own):
+            continue
+        beyond, beside[own] = _beyond(cells.within[own], df[own], len(df))
+        found[own] = np.where(beyond, np.sqrt(ms[own]), 0.0)
+    found = np.where(lone_repeats(tables), np.sqrt(ms), found)
+    return Swollen(found, beside, (found > 0) & (_of_middle(cells) > GROSS * beside**2))
+
+
+def _groups(tables: MeasuredTables) -> list[IntArray]:
+    """The tables of each operation and axis, which are measured alike."""
     groups: dict[tuple[str, str], list[int]] = {}
     for i, (operation, _, axis) in enumerate(tables.labels):
-        if df[i] > 0:
-            groups.setdefault((operation, axis), []).append(i)
-    for rows in groups.values():
-        own = np.array(rows)
-        usual = ms[own] <= GROSS**2 * np.median(ms[own])
-        dof = df[own[usual]].sum() - usual * df[own]
-        squares = cells.within[own[usual]].sum() - usual * cells.within[own]
-        rest = np.divide(squares, dof, out=np.zeros(len(own)), where=dof > 0)
-        ratio = np.divide(ms[own], rest, out=np.zeros(len(own)), where=rest > 0)
-        p = fdtrc(df[own], np.maximum(dof, 1.0), ratio) * len(df)
-        found[own] = np.where((ratio > GROSS**2) & (p <= SLIP_RATE), np.sqrt(ms[own]), 0.0)
-        beside[own] = np.sqrt(np.maximum(rest, 0.0))
-    return Swollen(found, beside, (found > 0) & (_of_middle(cells) > GROSS * beside**2))
+        groups.setdefault((operation, axis), []).append(i)
+    return [np.array(rows) for rows in groups.values()]
+
+
+def _beyond(squares: FloatArray, df: FloatArray, tests: int) -> tuple[BoolArray, FloatArray]:
+    """Which sums of `squares` (n,) of `df` degrees of freedom are beyond the others', and the
+    standard deviation of these (n,).
+
+    By Fisher's F at SLIP_RATE over all `tests` (Bonferroni), and GROSS times theirs at least, so
+    that features that a CMM measures somewhat worse are none. Others that are themselves so far
+    beyond the median hide nothing.
+    """
+    from scipy.special import fdtrc
+
+    ms = squares / df
+    usual = ms <= GROSS**2 * np.median(ms)
+    dof = df[usual].sum() - usual * df
+    left = squares[usual].sum() - usual * squares
+    rest = np.divide(left, dof, out=np.zeros(len(df)), where=dof > 0)
+    ratio = np.divide(ms, rest, out=np.zeros(len(df)), where=rest > 0)
+    p = fdtrc(df, np.maximum(dof, 1.0), ratio) * tests
+    return (ratio > GROSS**2) & (p <= SLIP_RATE), np.sqrt(np.maximum(rest, 0.0))
+
+
+def lone_repeats(tables: MeasuredTables) -> BoolArray:
+    """Which tables (tables,) of features have one part whose repeats are `_beyond` those of all
+    other parts and features, and beyond those of the other parts at the feature by Fisher's F at
+    OWN_RATE over the parts: a feature that is measured worse is so on each part.
+
+    A table as a whole hides one slip among its parts: it takes sqrt(parts) times as much. Of a
+    part that stands out in most features its set-up moved: that is no slip.
+    """
+    from scipy.special import fdtrc
+
+    found = np.zeros(len(tables.labels), bool)
+    cells, parts = tables.cells, len(tables.parts)
+    if not 1 < parts <= FEW or not all(label[2] for label in tables.labels):
+        return found
+    for rows in _groups(tables):
+        S, df = cells.within_part[rows], np.maximum(cells.n[rows] - 1, 0.0)
+        known = df > 0
+        if not known.any():
+            continue
+        beyond = np.zeros(S.shape, bool)
+        tests = int((cells.n > 1).sum())
+        beyond[known], _ = _beyond(S[known], df[known], tests)
+        rest_df = df.sum(axis=1, keepdims=True) - df
+        rest = np.maximum(S.sum(axis=1, keepdims=True) - S, 0.0)
+        ratio = S * rest_df / np.maximum(rest * df, np.finfo(np.float64).tiny)
+        own = fdtrc(np.maximum(df, 1.0), np.maximum(rest_df, 1.0), ratio) * parts
+        lone = beyond & (own <= OWN_RATE) & (rest_df > 0)
+        lone &= 2 * beyond.sum(axis=0) <= known.sum(axis=0)
+        found[rows] = lone.any(axis=1)
+    return found
 
 
 def _of_middle(cells: Cells) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from compare_trials import fitted, made, study
-from measured_examples import points
+from measured_examples import PLACES, points
 from measured_examples import study as three_holes
 
 from mtu_cli.analyses.anova import analyse_variance
@@ -15,6 +15,7 @@ from mtu_cli.analyses.compare import compare
 from mtu_cli.files.points import Points
 from mtu_cli.model.measured import feature_tables
 from mtu_cli.model.outlying_points import farthest_off, outlying
+from mtu_cli.model.outlying_repeats import lone_repeats
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.reports.compare_words import parts_that_stand_out, verdict_text
 
@@ -43,6 +44,48 @@ def test_one_repeat_of_few_parts_is_named(parts: int) -> None:
     assert " um off the part's other reading (row 6); repeats scatter there by " in warning.message
     assert warning.message.endswith("look whether a reading is mistyped")
     assert analyse_variance(found, None, "reml", Settings()).warnings[0] == warning
+
+
+@pytest.mark.parametrize(("parts", "repeats"), [(3, 2), (4, 2), (4, 3), (8, 2)])
+def test_one_of_the_parts_is_held_against_all_others(parts: int, repeats: int) -> None:
+    """A slip of 16 standard deviations, which the feature's scatter over all parts hides."""
+    runs, told_ = 60, 0
+    for seed in range(runs):
+        found = slipped(three_holes(parts, repeats, seed, 0.003, 0.001), 0.016, 1)
+        tables = feature_tables(found)
+        told_ += bool(lone_repeats(tables)[tables.labels.index(("", "a", "x"))])
+    assert told_ / runs > 0.5
+
+
+def test_a_feature_that_is_worse_on_every_part_has_no_slip_on_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Four times as bad as eleven others, measured twice: one study in fifty at most, by
+    OWN_RATE; by the other features alone one in four.
+    """
+    for i in range(9):
+        monkeypatch.setitem(PLACES, f"h{i}", (10.0 * i, 50.0))
+    runs, alarms = 300, 0
+    for seed in range(runs):
+        found = three_holes(8, 2, seed, 0.003, 0.001)
+        rough = np.random.default_rng(seed).normal(0.0, 0.0039, (len(found), 3))
+        own = (found.feature == 1)[:, None]
+        worse = replace(found, measured=found.measured + np.where(own, rough, 0.0))
+        alarms += bool(lone_repeats(feature_tables(worse)).any())
+    assert alarms / runs <= 0.02 + 3 * np.sqrt(0.02 * 0.98 / runs)
+
+
+def test_a_part_that_was_clamped_anew_has_no_slip() -> None:
+    """All its features move: the set-up did."""
+    found = three_holes(4, 2, 1, 0.003, 0.001)
+    moved = found.measured + 0.05 * ((found.part == 1) & (found.repeat == 1))[:, None]
+    anew = replace(found, measured=moved)
+    assert not lone_repeats(feature_tables(anew)).any()
+    assert told(anew) == []
+    only = replace(found, measured=np.where(found.feature[:, None] == 0, moved, found.measured))
+    tables = feature_tables(only)
+    named = {label for label, x in zip(tables.labels, lone_repeats(tables), strict=True) if x}
+    assert named == {("", "a", "x"), ("", "a", "y")}
 
 
 def test_where_a_mean_stands_out_it_alone_is_told() -> None:
