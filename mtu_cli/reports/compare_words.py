@@ -36,23 +36,42 @@ def verdict_text(item: Summary, kind: str, *, stands_out: Sequence[str] = ()) ->
 
 
 def set_up_text(result: CompareResult) -> str | None:
-    """What parts that were put down by hand look like: most features scatter, no length does."""
+    """What the set-up of parts looks like: features scatter, or are off, and no length does."""
     lengths = {item.operation: item for item in result.length_summaries}
+    if result.datum != "none":
+        return None
     for item in result.feature_summaries:
         beside = lengths.get(item.operation)
-        if (
-            result.datum == "none"
-            and beside is not None
-            and beside.scatter_tested
-            and not beside.under_predicted
-            and item.under_predicted * 2 > item.items
-        ):
+        if beside is None:
+            continue
+        by_hand = item.under_predicted * 2 > item.items and beside.scatter_tested
+        if by_hand and not beside.under_predicted:
             return (
                 "Features scatter and lengths do not: it may be that each part was set up by hand "
-                "(on the machine or the CMM), with an offset of its own. --datum offset takes that "
-                "out."
+                "(on the machine or the CMM), with an offset of its own. --datum offset, or "
+                "--datum offset,rotation, takes that out."
+            )
+        if beside.bias_tested and not beside.biased and _most_are_off(result, item.operation):
+            return (
+                "Features are off and lengths are not: it may be that all parts lay shifted or "
+                "turned (on the machine or the CMM). --datum offset, or --datum offset,rotation, "
+                "takes that out."
             )
     return None
+
+
+def _most_are_off(result: CompareResult, operation: str) -> bool:
+    """Whether most features of an operation are biased along any axis."""
+    found = result.features
+    for axis in {label[2] for label in found.labels}:
+        own = [
+            off
+            for label, off in zip(found.labels, found.biased, strict=True)
+            if (label[0], label[2]) == (operation, axis)
+        ]
+        if sum(off is True for off in own) * 2 > len(own) > 1:
+            return True
+    return False
 
 
 def parts_that_stand_out(result: CompareResult) -> tuple[str, ...]:

@@ -351,7 +351,10 @@ def test_parts_that_scatter_as_a_whole_may_have_been_set_up_by_hand(two: Compare
     assert two.lengths is not None
     lengths = summarised(decreed(two.lengths))
     found = replace(with_features(two, most), length_summaries=lengths)
-    assert "--datum offset takes that out." in plain_text(table(found)).replace("\n", " ")
+    told = (
+        "set up by hand (on the machine or the CMM), with an offset of its own. --datum offset, or"
+    )
+    assert told in plain_text(table(found)).replace("\n", " ")
     for other in (
         replace(with_features(two, few), length_summaries=lengths),
         replace(found, length_summaries=()),
@@ -359,6 +362,26 @@ def test_parts_that_scatter_as_a_whole_may_have_been_set_up_by_hand(two: Compare
         replace(found, datum="offset"),
     ):
         assert "set up by hand" not in plain_text(table(other))
+
+
+def test_parts_that_are_all_off_alike_may_have_lain_shifted_or_turned(two: CompareResult) -> None:
+    """Most features along one axis, and no length; a datum was not taken yet."""
+    labels = two.features.labels
+    along = [i for i, label in enumerate(labels) if (label[0], label[2]) == ("drilled", "x")]
+    off, half = (decreed(two.features, biased=tuple(along[:n])) for n in (13, 12))
+    assert (two.lengths is not None, len(along)) == (True, 24)
+    assert two.lengths is not None
+    lengths = summarised(decreed(two.lengths))
+    found = replace(with_features(two, off), length_summaries=lengths)
+    told = "all parts lay shifted or turned (on the machine or the CMM). --datum offset, or"
+    assert told in plain_text(table(found)).replace("\n", " ")
+    for other in (
+        replace(with_features(two, half), length_summaries=lengths),
+        replace(found, length_summaries=()),
+        replace(found, length_summaries=summarised(decreed(two.lengths, biased=(0,)))),
+        replace(found, datum="offset"),
+    ):
+        assert "shifted or" not in plain_text(table(other))
 
 
 def test_tables_fit(two: CompareResult) -> None:
