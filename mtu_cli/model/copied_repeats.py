@@ -122,7 +122,7 @@ def _all_agree(points: Points, axes: tuple[int, ...], found: _Repeats, values: i
     """Of repeats that all agree in so many `values`: what would be said of the CMM, or nothing
     where a CMM may repeat as well as that.
     """
-    step = max(_step(points.measured[:, axis]) for axis in axes)
+    step = max(last_digit(points.measured[:, axis]) for axis in axes)
     bound = ALL_AGREE * step / values
     if bound >= LEAST_U_MM:
         return []
@@ -134,7 +134,7 @@ def _all_agree(points: Points, axes: tuple[int, ...], found: _Repeats, values: i
     return [Warned(code="repeats-alike", message=text)]
 
 
-def _step(values: FloatArray) -> float:
+def last_digit(values: FloatArray) -> float:
     """The last digit of values (n,), mm: the largest step that all are whole numbers of."""
     for decimals in range(MOST_DECIMALS):
         whole = values * 10.0**decimals

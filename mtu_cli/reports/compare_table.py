@@ -17,7 +17,7 @@ from mtu_cli.reports.compare_words import (
     verdict,
     verdict_text,
 )
-from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant, span
+from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant, span, with_u
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.units import UM
 
@@ -157,7 +157,7 @@ def _row(found: Compared, i: int, digits: int) -> Sequence[str]:
     return [
         " ".join(word for word in found.labels[i] if word),
         plus_minus(found.predicted.mean[i] / UM, found.predicted.u[i] / UM, digits),
-        plus_minus(found.measured.mean[i] / UM, found.measured.u[i] / UM, digits),
+        _measured(found, i, digits),
         plus_minus(found.bias[i] / UM, found.u_difference[i] / UM, digits),
         significant(found.E_n[i]),
         p_value(float(found.p_bias[i])),
@@ -165,3 +165,13 @@ def _row(found: Compared, i: int, digits: int) -> Sequence[str]:
         p_value(float(found.p_scatter[i])),
         verdict(found, i),
     ]
+
+
+def _measured(found: Compared, i: int, digits: int) -> str:
+    """Mean and u of a future part; of one part, of which no u is known, with the digits of the
+    predicted one.
+    """
+    mean, u = found.measured.mean[i] / UM, found.measured.u[i] / UM
+    if np.isfinite(u):
+        return plus_minus(mean, u, digits)
+    return with_u(mean, found.predicted.u[i] / UM, digits)[0]

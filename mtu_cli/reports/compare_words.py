@@ -8,6 +8,8 @@ from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
 from mtu_cli.reports.numbers import p_value, significant, span
 from mtu_cli.units import UM
 
+NOTHING = 1e-6
+"""A ratio of scatter that rounding alone makes."""
 NAMED = 3
 """Parts with readings that stand out that a sentence names."""
 
@@ -160,8 +162,10 @@ def _pulled(item: Summary, stands_out: Sequence[str]) -> str | None:
 def _over(item: Summary) -> str | None:
     if not item.over_predicted:
         return None
-    times = "less than" if item.over_factor is None else f"{_times(item.over_factor)} times"
     count = _share(item.over_predicted, item)
+    if item.over_factor is not None and item.over_factor.largest < NOTHING:
+        return f"over-predicted: no scatter is seen where some is predicted ({count})"
+    times = "less than" if item.over_factor is None else f"{_times(item.over_factor)} times"
     return f"over-predicted: the scatter is {times} the predicted one ({count})"
 
 

@@ -10,6 +10,7 @@ from mtu_cli.analyses.compare.evidence import FEWEST_PARTS
 from mtu_cli.analyses.compare.verdicts import Compared
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
+from mtu_cli.model.copied_repeats import last_digit
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.measured_checks import not_measured
@@ -17,6 +18,10 @@ from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import axes_of
 
 MOST_NAMED = 6
+NO_U = 1e-6
+"""mm; a datum leaves no more of some features than rounding."""
+COARSE = 3.0
+"""Last digits of so many predicted u round most scatter away (u of one part holds that)."""
 
 
 def compare_warnings(
@@ -36,6 +41,7 @@ def compare_warnings(
         *_parts(kinds),
         *_tests(kinds),
         *_predictions(kinds),
+        *_coarse(points, features),
     ]
 
 
@@ -161,6 +167,26 @@ def _predictions(kinds: list[Compared]) -> list[Warned]:
         )
         found.append(Warned(code="no-part-scatter", message=text))
     return found
+
+
+def _coarse(points: Points, features: Compared) -> list[Warned]:
+    """A last digit that hides the scatter: parts look alike, or differ by whole digits."""
+    found: list[tuple[str, float, float]] = []
+    for axis in axes_of(points):
+        own = [i for i, label in enumerate(features.labels) if label[2] == AXES[axis]]
+        u = float(np.median(features.predicted.u[own])) if own else 0.0
+        if u > NO_U and (digit := last_digit(points.measured[:, axis])) > COARSE * u:
+            found.append((f"{AXES[axis]}_mm", digit, u))
+    if not found:
+        return []
+    names, digits, predicted = zip(*found, strict=True)
+    text = (
+        f"{', '.join(names)} of the points {'are' if len(found) > 1 else 'is'} given to "
+        f"{1e3 * max(digits):.3g} um, and u = {1e3 * min(predicted):.2g} um is predicted: such a "
+        'digit hides the scatter of the parts, so that "over-predicted" says nothing; export '
+        "more digits"
+    )
+    return [Warned(code="coarse-digit", message=text)]
 
 
 def _some(count: int, total: int) -> str:

@@ -356,3 +356,14 @@ def test_an_axis_without_an_equation_is_told(tmp_path: Path) -> None:
     result = compare(stated(tmp_path, text), part_file(tmp_path), three_holes(6, 2, 1), Settings())
     assert {label[2] for label in result.features.labels} == {"x"}
     assert "axis-not-predicted" in codes(result)
+
+
+def test_a_last_digit_that_hides_the_scatter_is_told() -> None:
+    """To 0.1 mm, where u of some 5 um is predicted; to 0.01 mm, of twice u, it is not."""
+    points = made(STUDY.model, STUDY.part, 3)
+    for digits, told in ((6, False), (2, False), (1, True)):
+        coarse = replace(points, measured=np.round(points.measured, digits))
+        found = [item for item in compared(coarse).warnings if item.code == "coarse-digit"]
+        assert len(found) == told
+        if told:
+            assert found[0].message.startswith("x_mm, y_mm of the points are given to 100 um, and")

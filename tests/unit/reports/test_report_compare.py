@@ -384,6 +384,26 @@ def test_parts_that_are_all_off_alike_may_have_lain_shifted_or_turned(two: Compa
         assert "shifted or" not in plain_text(table(other))
 
 
+def test_parts_that_do_not_scatter_at_all_are_told_in_words(two: CompareResult) -> None:
+    over = (True, *(False,) * (len(two.features.labels) - 1))
+    found = replace(decreed(two.features), over_predicted=over)
+    for ratio, said in ((1e-9, "no scatter is seen where some is"), (0.02, "the scatter is 0.020")):
+        item = summarised(replace(found, ratio_scatter=np.full(len(over), ratio)))[0]
+        assert f"over-predicted: {said}" in verdict_text(item, "features")
+
+
+def test_one_part_has_the_digits_of_what_was_predicted_of_it(two: CompareResult) -> None:
+    """No u is known of one part: 11.2905 beside 10.3 ± 1.7 says more than anybody knows."""
+    few = result_of(ring()[:3], lengths=False)
+    side = replace(few.features.measured, u=np.full(len(few.features.labels), np.nan))
+    table_ = replace(few.features.one_way, mean=np.full(len(few.features.labels), 0.0112905))
+    side = replace(side, mean=table_.mean)
+    one = with_features(few, replace(few.features, measured=side, one_way=table_))
+    line = next(x for x in plain_text(table(one)).splitlines() if x.startswith("1 x"))
+    assert " 11.3 " in line
+    assert "11.29" not in line
+
+
 def test_tables_fit(two: CompareResult) -> None:
     text = plain_text(table(two))
     assert max(map(len, text.splitlines())) <= 100
