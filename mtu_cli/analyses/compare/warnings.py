@@ -18,6 +18,9 @@ from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import axes_of
 
 MOST_NAMED = 6
+FEWEST_TURNED, TURNED = 3, 0.9
+"""Biased items, and the share of their bias that the other sign explains, from which on it is
+asked for."""
 NO_U = 1e-6
 """mm; a datum leaves no more of some features than rounding."""
 COARSE = 3.0
@@ -35,6 +38,7 @@ def compare_warnings(
     """All warnings on the items; `tables` are those of the features."""
     kinds = [features] if lengths is None else [features, lengths]
     return [
+        *_sign(kinds),
         *_axes(model, points),
         *_not_measured(part, points, lengths),
         *_empty(tables),
@@ -43,6 +47,30 @@ def compare_warnings(
         *_predictions(kinds),
         *_coarse(points, features),
     ]
+
+
+def _sign(kinds: list[Compared]) -> list[Warned]:
+    """Means that are those predicted with the other sign: readings or points are nominal minus
+    actual. By the sum of squares of all items, each in its own u, before and after.
+    """
+    biased = sum(sum(answer is True for answer in kind.biased) for kind in kinds)
+    if biased < FEWEST_TURNED:
+        return []
+    now = after = 0.0
+    for kind in kinds:
+        known = kind.u_difference > 0
+        u, predicted = kind.u_difference[known], kind.predicted.mean[known]
+        now += float(((kind.bias[known] / u) ** 2).sum())
+        after += float((((kind.bias[known] + 2 * predicted) / u) ** 2).sum())
+    share = 1 - after / now
+    if share < TURNED:
+        return []
+    text = (
+        f"with the other sign the prediction would explain {100 * share:.0f} % of the bias (sum of "
+        "squares): are the errors of the readings, or of the points, nominal minus actual? Here "
+        "an error is actual minus nominal"
+    )
+    return [Warned(code="sign-turned", message=text)]
 
 
 def _axes(model: MachineModel, points: Points) -> list[Warned]:

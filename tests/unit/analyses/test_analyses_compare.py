@@ -367,3 +367,30 @@ def test_a_last_digit_that_hides_the_scatter_is_told() -> None:
         assert len(found) == told
         if told:
             assert found[0].message.startswith("x_mm, y_mm of the points are given to 100 um, and")
+
+
+def test_the_other_sign_is_asked_for_where_it_explains_the_bias() -> None:
+    """Points that are nominal minus actual, of a machine that is known well; not an offset, nor
+    parts that are as predicted.
+    """
+    _, truth, part = study()
+    model = fitted(9, 7)
+    clean = made(truth, part, 1)
+    turned = replace(clean, measured=2 * clean.nominal - clean.measured)
+    off = made(truth, part, 1, offset=0.03)
+    found = [compare(model, part, points, Settings()) for points in (turned, off, clean)]
+    assert ["sign-turned" in codes(result) for result in found] == [True, False, False]
+    assert sum(answer is True for answer in found[1].features.biased) >= 3
+    (warning,) = [item for item in found[0].warnings if item.code == "sign-turned"]
+    e = found[0]
+    kinds = [kind for kind in (e.features, e.lengths) if kind is not None]
+    squares = [
+        sum(
+            float(
+                (((kind.one_way.mean + sign * kind.predicted.mean) / kind.u_difference) ** 2).sum()
+            )
+            for kind in kinds
+        )
+        for sign in (-1, 1)
+    ]
+    assert f" {100 * (1 - squares[1] / squares[0]):.0f} % of the bias" in warning.message
