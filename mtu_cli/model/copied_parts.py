@@ -21,6 +21,10 @@ FEWEST_COPIED = 4
 """Fewer equal values than this are no reason to speak."""
 CHANCE = 1e-3
 """Equal parts are refused where chance alone would make a pair less often than this."""
+FEW_GROUPS = 2
+"""Groups of equal parts that may be set-ups; of more, each with nothing but equal parts, one table
+was pasted again.
+"""
 MOST_ALIKE = 6
 """Equal parts that a warning names."""
 
@@ -67,7 +71,8 @@ def copied_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
         where = f" in operation {name!r}" if name else ""
         if mark not in chances:
             values = values or _values(points, operation, axes, _numbered(marks)[run])
-            chances[mark] = _chance(points, rows, axes, values)
+            asked = _set_ups(points, rows, operation, values)
+            chances[mark] = np.inf if asked else _chance(points, rows, axes, values)
         if chances[mark] >= CHANCE:
             alike.append((part, f"{twin!r}{where}"))
             continue
@@ -107,20 +112,27 @@ def _chance(points: Points, rows: IntArray, axes: tuple[int, ...], values: _Valu
     Two errors agree as often as two of the part's own: coarse or vanishing errors often do. Or as
     two of other parts in the same place do, or the two parts that are most alike but for a shift:
     where the CMM's last digit is larger than what parts of a set-up differ by. Repeats that agree
-    are one value. Infinite of parts that are all equal.
+    are one value.
     """
     errors = np.concatenate(
         [points.measured[rows, axis] - points.nominal[rows, axis] for axis in axes]
     )
     count = np.unique(np.round(errors / SAME_MM), return_counts=True)[1] / len(errors)
     pairs = len(points.parts) * (len(points.parts) - 1) / 2
-    if (values.equal == values.equal[rows[0]]).all():
-        # Nothing tells what parts differ by: a coarse digit, or one part measured twice.
-        return np.inf
     first = np.unique(values.code[rows], return_index=True)[1]
     alike = values.agree[rows].ravel()[first]
     each = np.maximum(alike, min(max(values.shared[rows[0]], (count**2).sum()), 1.0))
     return float(pairs * np.exp(np.log(each).sum()))
+
+
+def _set_ups(points: Points, rows: IntArray, operation: IntArray, values: _Values) -> bool:
+    """Whether all parts of an operation fall into one or two groups of equal ones: nothing tells
+    then what parts of one set-up differ by, a coarse digit or nothing at all.
+    """
+    own = operation == operation[rows[0]]
+    parts = np.unique(np.column_stack([values.equal[own], points.part[own]]), axis=0)
+    counts = np.unique(parts[:, 0], return_counts=True)[1]
+    return len(counts) <= FEW_GROUPS and bool((counts > 1).all())
 
 
 def _numbered(marks: FloatArray) -> IntArray:

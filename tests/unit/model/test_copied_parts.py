@@ -102,6 +102,20 @@ def test_where_all_parts_are_equal_nothing_tells_what_they_differ_by() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
+def test_two_set_ups_of_equal_parts_are_asked_about(seed: int) -> None:
+    """No part tells what those of one set-up differ by; of three set-ups and more a table was
+    pasted again.
+    """
+    for count, found in ((2, "asked"), (3, "part 'P1' has the same values as part 'P0'")):
+        errors = set_ups(seed, count, 2, 8, 1, 5.0)
+        errors[1::2] = errors[::2]
+        assert found in verdict(errors)
+    alone = set_ups(seed, 2, 2, 8, 1, 5.0)
+    alone[1] = alone[0]
+    assert "part 'P1' has the same values" in verdict(alone)
+
+
+@pytest.mark.parametrize("seed", range(5))
 def test_parts_of_unequal_repeats(seed: int) -> None:
     """Honest ones that shift as a whole, where every fourth is measured three times more."""
     errors = set_ups(seed, 20, 1, 4, 4, 0.02, shift=0.3)
