@@ -27,7 +27,7 @@ from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 SCHEMA_VERSION = 1
 MAX_DEGREE = 9
 """Of a polynomial in position."""
-HINTED = 100
+HINTED = 50
 """Unknown names of a document that are compared with all that are known."""
 
 OWN_SIZES = ("budget",)

@@ -17,11 +17,13 @@ COLDEST_K, HOTTEST_K = 230.0, 400.0
 _TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
 _START = re.compile(r"^(?:temp(?:erature?)?(?=$|[\W_\d])|t(?=[\W_\d]))[\W_]*", re.IGNORECASE)
 _ENDING = re.compile(r"[\W_]*(?:deg[\W_]*[ckf]?|celsius|kelvin|(?<=[\W_])[ckf])\W*$", re.IGNORECASE)
+_WORD = re.compile(r"[\W_]*temperatur(?:en?|a)?$|[\W_]+temp$", re.IGNORECASE)
+"""Behind what it is of: `Spindeltemperatur`, `spindle temperature`, `oil_temp`."""
 _LEADING_ZEROS = re.compile("(?<![0-9])0+(?=[0-9])")
 _MEANT = re.compile(
     # What begins as a temperature does, and what is given in degC; t_min may be a time.
     r"^T[\W_\d]|^(?i:temp(?:erature?)?)(?:$|[\W_\d])"
-    r"|(?i:[\W_]deg[\W_]?c|[\W_]celsius|^t[\W_\d]\w*[\W_]c)\W*$"
+    r"|(?i:[\W_]deg[\W_]?c|[\W_]celsius|^t[\W_\d]\w*[\W_]c|temperatur(?:en?|a)?|[\W_]temp)\W*$"
 )
 
 
@@ -51,7 +53,8 @@ def is_bare(name: str) -> bool:
 
 def _core(name: str) -> str:
     core = _ENDING.sub("", name.replace("\u00b0", "deg"))
-    return re.sub(r"\W+", "_", _START.sub("", core)).strip("_")
+    core = re.sub(r"\W+", "_", _START.sub("", core)).strip("_")
+    return _WORD.sub("", core).strip("_")
 
 
 def closest_covariate(name: str, known: Iterable[str]) -> str | None:

@@ -85,10 +85,14 @@ def sensor_name_notes(tables: Sequence[Table]) -> Iterator[Notice]:
         names = [name for name in _like_sensors(table) if not _is_sure(name)]
         if names:
             several = len(names) > 1
+            # T may be a tool, of what ends in a temperature only the form is wrong.
+            sure = (as_temperature(name) for name in names if not name.casefold().startswith("t"))
+            better = next((own for own in sure if own and own not in table.header), None)
+            such = f", such as {better}" if better else ""
             message = (
                 f"{table.source.shown}: column{'s' if several else ''} "
                 f"{', '.join(map(repr, names))} {'are' if several else 'is'} not used as "
-                f"temperature{'s' if several else ''}: a temperature is T_<sensor>_degC"
+                f"temperature{'s' if several else ''}: a temperature is T_<sensor>_degC{such}"
             )
             yield Notice(code="not-a-temperature", message=message)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mtu_cli.files.covariates import closest_covariate
+from mtu_cli.files.covariates import as_temperature, closest_covariate, looks_like_temperature
 
 
 @pytest.mark.parametrize(
@@ -26,3 +26,24 @@ from mtu_cli.files.covariates import closest_covariate
 )
 def test_the_covariate_that_was_meant(name: str, known: list[str], meant: str | None) -> None:
     assert closest_covariate(name, known) == meant
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("Lufttemperatur", "T_Luft_degC"),
+        ("spindle temperature", "T_spindle_degC"),
+        ("Spindeltemperatur [\u00b0C]", "T_Spindel_degC"),
+        ("oil_temp", "T_oil_degC"),
+        ("K\u00fchlmitteltemperatur", None),
+        ("temperature", None),
+    ],
+)
+def test_what_ends_in_temperature_is_one(name: str, meant: str | None) -> None:
+    assert looks_like_temperature(name)
+    assert as_temperature(name) == meant
+
+
+@pytest.mark.parametrize("name", ["attempt", "contemp", "tempo", "temperament"])
+def test_what_only_has_some_of_its_letters_is_none(name: str) -> None:
+    assert not looks_like_temperature(name)
