@@ -24,6 +24,8 @@ FEWEST_PASTED = 8
 """Of fewer readings of a component each may have come twice by chance."""
 FEWEST_DIFFERENT = 4
 """Of fewer different ones, too."""
+FEWEST_ERRORS = 8
+"""Different errors of a component without passes: equal readings of two runs are no slip there."""
 
 
 def told_apart(table: Table, number: str) -> bool:
@@ -130,11 +132,14 @@ def check_doubled_rows(table: Table, problems: ProblemList) -> None:
 
 def check_equal_readings(table: Table, problems: ProblemList) -> list[tuple[int, int]]:
     """The `equal_rows` of readings that tell repeats apart: instruments with a coarse display give
-    them honestly, but not twice in one instant, nor of a whole component in one file.
+    them honestly, but not twice in one instant, nor of a whole component in one file. Where none
+    tells repeats apart the latter alone is looked for.
     """
-    if not tells_repeats_apart(table):
-        return []
     equal = equal_rows(table)
+    if not tells_repeats_apart(table):
+        if equal:
+            _refuse_pasted(table, np.array(equal), problems, FEWEST_ERRORS)
+        return []
     if not {*table.columns.numbers, *table.columns.times}.isdisjoint(("time", "time_min")):
         _refuse(table, equal, problems)
     elif equal:
@@ -172,10 +177,12 @@ def _refuse(table: Table, equal: Sequence[tuple[int, int]], problems: ProblemLis
         )
 
 
-def _refuse_pasted(table: Table, equal: Ints, problems: ProblemList) -> None:
+def _refuse_pasted(table: Table, equal: Ints, problems: ProblemList, errors: int = 0) -> None:
     """A problem of every component all of whose rows stand equally often, more than once, the
     later behind the first of them all: two at each dwell of a coarse display are neighbours.
+    Fewer different `errors` may come again by chance.
     """
+    error = table.columns.numbers["error"]
     column = table.columns.texts["component"]
     times = np.ones(len(table), np.int64)
     np.add.at(times, equal[:, 1], 1)
@@ -188,6 +195,8 @@ def _refuse_pasted(table: Table, equal: Ints, problems: ProblemList) -> None:
         # Some values that come again and again are those of a coarse display.
         few = len(rows) < FEWEST_PASTED or len(counts) < FEWEST_DIFFERENT
         if few or often < 2 or (counts != often).any():
+            continue
+        if len(np.unique(error[rows])) < errors:
             continue
         stand = "stands twice" if often == 2 else f"stands {often} times"
         which = f"each of the {len(counts)} readings"

@@ -13,6 +13,7 @@ from mtu_cli.errors import Problem, did_you_mean
 from mtu_cli.files import doubled, joined
 from mtu_cli.files.column_twins import column_twins
 from mtu_cli.files.contracts import Notice
+from mtu_cli.files.copied_passes import check_copied_passes
 from mtu_cli.files.csv_missing import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.drift_cells import ROLE, check_drift, refuse_as_drift, refuse_drift
@@ -132,7 +133,7 @@ def read_readings(
         _check_copied_files(readings, problems)
     known = components if for_fit else None
     if known is not None and not problems.listed:
-        _check_positions(readings, known, travels or {}, problems)
+        _check_for_fit(readings, known, travels or {}, problems)
         for table in tables:
             refuse_drift(table)
     if not problems.listed:
@@ -236,12 +237,13 @@ def assemble(
     )
 
 
-def _check_positions(
+def _check_for_fit(
     readings: Readings,
     components: Mapping[str, ComponentLike],
     travels: Travels,
     problems: ProblemList,
 ) -> None:
+    check_copied_passes(readings, problems)
     for code, name in enumerate(readings.components):
         component = components[name]
         inside = np.flatnonzero(readings.code == code)

@@ -239,6 +239,19 @@ def test_times_that_do_not_go_together(tmp_path: Path) -> None:
     )
 
 
+def test_without_passes_a_table_that_was_pasted_twice_is_refused_by_its_many_values(
+    tmp_path: Path,
+) -> None:
+    """Equal readings are legitimate there, but not of every place in the same order."""
+    own = "".join(f"dx_x,{x},{x % 9}.{x},um\n" for x in range(12))
+    (found,) = faults(tmp_path, f"{HEAD}\n{own}{own}")
+    assert found.startswith("r0.csv, row 14: each of the 12 readings of 'dx_x' stands twice, as")
+    half = "".join(own.splitlines(keepends=True)[:6])
+    assert len(read(tmp_path, f"{HEAD}\n{own}{half}")) == 18
+    coarse = "".join(f"dx_x,{x},{x // 2},um\n" for x in range(12))
+    assert read(tmp_path, f"{HEAD}\n{coarse}{coarse}").notes == ()
+
+
 def test_a_position_that_is_everywhere_the_same_slip_tells_the_travel(tmp_path: Path) -> None:
     """No position can be judged by the others then."""
     path = tmp_path / "r.csv"

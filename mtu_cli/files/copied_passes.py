@@ -1,0 +1,104 @@
+"""Passes of readings that are copies of others: all their values agree, to the last digit."""
+
+from __future__ import annotations
+
+from itertools import combinations, islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.errors import Problem
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mtu_cli.files.csv_table import ProblemList
+    from mtu_cli.files.readings import Readings
+
+    Rows = NDArray[np.int64]
+
+FEWEST = 4
+"""Fewer equal readings than this are no reason to speak."""
+CHANCE = 1e-3
+"""Passes are refused where chance alone would make an equal pair less often than this."""
+FEW_GROUPS = 2
+MOST_COMPARED = 20
+"""Different passes from which it is known how often two readings of one place agree."""
+
+
+def check_copied_passes(readings: Readings, problems: ProblemList) -> None:
+    """A problem of every pass of a component that has the readings of an earlier one, place by
+    place: pasted again and numbered on, they would say that the machine does not drift.
+
+    Two readings of a place agree as often as those of other passes do, by the last digit of the
+    instrument. Where all passes fall into one or two groups of equal ones (two ways that no
+    `direction` tells apart) nothing tells that, and nothing is said.
+    """
+    for code, name in enumerate(readings.components):
+        inside = np.flatnonzero((readings.code == code) & readings.has_pass)
+        runs = _runs(readings, inside)
+        groups: dict[bytes, list[Rows]] = {}
+        for rows in runs:
+            groups.setdefault(_mark(readings, rows), []).append(rows)
+        if len(groups) == len(runs):
+            continue
+        if len(groups) <= FEW_GROUPS and all(len(own) > 1 for own in groups.values()):
+            continue
+        agree = _agreement(readings, [own[0] for own in groups.values()])
+        for first, *copies in groups.values():
+            pairs = len(runs) * (len(runs) - 1) / 2
+            if len(first) < FEWEST or agree is None or pairs * agree ** len(first) >= CHANCE:
+                continue
+            for rows in copies:
+                problems.add(_problem(readings, name, rows, first))
+
+
+def _problem(readings: Readings, name: str, rows: Rows, first: Rows) -> Problem:
+    own, other = (int(readings.pass_number[item[0]]) for item in (rows, first))
+    return Problem(
+        what=f"pass {own} of {name!r} has the same readings as pass {other}, to the last digit",
+        file=readings.sources[readings.file_index[rows[0]]].shown,
+        row=int(readings.row[rows].min()),
+        column="pass",
+        expected="each pass once",
+    )
+
+
+def _runs(readings: Readings, inside: Rows) -> list[Rows]:
+    """The rows of each pass of each file, by place."""
+    key = (
+        readings.error[inside],
+        readings.direction[inside],
+        np.nan_to_num(readings.position_mm[inside]),
+        readings.pass_number[inside],
+        readings.file_index[inside],
+    )
+    order = np.lexsort(key)
+    numbers = np.column_stack([key[4][order], key[3][order]])
+    ends = np.flatnonzero((np.diff(numbers, axis=0) != 0).any(axis=1)) + 1
+    return [rows for rows in np.split(inside[order], ends) if len(rows)]
+
+
+def _mark(readings: Readings, rows: Rows) -> bytes:
+    """What equal passes share; -0.0 is 0.0."""
+    return _places(readings, rows) + (readings.error[rows] + 0.0).tobytes()
+
+
+def _places(readings: Readings, rows: Rows) -> bytes:
+    position = np.nan_to_num(readings.position_mm[rows]) + 0.0
+    return position.tobytes() + readings.direction[rows].tobytes()
+
+
+def _agreement(readings: Readings, passes: list[Rows]) -> float | None:
+    """How often two readings of a place agree in different passes through the same places, at
+    least once in so many; None where no two are through the same.
+    """
+    alike: dict[bytes, list[Rows]] = {}
+    for rows in passes:
+        alike.setdefault(_places(readings, rows), []).append(rows)
+    same = total = 0
+    for group in alike.values():
+        for one, other in combinations(islice(group, MOST_COMPARED), 2):
+            same += int((readings.error[one] == readings.error[other]).sum())
+            total += len(one)
+    return (same + 1) / (total + 1) if total else None
