@@ -13,6 +13,7 @@ from mtu_cli.errors import Problem, counted
 from mtu_cli.files.csv_stores import cell_problem, store_of
 from mtu_cli.files.csv_table import Columns, ProblemList, TableSpec
 from mtu_cli.files.csv_text import CELL_LIMIT, CsvText, lines_from
+from mtu_cli.files.odd_rows import odd_row
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,7 +33,9 @@ def read_slow(
     rows = array("q")
     stores = [store_of(name, text, spec, problems) for name in text.header]
     for row, cells in _records(text, problems):
-        if len(cells) != len(stores):
+        if (odd := odd_row(text, row, cells, spec)) is not None:
+            problems.add(odd)
+        elif len(cells) != len(stores):
             problems.add(_wrong_length(text, row, cells))
         elif tuple(map(str.strip, cells)) == text.header:
             what = "the header again, as in a table that was pasted again"

@@ -18,6 +18,7 @@ from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.drift_notes import negative_times
 from mtu_cli.files.features_alike import features_alike
 from mtu_cli.files.names_alike import names_alike
+from mtu_cli.files.odd_rows import is_total
 from mtu_cli.files.point_temperatures import check_temperatures_of_points, temperature_notes
 from mtu_cli.files.sensor_names import check_temperature_names, sensor_name_notes
 from mtu_cli.files.source import Source
@@ -123,6 +124,10 @@ def _check_table(table: Table, features: Mapping[str, Place] | None, problems: P
         joined.check_magnitude(table, f"{axis}_mm", problems)
         joined.check_magnitude(table, f"nominal_{axis}_mm", problems)
     joined.check_names(table, ("part", "operation"), problems)
+    joined.check_labels(
+        table, "part", "a row that sums up others",
+        lambda label: "rows of measured parts alone" if is_total(label) else None, problems,
+    )  # fmt: skip
     if features is None:
         joined.check_names(table, ("feature",), problems)
     else:
