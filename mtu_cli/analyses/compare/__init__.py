@@ -40,7 +40,7 @@ from mtu_cli.model.measured_checks import sound
 from mtu_cli.model.outlying_points import Outlying, farthest_off, outlying
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings, Warned
-from mtu_cli.model.visits import axes_of, only_rows, visits_of
+from mtu_cli.model.visits import axes_of, only_features, only_rows, visits_of
 from mtu_cli.stats.least_squares import FloatArray
 
 __all__ = [
@@ -172,7 +172,10 @@ def _stands_out(task: _Task, points: Points, odd: Outlying) -> StandsOut:
     features: Compared | None = None
     lengths: Compared | None = None
     if len(rest):
-        sides = _sides(task, only_rows(points, rest))
+        left = only_rows(points, rest)
+        # A feature that was measured on no other part is none of what is left.
+        names = [left.features[i] for i in np.unique(left.feature)]
+        sides = _sides(task, only_features(left, names))
         features, lengths = judged(sides.features, sides.lengths)
     return StandsOut(
         parts=odd.parts,

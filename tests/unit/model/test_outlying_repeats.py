@@ -211,3 +211,17 @@ def test_what_chance_may_do_with_few_repeats_is_no_slip(ratio: float, expected: 
     rows = [("P0", name, r, r * by, r * 1e-3) for name, by in off.items() for r in (0, 1)]
     rows += [("P1", name, 0, 0.0, 0.0) for name in off]
     assert [warning.code for warning in told(points(rows))] == expected
+
+
+def test_of_one_part_the_feature_of_the_slip_is_none_of_the_others() -> None:
+    """Nor are the lengths that end there; what is left is judged as if it had not been measured."""
+    _, truth, part = study()
+    model, one = fitted(9, 7), made(truth, part, 1, parts=1)
+    name = one.features[one.feature[ROW]]
+    lost = [x.id for x in part.part.lengths if name in (x.from_, x.to)]
+    at = next(i for i, x in enumerate(one.feature) if one.features[x] == part.part.lengths[0].to)
+    for row, fewer in ((ROW, len(lost)), (at, 2)):
+        odd = compare(model, part, slipped(one, 0.5, row), Settings()).stands_out
+        assert odd is not None
+        assert odd.feature_summaries[0].items == 2 * (len(one.features) - 1)
+        assert odd.length_summaries[0].items == len(part.part.lengths) - fewer
