@@ -153,10 +153,9 @@ def _unclear(item: Summary) -> str | None:
 def _pulled(item: Summary, stands_out: Sequence[str]) -> str | None:
     if not item.pulled:
         return None
+    alone = ": beside them no fault shows" if item.pulled_alone == item.pulled else ""
     count = _share(item.pulled, item)
-    return (
-        f"inconsistent: {_singles(stands_out)} by more than U: beside them no fault shows ({count})"
-    )
+    return f"inconsistent: {_singles(stands_out)} by more than U{alone} ({count})"
 
 
 def _over(item: Summary) -> str | None:

@@ -43,12 +43,13 @@ class Summary:
 
     `verdicts` counts each item once, by its gravest fault; `biased`, `under_predicted`,
     `over_predicted` and `inconsistent` count every fault, `pulled` those of the inconsistent that
-    single readings pull. `bias_tested` and `scatter_tested` items could be judged at all,
-    `not_tested` ones in neither. Ratios are measured over predicted; `under_factor` and
-    `over_factor` are `ratio_scatter` of the items under- and over-predicted, `bias_size` |bias|
-    (mm) of the biased or inconsistent, but the `pulled`; `undecided` is what may be
-    under-predicted, too. `n0` and `ms_share` say what the paper's scatter, from MS_between, is of
-    the parts' own: sqrt(n0) times, or somewhat more.
+    single readings pull, `pulled_alone` those of them without another fault. `bias_tested` and
+    `scatter_tested` items could be judged at all, `not_tested` ones in neither. Ratios are
+    measured over predicted; `under_factor` and `over_factor` are `ratio_scatter` of the items
+    under- and over-predicted, `bias_size` |bias| (mm) of the biased or inconsistent, but the
+    `pulled`; `undecided` is what may be under-predicted, too. `n0` and `ms_share` say
+    what the paper's scatter, from MS_between, is of the parts' own: sqrt(n0) times, or somewhat
+    more.
     """
 
     operation: str
@@ -62,6 +63,7 @@ class Summary:
     over_predicted: int
     inconsistent: int
     pulled: int
+    pulled_alone: int
     ratio_u: Range | None
     ratio_range: Range | None
     ratio_scatter: Range | None
@@ -87,6 +89,7 @@ def _summary(found: Compared, operation: str) -> Summary:
     verdicts = [v for v, inside in zip(found.verdicts, own, strict=True) if inside]
     pulled = _yes(found.inconsistent) & _yes(found.pulled)
     off = _yes(found.biased) | (_yes(found.inconsistent) & ~pulled)
+    faulty = _yes(found.biased) | _yes(found.under_predicted) | _yes(found.over_predicted)
     tested = _known(found.biased) | _known(found.inconsistent)
 
     def count(flags: np.ndarray) -> int:
@@ -104,6 +107,7 @@ def _summary(found: Compared, operation: str) -> Summary:
         over_predicted=count(_yes(found.over_predicted)),
         inconsistent=count(_yes(found.inconsistent)),
         pulled=count(pulled),
+        pulled_alone=count(pulled & ~faulty),
         ratio_u=_range(found.ratio_u[own]),
         ratio_range=_range(found.ratio_range[own]),
         ratio_scatter=_range(found.ratio_scatter[own]),

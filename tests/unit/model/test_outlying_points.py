@@ -194,6 +194,18 @@ def test_a_part_is_told_once_and_many_parts_in_short() -> None:
     assert "; and 2 more parts: they pull" in warning.message
 
 
+def test_an_item_that_is_biased_beside_its_slip_has_a_fault() -> None:
+    """Parts that are 50 um off along x, one of them by 200 um more: scatter does not hide that."""
+    _, truth, part = study()
+    model, off = fitted(9, 7), made(truth, part, 1, offset=0.05)
+    summary = compare(model, part, moved(off, [9], -0.2), Settings()).feature_summaries[0]
+    assert summary.pulled > summary.pulled_alone
+    assert summary.biased > 0
+    headline = verdict_text(summary, "features", stands_out=("5",))
+    assert f"readings of part '5' stand out by more than U ({summary.pulled} of " in headline
+    assert "no fault shows" not in headline
+
+
 def test_operations_are_apart() -> None:
     rows = [(f"P{p}", name, 0, 0.001 * (p % 4), 0.0) for p in range(12) for name in PLACES]
     both = points(rows + rows, ["milled"] * 36 + ["drilled"] * 36)
