@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
+
+import numpy as np
 
 from mtu_cli.analyses.close_loop.one_phase import least_amplitude
-from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import amplitude, is_level, pitch_is_open, things
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_shown import (
@@ -158,6 +161,34 @@ def _reversal(value: float, item: TableResult) -> dict[str, str]:
     if value > 0:
         return {"loses": "gains", "sides": ", too far from both sides"}
     return {"loses": "loses", "sides": ", short from both sides"}
+
+
+def sum_texts(item: TableResult, result: CloseLoopResult) -> list[str]:
+    """What squarenesses of one pair of axes come to, found along each of them.
+
+    Of E_x = a y and E_y = b x the angle of the axes is off by a + b, whichever of the two is a
+    squareness and which a turn.
+    """
+    place, at = 0, {}
+    for effect in result.effects:
+        at[id(effect)] = place
+        place += len(effect.parameters)
+    found: dict[str, list[FoundEffect]] = {}
+    for effect in item.effects:
+        if effect.family == "squareness" and len(effect.parameters) == 1:
+            found.setdefault(effect.name, []).append(effect)
+    texts = []
+    for own in (own for own in found.values() if len(own) > 1):
+        first, places = parameters_of(own[0])[0], [at[id(effect)] for effect in own]
+        total = sum(parameters_of(effect)[0].value for effect in own)
+        variance = result.covariance[np.ix_(places, places)].sum()
+        u = math.sqrt(variance) / PARAMETER_UNITS[first.unit].to_internal
+        words = _words(own[0], item, (replace(first, value=total, u=u),))
+        angle = SENTENCES["squareness"].format(**words)
+        texts.append(
+            f"{own[0].name} was found along both axes: together {angle}, and all is turned."
+        )
+    return texts
 
 
 def direction_text(effect: FoundEffect, item: TableResult) -> str | None:

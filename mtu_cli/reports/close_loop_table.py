@@ -115,7 +115,7 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
         for name in effect.searched
     ]
     ways = [(e.name, direction_text(e, item)) for item in result.tables for e in item.effects]
-    notes += [f"{name}: {way}" for name, way in ways if way is not None]
+    notes += dict.fromkeys(f"{name}: {way}" for name, way in ways if way is not None)
     notes += [note for item in result.tables for note in one_cause_notes(item)]
     if any(is_level(name) for effect in result.effects for name, _, _, _ in effect.parameters):
         notes.insert(0, LEVEL)

@@ -16,6 +16,7 @@ from mtu_cli.analyses.close_loop.shown import (
 )
 from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
 from mtu_cli.reports.close_loop_class import class_lines, members
+from mtu_cli.reports.close_loop_effects import sum_texts
 from mtu_cli.reports.close_loop_notes import MEANINGS, of_p
 from mtu_cli.reports.close_loop_sentences import Sentence, sentences
 from mtu_cli.reports.close_loop_shown import (
@@ -49,24 +50,25 @@ def verdict_lines(item: TableResult, result: CloseLoopResult) -> list[tuple[bool
     if item.verdict == "none":
         said = [(False, _none(item, result.alpha))]
     elif item.verdict == "class":
-        said = _class(item)
+        said = _class(item, result)
+    elif item.verdict == "named":
+        said = [(False, _named(item, result))]
     else:
-        told = {"named": _named, "unexplained": _unexplained}
-        said = [(False, told[item.verdict](item))]
+        said = [(False, _unexplained(item))]
     if item.table.component is not None:
         said[0] = (False, f"{item.table.component}: {said[0][1]}")
     return said
 
 
-def _named(item: TableResult) -> str:
+def _named(item: TableResult, result: CloseLoopResult) -> str:
     """Such as "X loses 8.2 ± 0.6 um at reversal, short from both sides (backlash-x). ..."."""
     found = "; ".join(said.named for said in sentences(item))
-    return " ".join([f"{capital(found, item)}.", *_worth(item)])
+    return " ".join([f"{capital(found, item)}.", *_worth(item, result)])
 
 
-def _class(item: TableResult) -> list[tuple[bool, str]]:
+def _class(item: TableResult, result: CloseLoopResult) -> list[tuple[bool, str]]:
     """What cannot be told apart one by one, and what it is worth behind all of them."""
-    lines = [*class_lines(item), *((False, text) for text in _worth(item))]
+    lines = [*class_lines(item), *((False, text) for text in _worth(item, result))]
     return [
         (one, text)
         for one, run in groupby(lines, key=lambda line: line[0])
@@ -74,9 +76,9 @@ def _class(item: TableResult) -> list[tuple[bool, str]]:
     ]
 
 
-def _worth(item: TableResult) -> list[str]:
+def _worth(item: TableResult, result: CloseLoopResult) -> list[str]:
     """What follows where effects were found: what else may be, and the error before and after."""
-    return [*_set_up(item), _before_after(item), *_by_column(item)]
+    return [*sum_texts(item, result), *_set_up(item), _before_after(item), *_by_column(item)]
 
 
 def _unexplained(item: TableResult) -> str:
