@@ -8,45 +8,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from csv_contract import SPEC, faults, names, table
 
 from mtu_cli.errors import InputError
 from mtu_cli.files import csv_file
 from mtu_cli.files.contract_errors import number_expectation
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_table import LISTED_PROBLEMS, Table, TableSpec
+from mtu_cli.files.csv_table import LISTED_PROBLEMS
 from mtu_cli.files.csv_text import CELL_LIMIT
 from mtu_cli.files.points import SPEC as POINTS
-
-SPEC = TableSpec(
-    required=("name", "value"),
-    numbers=frozenset({"value", "size"}),
-    texts=frozenset({"name"}),
-    times=frozenset({"time"}),
-    may_be_empty=frozenset({"size"}),
-)
 
 
 @pytest.fixture(autouse=True)
 def every_table_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
     """The fast reader first, whatever the size; commands read small files with the slow one."""
     monkeypatch.setattr(csv_file, "SMALL", 0)
-
-
-def table(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> Table:
-    data = content if isinstance(content, bytes) else content.encode()
-    (tmp_path / name).write_bytes(data)
-    return read_table(tmp_path / name, "lbb", SPEC)
-
-
-def faults(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> list[str]:
-    with pytest.raises(InputError) as caught:
-        table(tmp_path, content, name)
-    return [str(problem).removeprefix(name) for problem in caught.value.problems]
-
-
-def names(read: Table, column: str = "name") -> list[str]:
-    text = read.columns.texts[column]
-    return ["" if code < 0 else text.labels[code] for code in text.codes]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,36 @@
+"""A small CSV contract, its reader and its faults, for tests of the files floor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.csv_file import read_table
+from mtu_cli.files.csv_table import Table, TableSpec
+
+SPEC = TableSpec(
+    required=("name", "value"),
+    numbers=frozenset({"value", "size"}),
+    texts=frozenset({"name"}),
+    times=frozenset({"time"}),
+    may_be_empty=frozenset({"size"}),
+)
+
+
+def table(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> Table:
+    data = content if isinstance(content, bytes) else content.encode()
+    (tmp_path / name).write_bytes(data)
+    return read_table(tmp_path / name, "lbb", SPEC)
+
+
+def faults(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> list[str]:
+    with pytest.raises(InputError) as caught:
+        table(tmp_path, content, name)
+    return [str(problem).removeprefix(name) for problem in caught.value.problems]
+
+
+def names(read: Table, column: str = "name") -> list[str]:
+    text = read.columns.texts[column]
+    return ["" if code < 0 else text.labels[code] for code in text.codes]
