@@ -60,20 +60,22 @@ class BoundTemplate:
 
         Raises NoMember where the data has none.
         """
-        used = self.checked_names()
-        searched = self.searched()
+        used, searched = self.checked_names(), self.searched()
         columns = self.columns(searched)
-        search = self.template.search
-        tangent: tuple[Column, ...] = ()
-        if searched is not None and search is not None and is_continuous(search):
-            above = self.columns(searched * np.exp(STEP))
-            below = self.columns(searched * np.exp(-STEP))
-            tangent = tuple(
-                {axis: (up[axis] - down[axis]) / (2.0 * STEP) for axis in up}
-                for up, down in zip(above, below, strict=True)
-            )
-        members = tuple(self.members(columns, tangent, searched, used))
+        members = tuple(self.members(columns, self.tangent(searched), searched, used))
         return Batch(bound=self, members=members, columns=columns, used=used)
+
+    def tangent(self, searched: FloatArray | None) -> tuple[Column, ...]:
+        """Derivatives of the columns by the logarithm of what is searched, where it has one."""
+        search = self.template.search
+        if searched is None or search is None or not is_continuous(search):
+            return ()
+        above = self.columns(searched * np.exp(STEP))
+        below = self.columns(searched * np.exp(-STEP))
+        return tuple(
+            {axis: (up[axis] - down[axis]) / (2.0 * STEP) for axis in up}
+            for up, down in zip(above, below, strict=True)
+        )
 
     @property
     def is_periodic(self) -> bool:

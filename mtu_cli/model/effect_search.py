@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +33,14 @@ class Waves:
     def columns(self, periods: FloatArray) -> tuple[Column, ...]:
         """Levers of the parameters by axis, each (G or 1, P or 1, H or 1) for G periods."""
         return self.bound.columns(periods)
+
+    def member(self, period: float, names: Collection[str]) -> Member:
+        """The member of one period, with the parameters of these `names`."""
+        searched, bound = np.array([period]), self.bound
+        columns, tangent = bound.columns(searched), bound.tangent(searched)
+        (member,) = bound.members(columns, tangent, searched, bound.checked_names())
+        kept = [i for i, (name, _) in enumerate(member.parameters) if name in names]
+        return member if len(kept) == len(member.parameters) else bound.narrowed(member, kept)
 
 
 def waves_of(

@@ -17,8 +17,10 @@ from mtu_cli.analyses.close_loop.held_out import (
     splits_by,
     splits_of,
 )
-from mtu_cli.model.effect_library import Candidate
+from mtu_cli.model.effect_library import Candidate, effect_library
 from mtu_cli.model.residual_table import ResidualTable
+
+LIBRARY = effect_library()
 
 
 def folds_of(
@@ -40,5 +42,5 @@ def held_out(
     """Searches every fold's kept part of `table` and scores all that it left out, gross entries
     too; None without folds.
     """
-    found = [of_fold(table, fold, alpha=alpha, most=most) for fold in folds]
+    found = [of_fold(table, fold, LIBRARY, alpha=alpha, most=most) for fold in folds]
     return joined(table, [fold.split for fold in folds], found)

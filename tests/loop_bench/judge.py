@@ -10,6 +10,7 @@ import numpy as np
 from shop_day.day import Floats
 
 from loop_bench.days import UM, BenchDay
+from loop_bench.folds import LIBRARY
 from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, candidate_name, found_effects
 from mtu_cli.analyses.close_loop.gross import set_aside
@@ -113,7 +114,7 @@ def held_out_after(bench: BenchDay, errors: Floats, folds: Sequence[Fold]) -> fl
     table = bench.measured(errors)
     total = 0.0
     for fold in folds:
-        rest = errors - of_fold(table, fold, alpha=ALPHA, most=MOST).foretold / UM
+        rest = errors - of_fold(table, fold, LIBRARY, alpha=ALPHA, most=MOST).foretold / UM
         rest = rest[~fold.split.kept] - rest[fold.split.kept].mean(axis=(0, 1))
         total += float(np.sum(rest**2))
     return total / errors.size

@@ -22,10 +22,11 @@ from mtu_cli.analyses.close_loop.folds import (
 from mtu_cli.analyses.close_loop.foretold import foretold
 from mtu_cli.analyses.close_loop.gross import set_aside
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.refined import Whole, with_pitches_of_fold
 from mtu_cli.analyses.close_loop.result import Scores
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.searched import searched
-from mtu_cli.model.effect_library import Candidate
+from mtu_cli.model.effect_library import Candidate, EffectLibrary
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
@@ -175,17 +176,21 @@ class OfFold:
     chosen: frozenset[str]
 
 
-def of_fold(table: ResidualTable, fold: Fold, *, alpha: float, most: int) -> OfFold:
+def of_fold(
+    table: ResidualTable, fold: Fold, library: EffectLibrary, *, alpha: float, most: int
+) -> OfFold:
     """Searches what a fold keeps of `table`; what it leaves out takes no part in anything."""
 
     def start(kept: ResidualTable) -> tuple[Prepared, Gate]:
         return fold.prepared.with_table(kept), fold.gate
 
     own = searched(fold.split.cut(table), start, alpha=alpha, most=most)
-    prepared, found = own.prepared, own.found
+    found, split = own.found, fold.split
+    whole = Whole(table=table, cut=fold.cut, kept=split.kept, dimension=split.dimension)
+    prepared, cut = with_pitches_of_fold(own.prepared, found, whole, library)
     return OfFold(
         there=prepared.table.there,
-        foretold=foretold(prepared, found, table, fold.cut.whole, fold.cut.weights),
+        foretold=foretold(prepared, found, table, cut.whole, cut.weights),
         variance=_cell_variance(added(prepared, found), prepared.scan.frame.strata),
         chosen=frozenset(prepared.candidates[step.index].name for step in found.steps),
     )

@@ -27,6 +27,7 @@ from mtu_cli.analyses.close_loop.neutral_point import neutral_points
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.own_constant import owners_of, with_own_constants
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.refined import with_refined_pitches
 from mtu_cli.analyses.close_loop.result import (
     FixedPoint,
     FoundEffect,
@@ -74,8 +75,8 @@ def loop_on(
     seed: int,
 ) -> LoopResult:
     """Closes the loop on one table at the family-wise rate `alpha`."""
-    first, out = _all_searched(given, candidates, alpha, most, seed)
-    told, table, found = _told(first, out, seed), first.prepared.table, first.found
+    first, out = _all_searched(given, candidates, library, alpha=alpha, most=most, seed=seed)
+    told, table, found = _told(first, out, library, seed), first.prepared.table, first.found
     scored, fired, twice = _scored(told, out, given), found.fired(alpha), twofold(told)
     (described, others), covariance = _described(told, library, seed), joint_covariance(told)
     result = TableResult(
@@ -107,14 +108,20 @@ def loop_on(
 
 
 def _all_searched(
-    given: ResidualTable, candidates: Sequence[Candidate], alpha: float, most: int, seed: int
+    given: ResidualTable,
+    candidates: Sequence[Candidate],
+    library: EffectLibrary,
+    *,
+    alpha: float,
+    most: int,
+    seed: int,
 ) -> tuple[Searched, HeldOut | None]:
     """What is found in the table, and in its folds meanwhile."""
     splits = splits_of(given)
 
     def of_split(i: int) -> OfFold:
         fold = fold_of(given, candidates, splits[i], seed, given.pass_dof)
-        return of_fold(given, fold, alpha=alpha, most=most)
+        return of_fold(given, fold, library, alpha=alpha, most=most)
 
     with SideBySide(of_split, len(splits)) as folds:
         first = _searched(given, candidates, alpha, most, seed)
@@ -145,14 +152,15 @@ def _neutral_points(
     return tuple(point for points in found for point in points)
 
 
-def _told(first: Searched, out: HeldOut | None, seed: int) -> Described:
+def _told(first: Searched, out: HeldOut | None, library: EffectLibrary, seed: int) -> Described:
     owners = owners_of(first.prepared, first.found)
-    return Described(
+    told = Described(
         prepared=first.prepared,
         found=first.found,
         effects=added(first.prepared, first.found, seed, owners=owners),
         chosen=() if out is None else out.chosen,
     )
+    return with_refined_pitches(told, library, seed, owners)
 
 
 def _described(

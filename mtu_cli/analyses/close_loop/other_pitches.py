@@ -26,13 +26,16 @@ from mtu_cli.model.effect_search import Waves, waves_of
 from mtu_cli.stats.column_groups import whiten
 from mtu_cli.stats.least_squares import FloatArray, beside
 
-MOST_PLACES = 60
+MOST_PLACES = 250
 """Different places along an axis up to which other pitches are sought."""
 PLACE_DIGITS = 3
 PER_SPAN = 32.0
 """Frequencies a span: the phase is off by a 64th of a period between two of them at most."""
 MOST_FREQUENCIES = 200_000
 DIGITS = 7
+ZOOMS, MOST_ZOOMS, NARROWEST = 4, 24, 1e-6
+FINE, INSIDE = 65, 0.25
+"""Frequencies about the best one, and the share of them within which the data hold it."""
 FEW = 4
 """Pitches whose images are sought: where more of them fit, nearly all that there are do."""
 SAME = 0.01
@@ -62,12 +65,13 @@ def with_other_pitches(
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Others:
     """Pitches that are the `same` as the one found at these places, those `as_good`, and the
-    `ends` of all that the data support.
+    `ends` of all that the data support; of those about the one found `near`, where that is known.
     """
 
     same: tuple[float, ...] = ()
     as_good: tuple[float, ...] = ()
     ends: tuple[float, ...] = ()
+    near: tuple[float, ...] = ()
 
 
 def _with(effect: FoundEffect, seen: Periodic, others: Others) -> FoundEffect:
@@ -78,7 +82,7 @@ def _with(effect: FoundEffect, seen: Periodic, others: Others) -> FoundEffect:
             known.append(v)
     alike = tuple(sorted(known, reverse=True))
     ((name, (value, low, high)),) = effect.searched.items()
-    ends = (low, high, *alike, *(others.ends if alike else ()))
+    ends = (*(others.near or (low, high)), *alike, *(others.ends if alike else ()))
     names = effect.class_names
     if len(seen.along) <= len(seen.waves.bound.parameters()) + 2:
         names = tuple(dict.fromkeys([*names, f"{FIELD}-{seen.letter}"]))
@@ -138,7 +142,46 @@ def pitches_as_good(told: Described, seen: Periodic, place: int) -> Others:
     fits = _fits(told, seen, place)
     if fits is None:
         return Others()
-    return _as_good(fits, frequencies, 1.0 / seen.found, 1.0 / span)
+    found = 1.0 / seen.found
+    others = _as_good(fits, frequencies, found, 1.0 / span)
+    return replace(others, near=_near(fits, found, 1.0 / span))
+
+
+def best_near(told: Described, seen: Periodic, place: int, apart: float) -> float:
+    """The pitch that fits the best of those `apart` in frequency from the one found at most.
+
+    Those that are searched lie up to an eighth of a period apart at the ends of the data.
+    """
+    fits, at = _fits(told, seen, place), 1.0 / seen.found
+    if fits is None:
+        return seen.found
+    low, high = _ends(seen, float(np.ptp(seen.along)))
+    half = apart
+    for _ in range(ZOOMS):
+        tried = np.clip(at + half * np.linspace(-1, 1, FINE), low, high)
+        at = float(tried[np.argmin(fits.left(tried))])
+        half *= 4.0 / FINE
+    return float(f"{1.0 / at:.{DIGITS}g}")
+
+
+def _near(fits: WaveFits, found: float, apart: float) -> tuple[float, ...]:
+    """The 95 % interval of the pitch about the one found, where both ends are in sight."""
+    half = apart
+    for _ in range(MOST_ZOOMS):
+        tried = found + half * np.linspace(-1, 1, FINE)
+        tried = tried[tried > 0]
+        left = fits.left(tried)
+        over = left - left.min() - SUPPORT
+        inside = np.flatnonzero(over <= 0)
+        if len(inside) > INSIDE * FINE or half < apart * NARROWEST:
+            break
+        half *= 0.5
+    first, last = int(inside[0]), int(inside[-1])
+    if first == 0 or last == len(tried) - 1:
+        return ()
+    low = np.interp(0.0, over[[first, first - 1]], tried[[first, first - 1]])
+    high = np.interp(0.0, over[[last, last + 1]], tried[[last, last + 1]])
+    return _pitches([float(low), float(high)])
 
 
 def squares_left(

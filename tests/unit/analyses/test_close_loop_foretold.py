@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from crossed_tables import Floats
 from effect_tables import grid_places
+from loop_bench.folds import LIBRARY as BUILT_IN
 from loop_bench.folds import folds_of, held_out
 from loop_tables import candidate, crossed, offset, residuals, whole_column
 
@@ -235,7 +236,7 @@ def test_a_fold_finds_the_level_of_an_equation_that_is_centred_on_all_parts(star
     errors[..., 0] += 2.0 * number[:, None] + 9.0
     table = residuals(errors)
     for fold in folds_of(table, library, 1, count=4):
-        own = of_fold(table, fold, alpha=0.05, most=3)
+        own = of_fold(table, fold, BUILT_IN, alpha=0.05, most=3)
         wanted = {"trend", "offset-x"} if start else {"trend"}
         assert own.chosen == wanted
         # The straight line through the means of the parts kept, carried on.

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from crossed_tables import Floats, Mask, holes
+from loop_bench.folds import LIBRARY as BUILT_IN
 from loop_bench.folds import folds_of, held_out
 from loop_tables import candidate, crossed, residuals, whole_column
 
@@ -98,7 +99,7 @@ def test_a_correction_for_each_column_is_the_mean_of_what_the_other_folds_leave(
     there[1, 4] = there[6, 0] = False
     table = residuals(measured(2), there=there)
     folds = folded(table, LIBRARY)
-    found = [of_fold(table, fold, alpha=0.05, most=3) for fold in folds]
+    found = [of_fold(table, fold, BUILT_IN, alpha=0.05, most=3) for fold in folds]
     together = joined(table, [fold.split for fold in folds], found)
     assert together is not None
     assert together.by_column is not None

@@ -1,0 +1,93 @@
+"""The pitch of a wave between the values that are searched, against non-linear least squares."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from crossed_tables import Floats
+from effect_tables import table as points_table
+from loop_bench.folds import LIBRARY
+from scipy.optimize import least_squares
+from scipy.stats import binom
+from separation_examples import found_as, prepared_of
+
+from mtu_cli.analyses.close_loop.describe import Described, found_effects
+from mtu_cli.analyses.close_loop.held_out import fold_of, of_fold, splits_of
+from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
+from mtu_cli.analyses.close_loop.refined import with_refined_pitches
+from mtu_cli.model.effect_library import candidates
+from mtu_cli.model.residual_table import ResidualTable
+
+AMPLITUDE, NOISE, PITCH = 2e-3, 7e-4, 20.0
+PLACES = np.cumsum([0.0, *np.tile([13.0, 17.3, 8.9, 19.1, 11.7], 5)])
+
+
+def passes(seed: int, pitch: float = PITCH) -> ResidualTable:
+    """Six passes over 26 uneven places, each with a level of its own."""
+    rng = np.random.default_rng(seed)
+    at = np.stack([PLACES, np.full_like(PLACES, np.nan), np.full_like(PLACES, np.nan)], 1)
+    found = points_table(6, len(PLACES), axes=("x",), places=at, component="dx_x")
+    errors = rng.normal(0.0, NOISE, found.errors.shape) + rng.normal(0.0, 1e-3, (6, 1, 1))
+    errors[:, :, 0] += AMPLITUDE * np.sin(2 * np.pi * PLACES / pitch + 0.4)
+    return replace(found, errors=errors)
+
+
+def refined(table: ResidualTable) -> Described:
+    prepared = prepared_of(table)
+    effects, found = found_as(prepared, ["cyclic-x"])
+    told = Described(prepared=prepared, found=found, effects=effects, chosen=())
+    return with_refined_pitches(told, LIBRARY, 1, {})
+
+
+def fitted(errors: Floats, start: float) -> tuple[float, float]:
+    """Pitch and amplitude that leave the least of the columns' means, beside their mean."""
+    mean = errors[:, :, 0].mean(axis=0)
+
+    def left(p: Floats) -> Floats:
+        angle = 2 * np.pi * PLACES / p[0]
+        own: Floats = mean - p[1] * np.sin(angle) - p[2] * np.cos(angle) - p[3]
+        return own / NOISE
+
+    x = least_squares(left, [start, AMPLITUDE, 0.0, 0.0], xtol=1e-14, ftol=1e-14).x
+    return float(x[0]), float(np.hypot(x[1], x[2]))
+
+
+@pytest.mark.parametrize("pitch", [20.0, 19.83, 11.3])
+def test_the_pitch_is_that_of_least_squares(pitch: float) -> None:
+    table = passes(3, pitch)
+    told = refined(table)
+    (effect,) = with_other_pitches(told, found_effects(told, [None]), LIBRARY)
+    ((value, low, high),) = effect.searched.values()
+    wanted, amplitude = fitted(table.errors, pitch)
+    # The grid is a quarter of a period over the span apart: no value of it is that near.
+    assert value == pytest.approx(wanted, rel=1e-6)
+    sine, cosine = (p[2] for p in effect.parameters)
+    assert np.hypot(sine, cosine) == pytest.approx(amplitude, rel=1e-5)
+    assert low < value < high
+    assert high - low < 0.5 * value**2 / (4 * np.ptp(PLACES))
+    assert f"/{value:.7g}".rstrip("0") in effect.equations["Ex"]
+
+
+def test_the_interval_holds_the_pitch_as_often_as_stated() -> None:
+    runs, held = 200, 0
+    for seed in range(runs):
+        told = refined(passes(seed))
+        (effect,) = with_other_pitches(told, found_effects(told, [None]), LIBRARY)
+        ((_, low, high),) = effect.searched.values()
+        held += low <= PITCH <= high
+    assert binom.ppf(1e-3, runs, 0.95) <= held <= binom.ppf(1 - 1e-3, runs, 0.97)
+
+
+def test_held_out_passes_are_foretold_by_the_pitch_of_the_others() -> None:
+    """Half a grid step off, a wave of this size leaves a fifth of it at the ends."""
+    table = passes(1)
+    grid = candidates(table, LIBRARY)
+    (split, *_) = splits_of(table)
+    own = of_fold(table, fold_of(table, grid, split, 1), LIBRARY, alpha=0.05, most=3)
+    said = own.foretold[~split.kept][0, :, 0]
+    wave = AMPLITUDE * np.sin(2 * np.pi * PLACES / PITCH + 0.4)
+    off = (said - said.mean()) - (wave - wave.mean())
+    # Two coefficients and a pitch from five passes at 26 places.
+    assert np.sqrt(np.mean(off**2)) < 3 * NOISE * np.sqrt(3 / (5 * len(PLACES)))
