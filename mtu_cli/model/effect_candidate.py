@@ -22,7 +22,8 @@ class Member:
     the parameter. `parameters` are (name, unit). `equations` are final text, linear in the
     parameters; evaluated, they give the columns back. They are empty where the equation language
     cannot say the effect: `chosen` then is the feature, part or operation. `tangent` holds the
-    derivatives of the columns with respect to log(searched), where that is continuous. `alike`
+    derivatives of the columns with respect to log(searched), where that is continuous (of waves
+    over many places the second ones behind the first). `alike`
     are other values of what was searched that make the same columns on this table. `centred` are
     the axes along which the equation has no mean over the table that these columns were cut from.
     """

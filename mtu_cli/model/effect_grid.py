@@ -20,6 +20,13 @@ each end of the data at most."""
 LARGEST = 2_000_000
 """Numbers that the columns of one parameter may take."""
 FEWEST = 24
+MANY_PLACES = 30
+"""Different values from which on waves are told apart well, and those that lie unevenly show
+periods shorter than their steps."""
+ALIKE = 0.9
+"""Of all values' phases together: from which on a frequency looks like a constant at them."""
+FINEST = 0.25
+"""1/mm: the highest frequency that is looked at for that, half of the shortest pitch's."""
 ONE_VALUE = 1e-9
 """Share of the span up to which two values are one."""
 
@@ -70,6 +77,11 @@ def shortest_of(search: Search, values: FloatArray) -> float:
     return min(known, default=math.nan)
 
 
+def has_many_places(values: FloatArray) -> bool:
+    """Whether values are so many that waves over them are told apart well."""
+    return len(np.unique(values)) >= MANY_PLACES
+
+
 def is_continuous(search: Search) -> bool:
     """Whether the columns have a derivative with respect to what is searched."""
     return search.grid != "between"
@@ -83,8 +95,25 @@ def _known(distinct: FloatArray) -> dict[str, float]:
         "low": float(distinct[0]),
         "high": float(distinct[-1]),
         "span": span,
-        "spacing": float(np.median(steps[steps > ONE_VALUE * span])),
+        "spacing": _spacing(distinct, float(np.median(steps[steps > ONE_VALUE * span]))),
     }
+
+
+def _spacing(distinct: FloatArray, step: float) -> float:
+    """The period that the values (D,) cannot tell from a constant: their step where it is even, or
+    they are few; of many uneven ones a shorter one, as far as it is looked for.
+
+    They tell frequencies apart up to the first f at which |sum exp(2 pi i f x)|/D is near 1, the
+    height of an alias in the spectral window (Lomb, Astrophys. Space Sci. 39 (1976) 447).
+    """
+    first = 0.5 / step
+    if len(distinct) < MANY_PLACES or first >= FINEST:
+        return step
+    count = math.ceil((FINEST - first) * 2 * PER_SPAN * float(np.ptp(distinct))) + 1
+    frequencies = np.linspace(first, FINEST, min(count, 2 * MOST_FREQUENCIES))
+    window = np.abs(np.exp(2j * np.pi * np.outer(frequencies, distinct)).mean(axis=1))
+    alike = frequencies[window >= ALIKE]
+    return min(step, 1.0 / float(alike[0]) if len(alike) else 1.0 / FINEST)
 
 
 def _bounds(texts: Sequence[str], known: dict[str, float]) -> list[float]:

@@ -19,13 +19,12 @@ from mtu_cli.model.design import LARGEST
 from mtu_cli.model.effect_binding import Binding, filled, resolved
 from mtu_cli.model.effect_candidate import Column, FloatArray, Member
 from mtu_cli.model.effect_data import POSITIONS, TableData, indicators, labels
-from mtu_cli.model.effect_grid import grid_of, is_continuous, periods_apart
+from mtu_cli.model.effect_grid import grid_of, has_many_places, is_continuous, periods_apart
+from mtu_cli.model.effect_slopes import slopes
 from mtu_cli.units import MINUTE, PARAMETER_UNITS
 
 COARSE = 0.5
 """Periods from one frequency to the next above which waves between them are not sure to be seen."""
-STEP = 1e-5
-"""Of the logarithm of a searched value, for its derivative: errors of order STEP^2."""
 
 
 class NoMember(Exception):  # noqa: N818  # no fault: it says why the data has no such member
@@ -66,16 +65,16 @@ class BoundTemplate:
         return Batch(bound=self, members=members, columns=columns, used=used)
 
     def tangent(self, searched: FloatArray | None) -> tuple[Column, ...]:
-        """Derivatives of the columns by the logarithm of what is searched, where it has one."""
+        """Derivatives of the columns by the logarithm of what is searched, where it has one; of a
+        wave over many places the second ones, too: half a step of the grid off, a strong one
+        would leave another wave beside the first.
+        """
         search = self.template.search
         if searched is None or search is None or not is_continuous(search):
             return ()
-        above = self.columns(searched * np.exp(STEP))
-        below = self.columns(searched * np.exp(-STEP))
-        return tuple(
-            {axis: (up[axis] - down[axis]) / (2.0 * STEP) for axis in up}
-            for up, down in zip(above, below, strict=True)
-        )
+        along = None if search.of is None else self.data.values.get(filled(search.of, self.binding))
+        twice = self.is_periodic and along is not None and has_many_places(along)
+        return slopes(self.columns, searched, twice=twice)
 
     @property
     def is_periodic(self) -> bool:

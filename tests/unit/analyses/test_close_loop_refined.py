@@ -16,7 +16,10 @@ from separation_examples import found_as, prepared_of
 from mtu_cli.analyses.close_loop.describe import Described, found_effects
 from mtu_cli.analyses.close_loop.held_out import fold_of, of_fold, splits_of
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
+from mtu_cli.analyses.close_loop.prepare import prepare
 from mtu_cli.analyses.close_loop.refined import with_refined_pitches
+from mtu_cli.analyses.close_loop.scan import calibrated
+from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.model.effect_library import candidates
 from mtu_cli.model.residual_table import ResidualTable
 
@@ -24,13 +27,15 @@ AMPLITUDE, NOISE, PITCH = 2e-3, 7e-4, 20.0
 PLACES = np.cumsum([0.0, *np.tile([13.0, 17.3, 8.9, 19.1, 11.7], 5)])
 
 
-def passes(seed: int, pitch: float = PITCH) -> ResidualTable:
-    """Six passes over 26 uneven places, each with a level of its own."""
+def passes(
+    seed: int, pitch: float = PITCH, amplitude: float = AMPLITUDE, places: Floats = PLACES
+) -> ResidualTable:
+    """Six passes over uneven places, each with a level of its own."""
     rng = np.random.default_rng(seed)
-    at = np.stack([PLACES, np.full_like(PLACES, np.nan), np.full_like(PLACES, np.nan)], 1)
-    found = points_table(6, len(PLACES), axes=("x",), places=at, component="dx_x")
+    at = np.stack([places, np.full_like(places, np.nan), np.full_like(places, np.nan)], 1)
+    found = points_table(6, len(places), axes=("x",), places=at, component="dx_x")
     errors = rng.normal(0.0, NOISE, found.errors.shape) + rng.normal(0.0, 1e-3, (6, 1, 1))
-    errors[:, :, 0] += AMPLITUDE * np.sin(2 * np.pi * PLACES / pitch + 0.4)
+    errors[:, :, 0] += amplitude * np.sin(2 * np.pi * places / pitch + 0.4)
     return replace(found, errors=errors)
 
 
@@ -91,3 +96,30 @@ def test_held_out_passes_are_foretold_by_the_pitch_of_the_others() -> None:
     off = (said - said.mean()) - (wave - wave.mean())
     # Two coefficients and a pitch from five passes at 26 places.
     assert np.sqrt(np.mean(off**2)) < 3 * NOISE * np.sqrt(3 / (5 * len(PLACES)))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_strong_wave_leaves_no_other_one_beside_it(seed: int) -> None:
+    """Twenty times the noise: what two values of the grid leave of one half way between them is
+    beyond chance where it is taken for a straight line.
+    """
+    places = np.cumsum([0.0, *np.tile([13.0, 17.3, 8.9, 19.1, 11.7], 8)])
+    step = 1 / (4 * np.ptp(places))
+    frequencies = 2 / np.ptp(places) + step * np.arange(200)
+    table = passes(seed, 1 / (frequencies[np.argmin(np.abs(frequencies - 0.046))] + step / 2),
+                   20 * NOISE, places)  # fmt: skip
+    prepared = prepare(table, [c for c in candidates(table, LIBRARY) if c.family == "cyclic"])
+    found = search(prepared, calibrated(prepared.scan, 999, 1), alpha=0.05, most=4)
+    assert [prepared.candidates[step.index].name for step in found.steps] == ["cyclic-x"]
+
+
+def test_many_uneven_places_find_a_pitch_shorter_than_their_steps() -> None:
+    """5 mm at places 14 mm apart, by name; at few places it would be no wave of the library."""
+    places = np.cumsum([0.0, *np.tile([13.0, 17.3, 8.9, 19.1, 11.7], 8)])
+    table = passes(2, 5.0, places=places)
+    prepared = prepare(table, candidates(table, LIBRARY))
+    found = search(prepared, calibrated(prepared.scan, 999, 1), alpha=0.05, most=4)
+    (step,) = found.steps
+    ((value,),) = [[*prepared.members[step.member].searched.values()]]
+    assert prepared.candidates[step.index].name == "cyclic-x"
+    assert value == pytest.approx(5.0, abs=5.0**2 / (4 * np.ptp(places)))

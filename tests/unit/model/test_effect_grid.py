@@ -97,3 +97,26 @@ def test_the_shortest_value_that_any_bound_speaks_of(bounds: list[str], shortest
     """The spacing of 1, 2, 4 is their median step, 1.5."""
     found = shortest_of(search(grid="frequency", **{"from": bounds}), VALUES[VALUES < 10.0])
     assert found == pytest.approx(shortest, nan_ok=True)
+
+
+PITCHES: dict[str, Any] = {"grid": "frequency", "from": ["2", "spacing/2"], "to": ["span/2"]}
+
+
+@pytest.mark.parametrize(
+    ("values", "shortest"),
+    [
+        (np.arange(41) * 15.0, 7.5),
+        # A few tenths of a millimetre off even: at 1/15 mm all phases are still within a tenth.
+        (np.arange(41) * 15.0 + np.tile([0.0, 0.3, -0.2], 14)[:41], 7.5),
+        # Every second place 5 mm further on: all are whole multiples of 10 mm.
+        (np.arange(41) * 15.0 + np.tile([0.0, 5.0], 21)[:41], 5.0),
+        (np.cumsum(np.tile([13.0, 17.3, 8.9, 19.1, 11.7], 8)), 2.0),
+        # Few places have many periods alike, even or not.
+        (np.cumsum(np.tile([13.0, 17.3, 8.9, 19.1, 11.7], 3)), 6.5),
+    ],
+    ids=["even", "nearly", "in-pairs", "uneven", "few"],
+)
+def test_many_uneven_places_show_pitches_shorter_than_their_steps(
+    values: Any, shortest: float
+) -> None:
+    assert grid_of(search(**PITCHES), values, 1).min() == pytest.approx(shortest, rel=0.02)
