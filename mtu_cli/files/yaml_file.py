@@ -21,6 +21,7 @@ from mtu_cli.files.yaml_scalars import CORE_TAG, plain_scalar, tagged_scalar
 MAX_BYTES = 10_000_000
 MAX_NODES = 500_000
 MAX_DEPTH = 60
+TOO_DEEP = f"values are nested deeper than {MAX_DEPTH} levels"
 MAX_TEXT = 120_000
 """Characters of one text: longer names would make tables that no reader of CSV files takes."""
 
@@ -97,6 +98,9 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
         root = composer.compose(yaml_events(text))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
+        if mark is not None and "nesting depth" in str(error):
+            # The parser's own limit, which it may meet before the value that is too deep for us.
+            raise fault(TOO_DEEP, file=shown, line=mark.line + 1) from None
         raise unreadable(error, text, shown, None if mark is None else mark.line + 1) from None
     except yaml.YAMLError as error:
         what = f"not readable as YAML: {str(error).splitlines()[0]}"
@@ -222,7 +226,7 @@ class _Composer:
         if self.total > MAX_NODES:
             raise self._fault(f"more than {MAX_NODES} values", line, "a smaller file")
         if len(self.open) + node.depth > MAX_DEPTH:
-            raise self._fault(f"values are nested deeper than {MAX_DEPTH} levels", line)
+            raise self._fault(TOO_DEEP, line)
 
     def _start(self, event: Any) -> None:
         line = event.start_mark.line + 1

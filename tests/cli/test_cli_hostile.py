@@ -14,7 +14,7 @@ from typer.main import get_command
 from mtu_cli.cli.commands import app
 
 MACHINE = "schema: mtu/machine/1\nname: m\ncomponents: {a: {unit: um}}\n"
-SECONDS = 3.0
+SECONDS = 10.0
 """Generous: a refusal takes 0.4 s, and an expanded bomb would take hours or all memory."""
 
 
