@@ -1,0 +1,50 @@
+"""What the pipeline of configs/pipeline tells at its end, and which machines its gates stop."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from pipeline_runner import make, placed
+
+
+def measured(study: Path, errors: list[float]) -> None:
+    """Parts of two holes, each in its places but for an error (mm) that both have."""
+    rows = [
+        f"{part},{hole},{repeat},{place + error + repeat / 1e4:.4f},{10 - error + repeat / 5e3:.4f}"
+        for part, error in enumerate(errors, 1)
+        for hole, place in (("a", 10.0), ("b", 140.0))
+        for repeat in (1, 2)
+    ]
+    text = "\n".join(["part,feature,repeat,x_mm,y_mm", *rows, ""])
+    (study / "cmm.csv").write_text(text, "utf-8")
+
+
+def test_a_gate_stops_parts_that_scatter_more_than_predicted(tmp_path: Path) -> None:
+    """Off by a tenth of a millimetre to either side, they are where they should be in the mean."""
+    study, out = tmp_path / "shop" / "mill", tmp_path / "out"
+    placed(study, "cmm: [cmm.csv]\n")
+    measured(study, [0.08, -0.1, 0.09, -0.07, 0.1, -0.09, 0.07, -0.08])
+    stamp = out / "mill" / "compare.passed"
+    stopped = make(out, f"ROOT={study.parent}", "GATE=1", str(stamp))
+    assert stopped.returncode == 2
+    assert "mtu: gate biased,under-predicted: a x" in stopped.stderr, stopped.stderr
+    assert not stamp.exists()
+    report = (out / "mill" / "compare.json").read_text("utf-8")
+    assert '"under_predicted": true' in report
+    assert '"biased": true' not in report
+
+
+def test_what_passed_the_gates_of_an_older_pipeline_is_judged_again(tmp_path: Path) -> None:
+    placed(tmp_path / "shop" / "mill")
+    out, root = tmp_path / "out", f"ROOT={tmp_path / 'shop'}"
+    assert make(out, root, "GATE=1").returncode == 0
+    stamp = out / "mill" / "lengths.passed"
+    os.utime(stamp, (1, 1))
+    # Of the study itself nothing is newer than its mark.
+    for path in (*(tmp_path / "shop" / "mill").iterdir(), out / "mill" / "lengths.json"):
+        os.utime(path, (0, 0))
+    again = make(out, root, "GATE=1")
+    assert again.returncode == 0, again.stderr
+    assert "== mill: lengths" in again.stdout
+    assert stamp.stat().st_mtime > 1
