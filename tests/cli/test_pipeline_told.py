@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import pytest
 from pipeline_runner import make, placed
 
 
@@ -33,6 +34,31 @@ def test_a_gate_stops_parts_that_scatter_more_than_predicted(tmp_path: Path) -> 
     report = (out / "mill" / "compare.json").read_text("utf-8")
     assert '"under_predicted": true' in report
     assert '"biased": true' not in report
+
+
+@pytest.mark.parametrize("gate", ["", "1"])
+def test_the_end_says_where_the_reports_are(tmp_path: Path, gate: str) -> None:
+    placed(tmp_path / "shop" / "mill")
+    out = tmp_path / "out"
+    told = f"reports, tables and pictures: {out}/<study>/"
+    call = (f"ROOT={tmp_path / 'shop'}", f"GATE={gate}")
+    for _ in range(2):
+        # The second finds nothing to do.
+        ran = make(out, "-j2", *call)
+        assert ran.returncode == 0, ran.stderr
+        assert ran.stdout.splitlines().count(told) == 1
+    for option in ("-q", "-n"):
+        ran = make(out, option, *call)
+        assert ran.returncode == 0, ran.stderr
+        assert "reports" not in ran.stdout
+
+
+def test_who_asks_for_silence_has_no_last_line(tmp_path: Path) -> None:
+    placed(tmp_path / "shop" / "mill")
+    ran = make(tmp_path / "out", "-s", f"ROOT={tmp_path / 'shop'}")
+    assert ran.returncode == 0, ran.stderr
+    assert "reports" not in ran.stdout
+    assert (tmp_path / "out" / "mill" / "points.json").is_file()
 
 
 def test_what_passed_the_gates_of_an_older_pipeline_is_judged_again(tmp_path: Path) -> None:
