@@ -71,7 +71,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
             *files.warnings,
             *_doubts(result, bool(files.files)),
         ],
-        gate=_gate(result.verdict, choices),
+        gate=report.gate_text(result) if _is_met(result.verdict, choices) else None,
         files=lambda: files.files,
     )
 
@@ -151,7 +151,7 @@ def _not_used(inputs: Inputs, choices: Choices) -> list[Warned]:
     ]
 
 
-def _gate(verdict: str, choices: Choices) -> str | None:
+def _is_met(verdict: str, choices: Choices) -> bool:
     """Undeclared effects, named or not, meet `found`; a remainder without a name the other."""
     met = {FOUND: verdict != NONE, UNEXPLAINED: verdict == UNEXPLAINED}
-    return f"verdict {verdict}" if any(met[gate] for gate in choices.gates) else None
+    return any(met[gate] for gate in choices.gates)

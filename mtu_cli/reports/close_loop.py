@@ -42,6 +42,7 @@ from mtu_cli.analyses.close_loop.result import (
 from mtu_cli.analyses.close_loop.shown import improvement_percent
 from mtu_cli.reports.close_loop_figure import figure
 from mtu_cli.reports.close_loop_found import effect_of, fixed_point_of, neutral_point_of
+from mtu_cli.reports.close_loop_gate import gate_text
 from mtu_cli.reports.close_loop_shown import (
     class_of,
     first_table,
@@ -53,7 +54,7 @@ from mtu_cli.reports.close_loop_table import table
 from mtu_cli.reports.close_loop_words import verdict_text
 from mtu_cli.reports.document import finite
 
-__all__ = ["csv_rows", "document", "figure", "table"]
+__all__ = ["csv_rows", "document", "figure", "gate_text", "table"]
 
 UNITS = ("um", "arcsec")
 

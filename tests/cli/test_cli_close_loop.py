@@ -127,7 +127,7 @@ def test_the_table_says_it_first_and_in_words(first: Run) -> None:
     assert re.search(r"X gains \d\.\d+ ± 0\.\d+ um at reversal, too far .*\(backlash-x\)", said)
     assert "Held-out parts: rms 3." in said
     assert max(map(len, first.result.stdout.splitlines())) <= 100
-    assert "verdict named" in first.result.stderr
+    assert "mtu: gate found: verdict named: backlash-x\n" in first.result.stderr
 
 
 def test_the_csv_holds_every_candidate(first: Run) -> None:
