@@ -61,6 +61,8 @@ class _Listed:
     kind: str
     found: Compared
     items: list[int]
+    chosen: str
+    """Which of many were chosen; empty where all are drawn."""
 
     @property
     def height(self) -> float:
@@ -73,8 +75,8 @@ def figure(result: CompareResult) -> Figure:
     """Mean errors as arrows, predicted and by operation, above means with U item by item, the
     verdict beside each.
 
-    The items are the lengths and, of the features, those that differ most for their
-    uncertainty. Without errors in x and y there is nothing to draw as arrows.
+    The items are the lengths and features, of many those with a fault and those that differ most
+    for their uncertainty. Without errors in x and y there is nothing to draw as arrows.
     """
     kinds = _kinds(result)
     below = sum(kind.height for kind in kinds) + 0.4
@@ -126,10 +128,26 @@ def _kinds(result: CompareResult) -> list[_Listed]:
 
 
 def _listed(kind: str, found: Compared, most: int) -> _Listed:
-    """All items, or of many those that differ most for their uncertainty, in their order."""
+    """All items, or of many those with a fault, the clearest first, then those that differ most
+    for their uncertainty; drawn in their own order.
+
+    Parts that scatter too much may lie where they should in the mean: |E_n| alone leaves them out.
+    """
+    total = len(found.labels)
+    faulty = np.array([verdict not in (None, "consistent") for verdict in found.verdicts], bool)
+    p = np.where(faulty, np.nan_to_num(np.fmin(found.p_bias, found.p_scatter), nan=1.0), 2.0)
     size = np.abs(np.nan_to_num(found.E_n))
-    worst: list[int] = np.argsort(-size, kind="stable")[:most].tolist()
-    return _Listed(kind=kind, found=found, items=sorted(worst))
+    chosen: list[int] = np.lexsort((-size, p))[:most].tolist()
+    count, faults = len(chosen), int(faulty.sum())
+    if count == total:
+        told = ""
+    elif faults > count:
+        told = f" (the {count} clearest of {faults} with a fault, of {total})"
+    elif faults:
+        told = f" ({faults} with a fault, {count - faults} with the largest |E_n|, of {total})"
+    else:
+        told = f" (the {count} with the largest |E_n| of {total})"
+    return _Listed(kind=kind, found=found, items=sorted(chosen), chosen=told)
 
 
 def _planes(result: CompareResult) -> list[tuple[str, Plane]]:
@@ -239,9 +257,7 @@ def _draw(panel: Axes, kind: _Listed, k: float) -> None:
         words = verdict(found, i)
         colour = VERDICT_COLOURS.get(found.verdicts[i], figures.GREY)
         panel.text(1.01, row, words, transform=beside, va="center", fontsize=8, color=colour)
-    total = len(found.labels)
-    more = f" (the {len(items)} with the largest |E_n| of {total})" if len(items) < total else ""
-    panel.set_title(f"{kind.kind}: mean ± {k:g} u of one part{more}")
+    panel.set_title(f"{kind.kind}: mean ± {k:g} u of one part{kind.chosen}")
     panel.grid(axis="y", visible=False)
 
 

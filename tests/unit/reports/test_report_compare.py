@@ -537,11 +537,35 @@ def test_pictures_of_any_study(result: CompareResult, panels: list[str]) -> None
 
 def test_of_many_items_those_that_differ_most_are_drawn() -> None:
     result = result_of(ring(), lengths=False)
+    result = with_features(result, decreed(result.features))
     panel = figure(result).axes[-1]
     drawn = {label.get_text() for label in panel.get_yticklabels()}
     worst = np.argsort(-np.abs(result.features.E_n))[:ITEMS]
     assert drawn == {" ".join(result.features.labels[i][1:]) for i in worst}
-    assert f"the {ITEMS} with the largest |E_n| of 48" in panel.get_title(loc="left")
+    assert f"(the {ITEMS} with the largest |E_n| of 48)" in panel.get_title(loc="left")
+
+
+def test_of_many_items_those_with_a_fault_are_drawn_however_small_their_bias() -> None:
+    """Parts that scatter too much may lie where they should in the mean."""
+    found = result_of(ring(), lengths=False)
+    size = np.abs(found.features.E_n)
+    least, rest = np.argsort(size)[:3], np.argsort(-size)[: ITEMS - 3]
+    under = tuple(least.tolist())
+    panel = figure(with_features(found, decreed(found.features, under=under))).axes[-1]
+    names = [" ".join(label[1:]) for label in found.features.labels]
+    drawn = [names.index(label.get_text()) for label in panel.get_yticklabels()]
+    assert drawn == sorted([*under, *rest.tolist()])
+    assert f"(3 with a fault, {ITEMS - 3} with the largest |E_n|, of 48)" in panel.get_title(
+        loc="left"
+    )
+    # Of more faults than there is room for, the clearest.
+    p = np.random.default_rng(1).permutation(48) / 1000
+    faulty = replace(decreed(found.features, biased=tuple(range(40))), p_bias=p, p_scatter=p)
+    panel = figure(with_features(found, faulty)).axes[-1]
+    drawn = [names.index(label.get_text()) for label in panel.get_yticklabels()]
+    assert drawn == sorted(np.argsort(p[:40])[:ITEMS].tolist())
+    told = f"(the {ITEMS} clearest of 40 with a fault, of 48)"
+    assert told in panel.get_title(loc="left")
 
 
 def test_more_operations_than_fit_are_counted() -> None:
@@ -591,7 +615,8 @@ def test_both_kinds_are_drawn_with_their_verdicts(two: CompareResult) -> None:
     result = with_features(two, decreed(two.features, under=(0,), biased=(0, 5)))
     lengths, features = figure(result).axes[-2:]
     assert lengths.get_title(loc="left").startswith("Lengths")
-    assert f"the {ITEMS // 2} with the largest |E_n| of 96" in features.get_title(loc="left")
+    told = f"(2 with a fault, {ITEMS // 2 - 2} with the largest |E_n|, of 96)"
+    assert told in features.get_title(loc="left")
     for panel, found in ((lengths, result.lengths), (features, result.features)):
         assert found is not None
         names = [" ".join(word for word in label if word) for label in found.labels]
