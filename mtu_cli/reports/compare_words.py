@@ -18,7 +18,8 @@ def verdict_text(item: Summary, kind: str, *, stands_out: Sequence[str] = ()) ->
     """Such as "drilled features: under-predicted: the scatter is 3.1 to 4.7 times the predicted
     one (48 of 48)", every fault that was found with its size.
 
-    No verdict stands without the parts `stands_out`, of which single readings pull the figures.
+    No verdict stands without the parts `stands_out`, of which single readings pull the figures,
+    nor is anything called consistent whose scatter is undecided.
     """
     name = f"{item.operation} {kind}" if item.operation else kind
     found = (_under(item), _biased(item), _unclear(item), _pulled(item, stands_out), _over(item))
@@ -27,12 +28,17 @@ def verdict_text(item: Summary, kind: str, *, stands_out: Sequence[str] = ()) ->
     if item.not_tested == item.items:
         return f"{name}: not tested"
     untested = _untested(item)
+    if not faults and left:
+        far = " as far as it could be tested" if untested else ""
+        but = [_singles(stands_out)] if stands_out else []
+        said = f"{name}: no difference from what was predicted is beyond chance{far}, but "
+        return said + "; ".join([*but, *left, *untested])
     if not faults:
         faults = ["consistent as far as it could be tested"]
         if not untested:
             singles = f", but {_singles(stands_out)}" if stands_out else ""
             told = "no difference from what was predicted is beyond chance, all items counted"
-            return "; ".join([f"{name}: consistent{singles}: {told}", *left])
+            return f"{name}: consistent{singles}: {told}"
     but = [f"but {_singles(stands_out)}"] if stands_out and not item.pulled else []
     return f"{name}: {'; '.join([*faults, *left, *untested, *but])}"
 

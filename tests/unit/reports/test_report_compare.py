@@ -278,10 +278,18 @@ def test_scatter_that_is_large_but_no_finding_is_told_as_undecided(two: CompareR
         two, replace(found, ratio_scatter=ratio, p_scatter=np.where(p > 0.46, 1.0, p))
     )
     consistent = with_features(one, replace(one.features, biased=(False,) * m, verdicts=NO * m))
-    text = document(consistent)["summary"]["features"][0]["verdict_text"]
-    assert (
-        "all items counted; undecided: the scatter is 3.5 times the predicted one (at 1 x)" in text
-    )
+    entry = document(consistent)["summary"]["features"][0]
+    beyond = "drilled features: no difference from what was predicted is beyond chance"
+    large = "undecided: the scatter is 3.5 times the predicted one (at 1 x), which so few"
+    assert entry["verdict_text"].startswith(f"{beyond}, but {large}")
+    assert entry["verdicts"]["consistent"] == 48
+    # Nor with readings that stand out, nor where the mean could not be tested.
+    item = summarised(consistent.features)[0]
+    text = verdict_text(item, "features", stands_out=["7"])
+    assert text.startswith(f"{beyond}, but readings of part '7' stand out; {large}")
+    text = verdict_text(replace(item, bias_tested=0), "features")
+    assert text.startswith(f"{beyond} as far as it could be tested, but {large}")
+    assert text.endswith("; the mean was not tested")
     # What is a finding, or a reading that stands out makes, is not undecided.
     for other in (
         replace(found, under_predicted=(True, *(False,) * (m - 1))),
