@@ -30,7 +30,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         results=lambda: report.document(result),
         tables=lambda: report.table(result, settings.digits),
         rows=lambda: report.csv_rows(result),
-        figure=lambda: report.figure(result),
+        figure=lambda: report.figure(result, settings.digits),
         warnings=[
             *found.warnings,
             *(Warned(code=item.code, message=item.message) for item in inputs.part.warnings),

@@ -15,7 +15,7 @@ from mtu_cli.model.settings import Warned
 from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import finite, listed, root, um, um2
 from mtu_cli.reports.labels import folded
-from mtu_cli.reports.numbers import chance, interval, percent, plus_minus, significant, with_u
+from mtu_cli.reports.numbers import chance, interval, percent, significant, with_u
 from mtu_cli.reports.outside import components_beyond, mark_notes, marked
 from mtu_cli.reports.shares import shares_fields, shares_sheets
 from mtu_cli.reports.tables import Column, Sheet
@@ -182,14 +182,16 @@ def _flat(found: dict[str, Any]) -> list[object]:
 
 
 @figures.styled
-def figure(result: LengthsResult) -> Figure:
-    """The lengths' errors with U, independent below, and tolerance limits."""
+def figure(result: LengthsResult, digits: int = 2) -> Figure:
+    """The lengths' errors with U, independent below, and tolerance limits; figures beside them to
+    the places of the table.
+    """
     shown = result.lengths[:SHOWN]
     page = figures.blank(8.0, max(2.6, 1.7 + 0.52 * len(shown)))
     panel = page.subplots()
     panel.axvline(0.0, color=figures.GREY, linewidth=0.9)
     for row, item in enumerate(shown):
-        _draw(panel, row, item)
+        _draw(panel, row, item, digits)
     more = f" (first {SHOWN} of {len(result.lengths)})" if len(result.lengths) > SHOWN else ""
     k = shown[0].k
     panel.set_title(f"Errors of the lengths, ± {k:g} u{more}")
@@ -204,7 +206,14 @@ def figure(result: LengthsResult) -> Figure:
     return page
 
 
-def _draw(panel: Axes, row: int, item: Length) -> None:
+def _beside(item: Length, u: float, digits: int) -> str:
+    """Such as "-3.5 ± 14.0 um": error and k `u`, to the last place of the length's own u."""
+    places = item.u / UM
+    error, expanded = (with_u(x / UM, places, digits)[0] for x in (item.error, item.k * u))
+    return f"{error} ± {expanded} um"
+
+
+def _draw(panel: Axes, row: int, item: Length, digits: int) -> None:
     apart = root(item.independent_variance)
     bars = [
         (item.u, -0.13, figures.BLUE, 2.4, "with shared covariance"),
@@ -225,7 +234,7 @@ def _draw(panel: Axes, row: int, item: Length) -> None:
         panel.text(
             1.01,
             row + offset,
-            f"{plus_minus(item.error / UM, item.k * u / UM)} um",
+            _beside(item, u, digits),
             transform=panel.get_yaxis_transform(),
             va="center",
             fontsize=7.5,

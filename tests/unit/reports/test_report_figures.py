@@ -294,3 +294,14 @@ def test_an_instrument_has_its_marks_in_every_panel(tmp_path: Path) -> None:
     marks, named = drawn(replace(line, role="lbb"), angle)
     assert marks[:2] == [{">", "<"}, {">", "<"}]
     assert named == named | {"forward": ">", "reverse": "<"}
+
+
+def test_figures_beside_the_lengths_have_the_places_of_the_table(paper: Example) -> None:
+    """U of 14.0 um beside an error of -3.5 um, for u is 7.0 um: not -3 ± 14."""
+    long = paper.lengths()
+    for digits in (1, 2, 3):
+        page = lengths.figure(long, digits)
+        shown = [text.get_text() for text in page.axes[0].texts]
+        rows = lengths.table(long, digits)[0].rows
+        assert shown[::2] == [f"{row[2]} ± {row[4]} um" for row in rows]
+        assert [text.partition(" ")[0] for text in shown[1::2]] == [row[2] for row in rows]
