@@ -166,7 +166,9 @@ def _columns(page: SubFigure, item: TableResult) -> None:
         panel.set_title(f"mean errors of the {column}s" + (f", {axes[a]}" if len(axes) > 1 else ""))
         panel.set_ylabel(f"measured minus predicted, {unit}")
     if len(sides) * len(runs) > 1:
-        panels[0].legend(ncols=2)
+        # Nothing is known of where in a panel no data are.
+        handles, names = panels[0].get_legend_handles_labels()
+        page.legend(handles, names, loc="outside upper right", ncols=len(names))
 
 
 def _runs(item: TableResult) -> tuple[FloatArray, dict[str, IntArray]]:

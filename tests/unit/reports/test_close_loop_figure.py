@@ -299,3 +299,17 @@ def test_the_legend_of_the_axes_stands_above_the_data() -> None:
     low = panel.transData.inverted().transform(legend.get_window_extent())[0, 1]
     highest = max(float(np.max(line.get_ydata())) for line in panel.lines)
     assert highest < low
+
+
+def test_the_legend_of_the_positions_stands_outside_of_the_data() -> None:
+    page = figure(result(several().tables[0]))
+    figure_bytes(page, "png")
+    panel = next(p for p in page.axes if p.get_title(loc="left") == "mean errors of the positions")
+    assert panel.get_legend() is None
+    (legend,) = [found for part in page.subfigs for found in part.legends]
+    names = [text.get_text() for text in legend.get_texts()]
+    assert names == ["before, forward", "before, reverse", "after, forward", "after, reverse"]
+    box = legend.get_window_extent()
+    assert not box.overlaps(panel.get_window_extent())
+    titles = [*page.texts, *(text for part in page.subfigs for text in part.texts)]
+    assert not any(box.overlaps(text.get_window_extent()) for text in titles if text.get_text())
