@@ -1,4 +1,4 @@
-"""Parts whose measured values are the nominal ones: written down from the drawing, not measured."""
+"""Parts, or axes, whose measured values are the nominal ones: of the drawing, not measured."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.features_alike import SAME_MM
 from mtu_cli.files.points import Points
 from mtu_cli.model.copied_parts import CHANCE, FEWEST_COPIED
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.resolution import in_steps
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import IntArray
@@ -15,6 +16,40 @@ from mtu_cli.stats.least_squares import FloatArray
 
 COARSE_MM = 0.005
 """To such digits a good part may be on its nominal everywhere, whatever the others are."""
+
+
+def drawn_axes(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+    """A warning of every axis along which all values of all parts are the nominal ones, to the
+    last digit.
+
+    No other value tells whether that is a drawing: a good part to coarse digits is there as well.
+    Either way the errors along the axis are none that were seen, and commands would take them for
+    a machine's.
+    """
+    if len(points) < FEWEST_COPIED:
+        return []
+    return [
+        Warned(
+            code="axis-on-nominal",
+            message=f"{AXES[axis]}_mm is on its nominal in all of {len(points)} values, to the "
+            "last digit: was it not measured, or is it shown too coarsely? No error along "
+            f"{AXES[axis]} is seen, and what is said of it is not of the machine",
+        )
+        for axis in axes
+        if all_on_nominal(points, axis)
+    ]
+
+
+def all_on_nominal(points: Points, axis: int) -> bool:
+    """Whether every value along an axis is the nominal one: of its last digit nothing is known."""
+    return bool(_on_nominal(points, axis).all())
+
+
+def _on_nominal(points: Points, axis: int) -> np.ndarray:
+    """Which values along an axis (n,) are the nominal ones."""
+    off = np.abs(points.measured[:, axis] - points.nominal[:, axis])
+    found: np.ndarray = off <= SAME_MM
+    return found
 
 
 def drawn_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
@@ -30,7 +65,7 @@ def drawn_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
     """
     exact = np.ones(len(points), bool)
     for axis in axes:
-        exact &= np.abs(points.measured[:, axis] - points.nominal[:, axis]) <= SAME_MM
+        exact &= _on_nominal(points, axis)
     size = np.bincount(points.part, minlength=len(points.parts))
     off = np.bincount(points.part, ~exact, minlength=len(points.parts))
     drawn = np.flatnonzero((off == 0) & (size > 0))

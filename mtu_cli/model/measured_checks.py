@@ -12,7 +12,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.copied_parts import copied_parts
 from mtu_cli.model.copied_repeats import copied_repeats
 from mtu_cli.model.datum import Datum, freed
-from mtu_cli.model.drawn_parts import drawn_parts
+from mtu_cli.model.drawn_parts import drawn_axes, drawn_parts
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured_reach import reach_problems
 from mtu_cli.model.measured_rows import TWICE, check_rows
@@ -32,8 +32,8 @@ _BLOCK = 1 << 15
 
 def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
     """Warnings on errors of millimetres less the freedoms of `datum`, with the mistake that would
-    explain them, on rows that stand twice, on repeats that are copies, and of what was noted when
-    the points were read.
+    explain them, on rows that stand twice, on repeats that are copies, on axes that are all on
+    their nominal, and of what was noted when the points were read.
 
     Raises InputError for rows that contradict each other (`check_rows`) and for a part whose
     values are those of another part, or of the drawing, to the last digit, where that cannot be
@@ -47,6 +47,7 @@ def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
         *rows,
         *copied_parts(points, axes),
         *([] if any(w.code == TWICE for w in rows) else copied_repeats(points, axes)),
+        *drawn_axes(points, axes),
         *_left_out(points, axes),
         *_moved(points, axes),
         *_far(points, freed(points, axes, datum)[0], axes),

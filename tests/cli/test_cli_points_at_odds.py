@@ -81,3 +81,21 @@ def test_points_in_metres_are_refused_alike(folder: Path) -> None:
     assert found[0].startswith("mtu: metres.csv, row 2: 60 of 60 points are more than 0.5 mm from")
     assert "this looks like metres taken for mm" in found[0]
     assert not (folder / "out.json").exists()
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "anova"])
+def test_an_axis_written_from_the_drawing_is_told(folder: Path, command: str) -> None:
+    """Along z every part is perfect, and a machine would be judged by that."""
+
+    def nominal(column: str, cell: str) -> tuple[str, str]:
+        return column, cell if column != "z_mm" or cell == column else f"{round(float(cell)):d}.000"
+
+    points = written(folder, "drawn.csv", nominal)
+    files = FILES if command != "anova" else FILES[2:]
+    told = done(mtu(command, *files, "--cmm", points, cwd=folder)).stderr
+    count = len((folder / points).read_text().splitlines()) - 1
+    assert f"z_mm is on its nominal in all of {count} values, to the last digit" in told
+    assert told.count("[axis-on-nominal]") == 1
+    assert "coarse-digit" not in told
+    plain = done(mtu(command, *files, "--cmm", "cmm.csv", cwd=folder)).stderr
+    assert "axis-on-nominal" not in plain

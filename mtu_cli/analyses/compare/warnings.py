@@ -11,6 +11,7 @@ from mtu_cli.analyses.compare.verdicts import Compared
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.model.copied_repeats import last_digit
+from mtu_cli.model.drawn_parts import all_on_nominal
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.measured_checks import not_measured
@@ -202,6 +203,9 @@ def _coarse(points: Points, features: Compared) -> list[Warned]:
     found: list[tuple[str, float, float]] = []
     for axis in axes_of(points):
         own = [i for i, label in enumerate(features.labels) if label[2] == AXES[axis]]
+        if all_on_nominal(points, axis):
+            # Its digits are those of the drawing, which says whole millimetres.
+            continue
         u = float(np.median(features.predicted.u[own])) if own else 0.0
         if u > NO_U and (digit := last_digit(points.measured[:, axis])) > COARSE * u:
             found.append((f"{AXES[axis]}_mm", digit, u))

@@ -367,6 +367,12 @@ def test_a_last_digit_that_hides_the_scatter_is_told() -> None:
         assert len(found) == told
         if told:
             assert found[0].message.startswith("x_mm, y_mm of the points are given to 100 um, and")
+    # The digits of the drawing are not those of the measurement.
+    drawn = points.measured.copy()
+    drawn[:, 1] = points.nominal[:, 1]
+    said = codes(compared(replace(points, measured=drawn)))
+    assert "axis-on-nominal" in said
+    assert "coarse-digit" not in said
 
 
 def test_the_other_sign_is_asked_for_where_it_explains_the_bias() -> None:

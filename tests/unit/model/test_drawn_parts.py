@@ -10,7 +10,7 @@ from measured_examples import points, study
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.points import Points
-from mtu_cli.model.drawn_parts import drawn_parts
+from mtu_cli.model.drawn_parts import drawn_axes, drawn_parts
 from mtu_cli.model.measured_checks import check_measured
 
 PLANE = (0, 1)
@@ -29,6 +29,38 @@ def test_a_part_written_from_the_drawing_is_refused() -> None:
     assert [item.row for item in caught.value.problems] == [14, 26]
     (what,) = {item.what.replace("P4", "P2") for item in caught.value.problems}
     assert what.startswith("part 'P2' is on its nominal in all of 6 values, to the last digit")
+
+
+def test_an_axis_on_its_nominal_everywhere_is_told() -> None:
+    """Every part of it, whatever the other axes are."""
+    found = study(6, 2, 3)
+    assert drawn_axes(found, PLANE) == []
+    flat = found.measured.copy()
+    flat[:, 1] = found.nominal[:, 1]
+    (told,) = drawn_axes(replace(found, measured=flat), PLANE)
+    assert told.code == "axis-on-nominal"
+    assert told.message.startswith("y_mm is on its nominal in all of 36 values, to the last digit")
+    assert "not measured, or is it shown too coarsely?" in told.message
+    assert told in check_measured(replace(found, measured=flat))
+    # One value that is not, be it by a last digit, or values of another axis: somebody measured.
+    off = flat.copy()
+    off[17, 1] += 1e-5
+    assert drawn_axes(replace(found, measured=off), PLANE) == []
+    both = drawn_axes(replace(found, measured=found.nominal), PLANE)
+    assert [item.message[:4] for item in both] == ["x_mm", "y_mm"]
+    # Three values in a row happen.
+    few = points([("P0", name, 1, 0.001, 0.0) for name in "abc"])
+    assert drawn_axes(few, PLANE) == []
+
+
+@pytest.mark.parametrize(("s_part", "told"), [(0.0003, 2), (0.004, 0)])
+def test_digits_that_hide_the_scatter_are_told_as_that(s_part: float, told: int) -> None:
+    """Steps of 0.01 mm: parts that scatter by less than a thirtieth of one have been measured, and
+    nothing is seen of it; of those that scatter by more, some are a step off.
+    """
+    found = study(20, 2, 5, s_part, 0.0002)
+    errors = 0.01 * np.round((found.measured - found.nominal) / 0.01)
+    assert len(drawn_axes(replace(found, measured=found.nominal + errors), PLANE)) == told
 
 
 def test_one_hole_on_its_nominal_is_no_drawing() -> None:
