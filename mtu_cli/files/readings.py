@@ -13,15 +13,16 @@ from mtu_cli.errors import Problem, did_you_mean
 from mtu_cli.files import doubled, joined
 from mtu_cli.files.column_twins import column_twins
 from mtu_cli.files.contracts import Notice
+from mtu_cli.files.copied_files import check_copied_files
 from mtu_cli.files.copied_passes import check_copied_passes
 from mtu_cli.files.csv_missing import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.drift_cells import ROLE, check_drift, refuse_as_drift, refuse_drift
 from mtu_cli.files.drift_notes import drift_notes
 from mtu_cli.files.mixed_units import mixed_units
+from mtu_cli.files.pass_units import pass_units
 from mtu_cli.files.reading_cells import Travels
 from mtu_cli.files.reading_sizes import check_sizes, check_units
-from mtu_cli.files.row_marks import row_marks
 from mtu_cli.files.run_signs import run_signs
 from mtu_cli.files.sign_words import direction_hint, direction_sign
 from mtu_cli.files.source import Source
@@ -46,9 +47,6 @@ SPEC = TableSpec(
         "cycle": "the name of a warm-up or cool-down in every row, or no column 'cycle'",
     },
 )
-
-FEWEST_COPIED = 4
-"""Fewer equal readings than this may be chance."""
 
 
 class ComponentLike(Protocol):
@@ -113,9 +111,8 @@ def read_readings(
     """Reads all files of readings; `files` are (path, role).
 
     `components` are the machine's, by name; without them any name is accepted and positions
-    are taken as they stand. `for_fit` asks for degree + 1 distinct positions a component, and
-    for errors and positions of a machine, whose `travels` are known in part; drift readings are
-    asked for the latter in any case.
+    are taken as they stand. `for_fit` asks for degree + 1 distinct positions a component, and for
+    errors and positions of a machine, whose `travels` are known in part, the latter of drifts too.
 
     Raises InputError with all problems of all files: of cells first, then of what they mean.
     """
@@ -130,7 +127,7 @@ def read_readings(
         problems.raise_if_any()
     readings = assemble(tables, components, problems)
     if len(tables) > 1 and not problems.listed:
-        _check_copied_files(readings, problems)
+        check_copied_files(readings, problems)
     known = components if for_fit else None
     if known is not None and not problems.listed:
         _check_for_fit(readings, known, travels or {}, problems)
@@ -140,9 +137,24 @@ def read_readings(
         sized = [table for table in tables if known is not None or table.source.role == ROLE]
         check_sizes(sized, components, travels or {}, problems)
     problems.raise_if_any()
-    notes = [*readings.notes, *mixed_units(tables), *unused_positions(tables, known or {})]
-    signs = run_signs(readings) if for_fit else ()
-    return replace(readings, notes=(*notes, *doubled.equal_notes(tables, equal), *signs))
+    notes = [*readings.notes, *mixed_units(tables), *doubled.equal_notes(tables, equal)]
+    if known is not None:
+        notes += _notes_for_fit(readings, tables, known)
+    return replace(readings, notes=(*notes, *(run_signs(readings) if for_fit else ())))
+
+
+def _notes_for_fit(
+    readings: Readings,
+    tables: Sequence[Table],
+    components: Mapping[str, ComponentLike],
+) -> list[Notice]:
+    """What looks odd among readings of sound sizes. Raises InputError for passes whose unit is sure
+    to be another one.
+    """
+    problems = ProblemList()
+    found = [*unused_positions(tables, components), *pass_units(readings, tables, problems)]
+    problems.raise_if_any()
+    return found
 
 
 def check_cells(
@@ -264,32 +276,5 @@ def _check_for_fit(
                 column="position_mm",
                 value=f"{shown} mm",
                 expected=f"at least {component.degree + 1} positions{travel}",
-            )
-        )
-
-
-def reading_marks(readings: Readings) -> NDArray[np.uint64]:
-    """Marks (n,) by which equal readings of different files are found."""
-    columns = (
-        readings.code, readings.position_mm, readings.error, readings.pass_number,
-        readings.direction, readings.time_min,
-    )  # fmt: skip
-    return row_marks([np.nan_to_num(item.astype(np.float64), nan=-1e300) for item in columns])
-
-
-def _check_copied_files(readings: Readings, problems: ProblemList) -> None:
-    """A file all of whose rows stand in an earlier one as well would count them twice.
-
-    Single rows may agree by chance where the digits are few; a whole file does not.
-    """
-    marks = reading_marks(readings)
-    ordered = [np.sort(marks[readings.file_index == i]) for i in range(len(readings.sources))]
-    for file, earlier in doubled.copied_files(ordered, FEWEST_COPIED):
-        names = ", ".join(readings.sources[i].shown for i in earlier)
-        problems.add(
-            Problem(
-                what=f"all its readings stand in {names} as well: they would count twice",
-                file=readings.sources[file].shown,
-                expected="each reading once",
             )
         )

@@ -13,6 +13,7 @@ import numpy as np
 
 from mtu_cli.errors import InputError
 from mtu_cli.files import joined
+from mtu_cli.files.copied_files import FEWEST_COPIED, reading_marks
 from mtu_cli.files.covariate_survey import Survey, survey
 from mtu_cli.files.csv_file import numbers_at_all, table_from
 from mtu_cli.files.csv_frames import Suspect
@@ -27,14 +28,12 @@ from mtu_cli.files.mixed_units import UnitRows
 from mtu_cli.files.reading_cells import Travels
 from mtu_cli.files.reading_sizes import may_be_mistaken
 from mtu_cli.files.readings import (
-    FEWEST_COPIED,
     SPEC,
     ComponentLike,
     Readings,
     assemble,
     check_cells,
     read_readings,
-    reading_marks,
 )
 from mtu_cli.files.row_marks import AllMarks, in_ascending_order
 from mtu_cli.files.source import Digest, RunningDigest, Source
