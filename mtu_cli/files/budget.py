@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from mtu_cli.files.budget_units import BudgetUnits
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings, Notice, check_contract, is_identifier
 from mtu_cli.files.source import Source
-from mtu_cli.files.unit_text import meant
+from mtu_cli.files.unit_text import GRAMS, meant
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 from mtu_cli.language import EquationError, Node, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
@@ -95,7 +95,7 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
         _check_names(findings)
         _check_units(budget, findings)
         stated = {name: item.unit for name, item in (budget.inputs or {}).items()}
-        units = BudgetUnits.of_inputs(stated)
+        units = [BudgetUnits.of_inputs(stated, gram) for gram in GRAMS]
         for name, place, text in _equations(budget, findings):
             tree = _tree(text, known, place, findings)
             if tree is not None:
@@ -168,17 +168,21 @@ def _check_units(budget: Budget, findings: Findings) -> None:
 
 
 def _check_tree_units(
-    budget: Budget, units: BudgetUnits, tree: Node, place: YamlPath, findings: Findings
+    budget: Budget, units: Sequence[BudgetUnits], tree: Node, place: YamlPath, findings: Findings
 ) -> None:
-    for error in units.faults(tree):
-        _add(findings, place, error)
+    """What is at fault whichever of its `units` a g is."""
+    first, *others = units
+    columns = [{error.column for error in own.faults(tree)} for own in others]
+    for error in first.faults(tree):
+        if all(error.column in own for own in columns):
+            _add(findings, place, error)
     if place == ("equation",):
         stated, path = (budget.quantity.unit if budget.quantity else None), ("quantity", "unit")
     else:
         output = str(place[-1])
         stated, path = (budget.units or {}).get(output), ("units", output)
-    fault = units.result_fault(tree, stated)
-    if fault is not None:
+    fault = first.result_fault(tree, stated)
+    if fault is not None and all(own.result_fault(tree, stated) for own in others):
         findings.add(path, fault.what, value=stated, expected=fault.expected)
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
-from mtu_cli.files.unit_text import SIZE, Exponents, unit_exponents
+from mtu_cli.files.unit_text import GRAMS, SIZE, Exponents, unit_exponents
 from mtu_cli.language import EquationError, Node
 from mtu_cli.language.dimensions import (
     NUMBERS,
@@ -32,7 +32,7 @@ TURNS = ("deg", "arcmin", "arcsec")
 COMMON = (
     "mm", "um", "nm", "m", "km", "mm^2", "um^2", "m^2", "mm^3", "degC", "1/degC", "s", "ms", "m/s",
     "V", "mV", "kV", "A", "mA", "ohm", "kohm", "W", "mW", "N", "kN", "J", "Pa", "kPa", "MPa", "kg",
-    "%", "ppm", *TURNS,
+    "g", "g/mm^3", "g/cm^3", "kg/m^3", "%", "ppm", *TURNS,
 )  # fmt: skip
 """What a unit is called that the file does not name."""
 ANGLES = (
@@ -63,17 +63,18 @@ def _simple(value: float) -> Exponent:
 @dataclass(frozen=True, slots=True)
 class BudgetUnits:
     """What the units of the inputs tell: a scale for each of `BASES`, and units by their text, of
-    which some are `stated`.
+    which some are `stated`. A g is taken for `gram`.
     """
 
     scales: Mapping[str, Scale]
     named: Mapping[str, Exponents | None]
     stated: Sequence[str]
+    gram: Exponents
 
     @classmethod
-    def of_inputs(cls, units: Mapping[str, str | None]) -> BudgetUnits:
+    def of_inputs(cls, units: Mapping[str, str | None], gram: Exponents = GRAMS[0]) -> BudgetUnits:
         """From the stated unit of every input."""
-        named = {text: unit_exponents(text) for text in (*units.values(), *COMMON) if text}
+        named = {text: unit_exponents(text, gram) for text in (*units.values(), *COMMON) if text}
         known = {name: None if text is None else named.get(text) for name, text in units.items()}
         scales = {
             base: Scale(
@@ -88,7 +89,7 @@ class BudgetUnits:
             )
             for base in BASES
         }
-        return cls(scales, named, tuple(dict.fromkeys(filter(None, units.values()))))
+        return cls(scales, named, tuple(dict.fromkeys(filter(None, units.values()))), gram)
 
     def faults(self, tree: Node) -> Iterator[EquationError]:
         """Where numbers of different units are added, and where a function of plain numbers has
@@ -117,7 +118,7 @@ class BudgetUnits:
 
     def result_fault(self, tree: Node, stated: str | None) -> EquationError | None:
         """The fault of an equation that gives another unit than the `stated` one, if it does."""
-        wanted = unit_exponents(stated)
+        wanted = unit_exponents(stated, self.gram)
         if stated is None or wanted is None:
             return None
         angle = stated.casefold().rstrip("s").endswith(ANGLES)

@@ -32,6 +32,9 @@ _PLAIN: dict[str, dict[str, float]] = {
     "1": {},
     "kg": {"kg": 1},
     "mg": {"kg": 1, SIZE: -6},
+    "L": {"m": 3, SIZE: -3},
+    "mL": {"m": 3, SIZE: -6},
+    "ml": {"m": 3, SIZE: -6},
     "degC": {"K": 1},
     "min": {"s": 1, SIZE: math.log10(60)},
     "h": {"s": 1, SIZE: math.log10(3600)},
@@ -44,9 +47,14 @@ _PLAIN: dict[str, dict[str, float]] = {
     "ppm": {SIZE: -6},
     "ppb": {SIZE: -9},
 }
-"""What may be several things has no entry: g (gram, or the acceleration), C, F, T, l. Nor have
+"""What may be several things has no entry: g (see `GRAMS`), C, F, T, l. Nor have
 ft and gon: 12 in and 9/10 deg, numbers that equations hold for other reasons too.
 """
+GRAMS: tuple[Exponents, Exponents] = (
+    {"kg": 1, SIZE: -3},
+    {"m": 1, "s": -2, SIZE: math.log10(9.80665)},
+)
+"""What g may be: the gram, or the acceleration of free fall. A fault of both is one."""
 LENGTHS_ALSO = {
     "micron": "um", "microns": "um", "inch": "in", "inches": "in", "zoll": "in", "mils": "mil",
     "thou": "mil", "feet": "ft",
@@ -71,10 +79,11 @@ _FACTOR = re.compile(
 LONGEST = 60
 
 
-def unit_exponents(text: str | None) -> Exponents | None:
+def unit_exponents(text: str | None, gram: Exponents | None = None) -> Exponents | None:
     """Exponents of the base units m, kg, s, A, K and of ten (`SIZE`); None for an unknown unit.
 
-    An angle is a number (rad), degC and K are one: differences are meant.
+    `gram` is what g is taken for, one of `GRAMS`; it is unknown without. An angle is a number
+    (rad), degC and K are one: differences are meant.
     """
     if text is None or len(text) > LONGEST:
         return None
@@ -85,7 +94,7 @@ def unit_exponents(text: str | None) -> Exponents | None:
     position = 0
     while position < len(plain):
         match = _FACTOR.match(plain, position)
-        own = None if match is None else _factor(match["number"], match["name"])
+        own = None if match is None else _factor(match["number"], match["name"], gram)
         if match is None or own is None:
             return None
         if position and "/" not in match["before"] and "/" in plain[:position]:
@@ -99,11 +108,15 @@ def unit_exponents(text: str | None) -> Exponents | None:
     return found if position else None
 
 
-def _factor(number: str | None, name: str | None) -> Mapping[str, float] | None:
+def _factor(
+    number: str | None, name: str | None, gram: Exponents | None
+) -> Mapping[str, float] | None:
     if number is not None:
         return {SIZE: math.log10(float(number))} if float(number) > 0 else None
     if name is None:
         return None
+    if name in ("g", "gram", "grams"):
+        return gram
     name = _ALSO.get(name.casefold(), name)
     if name in _PLAIN:
         return _PLAIN[name]
@@ -121,11 +134,11 @@ def meant(text: str | None) -> str | None:
 
     None for one that is read, or that nobody knows.
     """
-    if text is None or unit_exponents(text) is not None:
+    if text is None or unit_exponents(text, GRAMS[0]) is not None:
         return None
     over, _, under = text.strip().partition("/")
     factors = _BETWEEN.split(under.strip().translate(_SIGNS))
     if "" in factors or any("-" in factor for factor in factors):
         return None
     clear = f"{over}/({' '.join(factors)})"
-    return None if unit_exponents(clear) is None else clear
+    return None if unit_exponents(clear, GRAMS[0]) is None else clear

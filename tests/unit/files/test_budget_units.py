@@ -9,7 +9,7 @@ import pytest
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.budget import load_budget
-from mtu_cli.files.unit_text import SIZE, meant, unit_exponents
+from mtu_cli.files.unit_text import GRAMS, SIZE, meant, unit_exponents
 
 # Sizes from the SI brochure (9th edition), in m, kg, s, A, K; an angle is a number.
 SIZES = [
@@ -89,6 +89,11 @@ def test_units_as_people_write_them(text: str, size: float, bases: dict[str, int
 )
 def test_units_that_nobody_knows_for_sure(text: str | None) -> None:
     assert unit_exponents(text) is None
+
+
+def test_a_gram_is_what_it_is_taken_for() -> None:
+    assert unit_exponents("g/cm^3", GRAMS[0]) == pytest.approx({"kg": 1, "m": -3, SIZE: 3})
+    assert unit_exponents("g", GRAMS[1]) == {"m": 1, "s": -2, SIZE: math.log10(9.80665)}
 
 
 @pytest.mark.parametrize(
@@ -251,6 +256,37 @@ def test_what_may_be_right_passes(
 ) -> None:
     used = {name: text for name, text in inputs.items() if name in equation}
     assert faults(tmp_path, equation, unit, used) == []
+
+
+G_MM = {"m": "g", "v": "mm^3"}
+
+
+@pytest.mark.parametrize(
+    ("equation", "unit", "inputs", "told"),
+    [
+        ("m/v", "g/cm^3", G_MM, "'g/cm^3'; expected g/mm^3, or the equation times 1000"),
+        ("4*m/(pi*v)", "g/cm^3", G_MM, "expected g/mm^3, or the equation times 1000"),
+        ("m/v", "kg", G_MM, "the equation gives g/mm^3: 'kg'"),
+        ("m + b", "g", {"m": "g", "b": "mg"}, "g and mg are added"),
+        ("m/v", "g/mm^3", G_MM, None),
+        ("1000*m/v", "g/cm^3", G_MM, None),
+        ("m/v", "g/mL", {"m": "g", "v": "L"}, "equation times 0.001"),
+        # A g may be the acceleration of free fall as well: what is right for either is right.
+        ("a*b", "m/s^2", {"a": "g", "b": "m/s^2/g"}, None),
+        ("m*a", "N", {"m": "kg", "a": "g"}, "the equation"),
+        ("m*a", "N", {"m": "kg", "a": "m/s^2"}, None),
+        ("m*a", "N", {"m": "mg", "a": "m/s^2"}, "equation times 1e-06"),
+    ],
+)
+def test_grams(
+    equation: str, unit: str, inputs: dict[str, str], told: str | None, tmp_path: Path
+) -> None:
+    found = faults(tmp_path, equation, unit, inputs)
+    if told is None:
+        assert found == []
+    else:
+        assert len(found) == 1
+        assert told in found[0]
 
 
 def test_units_of_several_outputs(tmp_path: Path) -> None:
