@@ -11,6 +11,7 @@ import numpy as np
 
 from mtu_cli.errors import Problem, did_you_mean
 from mtu_cli.files import doubled, joined
+from mtu_cli.files.blank_directions import check_blank_directions
 from mtu_cli.files.column_twins import column_twins
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.copied_files import check_copied_files
@@ -164,6 +165,7 @@ def check_cells(
     refuse_swapped(table)
     check_units(table, problems)
     joined.check_labels(table, "direction", "unknown direction", direction_hint, problems)
+    check_blank_directions(table, problems)
     for name in ("error", "position_mm"):
         joined.check_magnitude(table, name, problems)
     if table.source.role == ROLE:
