@@ -35,14 +35,15 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         )
     fit = fit_machine(machine, readings)
     estimates = estimates_from_fit(machine, fit)
-    warnings = [*machine_warnings(machine, estimates), *reading_doubts(machine, readings)]
+    doubts = reading_doubts(machine, readings)
+    warnings = [*machine_warnings(machine, estimates), *doubts]
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     return Outcome(
         results=lambda: report.document(machine.machine.name, fit, estimates, says=says),
         tables=lambda: report.table(machine.machine.name, fit, estimates, settings.digits),
         rows=lambda: report.csv_rows(fit, estimates),
         figure=lambda: report.figure(fit, estimates, settings.coverage_factor, says=says),
-        warnings=[*warnings, *fit_warnings(fit), *report.warnings(fit, estimates)],
+        warnings=[*warnings, *fit_warnings(fit, doubts), *report.warnings(fit, estimates)],
         gate=_drift(fit) if gates else None,
     )
 

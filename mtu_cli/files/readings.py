@@ -20,6 +20,7 @@ from mtu_cli.files.csv_missing import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.drift_cells import ROLE, check_drift, refuse_as_drift, refuse_drift
 from mtu_cli.files.drift_notes import drift_notes
+from mtu_cli.files.lone_positions import lone_positions
 from mtu_cli.files.mixed_units import mixed_units
 from mtu_cli.files.pass_units import pass_units
 from mtu_cli.files.reading_cells import Travels
@@ -153,7 +154,8 @@ def _notes_for_fit(
     to be another one.
     """
     problems = ProblemList()
-    found = [*unused_positions(tables, components), *pass_units(readings, tables, problems)]
+    found = [*unused_positions(tables, components), *lone_positions(readings, components)]
+    found += pass_units(readings, tables, problems)
     problems.raise_if_any()
     return found
 

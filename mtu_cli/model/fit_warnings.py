@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Container, Iterable
+from dataclasses import replace
 from statistics import median
 
 import numpy as np
@@ -21,6 +23,11 @@ FEWEST_OTHERS = 3
 LARGER_UNIT = {"nm": "um", "um": "mm", "urad": "mrad", "mrad": "rad", "arcsec": "deg"}
 LIMITS = ("reversal", "passes-drift", "instruments-disagree")
 """Warnings of what u of a part holds nothing of. A misfit is among its repeatability."""
+SINGLE = ("reading-stands-out", "position-alone")
+"""Doubts of single rows, which alone may make a line misfit."""
+_NAMED = re.compile(r"column '(?:error|position_mm)': (\S+)")
+RAISE = "raise its degree"
+FIRST = "a single row of it looks mistaken, put that right first; else raise its degree"
 DISAGREE = "the instruments disagree on "
 """Other warnings of LIMITS begin with the component."""
 
@@ -30,13 +37,25 @@ def scatter_warnings(fit: MachineFit) -> list[Warned]:
     return [*_not_separated(fit), *_one_run(fit), *_without_scatter(fit)]
 
 
-def fit_warnings(fit: MachineFit) -> list[Warned]:
-    """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement."""
+def fit_warnings(fit: MachineFit, doubts: Iterable[Warned] = ()) -> list[Warned]:
+    """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement.
+
+    A component of which the `doubts` of the readings name a single row is not advised to be given
+    a higher degree.
+    """
+    named = {
+        name for item in doubts if item.code in SINGLE for name in _NAMED.findall(item.message)
+    }
     return [
         *fit.warnings,
         *scatter_warnings(fit),
         *_too_well(fit),
-        *_significant(fit, ("reversal", "passes-drift", "lack-of-fit")),
+        *(
+            replace(item, message=item.message.replace(RAISE, FIRST))
+            if item.code == "lack-of-fit" and item.message.partition(" ")[0] in named
+            else item
+            for item in _significant(fit, ("reversal", "passes-drift", "lack-of-fit"))
+        ),
         *_disagreeing(fit),
     ]
 
@@ -197,7 +216,7 @@ def _trend(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
 def _lack(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
     return (
         f"{name} is not a polynomial of the degree that the machine gives it (p = {p:.1g}): "
-        "raise its degree, or look at the picture (--plot)"
+        f"{RAISE}, or look at the picture (--plot)"
     )
 
 

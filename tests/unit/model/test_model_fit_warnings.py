@@ -15,6 +15,7 @@ from scipy import stats
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
 from mtu_cli.model.fit_warnings import LIMITS, fit_warnings, limit_warnings, limits_of
+from mtu_cli.model.settings import Warned
 from mtu_cli.reports.observability import observability
 from mtu_cli.stats.family import significant
 
@@ -81,6 +82,20 @@ def test_what_is_planted_is_warned_of(tmp_path: Path, what: str, name: str) -> N
     assert found[0].message.startswith(name)
     amount = {"reversal": "reverses by", "passes-drift": "drifts by", "lack-of-fit": "degree"}
     assert amount[what] in found[0].message
+
+
+def test_a_single_doubted_row_comes_before_a_higher_degree(tmp_path: Path) -> None:
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(5), Drift(0.5))
+    fit = fit_machine(known, planted(given, "dx_x", "lack-of-fit"))
+    for name, first in (("dx_x", True), ("dx_x2", False)):
+        for code, column in (("position-alone", "position_mm"), ("reading-stands-out", "error")):
+            doubt = Warned(
+                code=code, message=f"r.csv, row 6, column '{column}': {name} at 30 mm ..."
+            )
+            (text,) = [w.message for w in fit_warnings(fit, [doubt]) if w.code == "lack-of-fit"]
+            assert (": a single row of it looks mistaken, put that right first" in text) == first
+            assert (": raise its degree" in text) != first
 
 
 def test_the_stated_amounts_are_those_planted(tmp_path: Path) -> None:

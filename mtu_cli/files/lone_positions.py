@@ -1,0 +1,73 @@
+"""Positions that one pass alone has, in place of one that it lacks: mistyped ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.files.contracts import Notice
+from mtu_cli.files.drift_cells import ROLE
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mtu_cli.files.readings import ComponentLike, Readings
+
+    Rows = NDArray[np.int64]
+
+CODE = "position-alone"
+FEWEST_WAYS = 3
+"""Passes (there or back) of a component from which on it is known where it is read."""
+NEARLY_ALL = 0.75
+"""Share of these in which all other positions occur; places that differ from pass to pass are no
+slips."""
+MOST = 3
+"""Slips of a component."""
+
+
+def lone_positions(readings: Readings, components: Mapping[str, ComponentLike]) -> Iterator[Notice]:
+    """A warning of each reading at a position where its component is read but once, in a pass that
+    lacks one where nearly all others read.
+    """
+    for code, name in enumerate(readings.components):
+        inside = np.flatnonzero(readings.code == code)
+        if components[name].of is None:
+            continue
+        for role in dict.fromkeys(readings.roles):
+            files = [i for i, own in enumerate(readings.roles) if own == role != ROLE]
+            rows = inside[np.isin(readings.file_index[inside], files)]
+            for row, missing in _slips(readings, rows):
+                lacks = " or ".join(f"{place:g}" for place in missing)
+                text = (
+                    f"{readings.sources[readings.file_index[row]].shown}, row {readings.row[row]}, "
+                    f"column 'position_mm': {name} at {readings.position_mm[row]:g} mm, where no "
+                    f"other pass reads it, but none of this pass at {lacks} mm, where the others "
+                    "do: look whether the position is mistyped"
+                )
+                yield Notice(code=CODE, message=text)
+
+
+def _slips(readings: Readings, rows: Rows) -> Iterator[tuple[int, list[float]]]:
+    """The readings of a component, by one instrument, at positions of their own, each with the
+    positions that its pass lacks.
+    """
+    if not len(rows):
+        return
+    places, place = np.unique(readings.position_mm[rows], return_inverse=True)
+    place = place.reshape(-1)
+    keys = (readings.file_index[rows], readings.pass_number[rows], readings.direction[rows])
+    ways, way = np.unique(np.column_stack(keys), axis=0, return_inverse=True)
+    visited = np.zeros((len(ways), len(places)), bool)
+    visited[way.reshape(-1), place] = True
+    count = visited.sum(axis=0)
+    alone = np.bincount(place) == 1
+    usual = count >= NEARLY_ALL * len(ways)
+    if len(ways) < FEWEST_WAYS or not 0 < alone.sum() <= MOST or not (alone | usual).all():
+        return
+    for column in np.flatnonzero(alone).tolist():
+        i = int(np.flatnonzero(place == column)[0])
+        missing = places[usual & ~visited[way.reshape(-1)[i]]].tolist()
+        if missing:
+            yield int(rows[i]), missing

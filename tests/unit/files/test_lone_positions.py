@@ -1,0 +1,35 @@
+"""Positions that are mistyped."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from test_blank_directions import table, told
+
+
+def test_a_mistyped_position(tmp_path: Path) -> None:
+    rows = table()
+    assert told(tmp_path, rows) == []
+    rows[4][1] = "30"
+    assert told(tmp_path, rows) == [
+        "r.csv, row 6, column 'position_mm': dx_x at 30 mm, where no other pass reads it, but none "
+        "of this pass at 300 mm, where the others do: look whether the position is mistyped"
+    ]
+    rows[11][1] = "7"
+    assert len(told(tmp_path, rows)) == 2
+
+
+def test_positions_that_are_no_slips(tmp_path: Path) -> None:
+    """One more place in a pass, a pass that was cut short, places that differ from pass to pass,
+    two passes alone.
+    """
+    rows = table()
+    assert (
+        told(tmp_path, [*rows[:6], ["dx_x", "330", "1", "forward", "0.4", "um"], *rows[6:]]) == []
+    )
+    assert told(tmp_path, [*rows[:3], *rows[6:]]) == []
+    jittered = [[row[0], f"{float(row[1]) + i:g}", *row[2:]] for i, row in enumerate(rows)]
+    assert told(tmp_path, jittered) == []
+    two = [row for row in table(2) if row[3] == "forward"]
+    two[1][1] = "70"
+    assert told(tmp_path, two) == []
