@@ -21,6 +21,9 @@ _NUMBER = {
 }
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)|[+-]?1\.#(?:inf|ind|qnan)", re.IGNORECASE)
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([,.' \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
+_WITH_UNIT = re.compile(
+    r"[+-]?\d[\d.,]*+(?:[eE][+-]?\d++)?\s*+([A-Za-z\u00b5\u03bc\u00b0%][^\s\d]{0,9})"
+)
 _DATE = re.compile(r"\d{4}-?\d{2}-?\d{2}(?:[T ].*)?", re.ASCII)
 
 NO_TIME = -(2**63)
@@ -33,6 +36,12 @@ def number(cell: str, decimal: Decimal = ".") -> float | None:
     if _NUMBER[decimal].fullmatch(cell) is None:
         return None
     return float(cell.replace(",", "."))
+
+
+def unit_in(cell: str) -> str | None:
+    """The unit behind the number of a cell, such as `50.0 mm`; None where there is none."""
+    found = _WITH_UNIT.fullmatch(cell.strip())
+    return None if found is None else found[1]
 
 
 def is_not_finite(cell: str, decimal: Decimal = ".") -> bool:

@@ -32,11 +32,12 @@ def read_slow(
 
     rows = array("q")
     stores = [store_of(name, text, spec, problems) for name in text.header]
+    torn = _torn_by_commas(text)
     for row, cells in _records(text, problems):
         if (odd := odd_row(text, row, cells, spec)) is not None:
             problems.add(odd)
         elif len(cells) != len(stores):
-            problems.add(_wrong_length(text, row, cells))
+            problems.add(_wrong_length(text, row, cells, torn))
         elif tuple(map(str.strip, cells)) == text.header:
             what = "the header again, as in a table that was pasted again"
             problems.add(cell_problem(text, row, None, what, None, "each row once"))
@@ -90,7 +91,34 @@ _WITH_POINT = re.compile(r"[+-]?\d+\.\d+")
 _SIGNS: dict[str, str] = {",": "commas", ";": "semicolons"}
 
 
-def _wrong_length(text: CsvText, row: int, cells: list[str]) -> Problem:
+LOOKED_AT = 50
+"""Rows by which it is told whether numbers are torn by their decimal commas ..."""
+FEWEST_TORN = 3
+"""... so many of them, and half of all, at least."""
+DECIMAL_COMMAS = "more cells than columns: the numbers look like ones with decimal commas"
+SEMICOLONS = "semicolons between the columns, or decimal points, as this file has commas for both"
+
+
+def _torn_by_commas(text: CsvText) -> bool:
+    """Whether many rows are longer by halves of numbers: 0,973 in two cells, beside some number
+    with a point or not.
+    """
+    records = list(islice(_records(text, ProblemList()), LOOKED_AT))
+    surplus = [len(cells) - len(text.header) for _, cells in records]
+    pairs = zip(records, surplus, strict=True)
+    torn = sum(more > 0 and _halves(cells) >= more for (_, cells), more in pairs)
+    return text.separator == "," and torn >= FEWEST_TORN and 2 * torn >= len(records)
+
+
+def _halves(cells: list[str]) -> int:
+    """Neighbouring cells that may be one number with a decimal comma."""
+    return sum(
+        _INTEGER.fullmatch(left.strip()) is not None and right.strip().isdigit()
+        for left, right in pairwise(cells)
+    )
+
+
+def _wrong_length(text: CsvText, row: int, cells: list[str], torn: bool) -> Problem:
     wanted = len(text.header)
     (other,) = _SIGNS.keys() - {text.separator}
     # Commas may be decimal ones beside other separators, not where they are the only sign.
@@ -106,14 +134,12 @@ def _wrong_length(text: CsvText, row: int, cells: list[str]) -> Problem:
         more = f"{text.separator!r}" if surplus == 1 else f"{surplus} {text.separator!r}"
         what = f"{more} too many at the end of the row"
         return cell_problem(text, row, None, what, None, f"{wanted} cells, as in the header")
+    if torn and surplus > 0 and _halves(cells) >= surplus:
+        # Without its value it is the same in every such row.
+        return cell_problem(text, row, None, DECIMAL_COMMAS, None, SEMICOLONS)
     if surplus > 0:
-        pairs = pairwise(cells)
-        halves = sum(
-            _INTEGER.fullmatch(left.strip()) is not None and right.strip().isdigit()
-            for left, right in pairs
-        )
         points = any(_WITH_POINT.fullmatch(cell.strip()) for cell in cells)
-        if text.separator == "," and halves >= surplus and not points:
+        if text.separator == "," and _halves(cells) >= surplus and not points:
             expected += "; do the numbers have decimal commas? Then separate columns by semicolons"
     kind = "a short row" if surplus < 0 else "a long row"
     what = f"{kind} of {counted(len(cells), 'cell')}"

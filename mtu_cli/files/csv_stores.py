@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from array import array
 
-from mtu_cli.errors import Problem
+from mtu_cli.errors import SHOWN_ALIKE, Problem
 from mtu_cli.files.csv_cells import (
     NO_TIME,
     TIME_EXPECTED,
@@ -15,10 +15,12 @@ from mtu_cli.files.csv_cells import (
     microseconds,
     number,
     overflows,
+    unit_in,
 )
 from mtu_cli.files.csv_table import (
     LARGEST_INTEGER,
     LARGEST_READING,
+    LISTED_PROBLEMS,
     WHOLE,
     Columns,
     ProblemList,
@@ -76,6 +78,7 @@ class _NumberStore(Store):
         measured = name in spec.numbers and name != "time_min"
         self.at_most = f"at most {LARGEST_READING:g} in size" if measured else "a smaller number"
         self.values = array("d")
+        self.with_unit: dict[str, list[tuple[int, str]]] = {}
 
     def add(self, row: int, cell: str) -> None:
         decimal = self.text.decimal
@@ -88,7 +91,10 @@ class _NumberStore(Store):
                 expected = self.expected or expectation(cell, decimal)
                 if self.name == "time_min" and _DATE.match(cell):
                     expected = "minutes; dates and times belong in a column 'time'"
-                self.fault(row, what, cell, expected)
+                if not self.whole and (unit := unit_in(cell)) is not None:
+                    self.with_unit.setdefault(unit, []).append((row, cell))
+                else:
+                    self.fault(row, what, cell, expected)
             elif not self.empty_allowed:
                 self.fault(row, "empty cell", None, self.expected or "a number")
             value = float("nan")
@@ -107,6 +113,17 @@ class _NumberStore(Store):
         import numpy as np
 
         columns.numbers[self.name] = np.array(self.values, np.float64)
+        for unit, cells in self.with_unit.items():
+            if len(cells) <= SHOWN_ALIKE:
+                for row, cell in cells:
+                    expected = self.expected or expectation(cell, self.text.decimal)
+                    self.fault(row, "not a number", cell, expected)
+                continue
+            # Without its value it is the same in every row of the column.
+            what, expected = f"numbers with their unit, {unit}, in the cells", "the numbers alone"
+            for row, _ in cells[:LISTED_PROBLEMS]:
+                self.fault(row, what, None, expected)
+            self.problems.uncounted += max(0, len(cells) - LISTED_PROBLEMS)
 
 
 class _TextStore(Store):
