@@ -9,6 +9,7 @@ import numpy as np
 
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.drift_cells import ROLE
+from mtu_cli.files.pass_units import alike
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,17 +58,17 @@ def _slips(readings: Readings, rows: Rows) -> Iterator[tuple[int, list[float]]]:
         return
     places, place = np.unique(readings.position_mm[rows], return_inverse=True)
     place = place.reshape(-1)
-    keys = (readings.file_index[rows], readings.pass_number[rows], readings.direction[rows])
-    ways, way = np.unique(np.column_stack(keys), axis=0, return_inverse=True)
-    visited = np.zeros((len(ways), len(places)), bool)
-    visited[way.reshape(-1), place] = True
-    count = visited.sum(axis=0)
     alone = np.bincount(place) == 1
-    usual = count >= NEARLY_ALL * len(ways)
-    if len(ways) < FEWEST_WAYS or not 0 < alone.sum() <= MOST or not (alone | usual).all():
+    if not 0 < alone.sum() <= MOST:
+        return
+    way = alike(readings.file_index[rows], readings.pass_number[rows], readings.direction[rows])
+    visited = np.zeros((int(way.max()) + 1, len(places)), bool)
+    visited[way, place] = True
+    usual = visited.sum(axis=0) >= NEARLY_ALL * len(visited)
+    if len(visited) < FEWEST_WAYS or not (alone | usual).all():
         return
     for column in np.flatnonzero(alone).tolist():
         i = int(np.flatnonzero(place == column)[0])
-        missing = places[usual & ~visited[way.reshape(-1)[i]]].tolist()
+        missing = places[usual & ~visited[way[i]]].tolist()
         if missing:
             yield int(rows[i]), missing

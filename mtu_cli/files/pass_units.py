@@ -37,6 +37,9 @@ ALIKE = {True: 5.0, False: 2.0}
 """... and how many times more or less than the others' it may be, in the unit it is meant in."""
 AS_FAR = 10.0
 """The same of how far the readings are from 0, which drifts from pass to pass as well."""
+MOST_PASSES = 500
+"""More are a count of something else, or no slip of one of them matters; each is compared with all
+others."""
 NAMED = 6
 
 
@@ -100,12 +103,25 @@ def pass_units(
     return tuple(notes)
 
 
+def alike(*keys: NDArray[np.integer]) -> Rows:
+    """Numbers (n,) from 0, without a gap, of the rows whose `keys` (n,) are alike. One key after
+    the other: numpy sorts rows of several keys ten times as slowly.
+    """
+    found = np.zeros(len(keys[0]), np.int64)
+    for key in keys:
+        own = np.unique(key, return_inverse=True)[1].reshape(-1)
+        joint = found * (int(own.max(initial=0)) + 1) + own
+        found = np.unique(joint, return_inverse=True)[1].reshape(-1)
+    return found
+
+
 def _by_pass(readings: Readings, inside: Rows) -> list[Rows]:
-    """The rows of each pass of each file among those `inside` (n,)."""
-    key = np.column_stack([readings.file_index[inside], readings.pass_number[inside]])
-    group = np.unique(key, axis=0, return_inverse=True)[1].reshape(-1)
+    """The rows of each pass of each file among those `inside` (n,); none of too many."""
+    group = alike(readings.file_index[inside], readings.pass_number[inside])
     order = np.argsort(group, kind="stable")
     ends = np.flatnonzero(np.diff(group[order])) + 1
+    if len(ends) >= MOST_PASSES:
+        return []
     return [rows for rows in np.split(inside[order], ends) if len(rows)]
 
 

@@ -151,9 +151,11 @@ def _notes_for_fit(
     components: Mapping[str, ComponentLike],
 ) -> list[Notice]:
     """What looks odd among readings of sound sizes. Raises InputError for passes whose unit is sure
-    to be another one.
+    to be another one, and for directions that are missing.
     """
     problems = ProblemList()
+    for table in tables:
+        check_blank_directions(table, problems)
     found = [*unused_positions(tables, components), *lone_positions(readings, components)]
     found += pass_units(readings, tables, problems)
     problems.raise_if_any()
@@ -167,7 +169,6 @@ def check_cells(
     refuse_swapped(table)
     check_units(table, problems)
     joined.check_labels(table, "direction", "unknown direction", direction_hint, problems)
-    check_blank_directions(table, problems)
     for name in ("error", "position_mm"):
         joined.check_magnitude(table, name, problems)
     if table.source.role == ROLE:

@@ -76,8 +76,8 @@ def test_readings_of_two_files(tmp_path: Path) -> None:
 
 
 def test_every_way_to_write_a_direction(tmp_path: Path) -> None:
-    ways = ["forward", "Reverse", "+", "-", "1", "-1", "+1", "1.0", "-1.0", "FORWARD"]
-    rows = "".join(f"dx_x,{i},1,um,{way}\n" for i, way in enumerate(ways)) + "axy,,1,arcsec,\n"
+    ways = ["forward", "Reverse", "+", "-", "1", "-1", "+1", "1.0", "-1.0", "FORWARD", ""]
+    rows = "".join(f"dx_x,{i},1,um,{way}\n" for i, way in enumerate(ways))
     found = read(tmp_path, f"{HEAD},direction\n{rows}")
     assert found.direction.tolist() == [1, -1, 1, -1, 1, -1, 1, 1, -1, 1, 0]
 
