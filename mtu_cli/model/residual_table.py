@@ -21,7 +21,7 @@ from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import axes_of, check_repeats
 from mtu_cli.model.measured_checks import check_measured, not_measured, refuse_mistaken
-from mtu_cli.model.prediction import predict
+from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.residual_cells import Cells, IntArray, filled
 from mtu_cli.model.residual_covariates import (
     check_temperatures,
@@ -44,6 +44,7 @@ from mtu_cli.model.residual_visits import Visited, only_rows, visited_of
 from mtu_cli.model.resolution import resolution
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
+from mtu_cli.model.visit_scatter import VisitScatter, visit_scatter
 from mtu_cli.model.written_errors import without_written_errors
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -70,7 +71,7 @@ class ResidualTable:
     model was fitted to; `resolution` (A,) the step, mm, that measured coordinates were rounded to,
     0 where there is none (empty: none is known).
     `scatter_known`: false where the model has scatter of parts (passes) of a size that nothing
-    told before.
+    told before. `visit`: what the machine's repeatability makes of one entry, where it is known.
     """
 
     axes: tuple[str, ...]
@@ -95,6 +96,7 @@ class ResidualTable:
     read: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     resolution: tuple[float, ...] = ()
     scatter_known: bool = True
+    visit: VisitScatter | None = None
 
     @property
     def there(self) -> NDArray[np.bool_]:
@@ -138,6 +140,7 @@ def residual_table(
     warned += [*written, *gaps]
     axes = _axes(model, points, warned)
     layout = layout_of(points)
+    check_temperatures(points)
     table, errors = _measured(model, points, covariates or {}, axes, layout, warned)
     steps = tuple(resolution(points.measured[:, axis]) for axis in axes)
     table = replace(table, resolution=steps)
@@ -165,17 +168,17 @@ def _measured(
 ) -> tuple[ResidualTable, FloatArray]:
     """The table with nothing set free, and the errors (n, A) of the points."""
     cells, columns = layout.cells, point_columns(points)
-    check_temperatures(points)
     needed = needed_covariates(model, points, columns, at, at_nominal=True)
     shown, gaps = table_covariates(columns, cells, (points.file_index, points.sources))
     shapes = {name: value.shape for name, value in shown.items()}
     found = cell_model(model, points.nominal, needed.values, cells, shapes)
-    warned += [*needed.warnings, *gaps, *_guesses(model, points, needed.values, layout)]
+    at_once = _at_once(model, points, needed.values, layout)
+    warned += [*needed.warnings, *gaps, *_guesses(model, points, needed.values, at_once)]
     own = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - found.predicted[:, own]
-    place = np.column_stack(list(fixed_places(model, points.nominal).values()))
     variance, dof = within(cells, errors)
-    table = ResidualTable(
+    place = np.column_stack(list(fixed_places(model, points.nominal).values()))
+    return ResidualTable(
         axes=tuple(AXES[axis] for axis in axes),
         component=None,
         unit="um",
@@ -193,8 +196,8 @@ def _measured(
         of_part=found.of_part[:, :, own],
         pass_dof=pass_dof(model),
         read=read_ranges(model),
-    )
-    return table, errors
+        visit=visit_scatter(model, at_once, own),
+    ), errors
 
 
 def within(
@@ -243,10 +246,16 @@ def _axes(model: MachineModel, points: Points, warned: list[Warned]) -> tuple[in
     return axes
 
 
-def _guesses(model: MachineModel, points: Points, values: Values, layout: Layout) -> list[Warned]:
-    """Places and temperatures beyond those that the model was fitted at."""
+def _at_once(model: MachineModel, points: Points, values: Values, layout: Layout) -> Prediction:
+    """The model at the first measurement of every column."""
     rows = first_of(layout.cells.column, len(layout.features))
-    at_once = predict(model, layout.features, points.nominal[rows], rows_of(values, rows))
+    return predict(model, layout.features, points.nominal[rows], rows_of(values, rows))
+
+
+def _guesses(
+    model: MachineModel, points: Points, values: Values, at_once: Prediction
+) -> list[Warned]:
+    """Places and temperatures beyond those that the model was fitted at."""
     return [
         *outside_warnings(at_once),
         *temperature_warnings(model, points.nominal, values),

@@ -24,7 +24,10 @@ ALL = 0.999
 MOST_NAMED = 6
 MOST_ALIKE = 4
 APART = 2.0
-"""Scatter of passes over that of single readings from which on it is told."""
+"""Scatter of passes over that of single readings, and of these over what is predicted of them, from
+which on it is told."""
+RARE = 1e-3
+"""Chance of the latter on a machine whose s_repeat is known by as few readings."""
 PLACE_DIGITS = 3
 SPARE_PLACES = 3
 """Places beyond what an effect takes from which on a searched value is more than a guess."""
@@ -114,7 +117,7 @@ def _of_table(result: TableResult) -> list[Warned]:
         more = f" and {beyond} more" if beyond > 0 else ""
         text = f"far off whatever the rest does, and set aside: {names}{more}"
         found.append(Warned(code="outliers-set-aside", message=text))
-    found += _passes_apart(result)
+    found += [*_passes_apart(result), *_scatter_beyond(result)]
     for effect in result.effects:
         if effect.alike:
             found.append(Warned(code="searched-not-told", message=_alike(effect, of)))
@@ -154,6 +157,36 @@ def _passes_apart(result: TableResult) -> list[Warned]:
         "it as scatter from pass to pass, whatever makes it"
     )
     return [Warned(code="passes-apart", message=text)]
+
+
+def _scatter_beyond(result: TableResult) -> list[Warned]:
+    """That single features scatter from part to part by more than the machine's repeatability and
+    the CMM make of them: what does is no effect with an equation, and would go for repeatability.
+
+    By chi-squared over the degrees of freedom of s_repeat, that of the entries being far more.
+    """
+    table, noise = result.table, result.floor
+    known = table.repeat_dof > 0 and np.isfinite(table.repeat_variance).all()
+    if table.visit is None or not noise or not known or len(table.parts) < FEW_PARTS:
+        return []
+    from scipy.special import chdtr
+
+    each = float(np.mean(1 / table.repeats[table.there]))
+    machine = float(np.mean(table.visit.variance))
+    cmm = float(np.mean(table.repeat_variance)) * each
+    ratio = (noise**2 - cmm) / machine if machine > 0 else np.inf
+    # So small would s_repeat have to have come out by chance.
+    p = float(chdtr(table.visit.dof, table.visit.dof / ratio)) if ratio > 0 else 1.0
+    if noise <= APART * math.sqrt(machine + cmm) or (np.isfinite(table.visit.dof) and p > RARE):
+        return []
+    unit = UNITS[table.unit].to_internal
+    sizes = [f"{math.sqrt(v) / unit:.2g}" for v in (noise**2, machine, cmm)]
+    text = (
+        f"single features scatter from part to part by {sizes[0]} {table.unit}, of which the "
+        f"machine's repeatability is {sizes[1]} and the CMM's {sizes[2]}: something else makes it, "
+        "which no equation takes out, and which is the repeatability told here"
+    )
+    return [Warned(code="scatter-not-predicted", message=text)]
 
 
 def _of_levels(left: FloatArray, noise: float) -> float:

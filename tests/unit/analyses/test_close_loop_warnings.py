@@ -12,6 +12,7 @@ from effect_tables import table
 from mtu_cli.analyses.close_loop.gross import Gross
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.warnings import loop_warnings
+from mtu_cli.model.visit_scatter import VisitScatter
 from mtu_cli.units import UM
 
 
@@ -117,3 +118,31 @@ def test_an_outlying_reading_is_told_with_its_direction_in_words() -> None:
     found = loop_warnings([replace(base, gross=(gross,))], 9)
     (text,) = [w.message for w in found if w.code == "outliers-set-aside"]
     assert text.endswith("position 150 in reverse of pass 2")
+
+
+@pytest.mark.parametrize(
+    ("noise_um", "dof", "warned"),
+    [
+        # 3 um of the machine and 4/sqrt(3) um of three repeats by the CMM: 3.8 um together.
+        (7.5, np.inf, False),
+        (7.7, np.inf, True),
+        # s_repeat from 3 readings is a third of its true size more often than 1 in 1000.
+        (9.0, 3.0, False),
+        (9.0, 40.0, True),
+    ],
+)
+def test_scatter_of_entries_is_held_against_machine_and_cmm(
+    noise_um: float, dof: float, warned: bool
+) -> None:
+    base = on_table("none", floor=1e-3 * noise_um)
+    visit = VisitScatter(variance=np.full(2, 9e-6), dof=dof)
+    table = replace(base.table, repeat_variance=np.full(2, 16e-6), visit=visit)
+    found = loop_warnings([replace(base, table=table)], 9)
+    told = [w.message for w in found if w.code == "scatter-not-predicted"]
+    assert len(told) == warned
+    if warned:
+        sizes = f"by {noise_um:.2g} um, of which the machine's repeatability is 3 and the CMM's 2.3"
+        assert sizes in told[0]
+    once = replace(table, repeat_dof=0, repeat_variance=np.full(2, np.nan))
+    silent = loop_warnings([replace(base, table=once)], 9)
+    assert "scatter-not-predicted" not in {w.code for w in silent}
