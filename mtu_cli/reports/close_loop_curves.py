@@ -13,6 +13,7 @@ from mtu_cli.analyses.close_loop.shown import pitch_is_open, things
 from mtu_cli.language import evaluate, names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.close_loop_shown import titled, unit_of
+from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.least_squares import FloatArray
 
 MOST = 3
@@ -22,6 +23,9 @@ FINE = 400
 NAMED = 16
 """More categories are drawn by their numbers."""
 DIRECTION = "dir_"
+WAVE = ("sine", "cosine")
+PERIODS = 3.0
+"""Of a wave from which on they are laid over one another."""
 TOGETHER = "all effects together"
 
 Mask = NDArray[np.bool_]
@@ -79,8 +83,8 @@ def by_column(item: TableResult) -> Curve:
 def _of_equation(effect: FoundEffect, item: TableResult) -> Curve:
     """Residuals less the other effects, over the variable of the effect's first equation.
 
-    The effect is drawn about the mean of these, as it is judged beside a free offset. Of a pitch
-    that is one of many the wave is an example.
+    It is drawn about their mean, as it is judged beside a free offset. Of a pitch that is one of
+    many the wave is an example.
     """
     key, text = next(iter(effect.equations.items()))
     axis = key.removeprefix("E")
@@ -93,6 +97,8 @@ def _of_equation(effect: FoundEffect, item: TableResult) -> Curve:
     offset = float(left.mean() - own.mean())
     over, apart = _variables(effect, text)
     x = own if over is None else env[over][there]
+    if apart is None and over is not None and _repeats(effect, x):
+        return _folded(effect, item, over, x, left - own, _ylabel(axis, item))
     fine = None
     if over is not None and apart is None and item.table.datum == "none":
         grid = np.linspace(float(x.min()), float(x.max()), FINE)
@@ -103,17 +109,57 @@ def _of_equation(effect: FoundEffect, item: TableResult) -> Curve:
         xlabel=f"the effect as fitted, {item.table.unit}" if over is None else _label(over),
         ylabel=_ylabel(axis, item),
         series=tuple(
-            Series(
-                name=name,
-                x=x[mask],
-                y=left[mask],
-                fitted=own[mask] + offset,
-                fine=fine,
-            )
+            Series(name=name, x=x[mask], y=left[mask], fitted=own[mask] + offset, fine=fine)
             for name, mask in _split(apart, env, there)
         ),
         example=pitch_is_open(effect),
         ticks=(-1.0, 1.0) if over is not None and over.startswith(DIRECTION) else (),
+    )
+
+
+def _repeats(effect: FoundEffect, x: FloatArray) -> bool:
+    """Whether it is a wave of one pitch that the places `x` (n,) hold several times."""
+    if effect.family != "cyclic" or pitch_is_open(effect):
+        return False
+    known = {name for name, _, _, _ in effect.parameters}
+    ((pitch, _, _),) = effect.searched.values()
+    return {*WAVE} <= known and float(np.ptp(x)) > PERIODS * pitch
+
+
+def _folded(
+    effect: FoundEffect,
+    item: TableResult,
+    over: str,
+    x: FloatArray,
+    rest: FloatArray,
+    ylabel: str,
+) -> Curve:
+    """All periods of a wave laid over one another: means over places farther apart than its pitch
+    would be of nothing. `rest` (n,) are the residuals without it at the places `x` (n,).
+    """
+    ((pitch, _, _),) = effect.searched.values()
+    size = {name: value for name, _, value, _ in effect.parameters}
+    scale = unit_of(item).to_internal
+
+    def wave(at: FloatArray) -> FloatArray:
+        angle = 2 * np.pi * at / pitch
+        found: FloatArray = (size["sine"] * np.sin(angle) + size["cosine"] * np.cos(angle)) / scale
+        return found
+
+    grid, level = np.linspace(0.0, pitch, FINE), float(rest.mean())
+    fitted = wave(x)
+    series = Series(
+        name="",
+        x=np.mod(x, pitch),
+        y=rest + fitted,
+        fitted=fitted + level,
+        fine=(grid, wave(grid) + level),
+    )
+    return Curve(
+        title=titled(effect),
+        xlabel=f"{over} within a pitch ({significant(pitch, 6)} mm), mm",
+        ylabel=ylabel,
+        series=(series,),
     )
 
 
