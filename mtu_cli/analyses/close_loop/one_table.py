@@ -184,7 +184,7 @@ def _searched(
         prepared = prepare(left, candidates, given.pass_dof)
         return prepared, calibrated(prepared.scan, samples, seed)
 
-    first = searched(given, start, alpha=alpha, most=most)
+    first = searched(given, start, alpha=alpha, most=most, seed=seed)
     return with_own_constants(first)
 
 

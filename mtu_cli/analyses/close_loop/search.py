@@ -23,6 +23,7 @@ EXCLUDED = 0.01
 """Posterior below which a drift or field without a name is out: no list of the library is complete,
 so that a lone name asks for more than the 95 % among names.
 """
+NONE: frozenset[int] = frozenset()
 HALF = 0.49
 """Of a column that lies evenly in two axes each holds this share."""
 
@@ -61,8 +62,11 @@ def posterior_of(log_bayes: FloatArray) -> FloatArray:
     return found
 
 
-def search(prepared: Prepared, gate: Gate, *, alpha: float, most: int) -> Search:
+def search(
+    prepared: Prepared, gate: Gate, *, alpha: float, most: int, unsure: frozenset[int] = NONE
+) -> Search:
     """Searches a table for at most `most` causes (see `causes`) at the family-wise rate `alpha`.
+    Candidates that are `unsure` are rivals of what is found, and not found themselves.
 
     What was found is projected out of data and candidates, with the derivative by what was
     searched: a grid value beside the true one must not look like a second effect. Where the next
@@ -73,10 +77,9 @@ def search(prepared: Prepared, gate: Gate, *, alpha: float, most: int) -> Search
     looked = start
     steps: list[Step] = []
     stopped = False
-    while (step := _step(prepared.scan, looked, state.p, alpha, state.done)) is not None:
+    while (step := _next(state, alpha, unsure)) is not None:
         if causes(prepared, [*steps, step]) > most:
-            levels = levels_of(prepared, steps)
-            step = _step(prepared.scan, looked, state.p, alpha, state.done, levels)
+            step = _next(state, alpha, unsure, levels_of(prepared, steps))
             if step is None:
                 stopped = True
                 break
@@ -216,6 +219,15 @@ def _scores(looked: Evidence, done: set[int]) -> FloatArray:
     scores = looked.log_bayes.copy()
     scores[list(done)] = -np.inf
     return scores
+
+
+def _next(
+    state: State, alpha: float, unsure: frozenset[int], only: frozenset[int] | None = None
+) -> Step | None:
+    """The best of what passes and is not `unsure`: those do not, and are rivals as ever."""
+    p = state.p.copy()
+    p[list(unsure)] = 1.0
+    return _step(state.prepared.scan, state.looked, p, alpha, state.done, only)
 
 
 def _step(

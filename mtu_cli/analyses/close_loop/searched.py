@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtu_cli.analyses.close_loop.added import added, contribution
+from mtu_cli.analyses.close_loop.from_zero import not_told_from_zero
 from mtu_cli.analyses.close_loop.gross import Gross, set_aside
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search, search
@@ -28,13 +29,15 @@ class Searched:
     found: Search
 
 
-def searched(given: ResidualTable, start: Start, *, alpha: float, most: int) -> Searched:
+def searched(
+    given: ResidualTable, start: Start, *, alpha: float, most: int, seed: int | None = None
+) -> Searched:
     """Sets gross entries of a table aside and searches the rest; what an effect explains was no
-    gross error, and is taken back.
+    gross error, and is taken back. `seed` is that of `added`.
     """
     table, gross = set_aside(given)
     prepared, gate = start(table)
-    found = search(prepared, gate, alpha=alpha, most=most)
+    found = _told(prepared, gate, alpha, most, seed)
     if gross and found.members:
         effects = added(prepared, found)
         said = contribution(effects, given, tuple(prepared.members[m] for m in effects.members))
@@ -43,5 +46,18 @@ def searched(given: ResidualTable, start: Start, *, alpha: float, most: int) -> 
             errors = np.where(left.there[:, :, None], given.errors, np.nan)
             gross = still
             prepared, gate = start(replace(left, errors=errors))
-            found = search(prepared, gate, alpha=alpha, most=most)
+            found = _told(prepared, gate, alpha, most, seed)
     return Searched(gross=gross, prepared=prepared, gate=gate, found=found)
+
+
+def _told(prepared: Prepared, gate: Gate, alpha: float, most: int, seed: int | None) -> Search:
+    """A search that claims no name which its own estimate does not tell from 0: it is a rival of
+    what else passes there, such as the offset beside it, and no finding.
+    """
+    unsure: frozenset[int] = frozenset()
+    while True:
+        found = search(prepared, gate, alpha=alpha, most=most, unsure=unsure)
+        more = not_told_from_zero(added(prepared, found, seed), found) if found.members else None
+        if not more or more <= unsure:
+            return found
+        unsure |= more
