@@ -13,10 +13,10 @@ from mtu_cli.analyses.close_loop.result import (
     Judged,
     TableResult,
 )
-from mtu_cli.analyses.close_loop.shown import is_nameless, pitch_is_open
+from mtu_cli.analyses.close_loop.shown import is_level, is_nameless, pitch_is_open
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.document import finite
-from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.numbers import interval, plus_minus, significant
 from mtu_cli.units import PARAMETER_UNITS, UNITS, Unit
 
 RIVALS = 3
@@ -117,6 +117,30 @@ def one_cause_notes(item: TableResult) -> list[str]:
                 f"{significant(neutral.counted_from, 4)}{mm}, and {offsets} is the error there: "
                 "one cause"
             )
+    return notes
+
+
+def growth_alone_notes(item: TableResult) -> list[str]:
+    """Of a growth that was found alone, where it is counted from, what its level is, and where the
+    axis may be fixed: how far that place goes by itself was not found, and is not known to be 0.
+    """
+    notes = []
+    for point in item.growths_alone:
+        effect, axis, known = item.effects[point.growth[0]], point.axis, point.covariate
+        place = f"{axis} = {significant(point.counted_from, 4)} mm"
+        own = ["its level"] if any(is_level(name) for name, *_ in effect.parameters) else []
+        own += [e.name for e in item.effects if e.kind == "offset" and e.axis == axis]
+        middle = f", and {own[0]} is the mean error there over these {known}" if own else ""
+        text = (
+            f"{effect.name} is counted from {place}{middle}; that this place goes with {known}, "
+            "too, does not pass among all that is tested, so that the fixed point is not known "
+            "from these data"
+        )
+        if point.told and point.interval is not None:
+            ends = interval(*point.interval, point.u)
+            where = f"{axis} = {plus_minus(point.at, point.u)} mm (95 %: {ends})"
+            text += f": it may lie at {where}"
+        notes.append(text)
     return notes
 
 

@@ -29,6 +29,7 @@ from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,
     first_table,
+    growth_alone_notes,
     in_words,
     one_cause_notes,
     parameters_of,
@@ -116,7 +117,8 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
     ]
     ways = [(e.name, direction_text(e, item)) for item in result.tables for e in item.effects]
     notes += dict.fromkeys(f"{name}: {way}" for name, way in ways if way is not None)
-    notes += [note for item in result.tables for note in one_cause_notes(item)]
+    for item in result.tables:
+        notes += [*one_cause_notes(item), *growth_alone_notes(item)]
     if any(is_level(name) for effect in result.effects for name, _, _, _ in effect.parameters):
         notes.insert(0, LEVEL)
     return notes

@@ -49,7 +49,7 @@ def fixed_points(
         over = [_beside(effect, axis) for effect in effects]
         for own in dict.fromkeys(known for known in over if known is not None and len(known) < 2):
             chosen = [e for e, known in enumerate(over) if known == own]
-            levers = [x for e in chosen for x in _levers(table, axis, effects[e], e, own)]
+            levers = [x for e in chosen for x in levers_of(table, axis, effects[e], e, own)]
             growth = tuple(dict.fromkeys(x.effect for x in levers if x.growth))
             drift = tuple(
                 dict.fromkeys(x.effect for x in levers if x.shift and x.effect not in growth)
@@ -78,10 +78,12 @@ def _beside(effect: FoundEffect, axis: str) -> Over | None:
     return None if over & set(AXES) else over
 
 
-def _levers(
+def levers_of(
     table: ResidualTable, axis: str, effect: FoundEffect, e: int, over: Over
 ) -> Iterator[Lever]:
-    """Of the parameters of effect `e`; nan where it is no straight line along the axis."""
+    """Of the parameters of effect `e`, where errors depend on `over` beside the place; nan where
+    it is no straight line along the axis.
+    """
     own = [name for name, _, _, _ in effect.parameters]
     middle, half = extent(table, axis)
     form = linear_form(parse(effect.equations[f"E{axis}"]), own)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from mtu_cli.analyses.close_loop.describe import Described, found_effects, joint
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.fitted import refitted
 from mtu_cli.analyses.close_loop.fixed_point import fixed_points
+from mtu_cli.analyses.close_loop.growth_alone import growths_alone
 from mtu_cli.analyses.close_loop.held_out import (
     HeldOut,
     OfFold,
@@ -104,7 +105,12 @@ def loop_on(
         fixed_points=_fixed_points(table, described, covariance, others),
         neutral_points=_neutral_points(table, described, covariance, others),
     )
-    return LoopResult(result=result, covariance=covariance)
+    return LoopResult(result=_with_growths_alone(result, told, seed), covariance=covariance)
+
+
+def _with_growths_alone(result: TableResult, told: Described, seed: int) -> TableResult:
+    alone = growths_alone(told, result.effects, result.fixed_points, seed)
+    return replace(result, growths_alone=alone)
 
 
 def _all_searched(

@@ -169,7 +169,8 @@ class NeutralPoint:
 class TableResult:
     """One table (all points, or one component): its residuals (P, H, A) before and after the
     effects, the effects' contribution `explained` (P, H, A), scores held out and in sample.
-    `fixed_points` are the places where its effects cancel, `neutral_points` the temperatures.
+    `fixed_points` are the places where its effects cancel, `neutral_points` the temperatures;
+    `growths_alone` growths that were found without a drift, with where the axis may be fixed.
 
     `without_name`: a smooth drift or field explained more than any name. `twofold` are names
     that were found twice, in forms that one cause cannot have at once. `stopped`: the search
@@ -201,6 +202,7 @@ class TableResult:
     unexplained_rms: float | None
     fixed_points: tuple[FixedPoint, ...]
     neutral_points: tuple[NeutralPoint, ...] = ()
+    growths_alone: tuple[FixedPoint, ...] = ()
     twofold: tuple[str, ...] = ()
     stopped: bool = False
     held_out_with_gross: tuple[Scores, Scores] | None = None
