@@ -49,20 +49,6 @@ def names(prepared: Prepared, found: Search) -> list[str]:
     return [prepared.candidates[step.index].name for step in found.steps]
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_means_that_lie_closer_together_than_their_entries_let_them_prove_nothing(
-    seed: int,
-) -> None:
-    """Half a standard deviation of bend in columns with a twentieth of what their entries scatter:
-    by the columns alone it was beyond doubt, by its own u it is none. The tilt is.
-    """
-    own = prepared_with(table(seed, tilt=8.0, bend=0.5), *LIBRARY)
-    assert names(own, search(own, gate(), alpha=0.05, most=4)) == ["tilt"]
-    both = prepared_with(table(seed, tilt=8.0, bend=6.0), *LIBRARY)
-    found = search(both, gate(), alpha=0.05, most=4)
-    assert sorted(names(both, found)) == ["bend", "tilt"]
-
-
 def claimed(own: Prepared, *claims: str) -> Search:
     """A search that found these, each alone in its class."""
     index = [[c.name for c in own.candidates].index(name) for name in claims]
