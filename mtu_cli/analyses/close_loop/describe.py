@@ -249,3 +249,14 @@ def joint_covariance(told: Described) -> FloatArray:
         return np.zeros((0, 0))
     found: FloatArray = told.effects.fit.covariance[np.ix_(rows, rows)]
     return found
+
+
+def floor_of(prepared: Prepared) -> float | None:
+    """Repeatability of one entry: the interaction, or what repeats tell where parts are few."""
+    table, null = prepared.table, prepared.scan.null
+    if len(table.parts) > 1 and (null.interaction > 0).any():
+        return float(np.sqrt(np.mean(null.interaction)))
+    if table.repeat_dof > 0 and np.isfinite(table.repeat_variance).all():
+        count = float(np.mean(1 / table.repeats[table.there]))
+        return float(np.sqrt(np.mean(table.repeat_variance) * count))
+    return None

@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.added import added, contribution
 from mtu_cli.analyses.close_loop.classes import experiments
-from mtu_cli.analyses.close_loop.describe import Described, found_effects, joint_covariance
+from mtu_cli.analyses.close_loop.describe import (
+    Described,
+    floor_of,
+    found_effects,
+    joint_covariance,
+)
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.fitted import refitted
 from mtu_cli.analyses.close_loop.fixed_point import fixed_points
@@ -100,7 +105,7 @@ def loop_on(
         held_out_with_gross=scored.with_gross,
         by_column=scored.by_column,
         folds=len(told.chosen),
-        floor=_floor(told.effects.prepared),
+        floor=floor_of(told.effects.prepared),
         unexplained_rms=_unexplained(found, scored, (*fired, *twice)),
         fixed_points=_fixed_points(table, described, covariance, others),
         neutral_points=_neutral_points(table, described, covariance, others),
@@ -292,14 +297,3 @@ def _judged(first: Searched, candidates: Sequence[Candidate], alpha: float) -> t
             )
         )
     return tuple(judged)
-
-
-def _floor(prepared: Prepared) -> float | None:
-    """Repeatability of one entry: the interaction, or what repeats tell where parts are few."""
-    table, null = prepared.table, prepared.scan.null
-    if len(table.parts) > 1 and (null.interaction > 0).any():
-        return float(np.sqrt(np.mean(null.interaction)))
-    if table.repeat_dof > 0 and np.isfinite(table.repeat_variance).all():
-        count = float(np.mean(1 / table.repeats[table.there]))
-        return float(np.sqrt(np.mean(table.repeat_variance) * count))
-    return None
