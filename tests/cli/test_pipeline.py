@@ -214,7 +214,8 @@ def test_a_relative_root_counts_from_where_make_runs_whatever_an_older_pwd_says(
     ):
         told = subprocess.run(
             ["make", "-n", *words, f"ROOT={root}", f"OUT={tmp_path / 'out'}", f"MTU={MTU}"],
-            env=environment({"MAKEFLAGS": "", "PWD": str(pwd)}),
+            # A make below another one, such as that of the tests, names its folders by itself.
+            env=environment({"MAKEFLAGS": "", "MAKELEVEL": "0", "PWD": str(pwd)}),
             cwd=tmp_path if words else pipeline,
             capture_output=True,
             encoding="utf-8",
