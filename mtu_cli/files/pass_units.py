@@ -205,8 +205,8 @@ def _problem(readings: Readings, group: list[_Odd]) -> Problem:
     names = ", ".join(odd.name for odd in group[:NAMED])
     more = f" and {len(group) - NAMED} more" if len(group) > NAMED else ""
     return Problem(
-        what=f"pass {readings.pass_number[row]} of {names}{more} scatters far from as much as the "
-        "other passes do",
+        what=f"pass {readings.pass_number[row]} of {names}{more} is of another size than the other "
+        "passes",
         file=readings.sources[readings.file_index[row]].shown,
         row=int(readings.row[row]),
         column="error",
