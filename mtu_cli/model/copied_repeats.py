@@ -10,9 +10,9 @@ import numpy as np
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import fingerprints, row_marks
 from mtu_cli.model.copied_parts import CHANCE, FEWEST_COPIED, MOST_ALIKE
+from mtu_cli.model.resolution import last_digit
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import IntArray, numbered, operations_of
-from mtu_cli.stats.least_squares import FloatArray
 
 LEAST_U_MM = 5e-5
 """No CMM repeats better than to 0.05 um."""
@@ -22,8 +22,6 @@ h) of all cases: n pairs agree all but once in twenty (e^-3) where s is above AL
 QUIET = 3.0
 """A part may repeat so many times better than the others: it was clamped better, or measured by
 night."""
-MOST_DECIMALS = 7
-ROUNDING_MM = 1e-9
 COUNTS = (
     "a copy counts as a measurement without scatter, so that the CMM seems better and the mean "
     "surer than they are"
@@ -132,16 +130,6 @@ def _all_agree(points: Points, axes: tuple[int, ...], found: _Repeats, values: i
         f"{1e3 * bound:.1g} um. Were they copied? {COUNTS[0].upper()}{COUNTS[1:]}"
     )
     return [Warned(code="repeats-alike", message=text)]
-
-
-def last_digit(values: FloatArray) -> float:
-    """The last digit of values (n,), mm: the largest step that all are whole numbers of."""
-    for decimals in range(MOST_DECIMALS):
-        whole = values * 10.0**decimals
-        if (np.abs(whole - np.round(whole)) < ROUNDING_MM * 10.0**decimals).all():
-            unit = int(np.gcd.reduce(np.round(whole).astype(np.int64)))
-            return max(unit, 1) * 10.0**-decimals
-    return 10.0**-MOST_DECIMALS
 
 
 def _warned(points: Points, found: _Repeats, copies: IntArray) -> Warned:

@@ -10,6 +10,8 @@ STEPS_MM = (1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
 """Steps that measuring programs round to; who rounds to more than 1 um has at least that."""
 WHOLE = 1e-6
 """How far a multiple may be from a whole number, by rounding of the arithmetic."""
+MOST_DECIMALS = 7
+ROUNDING_MM = 1e-9
 
 
 def resolution(values: FloatArray) -> float:
@@ -21,3 +23,13 @@ def in_steps(values: FloatArray, step: float) -> bool:
     """Whether all `values` (n,) are multiples of the step."""
     count = values / step
     return bool((np.abs(count - np.round(count)) < WHOLE).all())
+
+
+def last_digit(values: FloatArray) -> float:
+    """The last digit of values (n,), mm: the largest step that all are whole numbers of."""
+    for decimals in range(MOST_DECIMALS):
+        whole = values * 10.0**decimals
+        if (np.abs(whole - np.round(whole)) < ROUNDING_MM * 10.0**decimals).all():
+            unit = int(np.gcd.reduce(np.round(whole).astype(np.int64)))
+            return max(unit, 1) * 10.0**-decimals
+    return 10.0**-MOST_DECIMALS

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.language import names, parse
+from mtu_cli.analyses.close_loop.straight_lines import depended_on
 from mtu_cli.model.effect_library import Member
 
 Lines = frozenset[tuple[str, int]]
@@ -97,10 +97,9 @@ def _grown(prepared: Prepared, member: Member) -> Lines:
 
 def _depends(prepared: Prepared, member: Member) -> dict[int, set[str]]:
     """By axis, what an effect depends on beside its parameters."""
-    own = {name for name, _ in member.parameters}
     found = {}
     for axis, letter in enumerate(prepared.table.axes):
         text = member.equations.get(f"E{letter}")
         if text is not None:
-            found[axis] = set(names(parse(text))) - own
+            found[axis] = depended_on(text, member.parameters)
     return found

@@ -14,12 +14,13 @@ import numpy as np
 from mtu_cli.analyses.close_loop.crossing import Crossing, Lever, counted_from, crossing
 from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect
 from mtu_cli.analyses.close_loop.straight_lines import (
+    depended_on,
     extent,
     in_covariate,
     in_place,
     middle_and_rise,
 )
-from mtu_cli.language import linear_form, names, parse
+from mtu_cli.language import linear_form, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
@@ -74,7 +75,7 @@ def _beside(effect: FoundEffect, axis: str) -> Over | None:
     text = effect.equations.get(f"E{axis}")
     if text is None:
         return None
-    over = frozenset(names(parse(text))) - {axis} - {name for name, _, _, _ in effect.parameters}
+    over = frozenset(depended_on(text, effect.parameters)) - {axis}
     return None if over & set(AXES) else over
 
 

@@ -57,6 +57,22 @@ def only_columns(table: ResidualTable, kept: NDArray[np.bool_]) -> ResidualTable
 
 
 @dataclass(frozen=True, kw_only=True)
+class Split:
+    """What is `kept` to search in, of parts (dimension 0) or columns (1); the gate of what is
+    kept is drawn from its own random `stream`.
+    """
+
+    dimension: int
+    kept: NDArray[np.bool_]
+    stream: int
+
+    def cut(self, table: ResidualTable) -> ResidualTable:
+        """What is kept of a table."""
+        cut = only_parts if self.dimension == 0 else only_columns
+        return cut(table, self.kept)
+
+
+@dataclass(frozen=True, kw_only=True)
 class CutCandidates:
     """Candidates at some of the parts or columns; by what `identity` tells of their members,
     `whole` what each of them is on all cells, and `weights` how likely it is before beside the

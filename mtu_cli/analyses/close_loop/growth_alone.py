@@ -19,8 +19,7 @@ from mtu_cli.analyses.close_loop.describe import Described, found_effects, joint
 from mtu_cli.analyses.close_loop.fixed_point import fixed_points, levers_of
 from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect
 from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.analyses.close_loop.straight_lines import extent
-from mtu_cli.language import names, parse
+from mtu_cli.analyses.close_loop.straight_lines import depended_on, extent
 from mtu_cli.model.effect_library import Member
 
 
@@ -103,5 +102,4 @@ def _depends(
 ) -> set[str]:
     """What an error along an axis depends on beside its parameters (name first)."""
     text = equations.get(f"E{axis}")
-    own = {name for name, *_ in parameters}
-    return set() if text is None else set(names(parse(text))) - own
+    return set() if text is None else depended_on(text, parameters)

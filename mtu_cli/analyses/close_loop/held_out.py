@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from mtu_cli.analyses.close_loop.added import Added, added
 from mtu_cli.analyses.close_loop.folds import (
     CutCandidates,
+    Split,
     cut_candidates,
-    only_columns,
-    only_parts,
 )
 from mtu_cli.analyses.close_loop.foretold import foretold
 from mtu_cli.analyses.close_loop.gross import set_aside
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.refined import Whole, with_pitches_of_fold
+from mtu_cli.analyses.close_loop.refined import with_pitches_of_fold
 from mtu_cli.analyses.close_loop.result import Scores
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.searched import searched
@@ -39,22 +38,6 @@ FEWEST_COLUMNS = 10
 SAMPLES = 599
 LARGE, SAMPLES_LARGE = 20_000, 199
 """Entries from which on a fold's gate is drawn from fewer tables."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Split:
-    """What is `kept` to search in, of parts (dimension 0) or columns (1); the gate of what is
-    kept is drawn from its own random `stream`.
-    """
-
-    dimension: int
-    kept: NDArray[np.bool_]
-    stream: int
-
-    def cut(self, table: ResidualTable) -> ResidualTable:
-        """What is kept of a table."""
-        cut = only_parts if self.dimension == 0 else only_columns
-        return cut(table, self.kept)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,9 +168,8 @@ def of_fold(
         return fold.prepared.with_table(kept), fold.gate
 
     own = searched(fold.split.cut(table), start, alpha=alpha, most=most)
-    found, split = own.found, fold.split
-    whole = Whole(table=table, cut=fold.cut, kept=split.kept, dimension=split.dimension)
-    prepared, cut = with_pitches_of_fold(own.prepared, found, whole, library)
+    found = own.found
+    prepared, cut = with_pitches_of_fold(own.prepared, found, table, fold.split, fold.cut, library)
     return OfFold(
         there=prepared.table.there,
         foretold=foretold(prepared, found, table, cut.whole, cut.weights),

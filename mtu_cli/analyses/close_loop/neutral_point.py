@@ -15,8 +15,8 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.crossing import Lever, counted_from, crossing
 from mtu_cli.analyses.close_loop.result import FoundEffect, NeutralPoint
-from mtu_cli.analyses.close_loop.straight_lines import in_place, middle_and_rise
-from mtu_cli.language import linear_form, names, parse
+from mtu_cli.analyses.close_loop.straight_lines import depended_on, in_place, middle_and_rise
+from mtu_cli.language import linear_form, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
@@ -79,7 +79,7 @@ def _over(effect: FoundEffect, axis: str) -> set[str] | None:
     text = effect.equations.get(f"E{axis}")
     if text is None:
         return None
-    over = set(names(parse(text))) - {name for name, _, _, _ in effect.parameters}
+    over = depended_on(text, effect.parameters)
     turns = any(name.startswith(DIRECTION) for name in over)
     return None if turns else over
 

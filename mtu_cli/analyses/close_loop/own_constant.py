@@ -20,11 +20,12 @@ from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.searched import Searched
 from mtu_cli.analyses.close_loop.state import CENTRED, Step
 from mtu_cli.analyses.close_loop.straight_lines import (
+    depended_on,
     extent,
     in_covariate,
     middle_and_rise,
 )
-from mtu_cli.language import linear_form, names, parse
+from mtu_cli.language import linear_form, parse
 from mtu_cli.model.effect_library import Member
 from mtu_cli.model.residual_table import ResidualTable
 
@@ -149,7 +150,7 @@ def _zero(table: ResidualTable, axis: int, member: Member) -> float | None:
 def _depends_on(member: Member, letter: str) -> set[str]:
     """What the equation along an axis depends on beside its parameters."""
     text = member.equations[f"E{letter}"]
-    return set(names(parse(text))) - {name for name, _ in member.parameters}
+    return depended_on(text, member.parameters)
 
 
 def _about_places(

@@ -6,16 +6,15 @@ which is no estimate. The profile of the least squares over all frequencies abou
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtu_cli.analyses.close_loop.added import added
+from mtu_cli.analyses.close_loop.added import Added, added
 from mtu_cli.analyses.close_loop.describe import Described
 from mtu_cli.analyses.close_loop.fitted import beside_polynomial
-from mtu_cli.analyses.close_loop.folds import CutCandidates, cut_candidates, identity
+from mtu_cli.analyses.close_loop.folds import CutCandidates, Split, cut_candidates, identity
 from mtu_cli.analyses.close_loop.other_pitches import Periodic, best_near, periodic
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search
@@ -30,74 +29,70 @@ def with_refined_pitches(
     told: Described, library: EffectLibrary, seed: int, owners: Mapping[int, int]
 ) -> Described:
     """The same with each periodic error at the pitch that fits best beside all other effects."""
-    place = 0
-    for step in told.found.steps:
-        if step.member < 0:
-            continue
-        seen = periodic(told, step, library)
-        own = None if seen is None else _best(told, step, seen, place)
-        prepared = None if own is None else _with(told.prepared, step, own)
-        if prepared is not None:
-            effects = added(prepared, told.found, seed, owners=owners)
-            told = replace(told, prepared=prepared, effects=effects)
-        place += 1
-    return told
+    table = told.prepared.table
+
+    def member(candidate: Candidate, seen: Periodic, pitch: float) -> Member:
+        return _member(table, candidate, seen.waves, pitch, seen.member)
+
+    def estimated(prepared: Prepared) -> Added:
+        return added(prepared, told.found, seed, owners=owners)
+
+    return _refined(told, library, member, estimated)
 
 
 def with_pitches_of_fold(
-    prepared: Prepared, found: Search, whole: Whole, library: EffectLibrary
+    prepared: Prepared,
+    found: Search,
+    table: ResidualTable,
+    split: Split,
+    cut: CutCandidates,
+    library: EffectLibrary,
 ) -> tuple[Prepared, CutCandidates]:
     """What a fold found with each periodic error at the pitch that fits what is kept the best; and
-    its candidates with those on the `whole` table.
+    its candidates with those on the whole `table`.
     """
-    cut = whole.cut
-    told = Described(
-        prepared=prepared, found=found, effects=added(prepared, found, rough=True), chosen=()
-    )
-    place = 0
-    for step in found.steps:
-        if step.member < 0:
-            continue
+    whole, weights = dict(cut.whole), dict(cut.weights)
+
+    def member(candidate: Candidate, seen: Periodic, pitch: float) -> Member | None:
+        waves = waves_of(table, library, candidate, seen.member)
+        if waves is None:
+            return None
+        own = replace(candidate, members=(_member(table, candidate, waves, pitch, seen.member),))
+        one = cut_candidates([own], split.kept, split.dimension)
+        whole.update(one.whole)
+        # It stands for all that the value of the grid stood for.
+        known = weights[identity(candidate.name, seen.member)]
+        weights.update(dict.fromkeys(one.whole, known))
+        return next(iter(one.candidates[0].members), None)
+
+    def estimated(own: Prepared) -> Added:
+        return added(own, found, rough=True)
+
+    told = Described(prepared=prepared, found=found, effects=estimated(prepared), chosen=())
+    refined = _refined(told, library, member, estimated)
+    return refined.prepared, replace(cut, whole=whole, weights=weights)
+
+
+def _refined(
+    told: Described,
+    library: EffectLibrary,
+    member: Callable[[Candidate, Periodic, float], Member | None],
+    estimated: Callable[[Prepared], Added],
+) -> Described:
+    """One wave after the other; `member` is that of a pitch, None where the data has none."""
+    steps = [step for step in told.found.steps if step.member >= 0]
+    for place, step in enumerate(steps):
         seen = periodic(told, step, library)
-        place += 1
         if seen is None:
             continue
-        pitch = best_near(told, seen, place - 1, _apart(told.prepared, step, seen))
-        candidate = told.prepared.candidates[step.index]
-        waves = waves_of(whole.table, library, candidate, seen.member)
-        if waves is None or pitch == seen.found:
+        pitch = best_near(told, seen, place, _apart(told.prepared, step, seen))
+        if pitch == seen.found:
             continue
-        member = _member(whole.table, candidate, waves, pitch, seen.member)
-        one = cut_candidates([replace(candidate, members=(member,))], whole.kept, whole.dimension)
-        (kept,) = one.candidates
-        other = _with(told.prepared, step, kept.members[0]) if kept.members else None
-        if other is None:
-            continue
-        own = dict.fromkeys(one.whole, cut.weights[identity(candidate.name, seen.member)])
-        cut = replace(cut, whole={**cut.whole, **one.whole}, weights={**cut.weights, **own})
-        told = replace(told, prepared=other, effects=added(other, found, rough=True))
-    return told.prepared, cut
-
-
-@dataclass(frozen=True, kw_only=True)
-class Whole:
-    """The `table` that a fold keeps some of (`kept`, along a `dimension`), and its candidates."""
-
-    table: ResidualTable
-    cut: CutCandidates
-    kept: NDArray[np.bool_]
-    dimension: int
-
-
-def _best(told: Described, step: Step, seen: Periodic, place: int) -> Member | None:
-    """The member of the best pitch; None where the one found is as good."""
-    prepared = told.prepared
-    apart = _apart(prepared, step, seen)
-    pitch = best_near(told, seen, place, apart)
-    if pitch == seen.found:
-        return None
-    candidate = prepared.candidates[step.index]
-    return _member(prepared.table, candidate, seen.waves, pitch, seen.member)
+        own = member(told.prepared.candidates[step.index], seen, pitch)
+        prepared = None if own is None else _with(told.prepared, step, own)
+        if prepared is not None:
+            told = replace(told, prepared=prepared, effects=estimated(prepared))
+    return told
 
 
 def _member(

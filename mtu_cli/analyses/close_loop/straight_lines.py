@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.language import Node, evaluate
+from mtu_cli.language import Node, evaluate, names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
@@ -16,6 +18,11 @@ NODES: FloatArray = np.sin(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 65))
 """From -1 to 1 with 0 in the middle. They are uneven: no wave has the same phase at all of them."""
 COVARIATE = 50.0
 """Half of the range of a covariate that a straight line is known by, about 0."""
+
+
+def depended_on(text: str, parameters: Iterable[tuple[object, ...]]) -> set[str]:
+    """What an equation depends on beside its parameters (name first)."""
+    return set(names(parse(text))) - {str(name) for name, *_ in parameters}
 
 
 def extent(table: ResidualTable, axis: str) -> tuple[float, float]:

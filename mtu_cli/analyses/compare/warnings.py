@@ -10,11 +10,11 @@ from mtu_cli.analyses.compare.evidence import FEWEST_PARTS
 from mtu_cli.analyses.compare.verdicts import Compared
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
-from mtu_cli.model.copied_repeats import last_digit
 from mtu_cli.model.drawn_parts import all_on_nominal
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.measured_checks import not_measured
+from mtu_cli.model.resolution import last_digit
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import axes_of
 

@@ -1,4 +1,4 @@
-"""What passes and is not told from 0 by its own estimate is no finding; nor does it pass often."""
+"""What passes and is not told from 0 by its own estimate is no finding."""
 
 from __future__ import annotations
 
