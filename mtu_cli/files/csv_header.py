@@ -11,7 +11,7 @@ from itertools import islice, pairwise
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.column_lengths import in_other_unit, renaming
-from mtu_cli.files.column_words import direction_along, meant_by, nominal_by_sign, plain
+from mtu_cli.files.column_words import AXES, direction_along, meant_by, nominal_by_sign, plain
 from mtu_cli.files.covariates import looks_like_temperature
 from mtu_cli.files.csv_cells import is_text, number
 from mtu_cli.files.csv_first_line import LOOKED_AT
@@ -189,8 +189,7 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
         if name is None:
             by_words = (meant_by(other), direction_along(other))
             name = next((word for word in by_words if word in known.values()), None)
-        if name is None:
-            name = in_other_unit(other, converted)
+        name = name or _by_a_slip(other, known) or in_other_unit(other, converted)
         if not spec.named(other) and name is not None and name not in shut:
             shut |= {b for pair in spec.exclusive if name in pair for b in pair if b != name}
             yield _otherwise(text, other, name, _minutes(name))
@@ -213,10 +212,7 @@ def _minutes(name: str) -> str:
 
 
 def _meant(name: str, known: Mapping[str, str]) -> str | None:
-    """The column that a name means by another word, in the plural, as a number (`cycle_no`), or
-    with a slip of a letter; one with something else added (`direction_x`, `time_s`) is a name of
-    its own.
-    """
+    """The column that a name means by another word, in the plural, or as a number (`cycle_no`)."""
     folded = squeezed(name)
     if folded in known:
         return known[folded]
@@ -229,7 +225,20 @@ def _meant(name: str, known: Mapping[str, str]) -> str | None:
             return "repeat"
         counted = known.get(word)
         return counted if last in NUMBER and counted in NUMBERED else None
-    if folded.removesuffix("s") in known:
-        return known[folded.removesuffix("s")]
-    near = get_close_matches(folded, known, n=1, cutoff=SLIP)
+    return known.get(folded.removesuffix("s"))
+
+
+def _by_a_slip(name: str, known: Mapping[str, str]) -> str | None:
+    """The column that a name means with a slip of a letter; one with something else added
+    (`direction_x`, `time_s`) is a name of its own, and so is one along another axis.
+    """
+    folded = squeezed(name)
+    own = _axes(name)
+    words = [word for word, column in known.items() if _axes(column) == own]
+    near = get_close_matches(folded, words, n=1, cutoff=SLIP)
     return known[near[0]] if near and not folded.startswith(near[0]) else None
+
+
+def _axes(name: str) -> set[str]:
+    """The axes that are words of a name."""
+    return set(re.findall("[a-z]+", plain(name))) & set(AXES)

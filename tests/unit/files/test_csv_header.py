@@ -134,7 +134,8 @@ def test_other_words_are_columns_of_their_own(other: str, tmp_path: Path) -> Non
      ("z-value", "z_mm"), ("zwert", "z_mm"), ("Z-Maß [mm]", "z_mm"), ("Z-Ist-Wert", "z_mm"),
      ("Z-Soll-Wert", "nominal_z_mm"), ("Wiederholung", "repeat"), ("Répétition", "repeat"),
      ("Opération", "operation"), ("Séquence", "sequence"), ("replicate", "repeat"),
-     ("Wdh.", "repeat"), ("Rep No.", "repeat")],
+     ("Wdh.", "repeat"), ("Rep No.", "repeat"), ("x_nominal_mm", "nominal_x_mm"),
+     ("y_nominal_mm", "nominal_y_mm"), ("nominl_y_mm", "nominal_y_mm")],
 )  # fmt: skip
 def test_an_optional_column_is_not_lost_by_its_spelling(
     column: str, name: str, tmp_path: Path
