@@ -18,7 +18,7 @@ from mtu_cli.files.column_words import (
 )
 from mtu_cli.files.contracts import NAME_TAKEN, Notice
 from mtu_cli.files.csv_header import DRIFT, may_count
-from mtu_cli.files.csv_missing import MEASUREMENTS
+from mtu_cli.files.csv_missing import MEASUREMENTS, squeezed
 from mtu_cli.files.csv_table import Table, TableSpec
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
@@ -28,8 +28,10 @@ TAKEN = (
     | {"pi": "a number"}
 )
 """What the equation language means by names that columns may have."""
+OF_READINGS = {"direction": "is the direction of travel", "setup": "tells set-ups apart"}
 NOT_USED = "column-not-used"
 COUNTS = ("repeat", "pass")
+SETUPS = ("setup", "aufspannung", "aufbau", "montage")
 SIGNS = {"+", "-", "+1", "-1", "1", "pos", "neg", "positive", "negative", "positiv", "negativ",
          "forward", "reverse", "plus", "minus"}  # fmt: skip
 _ALONG = re.compile("[+-] ?[xyz]|[xyz] ?[+-]", re.IGNORECASE)
@@ -90,6 +92,8 @@ def _directions(table: Table, spec: TableSpec) -> Iterator[tuple[str, str, str]]
 def _holds(own: str) -> str:
     if own in COUNTS:
         return "numbers these"
+    if own in OF_READINGS:
+        return OF_READINGS[own]
     if own.startswith(NOMINAL):
         return "is the nominal coordinate"
     return f"is the direction along {own[-1]}, -1 or +1"
@@ -97,6 +101,11 @@ def _holds(own: str) -> str:
 
 def _maybe(other: str, table: Table, spec: TableSpec) -> str | None:
     """The column of the contract that one beside it may be, as far as its cells allow."""
+    if spec.named("direction") and table.source.role != DRIFT:
+        if squeezed(other) in SETUPS:
+            return "setup"
+        if direction_alone(other) and _signs(table, other):
+            return "direction"
     along = direction_along(other) or _by_its_difference(other)
     if along is not None:
         return along if spec.named(along) and _signs(table, other) else None

@@ -18,7 +18,8 @@ WORDS = {
               "erreur", "ecart", "desviacion", "errore", "scostamento"),
     "unit": ("unit", "units", "einheit", "masseinheit", "unite", "unidad", "unita"),
     "position_mm": ("position", "pos", "messposition", "posicion", "posizione"),
-    "direction": ("direction", "richtung", "direccion", "direzione"),
+    "direction": ("direction", "richtung", "sens", "direccion", "sentido", "direzione",
+                  "senso"),
     "sequence": ("sequence", "sequenz", "reihenfolge", "secuencia", "sequenza"),
     "time": ("time", "zeit", "timestamp", "zeitstempel", "datetime"),
 }  # fmt: skip
@@ -28,7 +29,8 @@ ACTUAL = ("actual", "act", "measured", "meas", "measurement", "ist", "istmass", 
           "gemessen", "mess", "messwert", "mesure", "mesuree", "medido", "medida", "real",
           "misurato")  # fmt: skip
 NOMINAL = ("nominal", "nom", "soll", "sollmass", "sollwert", "nenn", "nennmass", "nennwert",
-           "theorique", "nominale", "teorico")  # fmt: skip
+           "theo", "theoretical", "theorique", "nominale", "teorico", "target", "targ", "cad",
+           "design")  # fmt: skip
 """Without accents and in lower case; `x`, `y` or `z` stands before or behind."""
 AXIS = ("axis", "achse", "axe", "eje", "asse")
 """Of a report with a row for each of them."""

@@ -24,9 +24,22 @@ OTHER_WORDS = {
     "repeat": REPEATS,
     "pass": ("passes", *REPEATS),
     "cycle": ("warm_up", "zyklus"),
+    "direction": ("dir", "dirn"),
     "component": ("error_component", "channel", "parameter", *AXIS),
     "error": ("value", "reading", "deviation"),
-    "position_mm": ("pos", "position", "target", "soll", "sollposition", "nominal_position"),
+    "position_mm": (
+        "pos",
+        "position",
+        "target",
+        "target_position",
+        "soll",
+        "sollposition",
+        "zielposition",
+        "nominal",
+        "nominal_position",
+        "axis_position",
+        "coordinate",
+    ),
 }
 """What other programs call a column, in lower case with underscores."""
 UNIT = "_mm"
@@ -98,7 +111,8 @@ def _shortened(other: str, name: str) -> bool:
 def _by_another_word(name: str, others: list[str]) -> str | None:
     """The column that another program calls so: by its own word, or without the unit."""
     words = (*OTHER_WORDS.get(name, ()), name.removesuffix(UNIT))
-    folded = {plain(other).strip().replace(" ", "_"): other for other in others}
+    bare = {IN_MM.sub("", other).removesuffix(UNIT): other for other in others}
+    folded = {plain(word).strip().replace(" ", "_"): other for word, other in bare.items()}
     return next((folded[word] for word in words if word in folded), None)
 
 

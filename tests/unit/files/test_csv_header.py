@@ -135,7 +135,9 @@ def test_other_words_are_columns_of_their_own(other: str, tmp_path: Path) -> Non
      ("Z-Soll-Wert", "nominal_z_mm"), ("Wiederholung", "repeat"), ("Répétition", "repeat"),
      ("Opération", "operation"), ("Séquence", "sequence"), ("replicate", "repeat"),
      ("Wdh.", "repeat"), ("Rep No.", "repeat"), ("x_nominal_mm", "nominal_x_mm"),
-     ("y_nominal_mm", "nominal_y_mm"), ("nominl_y_mm", "nominal_y_mm")],
+     ("y_nominal_mm", "nominal_y_mm"), ("nominl_y_mm", "nominal_y_mm"),
+     ("X_theo", "nominal_x_mm"), ("Target Y [mm]", "nominal_y_mm"), ("z.cad", "nominal_z_mm"),
+     ("THEO X", "nominal_x_mm"), ("Design_Y_mm", "nominal_y_mm")],
 )  # fmt: skip
 def test_an_optional_column_is_not_lost_by_its_spelling(
     column: str, name: str, tmp_path: Path
@@ -249,6 +251,40 @@ def test_what_cells_allow_is_told_of(
     found = [n.message for n in read_points([(path, "cmm")], {"A": (1, 1, None)}).notes]
     wanted = f"cmm.csv, row 1: the column {column!r} is not used as {own}"
     assert found == [wanted] * (own is not None)
+
+
+@pytest.mark.parametrize("column", ["dir", "Dir.", "Sens"])
+def test_directions_of_readings_by_other_words(column: str, tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text(f"component,error,unit,{column}\ndx,1,um,+\n", "utf-8")
+    with pytest.raises(InputError, match=f"{column!r} renamed to 'direction', or to a name"):
+        read_table(path, "lbb", READINGS)
+
+
+@pytest.mark.parametrize(
+    ("column", "cells", "own"),
+    [("approach", "forward,reverse", "'direction': rename it where it is the direction of travel"),
+     ("Anfahrt", "+,-", "'direction': rename it where it is the direction of travel"),
+     ("approach", "fast,slow", None), ("setup", "A,B", None),
+     ("Set-up", "A,B", "'setup': rename it where it tells set-ups apart"),
+     ("Aufspannung", "1,2", "'setup': rename it where it tells set-ups apart")],
+)  # fmt: skip
+def test_what_may_be_directions_or_set_ups_of_readings_is_told(
+    column: str, cells: str, own: str | None, tmp_path: Path
+) -> None:
+    """Of a drift, whose runs are cycles, neither counts."""
+    first, second = cells.split(",")
+    path = tmp_path / "r.csv"
+    path.write_text(f"component,error,unit,{column}\ndx,1,um,{first}\ndx,2,um,{second}\n", "utf-8")
+    found = [n.message for n in read_readings([(path, "laser")], None, for_fit=False).notes]
+    wanted = f"r.csv, row 1: the column {column!r} is not used as {own}"
+    assert found == [wanted] * (own is not None)
+    path.write_text(
+        f"component,error,unit,T_01_degC,time_min,{column}\n"
+        f"dx,1,um,20,0,{first}\ndx,2,um,21,1,{second}\n",
+        "utf-8",
+    )
+    assert not read_readings([(path, "drift")], None, for_fit=False).notes
 
 
 @pytest.mark.parametrize("column", ["rep", "Repeat", "Wdh."])
@@ -702,7 +738,17 @@ def test_a_comment_below_the_header_hides_nothing(tmp_path: Path) -> None:
     assert refused(tmp_path, header, f"# of the second shift\n\n{row}") == plain
 
 
-@pytest.mark.parametrize("other", ["Target (mm)", "Soll [mm]", "Sollposition"])
+@pytest.mark.parametrize(
+    "other",
+    [
+        "Target (mm)",
+        "Soll [mm]",
+        "Sollposition",
+        "target position",
+        "Axis position (mm)",
+        "nominal",
+    ],
+)
 def test_targets_of_other_programs_are_positions(other: str, tmp_path: Path) -> None:
     path = tmp_path / "r.csv"
     path.write_text(f"component,{other},error,unit\ndx,0,1,um\n", "utf-8")
