@@ -4,6 +4,7 @@
 2.53); null along an axis that is not corrected. Of a size, `u_um` and `interval95_mm` are of the
 corrected size; `u_error_um`, `interval95_um` and `E_n` of its error after, the calibration's
 uncertainty included. `u_um` of a mean over repeats is that of one part, which repeats share.
+`summary` has one entry for each size with a reference, over all parts (and operations).
 `point_scatter` is the scatter of the measured points beyond the machine's model: part of
 `u_corrected_um` and of the sizes' u, not of `u_correction_um`, which the machine alone makes.
 """
@@ -19,7 +20,9 @@ from mtu_cli.model.settings import Warned
 from mtu_cli.reports.correct_figure import figure
 from mtu_cli.reports.correct_table import table
 from mtu_cli.reports.document import finite, listed, um
+from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import UM
 
 __all__ = ["csv_rows", "document", "figure", "table", "warnings"]
 
@@ -34,6 +37,16 @@ def document(result: CorrectResult) -> dict[str, Any]:
         "circles": [_round(item, k) for item in result.of_kind("circle")],
         "spheres": [_round(item, k) for item in result.of_kind("sphere")],
         "lengths": [_length(item, k) for item in result.of_kind("length")],
+        "summary": [
+            {
+                "kind": item.kind,
+                "id": item.id,
+                "n_parts": item.parts,
+                "mean_error_um": _sides(*item.mean, um),
+                "rms_error_um": _sides(*item.rms, um),
+            }
+            for item in result.by_size()
+        ],
     }
 
 
@@ -156,6 +169,18 @@ def warnings(result: CorrectResult) -> list[Warned]:
     if exact:
         text = f"{listed(exact)} had no error before: there is nothing to reduce"
         found.append(Warned(code="no-error-before", message=text))
+    # What a part was made to be off its nominal length is no error of the machine.
+    grown = [item for item in result.by_size() if item.grown and item.kind != "length"]
+    if grown:
+        worst = max(grown, key=lambda item: item.rms[1] - item.rms[0])
+        before, after = (significant(value / UM) for value in worst.rms)
+        text = (
+            f"the correction makes the errors of {listed([item.id for item in grown])} larger "
+            f"({worst.id}: root mean square {before} um before, {after} um after), by more than "
+            "its uncertainty: the model does not describe these points; `mtu compare` and "
+            "`mtu close-loop` tell what it lacks"
+        )
+        found.append(Warned(code="errors-grown", message=text))
     sure = [f"{i.id} of {i.part}" for i in result.sizes if i.u_error == 0]
     if sure:
         text = f"no uncertainty is known for {listed(sure)}: E_n cannot be had"

@@ -31,7 +31,7 @@ SIGN = "corrected = measured + correction; correction = minus the modelled error
 
 def table(result: CorrectResult, digits: int = 2) -> list[Sheet]:
     """Circles, spheres and lengths where there are any, then the points."""
-    sheets = []
+    sheets = _over_parts(result)
     for title, items in (
         ("Circles", result.of_kind("circle")),
         ("Spheres", result.of_kind("sphere")),
@@ -43,6 +43,29 @@ def table(result: CorrectResult, digits: int = 2) -> list[Sheet]:
     few = len(result.points) <= SHOWN
     sheets.append(_listed(result, digits) if few else _summed(result, digits))
     return sheets
+
+
+def _over_parts(result: CorrectResult) -> list[Sheet]:
+    """The sizes of several parts, each over all of them."""
+    found = [item for item in result.by_size() if item.parts > 1]
+    if not found:
+        return []
+    columns = [
+        Column(title="id\n", text=True, folds=True),
+        Column(title="parts\n"),
+        Column(title="mean before\num"),
+        Column(title="after\num"),
+        Column(title="rms before\num"),
+        Column(title="after\num"),
+    ]
+    rows = []
+    for item in found:
+        # To the digits of the smaller root mean square: the mean is no finer.
+        least = min(item.rms) / UM
+        cells = (*item.mean, *item.rms)
+        rows.append([item.id, str(item.parts), *(_rounded(x / UM, least, 2) for x in cells)])
+    notes = ["errors (measured minus reference) of all parts: mean and root mean square"]
+    return [Sheet(title="Before and after, all parts", columns=columns, rows=rows, notes=notes)]
 
 
 def _sizes(title: str, items: tuple[Size, ...], digits: int) -> Sheet:

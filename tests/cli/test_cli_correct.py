@@ -134,7 +134,15 @@ def test_the_csv_holds_every_point(outputs: Listing, document: dict[str, Any]) -
 
 def test_table_and_picture(outputs: Listing, document: dict[str, Any]) -> None:
     table = (outputs[""] or b"").decode()
-    assert table.startswith("Circles before and after\n")
+    assert table.startswith("Before and after, all parts\n")
+    assert "\nCircles before and after\n" in table
+    (over,) = document["results"]["summary"]
+    errors = [ring["error_um"] for ring in document["results"]["circles"]]
+    assert (over["id"], over["n_parts"]) == ("ring", len(errors))
+    for side in ("before", "after"):
+        own = [error[side] for error in errors]
+        assert over["mean_error_um"][side] == pytest.approx(sum(own) / len(own))
+        assert over["rms_error_um"][side] == pytest.approx(hypot(*own) / len(own) ** 0.5)
     assert max(map(len, table.splitlines())) <= 100
     for ring in document["results"]["circles"]:
         start = f"ring  {ring['part']} "

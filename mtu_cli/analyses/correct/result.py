@@ -12,8 +12,10 @@ from mtu_cli.analyses.correct.scatter import PointScatter
 from mtu_cli.analyses.correct.summary import (
     AxisCorrections,
     FeatureErrors,
+    SizeErrors,
     axis_corrections,
     feature_errors,
+    size_errors,
 )
 from mtu_cli.files.points import Points
 from mtu_cli.model.machine_model import AXES
@@ -187,6 +189,10 @@ class CorrectResult:
     def of_kind(self, kind: Kind) -> tuple[Size, ...]:
         """The circles, spheres or lengths."""
         return tuple(item for item in self.sizes if item.kind == kind)
+
+    def by_size(self) -> tuple[SizeErrors, ...]:
+        """The errors of every circle, sphere and length over the parts before and after."""
+        return size_errors(self.sizes)
 
     def by_feature(self) -> FeatureErrors:
         """Mean errors of the features before and after."""

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mtu_cli.files.points import Points
 from mtu_cli.stats.least_squares import FloatArray
+
+if TYPE_CHECKING:
+    from mtu_cli.analyses.correct.result import Size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +38,51 @@ class AxisCorrections:
     largest: float
     u_mean: float
     u_largest: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SizeErrors:
+    """The errors of one circle, sphere or length over all `parts` (of operations: each counts),
+    before and after the correction, mm; `half` is the median half-width of their 95 % intervals.
+    """
+
+    kind: str
+    id: str
+    parts: int
+    mean: tuple[float, float]
+    rms: tuple[float, float]
+    half: float
+
+    @property
+    def grown(self) -> bool:
+        """Whether the correction has made the errors larger, by more than its uncertainty: the
+        mean error after is one that no part is predicted to have.
+        """
+        return self.rms[1] > self.rms[0] and abs(self.mean[1]) > self.half
+
+
+def size_errors(sizes: Sequence[Size]) -> tuple[SizeErrors, ...]:
+    """One entry for each size that has a reference, in the order in which they come."""
+    groups: dict[tuple[str, str], list[Size]] = {}
+    for item in sizes:
+        if math.isfinite(item.reference):
+            groups.setdefault((item.kind, item.id), []).append(item)
+    found = []
+    for (kind, name), own in groups.items():
+        errors = np.array([item.error for item in own])
+        mean, rms = errors.mean(axis=0), np.sqrt((errors**2).mean(axis=0))
+        ends = np.array([item.error_interval95 for item in own])
+        found.append(
+            SizeErrors(
+                kind=kind,
+                id=name,
+                parts=len(own),
+                mean=(float(mean[0]), float(mean[1])),
+                rms=(float(rms[0]), float(rms[1])),
+                half=float(np.median(ends[:, 1] - ends[:, 0])) / 2,
+            )
+        )
+    return tuple(found)
 
 
 def feature_errors(points: Points, corrected: FloatArray) -> FeatureErrors:

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from correct_examples import ROUNDING_MM, machine, ring_points, rings
+from correct_examples import ROUNDING_MM, machine, ring_part, ring_points, rings
 
 from mtu_cli.analyses.correct import correct
+from mtu_cli.analyses.correct.summary import size_errors
 from mtu_cli.model.settings import Settings
 
 
@@ -43,3 +44,26 @@ def test_means_by_feature_and_corrections_by_axis(tmp_path: Path) -> None:
         u = [float(result.u[i, k]) for i in known]
         assert along.u_largest == max(u)
         assert along.u_mean == pytest.approx(sum(u) / len(u), abs=ROUNDING_MM)
+
+
+def test_errors_of_a_size_over_its_parts(tmp_path: Path) -> None:
+    """Against sums over the parts; grown only where no interval explains the mean after."""
+    part, measured, temperature = ring_part(tmp_path), *rings(3)[1:]
+    points = ring_points(measured, ["a", "b", "c"], [1, 1, 1], {"T_scale_degC": temperature})
+    result = correct(machine(tmp_path), part, points, Settings())
+    (found,) = result.by_size()
+    sizes = result.of_kind("circle")
+    assert (found.kind, found.id, found.parts) == ("circle", "ring", 3)
+    for side in (0, 1):
+        own = [size.error[side] for size in sizes]
+        assert found.mean[side] == pytest.approx(sum(own) / 3)
+        assert found.rms[side] == pytest.approx((sum(x * x for x in own) / 3) ** 0.5)
+    assert not found.grown
+    # Calibrated as it was measured, the ring is off by what the correction does.
+    exact = [replace(size, reference=size.size[0]) for size in sizes]
+    (turned,) = size_errors(exact)
+    assert turned.rms[0] == 0.0
+    assert turned.grown
+    unsure = [replace(size, u=abs(size.error[1])) for size in exact]
+    assert not size_errors(unsure)[0].grown
+    assert size_errors([replace(size, reference=float("nan")) for size in sizes]) == ()

@@ -130,7 +130,8 @@ def test_an_error_of_exactly_nothing_cannot_be_reduced(tmp_path: Path) -> None:
     first = found.sizes[0]
     exact = replace(first, reference=first.size[0], u=0.0)
     shown = replace(found, sizes=(exact,))
-    assert [item.code for item in warnings(shown)] == ["no-error-before", "no-uncertainty"]
+    codes = ["no-error-before", "errors-grown", "no-uncertainty"]
+    assert [item.code for item in warnings(shown)] == codes
     assert document(shown)["circles"][0]["reduction_percent"] is None
     assert document(shown)["circles"][0]["E_n"] is None
     assert max(map(len, plain_text(table(shown)).splitlines())) <= 100
