@@ -136,7 +136,8 @@ def test_table_and_picture(outputs: Listing, document: dict[str, Any]) -> None:
     table = (outputs[""] or b"").decode()
     assert table.startswith("Before and after, all parts\n")
     assert "\nCircles before and after\n" in table
-    (over,) = document["results"]["summary"]
+    over, length = document["results"]["summary"]
+    assert (length["kind"], length["id"], length["n_parts"]) == ("length", "A-D", over["n_parts"])
     errors = [ring["error_um"] for ring in document["results"]["circles"]]
     assert (over["id"], over["n_parts"]) == ("ring", len(errors))
     for side in ("before", "after"):
