@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
@@ -22,6 +23,9 @@ from mtu_cli.model.settings import Settings, Warned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+MOST_ALIKE = 20
+"""Warnings of one code that are shown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,17 +146,24 @@ def show(tables: Iterable[object]) -> None:
 def warning_lines(
     warnings: Iterable[Warned], of: str = "", options: Options | None = None
 ) -> list[str]:
-    """Warnings as lines for standard error, each once; those for the report alone left out. Files
-    that the call's `options` name have their whole paths.
+    """Warnings as lines for standard error, each once, of one code MOST_ALIKE at most; those for
+    the report alone left out. Files that the call's `options` name have their whole paths.
 
     `of` names the file that they are about, unless a warning begins with it itself.
     """
-    shown = dict.fromkeys((item.code, item.message) for item in warnings if not item.report_only)
-    found = whole_paths(options) if shown and options else {}
-    return [
-        f"warning: {_named(cut_names(placed_text(message, found)), cut_names(of))} [{code}]"
-        for code, message in shown
-    ]
+    told = dict.fromkeys((item.code, item.message) for item in warnings if not item.report_only)
+    found = whole_paths(options) if told and options else {}
+    count = Counter(code for code, _ in told)
+    lines, shown = [], Counter[str]()
+    for code, message in told:
+        shown[code] += 1
+        if shown[code] > MOST_ALIKE:
+            continue
+        text = _named(cut_names(placed_text(message, found)), cut_names(of))
+        left = count[code] - MOST_ALIKE if shown[code] == MOST_ALIKE else 0
+        more = f"; and {left} more such, all in the report (-o)" if left > 0 else ""
+        lines.append(f"warning: {text}{more} [{code}]")
+    return lines
 
 
 def _named(message: str, of: str) -> str:

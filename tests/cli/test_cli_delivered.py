@@ -185,6 +185,15 @@ def test_what_the_report_alone_says() -> None:
     assert warning_lines([*warned, *warned]) == ["warning: m [a]"]
 
 
+def test_many_warnings_of_one_kind_are_summed_up() -> None:
+    many = [Warned(code="a", message=f"m{i}") for i in range(4000)]
+    lines = warning_lines([*many, Warned(code="b", message="n")])
+    assert lines[:19] == [f"warning: m{i} [a]" for i in range(19)]
+    last = "warning: m19; and 3980 more such, all in the report (-o) [a]"
+    assert lines[19:] == [last, "warning: n [b]"]
+    assert warning_lines(many[:20])[-1] == "warning: m19 [a]"
+
+
 def test_quiet_runs_name_what_they_warn_of(work: Path) -> None:
     """What runs side by side leave in one log is to be told apart."""
     given, read = work / "mtu.yaml", ("--lbb", "lbb.csv")
