@@ -74,3 +74,14 @@ def test_what_passed_the_gates_of_an_older_pipeline_is_judged_again(tmp_path: Pa
     assert again.returncode == 0, again.stderr
     assert "== mill: lengths" in again.stdout
     assert stamp.stat().st_mtime > 1
+
+
+def test_a_study_that_cannot_run_stops_no_other(tmp_path: Path) -> None:
+    placed(tmp_path / "root" / "a")
+    (tmp_path / "root" / "a" / "machine.yaml").unlink()
+    placed(tmp_path / "root" / "b")
+    found = make(tmp_path / "out", f"ROOT={tmp_path / 'root'}")
+    assert found.returncode == 2
+    assert "no such file: 'machine.yaml'" in found.stderr
+    assert not (tmp_path / "out" / "a" / "points.json").exists()
+    assert (tmp_path / "out" / "b" / "points.json").exists()
