@@ -11,6 +11,10 @@ STEPS_MM = (1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
 WHOLE = 1e-6
 """How far a multiple may be from a whole number, by rounding of the arithmetic."""
 MOST_DECIMALS = 7
+FEWEST = 8
+"""Whole numbers, of less than which more than 1 in 250 share a divisor by chance: of n at random
+1 - 1/zeta(n) do.
+"""
 ROUNDING_MM = 1e-9
 
 
@@ -26,10 +30,13 @@ def in_steps(values: FloatArray, step: float) -> bool:
 
 
 def last_digit(values: FloatArray) -> float:
-    """The last digit of values (n,), mm: the largest step that all are whole numbers of."""
+    """The last digit of values (n,), mm: the largest step that all are whole numbers of, or, of
+    fewer than FEWEST different ones, the largest power of ten: these have divisors by chance.
+    """
     for decimals in range(MOST_DECIMALS):
         whole = values * 10.0**decimals
         if (np.abs(whole - np.round(whole)) < ROUNDING_MM * 10.0**decimals).all():
-            unit = int(np.gcd.reduce(np.round(whole).astype(np.int64)))
+            numbers = np.unique(np.round(whole).astype(np.int64))
+            unit = int(np.gcd.reduce(numbers)) if len(numbers) >= FEWEST else 1
             return max(unit, 1) * 10.0**-decimals
     return 10.0**-MOST_DECIMALS
