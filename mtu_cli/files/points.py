@@ -17,6 +17,7 @@ from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.drift_notes import negative_times
 from mtu_cli.files.features_alike import features_alike
+from mtu_cli.files.mixed_cells import mixed_cells
 from mtu_cli.files.names_alike import names_alike
 from mtu_cli.files.odd_rows import is_total
 from mtu_cli.files.point_temperatures import check_temperatures_of_points, temperature_notes
@@ -116,7 +117,8 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
     problems.raise_if_any()
     notes = (*temperature_notes(tables, points), *sensor_name_notes(tables))
     notes = (*features_alike(points), *names_alike(points), *negative_times(tables), *notes)
-    return replace(points, notes=(*column_twins(tables, SPEC), *notes))
+    notes = (*column_twins(tables, SPEC), *mixed_cells(tables, SPEC), *notes)
+    return replace(points, notes=notes)
 
 
 def _check_table(table: Table, features: Mapping[str, Place] | None, problems: ProblemList) -> None:
