@@ -22,7 +22,7 @@ def test_what_is_not_rounded_has_none_and_coarser_steps_count_as_1_um() -> None:
 
 @pytest.mark.parametrize("step", [5.0, 0.01, 5e-3, 2e-3, 1e-4])
 def test_the_last_digit_is_found(step: float) -> None:
-    rounded = np.asarray(np.round(EXACT / step) * step, np.float64)
+    rounded = np.array([round(value / step) * step for value in EXACT.tolist()])
     assert last_digit(rounded) == pytest.approx(step)
 
 
