@@ -22,6 +22,8 @@ FEWEST = 4
 CHANCE = 1e-3
 """Passes are refused where chance alone would make an equal pair less often than this."""
 FEW_GROUPS = 2
+DECIMALS = 12
+"""Of mm or rad: no instrument shows as many, and differences of equal digits are equal to them."""
 MOST_COMPARED = 20
 """Different passes from which it is known how often two readings of one place agree."""
 
@@ -30,9 +32,9 @@ def check_copied_passes(readings: Readings, problems: ProblemList) -> None:
     """A problem of every pass of a component that has the readings of an earlier one, place by
     place: pasted again and numbered on, they would say that the machine does not drift.
 
-    Two readings of a place agree as often as those of other passes do, by the last digit of the
-    instrument. Where all passes fall into one or two groups of equal ones (two ways that no
-    `direction` tells apart) nothing tells that, and nothing is said.
+    Two readings of a place agree as often as those of other passes do, or do but for a level of
+    each pass, by the last digit of the instrument. Where all passes fall into one or two groups of
+    equal ones (two ways that no `direction` tells apart) nothing tells that, and nothing is said.
     """
     for code, name in enumerate(readings.components):
         inside = np.flatnonzero((readings.code == code) & readings.has_pass)
@@ -92,13 +94,20 @@ def _places(readings: Readings, rows: Rows) -> bytes:
 def _agreement(readings: Readings, passes: list[Rows]) -> float | None:
     """How often two readings of a place agree in different passes through the same places, at
     least once in so many; None where no two are through the same.
+
+    A machine that drifts by more than it scatters has passes that agree nowhere, and passes that
+    agree nearly everywhere: so often as two do whose levels are brought together counts as well.
     """
     alike: dict[bytes, list[Rows]] = {}
     for rows in passes:
         alike.setdefault(_places(readings, rows), []).append(rows)
-    same = total = 0
+    same = level = total = beyond = 0
     for group in alike.values():
         for one, other in combinations(islice(group, MOST_COMPARED), 2):
-            same += int((readings.error[one] == readings.error[other]).sum())
+            apart = np.round(readings.error[one] - readings.error[other], DECIMALS)
+            same += int((apart == 0).sum())
             total += len(one)
-    return (same + 1) / (total + 1) if total else None
+            # One agrees by the level that is chosen.
+            level += int(np.unique(apart, return_counts=True)[1].max()) - 1
+            beyond += len(one) - 1
+    return max((same + 1) / (total + 1), (level + 1) / (beyond + 1)) if total else None

@@ -70,6 +70,22 @@ def test_honest_passes_of_a_coarse_display(tmp_path: Path, scatter: float, seed:
     assert told(tmp_path, rows(drawn(10, 8, scatter, seed), digits=0)) == []
 
 
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("scatter", [0.1, 0.2, 0.3])
+def test_honest_passes_of_a_coarse_display_that_drift(
+    tmp_path: Path, scatter: float, seed: int
+) -> None:
+    """Levels of 3 steps of 1 um: passes of unlike levels agree nowhere, of like ones in all."""
+    levels = np.random.default_rng(100 + seed).normal(scale=3.0, size=(20, 1))
+    assert told(tmp_path, rows(levels + drawn(20, 8, scatter, seed), digits=0)) == []
+
+
+def test_copies_among_passes_that_drift(tmp_path: Path) -> None:
+    drifting = np.arange(6.0)[:, np.newaxis] + drawn(6)
+    (found,) = told(tmp_path, rows(drifting) + rows(drifting[2:3], 7))
+    assert "pass 7 of 'dx_x' has the same readings as pass 3" in found
+
+
 def test_where_all_passes_are_equal_nothing_is_said(tmp_path: Path) -> None:
     """Readings that were made without scatter."""
     assert told(tmp_path, rows(np.repeat(drawn(1), 4, axis=0))) == []
