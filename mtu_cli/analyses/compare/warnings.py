@@ -63,6 +63,9 @@ def _sign(kinds: list[Compared]) -> list[Warned]:
         u, predicted = kind.u_difference[known], kind.predicted.mean[known]
         now += float(((kind.bias[known] / u) ** 2).sum())
         after += float((((kind.bias[known] + 2 * predicted) / u) ** 2).sum())
+    if not now:
+        # Of a machine that is known exactly and parts that are all equal nothing has a u.
+        return []
     share = 1 - after / now
     if share < TURNED:
         return []

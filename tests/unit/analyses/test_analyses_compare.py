@@ -400,3 +400,13 @@ def test_the_other_sign_is_asked_for_where_it_explains_the_bias() -> None:
         for sign in (-1, 1)
     ]
     assert f" {100 * (1 - squares[1] / squares[0]):.0f} % of the bias" in warning.message
+
+
+@pytest.mark.filterwarnings("error")
+def test_equal_parts_of_a_machine_that_is_known_exactly(tmp_path: Path) -> None:
+    """Nothing has an uncertainty: the bias is sure, and no sum of squares weighs it."""
+    exact = stated(tmp_path, SIMPLE.replace(", u_future: 10", ""))
+    rows = [(f"P{part}", name, 1, 0.0151, 0.0132) for part in range(6) for name in PLACES]
+    result = compare(exact, part_file(tmp_path), points(rows), Settings())
+    assert all(result.features.biased)
+    assert "sign-turned" not in codes(result)
