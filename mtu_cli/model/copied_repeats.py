@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +12,14 @@ from mtu_cli.model.copied_parts import CHANCE, FEWEST_COPIED, MOST_ALIKE
 from mtu_cli.model.resolution import last_digit
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import IntArray, numbered, operations_of
+from mtu_cli.stats.least_squares import FloatArray
 
 LEAST_U_MM = 5e-5
 """No CMM repeats better than to 0.05 um."""
-ALL_AGREE = 3.0 * math.sqrt(math.pi) / 2.0
-"""Two normal readings of standard deviation s, rounded to steps of h >> s, differ in 2 s/(sqrt(pi)
-h) of all cases: n pairs agree all but once in twenty (e^-3) where s is above ALL_AGREE h/n."""
+ALL_AGREE = 3.0
+"""Normal readings of standard deviation s, n of one place, lie d s apart in the mean, d =
+`_mean_range`: rounded to steps of h >> s they differ in d s/h of all cases. Places that all agree
+do so once in twenty (e^-3) where s is ALL_AGREE h over the sum of their d."""
 QUIET = 3.0
 """A part may repeat so many times better than the others: it was clamped better, or measured by
 night."""
@@ -55,7 +56,7 @@ def copied_repeats(points: Points, axes: tuple[int, ...]) -> list[Warned]:
     count = np.bincount(found.run)
     shares = _agreeing(points, axes, found)
     if shares is None:
-        return _all_agree(points, axes, found, int(size[found.twin != m].sum()))
+        return _all_agree(points, axes, found, size)
     pairs = float((count * (count - 1) / 2).sum())
     sure = copies[pairs * shares ** size[copies] < CHANCE]
     return [_warned(points, found, sure)] if len(sure) else []
@@ -116,12 +117,29 @@ def _agreeing(points: Points, axes: tuple[int, ...], found: _Repeats) -> float |
     return max(min(QUIET * p, 1 - (1 - p) / QUIET), float(share.max()))
 
 
-def _all_agree(points: Points, axes: tuple[int, ...], found: _Repeats, values: int) -> list[Warned]:
-    """Of repeats that all agree in so many `values`: what would be said of the CMM, or nothing
-    where a CMM may repeat as well as that.
+def _mean_range(count: IntArray) -> FloatArray:
+    """The mean range d (n,) of so many (n,) normal readings of standard deviation 1: the integral
+    of 1 - P^count - (1 - P)^count (Tippett, Biometrika 17 (1925) 364).
+    """
+    from scipy.special import ndtr
+
+    step = 0.01
+    p = ndtr(np.arange(-8.0, 8.0, step))
+    counts, place = np.unique(count, return_inverse=True)
+    found = [step * float((1 - p**n - (1 - p) ** n).sum()) for n in counts.tolist()]
+    return np.array(found)[place.reshape(-1)]
+
+
+def _all_agree(
+    points: Points, axes: tuple[int, ...], found: _Repeats, size: IntArray
+) -> list[Warned]:
+    """Of repeats that all agree, each in its `size` (m,) of values: what would be said of the CMM,
+    or nothing where a CMM may repeat as well as that.
     """
     step = max(last_digit(points.measured[:, axis]) for axis in axes)
-    bound = ALL_AGREE * step / values
+    values = int(size[found.twin != np.arange(len(found.twin))].sum())
+    first, alike = np.unique(found.twin, return_counts=True)
+    bound = ALL_AGREE * step / float((size[first] * _mean_range(alike)).sum())
     if bound >= LEAST_U_MM:
         return []
     text = (
