@@ -121,7 +121,8 @@ def lone_repeats(tables: MeasuredTables) -> BoolArray:
         beyond[known], _ = _beyond(S[known], df[known], tests)
         rest_df = df.sum(axis=1, keepdims=True) - df
         rest = np.maximum(S.sum(axis=1, keepdims=True) - S, 0.0)
-        ratio = S * rest_df / np.maximum(rest * df, np.finfo(np.float64).tiny)
+        without = np.where(S > 0, np.inf, 0.0)
+        ratio = np.divide(S * rest_df, rest * df, out=without, where=rest * df > 0)
         own = fdtrc(np.maximum(df, 1.0), np.maximum(rest_df, 1.0), ratio) * parts
         lone = beyond & (own <= OWN_RATE) & (rest_df > 0)
         lone &= 2 * beyond.sum(axis=0) <= known.sum(axis=0)

@@ -57,6 +57,20 @@ def test_one_of_the_parts_is_held_against_all_others(parts: int, repeats: int) -
     assert told_ / runs > 0.5
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("by", [0.01, 20.0, 1e5])
+def test_a_slip_where_all_other_repeats_are_equal(by: float) -> None:
+    """The ratio to what does not scatter at all is infinite, without a division by nothing."""
+    found = three_holes(6, 2, 1, 0.003, 0.001)
+    c = found.features.index("c")
+    second = (found.feature == c) & (found.repeat == found.repeat.max())
+    first = (found.feature == c) & (found.repeat == found.repeat.min())
+    measured = found.measured.copy()
+    measured[second] = measured[first]
+    tables = feature_tables(slipped(replace(found, measured=measured), by))
+    assert lone_repeats(tables).tolist() == [label[1:] == ("c", "x") for label in tables.labels]
+
+
 def test_a_feature_that_is_worse_on_every_part_has_no_slip_on_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
