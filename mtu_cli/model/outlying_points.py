@@ -31,14 +31,15 @@ ROUNDING_MM = 1e-6
 class Outlying(NamedTuple):
     """Parts with a reading that stands out, the farthest first, and the warnings of them.
 
-    `texts` say which reading it is, by how much and what the part's others are, one a part;
-    `rows` (k,) are the points of every part at every feature that stands out, whole: which of
-    several readings is wrong need not be known.
+    `texts` say which reading it is, by how much and what the part's others are, one a part, of the
+    first few; `told` counts all. `rows` (k,) are the points of every part at every feature that
+    stands out, whole: which of several readings is wrong need not be known.
     """
 
     parts: tuple[str, ...]
     warnings: list[Warned]
     texts: tuple[str, ...]
+    told: int
     rows: IntArray
 
 
@@ -66,6 +67,7 @@ def outlying(tables: MeasuredTables, points: Points) -> Outlying:
         parts=tuple(dict.fromkeys((*(tables.parts[part] for part in worst), *doubted))),
         warnings=[*_warned(texts, len(worst), len(found)), *apart.warnings],
         texts=(*texts, *apart.texts),
+        told=len(worst) + len(apart.cells),
         rows=np.unique(np.concatenate(rows)) if rows else np.zeros(0, np.int64),
     )
 

@@ -92,7 +92,7 @@ def stands_out_texts(result: CompareResult) -> list[str]:
     odd = result.stands_out
     if odd is None:
         return []
-    more = len(odd.texts) - NAMED
+    more = odd.told - NAMED
     texts = [*odd.texts[:NAMED], *([f"{more} more (see the warning)"] if more > 0 else [])]
     return ["Stands out: " + ";\n".join(texts) + ".", without_text(result) or ""]
 

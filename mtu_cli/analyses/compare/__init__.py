@@ -63,8 +63,9 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandsOut:
-    """Readings that pull the figures: of which `parts`, `texts` on what they are, and what is said
-    of all other readings (summaries as in `CompareResult`; none where nothing is left).
+    """Readings that pull the figures: of which `parts`, `texts` on what the first few of all that
+    are `told` are, and what is said of all other readings (summaries as in `CompareResult`; none
+    where nothing is left).
 
     They were chosen for being far off, by more than 1 clean study in 1000 has, so that the others
     are judged as if they were all there is; it is no verdict on all parts.
@@ -72,6 +73,7 @@ class StandsOut:
 
     parts: tuple[str, ...]
     texts: tuple[str, ...]
+    told: int
     rows: int
     feature_summaries: tuple[Summary, ...]
     length_summaries: tuple[Summary, ...]
@@ -180,6 +182,7 @@ def _stands_out(task: _Task, points: Points, odd: Outlying) -> StandsOut:
     return StandsOut(
         parts=odd.parts,
         texts=odd.texts,
+        told=odd.told,
         rows=len(odd.rows),
         feature_summaries=() if features is None else summarised(features),
         length_summaries=() if lengths is None else summarised(lengths),

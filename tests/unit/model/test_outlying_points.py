@@ -189,7 +189,10 @@ def test_a_part_is_told_once_and_many_parts_in_short() -> None:
     assert "they pull" in warning.message
     # Of feature a four, b four: none hides another.
     slips = np.flatnonzero((whole.part < 8) & (whole.feature == whole.part % 2)).tolist()
-    (warning,) = told(moved(whole, slips, 5.0))
+    off = moved(whole, slips, 5.0)
+    odd = outlying(feature_tables(off), off)
+    assert (len(odd.texts), odd.told) == (6, 8)
+    (warning,) = odd.warnings
     assert warning.message.count("row ") == 6
     assert "; and 2 more parts: they pull" in warning.message
 

@@ -21,7 +21,7 @@ from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.reports import arrows
 from mtu_cli.reports.compare import csv_rows, document, figure, table
 from mtu_cli.reports.compare_figure import ITEMS
-from mtu_cli.reports.compare_words import verdict, verdict_text
+from mtu_cli.reports.compare_words import stands_out_texts, verdict, verdict_text
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.numbers import significant
 from mtu_cli.reports.tables import plain_text
@@ -87,6 +87,7 @@ def odd(result: CompareResult, *parts: str) -> StandsOut:
     return StandsOut(
         parts=parts,
         texts=tuple(f"row {part}" for part in parts),
+        told=len(parts),
         rows=len(parts),
         feature_summaries=result.feature_summaries,
         length_summaries=result.length_summaries,
@@ -214,6 +215,15 @@ def test_no_verdict_stands_without_readings_that_pull_it(two: CompareResult) -> 
     assert milled["verdict_text"] in text
     several = document(replace(result, stands_out=odd(two, *"7294")))["summary"]["features"][0]
     assert "of parts '7', '2', '9' and 1 more stand out" in several["verdict_text"]
+
+
+def test_all_that_stand_out_are_counted_where_few_are_named(two: CompareResult) -> None:
+    found = odd(two, *"7294")
+    first = stands_out_texts(replace(two, stands_out=found))[0]
+    assert first == "Stands out: row 7;\nrow 2;\nrow 9;\n1 more (see the warning)."
+    # The warning has words for six of them.
+    first = stands_out_texts(replace(two, stands_out=replace(found, told=11)))[0]
+    assert first.endswith("\n8 more (see the warning).")
 
 
 def test_one_sentence_an_operation_and_kind(two: CompareResult) -> None:
