@@ -22,8 +22,8 @@ CODE = "position-alone"
 FEWEST_WAYS = 3
 """Passes (there or back) of a component from which on it is known where it is read."""
 NEARLY_ALL = 0.75
-"""Share of these in which all other positions occur; places that differ from pass to pass are no
-slips."""
+"""Share of these in which all other positions occur, or all of them but one; places that differ
+from pass to pass are no slips."""
 MOST = 3
 """Slips of a component."""
 
@@ -64,7 +64,7 @@ def _slips(readings: Readings, rows: Rows) -> Iterator[tuple[int, list[float]]]:
     way = alike(readings.file_index[rows], readings.pass_number[rows], readings.direction[rows])
     visited = np.zeros((int(way.max()) + 1, len(places)), bool)
     visited[way, place] = True
-    usual = visited.sum(axis=0) >= NEARLY_ALL * len(visited)
+    usual = visited.sum(axis=0) >= min(NEARLY_ALL * len(visited), len(visited) - 1)
     if len(visited) < FEWEST_WAYS or not (alone | usual).all():
         return
     for column in np.flatnonzero(alone).tolist():

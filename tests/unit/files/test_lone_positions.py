@@ -33,3 +33,30 @@ def test_positions_that_are_no_slips(tmp_path: Path) -> None:
     two = [row for row in table(2) if row[3] == "forward"]
     two[1][1] = "70"
     assert told(tmp_path, two) == []
+
+
+def test_three_passes_one_way_tell_where_they_read(tmp_path: Path) -> None:
+    """Of three the place that one lacks is read by the two others; of two nobody knows which of
+    both places is right.
+    """
+    rows = [row for row in table(3) if row[3] == "forward"]
+    rows[7][1] = "70"
+    (text,) = told(tmp_path, rows)
+    assert "row 9, column 'position_mm': dx_x at 70 mm, where" in text
+    assert "none of this pass at 75 mm, where the others do" in text
+    assert told(tmp_path, rows[:12]) == []
+
+
+def test_more_than_a_few_places_alone_are_no_slips(tmp_path: Path) -> None:
+    rows = table(10)
+    for i in (1, 14, 27):
+        rows[i][1] = f"{float(rows[i][1]) + 1:g}"
+    assert len(told(tmp_path, rows)) == 3
+    rows[40][1] = "7"
+    assert told(tmp_path, rows) == []
+
+
+def test_where_some_places_are_read_one_way_alone_nothing_is_said(tmp_path: Path) -> None:
+    rows = [row for row in table(4) if row[3] == "forward" or row[1] != "150"]
+    rows[4][1] = "30"
+    assert told(tmp_path, rows) == []
