@@ -34,6 +34,7 @@ def told(path: Path, errors: np.ndarray, unit: str = "um", name: str = "dx_x") -
         f"{name},{place},{number},{way},{error:.6g},{unit}\n"
         for number, own in enumerate(errors, 1)
         for place, way, error in zip(BOTH, WAYS, own, strict=True)
+        if np.isfinite(error)
     ]
     path.write_text(HEAD + "".join(lines))
     try:
@@ -92,6 +93,52 @@ def test_slips_and_steady_passes_are_no_unit(tmp_path: Path) -> None:
     assert not any("another size" in item for item in told(tmp_path / "r.csv", errors))
 
 
+def other_size(path: Path, errors: np.ndarray, unit: str = "um", name: str = "dx_x") -> list[str]:
+    return [item for item in told(path, errors, unit, name) if "another size" in item]
+
+
+def test_units_of_nearly_one_size_are_not_told_apart(tmp_path: Path) -> None:
+    """4.85 urad are an arcsec: a pass may scatter as many times more."""
+    errors = passes()
+    errors[2] *= 4.848
+    assert other_size(tmp_path / "r.csv", errors, "arcsec", "ez_x") == []
+    errors[2] *= 3600 / 4.848
+    assert len(other_size(tmp_path / "r.csv", errors, "arcsec", "ez_x")) == 1
+
+
+def test_a_pass_that_is_as_far_from_0_as_the_others_is_in_their_unit(tmp_path: Path) -> None:
+    """A thousandth of the scatter, as of means of many readings, about the same errors."""
+    errors = passes()
+    line = 3 + 0.02 * BOTH
+    errors[2] = line + (errors[2] - line) / 1000
+    assert other_size(tmp_path / "r.csv", errors) == []
+
+
+@pytest.mark.parametrize(
+    ("factor", "louder", "seen"), [(1e-3, 3, 1), (1e-3, 12, 0), (1 / 25.4, 1, 1), (1 / 25.4, 5, 0)]
+)
+def test_a_pass_must_scatter_about_as_the_others(
+    factor: float, louder: float, seen: int, tmp_path: Path
+) -> None:
+    errors = passes(slope=0.0)
+    errors[2] = errors[2].mean() + louder * (errors[2] - errors[2].mean())
+    errors[2] *= factor
+    assert len(other_size(tmp_path / "r.csv", errors)) == seen
+
+
+@pytest.mark.parametrize(
+    ("factor", "rows", "seen"), [(1e-3, 6, 0), (1e-3, 7, 1), (1 / 25.4, 15, 0), (1 / 25.4, 16, 1)]
+)
+def test_few_readings_tell_no_scatter(factor: float, rows: int, seen: int, tmp_path: Path) -> None:
+    """Two of each way make no bend: 7 rows there have 5, enough for a thousand; 9 there and 7 back
+    have 12, enough for an inch.
+    """
+    errors = passes()
+    errors[2] *= factor
+    errors[2, rows:] = np.nan
+    assert len(other_size(tmp_path / "r.csv", errors)) == seen
+
+
 def test_honest_passes_are_left_alone(tmp_path: Path) -> None:
     """Of components that are 0 within noise, with a coarse display or without."""
     for seed in range(60):
@@ -106,5 +153,8 @@ def test_bends_know_no_level_slope_or_reversal() -> None:
     line = 5 + 0.1 * BOTH + 3 * (way > 0)
     assert np.allclose(_bends(BOTH, way, line), 0, atol=1e-9)
     assert len(_bends(BOTH, way, line)) == 14
+    uneven = np.cumsum([0.0, 10, 90, 35, 2, 60, 75, 8, 120])
+    sloped = 5 + 0.1 * uneven
+    assert np.allclose(_bends(uneven, way[:9], sloped), 0, atol=1e-9)
     line[4] += 2
     assert np.sort(_bends(BOTH, way, line))[-3:] == pytest.approx([1, 1, 2])
