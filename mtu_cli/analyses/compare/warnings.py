@@ -215,11 +215,11 @@ def _coarse(points: Points, features: Compared) -> list[Warned]:
     if not found:
         return []
     names, digits, predicted = zip(*found, strict=True)
+    shown = " and ".join(dict.fromkeys(f"{float(f'{1e3 * digit:.3g}'):g}" for digit in digits))
     text = (
-        f"{', '.join(names)} of the points {'are' if len(found) > 1 else 'is'} given to "
-        f"{1e3 * max(digits):.3g} um, and u = {1e3 * min(predicted):.2g} um is predicted: such a "
-        'digit hides the scatter of the parts, so that "over-predicted" says nothing; export '
-        "more digits"
+        f"{', '.join(names)} of the points {'are' if len(found) > 1 else 'is'} given to {shown} "
+        f"um, and u = {1e3 * min(predicted):.2g} um is predicted: such a digit hides the scatter "
+        'of the parts, so that "over-predicted" says nothing; export more digits'
     )
     return [Warned(code="coarse-digit", message=text)]
 
