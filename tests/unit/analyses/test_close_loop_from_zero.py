@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from crossed_tables import Floats
 from loop_tables import candidate, crossed, offset, prepared_with, residuals
+from scipy.stats import t as student
 
 from mtu_cli.analyses.close_loop import searched as module
 from mtu_cli.analyses.close_loop.added import added
@@ -76,6 +77,31 @@ def test_a_lone_effect_none_of_whose_parameters_is_told_from_0_is_not() -> None:
     assert held(own, claimed(own, "offset-x")) == set()
 
 
+def test_the_interval_is_students_at_95_percent() -> None:
+    """By its estimate, uncertainty and degrees of freedom, just on either side of the bound."""
+    told = []
+    for size in np.arange(0.02, 0.2, 0.002):
+        own = prepared_with(table(1, bend=float(size)), *LIBRARY)
+        found = claimed(own, "bend")
+        fit = added(own, found, 1).fit
+        assert fit is not None
+        ratio = abs(float(fit.beta[0])) / np.sqrt(float(fit.covariance[0, 0]))
+        bound = float(student.ppf(0.975, np.ravel(fit.dof)[0]))
+        told.append(ratio / bound)
+        assert held(own, found) == (set() if ratio > bound else {"bend"})
+    assert max(own for own in told if own < 1) > 0.9
+    assert min(own for own in told if own > 1) < 1.1
+
+
+def test_one_parameter_that_is_told_from_0_is_enough() -> None:
+    pair = candidate("pair", ({0: SHAPES["tilt"]}, {0: SHAPES["bend"]}))
+    own = prepared_with(table(1, tilt=8.0), pair)
+    found = claimed(own, "pair")
+    assert held(own, found) == set()
+    nothing = prepared_with(table(1), pair)
+    assert held(nothing, found) == {"pair"}
+
+
 def test_of_several_that_fit_none_is_claimed_alone() -> None:
     own = prepared_with(table(1, tilt=8.0), *LIBRARY)
     found = claimed(own, "bend")
@@ -106,6 +132,21 @@ def test_the_search_is_made_again_without_what_is_not_told_from_0(
     found = module.searched(given, start, alpha=0.05, most=4, seed=1)
     assert asked == [frozenset(), frozenset({1})]
     assert names(found.prepared, found.found) == ["tilt"]
+
+
+def test_what_was_unsure_once_stays_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[frozenset[int]] = []
+
+    def claims(prepared: Prepared, *_: Gate, unsure: frozenset[int], **__: object) -> Search:
+        asked.append(unsure)
+        return claimed(prepared, "tilt", *(("bend", "bow")[len(unsure) :][:1]))
+
+    def start(own: ResidualTable) -> tuple[Prepared, Gate]:
+        return prepared_with(own, *LIBRARY), gate()
+
+    monkeypatch.setattr(module, "search", claims)
+    module.searched(table(3, tilt=8.0), start, alpha=0.05, most=4, seed=1)
+    assert asked == [frozenset(), frozenset({1}), frozenset({1, 2})]
 
 
 def test_the_sizes_are_those_of_the_tables() -> None:
