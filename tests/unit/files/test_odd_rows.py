@@ -26,6 +26,12 @@ def test_a_row_of_units_below_the_header(row: str, told: str, tmp_path: Path) ->
     assert found.startswith(told)
 
 
+def test_a_row_of_units_stands_below_the_header_alone(tmp_path: Path) -> None:
+    found = faults(tmp_path, f"{HEADER}{SOUND},,[mm],[mm],\n")
+    assert found
+    assert not any("a row of units" in item for item in found)
+
+
 @pytest.mark.parametrize(
     "row", ["Mittelwert,,3.1,2.2,", ",,Summe:,,", "Mean,3.1,2.2", "M\u00e9dia,,0,0,1,,"]
 )

@@ -147,6 +147,18 @@ def taken(whole: Points, kept: FloatArray) -> Points:
     return replace(whole, **arrays)
 
 
+def test_of_three_readings_two_of_which_are_off_the_third_is_told() -> None:
+    """Only where all are as far off is it said that no single slip makes it."""
+    whole = three_holes(12, 3, 1, 0.003, 0.0005)
+    own = np.flatnonzero((whole.part == 4) & (whole.feature == 1)).tolist()
+    (two,) = told(moved(whole, own[:2], 0.3))
+    assert "; the part's other 2 readings are at most 30" in two.message
+    assert "no single slip" not in two.message
+    (three,) = told(moved(whole, own, 0.3))
+    assert "; the part's other 2 readings are as far off (" in three.message
+    assert "no single slip" in three.message
+
+
 def test_a_rounding_step_is_no_slip_but_many_are() -> None:
     """Of twenty parts that are alike to the last digit one may be a digit off."""
     rows = [(f"P{p}", name, 0, 0.0, 0.0) for p in range(20) for name in PLACES]

@@ -46,6 +46,15 @@ def test_one_repeat_of_few_parts_is_named(parts: int) -> None:
     assert analyse_variance(found, None, "reml", Settings()).warnings[0] == warning
 
 
+def test_of_two_readings_on_either_side_of_the_others_nobody_knows_which_is_wrong() -> None:
+    """0.4 mm apart: 0.25 and 0.15 off the other parts; of 0.35 and 0.05 the former is."""
+    whole = three_holes(4, 2, 1, 0.002, 0.001)
+    for by, known in ((0.25, False), (0.35, True)):
+        (warning,) = told(slipped(slipped(whole, by), by - 0.4, ROW - 1))
+        assert f"row {ROW + 2}: part 'P0', feature 'c'" in warning.message
+        assert ("and which of them is wrong is not known" in warning.message) is not known
+
+
 @pytest.mark.parametrize(("parts", "repeats"), [(3, 2), (4, 2), (4, 3), (8, 2)])
 def test_one_of_the_parts_is_held_against_all_others(parts: int, repeats: int) -> None:
     """A slip of 16 standard deviations, which the feature's scatter over all parts hides."""

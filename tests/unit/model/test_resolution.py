@@ -36,3 +36,16 @@ def test_the_last_digit_of_a_few_values_is_what_their_decimals_tell() -> None:
         wrong += last_digit(values) > 1.5e-3
     # 4.1 are due; more than 12 in one of 3000 such tests.
     assert wrong <= 12
+
+
+@pytest.mark.parametrize(
+    ("values", "digit"),
+    [
+        ([10.002, 0.004, 0.007], 0.001),
+        ([1000.00001, 3.0, 2.5], 1e-5),
+        ([0.0, 0.0], 1.0),
+        ([np.pi, 1.0], 1e-7),
+    ],
+)
+def test_the_last_digit_is_the_largest_step_of_all(values: list[float], digit: float) -> None:
+    assert last_digit(np.array(values)) == pytest.approx(digit, rel=1e-9)
