@@ -251,10 +251,10 @@ def test_a_key_that_follows_no_number_on_its_line_is_no_decimal() -> None:
 def test_thousands_of_faults_take_no_longer_each(text: str, tmp_path: Path) -> None:
     path = tmp_path / "part.yaml"
     path.write_text(f"schema: mtu/part/1\nname: p\n{text}", "utf-8")
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(InputError) as caught:
         load_part(path)
-    assert time.perf_counter() - start < SECONDS
+    assert time.process_time() - start < SECONDS
     assert len(caught.value.problems) >= MANY
 
 

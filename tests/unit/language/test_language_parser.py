@@ -58,10 +58,10 @@ def test_constants_are_folded_where_they_stand() -> None:
 
 
 def fault_of(text: str) -> EquationError:
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(EquationError) as caught:
         parse(text)
-    assert time.perf_counter() - start < SECONDS
+    assert time.process_time() - start < SECONDS
     return caught.value
 
 
