@@ -35,6 +35,7 @@ SENTENCES = {
     "thermal-squareness": "the angle of {A} and {B} changes by {value} of {covariate}",
     "warm-up": "{A} shifts by {value} while warming up, time constant {tau_min} min",
     "trend": "{A} shifts by {value} {each}",
+    "scale-trend": "{A} {grows} by {size} {each}",
     "wear-approach": "wear shifts {A} by {value} {each} against the direction of approach",
     "step": "{A} jumps by {value} from {row} {at} on",
     "operation": "{chosen} is shifted along {A} by {value}",
