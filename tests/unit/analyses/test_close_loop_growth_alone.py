@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from close_loop_examples import effect, on_table, result
 from loop_tables import residuals
 
+from mtu_cli.analyses.close_loop.describe import Described
+from mtu_cli.analyses.close_loop.growth_alone import growths_alone
 from mtu_cli.analyses.close_loop.one_table import loop_on
 from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect, TableResult
 from mtu_cli.model.effect_library import candidates, effect_library
@@ -65,6 +69,13 @@ def test_where_the_drift_was_found_it_tells_the_fixed_point_itself() -> None:
     assert named(item) >= {"thermal-growth-x", "thermal-drift-x"}
     assert item.growths_alone == ()
     assert item.fixed_points
+
+
+def test_a_growth_that_is_one_of_a_class_is_told_with_the_class() -> None:
+    item = next(i for i in (grown(seed, 16.0) for seed in range(5)) if i.growths_alone)
+    several = [replace(found, class_names=(found.name, "scale-x")) for found in item.effects]
+    told = cast(Described, SimpleNamespace(prepared=SimpleNamespace(table=item.table)))
+    assert growths_alone(told, several, ()) == ()
 
 
 LEVEL = (("level", "um", 4.2, 0.75),)

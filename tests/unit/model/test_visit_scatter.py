@@ -20,5 +20,7 @@ def test_of_each_axis_the_variances_of_its_components(tmp_path: Path) -> None:
     first = [int(np.flatnonzero(points.feature == f)[0]) for f in range(5)]
     y = points.nominal[first, 1]
     assert table.visit is not None
+    # The fewest: 20 of px, 8 of py.
+    assert table.visit.dof == 8
     wanted = np.array([0.4e-3**2 + 3e-6**2 * float(np.mean(y**2)), 0.5e-3**2])
     np.testing.assert_allclose(table.visit.variance, wanted, rtol=1e-12)
