@@ -69,8 +69,9 @@ def _repeats(points: Points, axes: tuple[int, ...]) -> _Repeats | None:
     cell = run * len(points.features) + points.feature
     if np.bincount(cell).max(initial=0) < 2:
         return None
-    repeat = numbered(points.repeat, cell)
-    span = int(repeat.max()) + 1
+    # Repeats may be numbered by ticks of a clock: with the runs these are no 64 bits.
+    numbers, repeat = _coded(numbered(points.repeat, cell))
+    span = len(numbers)
     there, of_point = _coded(run * span + repeat)
     columns = [points.feature, *(points.measured[:, axis] for axis in axes)]
     marks = fingerprints(columns, of_point, len(there))

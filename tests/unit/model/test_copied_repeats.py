@@ -153,7 +153,15 @@ def test_what_is_not_numbered_or_numbered_as_one_likes_is_told_too() -> None:
     (text,) = told(whole)
     assert told(replace(whole, repeat=np.full(len(whole), -1))) == [text]
     assert told(replace(whole, repeat=whole.repeat * 10**9)) == [text]
+    assert told(replace(whole, repeat=whole.repeat + 2**53 - 4)) == [text]
     assert told(measured(6, 1, 1.0, 1)) == []
+
+
+def test_ticks_of_a_clock_number_the_repeats_of_many_parts() -> None:
+    """Runs times numbers are beyond 64 bits."""
+    whole = copied(measured(1200, 2, 100.0, 1, digit=1e-5), 1199)
+    expected = told(whole)
+    assert told(replace(whole, repeat=whole.repeat + 2**53 - 4)) == expected
 
 
 def test_files_that_stand_twice_are_told_once() -> None:
