@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from loop_tables import candidate, crossed, offset, prepared_with, residuals, wh
 from scipy.stats import binom, t
 
 from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.describe import Described, candidate_name, found_effects
+from mtu_cli.analyses.close_loop.describe import Described, candidate_name, floor_of, found_effects
 from mtu_cli.analyses.close_loop.experiment import NO_RIVALS, Choice
 from mtu_cli.analyses.close_loop.experiment import SAME as NEVER_APART
 from mtu_cli.analyses.close_loop.prepare import Prepared
@@ -199,3 +201,21 @@ def test_the_posterior_of_what_has_no_name_is_the_steps() -> None:
     own = replace(own, found=replace(own.found, steps=steps))
     found = found_effects(own, [None] * len(steps))
     assert [effect.unnamed for effect in found] == [step.unnamed for step in steps]
+
+
+def test_of_one_part_the_floor_is_what_its_repeats_tell_of_a_mean() -> None:
+    """Variances of 16 and 4 um^2 of single readings, three of which are an entry."""
+    table = SimpleNamespace(
+        parts=("P",),
+        repeat_dof=4,
+        repeat_variance=np.array([16e-6, 4e-6]),
+        repeats=np.array([[3, 3, 0]]),
+        there=np.array([[True, True, False]]),
+    )
+    null = SimpleNamespace(interaction=np.array([25e-6, 25e-6]))
+    own = cast(Prepared, SimpleNamespace(table=table, scan=SimpleNamespace(null=null)))
+    assert floor_of(own) == pytest.approx(1e-3 * np.sqrt(10 / 3))
+    table.parts = ("P", "Q")
+    assert floor_of(own) == pytest.approx(5e-3)
+    table.parts, table.repeat_dof = ("P",), 0
+    assert floor_of(own) is None
