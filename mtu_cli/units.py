@@ -68,6 +68,8 @@ _PER = {
     "/m/K": (-1, 1e-3, DEGREE),
     "/min": (0, 1.0, MINUTE),
     "/h": (0, 1.0 / 60.0, MINUTE),
+    "/m/min": (-1, 1e-3, MINUTE),
+    "/m/h": (-1, 1e-3 / 60.0, MINUTE),
 }
 """Dimension and internal size (mm, degC, min) of what the parameter of an effect may be per, and
 whether it is per kelvin or time."""

@@ -477,11 +477,12 @@ HOUR = "the time divided by a number of min, such as time_min/60"
         ("um/m", "p*x*T_a_degC", DEGREE, f"p in um/m/K, or {TENTH}"),
         ("um", "p*(time_min - 10)", TIME, f"p in um/min or um/h, or {HOUR}"),
         ("nm", "p*dir_x*time_min", TIME, f"p in um/min or um/h, or {HOUR}"),
-        ("um/m^2", "p*x**2*time_min", TIME, HOUR),
+        ("um/m^3", "p*x**3*time_min", TIME, HOUR),
+        ("um/m^2", "p*x**2*time_min", TIME, f"p in urad/m/min or urad/m/h, or {HOUR}"),
         # What is of another dimension as well needs the unit that makes both right.
         ("um", "p*x*(T_a_degC - 20)", DEGREE, "p in um/m/K"),
         ("arcsec", "p*(T_a_degC - 20)", DEGREE, "p in um/K"),
-        ("um", "p*x*time_min", TIME, "p in urad/min or urad/h"),
+        ("um", "p*x*time_min", TIME, "p in um/m/min or um/m/h"),
         ("um/K", "p*(T_a_degC - 20)*time_min", TIME, HOUR),
         (
             "um",
@@ -673,8 +674,8 @@ OURS = "covariate: time_min, found: {by: mtu close-loop 0.1.0}, "
     [
         ("um", "p*(time_min - 536.25) - p*(-2.9e-10)", "um beside a time is read as um/min"),
         ("arcsec", "-x*p*(time_min - 9)*dir_x", "arcsec beside a time is read as arcsec/min"),
-        ("um/m", "p*x*(time_min - 9)", "um/m beside a time is read as urad/min"),
-        ("um/m^2", "p*x**2*time_min", "um/m^2 beside a time is read as per minute"),
+        ("um/m", "p*x*(time_min - 9)", "um/m beside a time is read as um/m/min"),
+        ("um/m^3", "p*x**3*time_min", "um/m^3 beside a time is read as per minute"),
         ("um", "p*exp(-time_min/30)", None),
         ("um/min", "p*time_min", None),
     ],

@@ -33,6 +33,8 @@ from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.units import LENGTH, PARAMETER_UNITS
 
+OF_READINGS = {"scale-trend"}
+"""Passes follow each other while a machine warms up."""
 FAMILIES = {
     "offset",
     "scale",
@@ -91,7 +93,7 @@ def column(member: Member, k: int, axis: int, own: ResidualTable) -> FloatArray:
 
 
 def test_every_family_has_its_candidates(library: EffectLibrary) -> None:
-    assert {family.family.family for family in library.families} == FAMILIES
+    assert {family.family.family for family in library.families} == FAMILIES | OF_READINGS
     found = by_name(candidates(PLANE, library))
     assert {candidate.family for candidate in found.values()} == FAMILIES
     pairs = {"squareness-xy", "rotation-z", "thermal-squareness-xy"}
@@ -678,6 +680,7 @@ def test_readings_have_the_families_of_one_axis(library: EffectLibrary) -> None:
         "cyclic-x",
         "warm-up-x",
         "trend-x",
+        "scale-trend-x",
         "wear-approach-x",
         "step-x",
         "feature-outlier",
@@ -686,13 +689,17 @@ def test_readings_have_the_families_of_one_axis(library: EffectLibrary) -> None:
     assert {m.covariate for m in found["trend-x"].members} == {"sequence", "time_min"}
     units = {m.covariate: m.parameters for m in found["trend-x"].members}
     assert units == {"sequence": (("slope", "um"),), "time_min": (("slope", "um/min"),)}
+    units = {m.covariate: m.parameters for m in found["scale-trend-x"].members}
+    assert units == {"sequence": (("rate", "um/m"),), "time_min": (("rate", "um/m/min"),)}
     assert not any(name.startswith(("squareness", "rotation", "radial")) for name in found)
 
 
 def test_readings_of_an_angle_are_in_arcsec(library: EffectLibrary) -> None:
     found = by_name(candidates(readings_table(unit="arcsec"), library))
     units = {unit for c in found.values() for m in c.members for _, unit in m.parameters}
-    assert units == {"arcsec", "arcsec/m", "arcsec/m^2", "arcsec/m^3", "arcsec/min"}
+    assert units == {
+        "arcsec", "arcsec/m", "arcsec/m^2", "arcsec/m^3", "arcsec/min", "arcsec/m/min"
+    }  # fmt: skip
     assert units <= set(PARAMETER_UNITS)
 
 
@@ -721,10 +728,11 @@ SEARCHED = "  search: {tau: {from: 5, to: 50, count: 3}}\n"
 @pytest.mark.parametrize(
     ("unit", "equation", "told"),
     [
-        ("um/m", "k*{a}*({c} - {c0})", "urad/min"),
+        ("um/m", "k*{a}*({c} - {c0})", "um/m/min"),
         ("um", "k*({c} - {c0})/10", "um"),
         ("um", "k*({c} - {c0})**2", "um"),
-        ("um/m^2", "k*{a}**2*({c} - {c0})", None),
+        ("um/m^2", "k*{a}**2*({c} - {c0})", "urad/m/min"),
+        ("um/m^3", "k*{a}**3*({c} - {c0})", None),
         ("um", "k*{c}/tau", "um"),
         ("um", "k*{c}*exp(-{c}/tau)", "um/min"),
         ("um", "k*({c} + sequence)", None),
@@ -739,7 +747,7 @@ def test_a_unit_beside_the_time(tmp_path: Path, unit: str, equation: str, told: 
     units = {m.covariate: m.parameters[0][1] for m in found["creep-x"].members}
     assert units == {"sequence": unit} | ({} if told is None else {"time_min": told})
     why = "time_min in place of {c}: a time (min) and what is not in min are added"
-    why = why if "+" in equation else "um/m^2 of k has no unit per minute"
+    why = why if "+" in equation else "um/m^3 of k has no unit per minute"
     assert (why in " ".join(found["creep-x"].notes)) == (told is None)
 
 
