@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -15,6 +16,18 @@ FEW = 0.1
 """Share of the cells that are texts up to which the others are what the column holds."""
 
 
+def is_name(cell: str) -> bool:
+    """Whether a cell is a number neither with a decimal point nor with a comma."""
+    return all(number(cell, sign) is None for sign in DECIMALS)
+
+
+def of_names(cells: Iterable[str]) -> bool:
+    """Whether a column, of which some cells are texts, is one of names by more than FEW of them."""
+    count = Counter(cell for cell in cells if cell)
+    names = sum(n for cell, n in count.items() if is_name(cell))
+    return names > FEW * count.total()
+
+
 def mixed_cells(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
     """One warning of each column beside those of the contract whose cells are numbers but for a
     few: these make it one of names. More of them are names that digits stand among.
@@ -23,10 +36,7 @@ def mixed_cells(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
         for name, column in table.columns.texts.items():
             if spec.named(name):
                 continue
-            texts = np.array(
-                [all(number(label, sign) is None for sign in DECIMALS) for label in column.labels],
-                bool,
-            )
+            texts = np.array([is_name(label) for label in column.labels], bool)
             given = column.codes >= 0
             odd = np.flatnonzero(given & np.append(texts, False)[column.codes])
             if not 0 < len(odd) <= FEW * given.sum():

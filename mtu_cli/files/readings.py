@@ -21,6 +21,7 @@ from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.drift_cells import ROLE, check_drift, refuse_as_drift, refuse_drift
 from mtu_cli.files.drift_notes import drift_notes
 from mtu_cli.files.lone_positions import lone_positions
+from mtu_cli.files.mixed_cells import mixed_cells
 from mtu_cli.files.mixed_units import mixed_units
 from mtu_cli.files.pass_units import pass_units
 from mtu_cli.files.reading_cells import Travels
@@ -250,7 +251,7 @@ def assemble(
         row=np.concatenate([table.rows for table in tables]),
         sources=tuple(table.source for table in tables),
         roles=tuple(table.source.role for table in tables),
-        notes=(*column_twins(tables, SPEC), *drift_notes(tables)),
+        notes=(*column_twins(tables, SPEC), *mixed_cells(tables, SPEC), *drift_notes(tables)),
     )
 
 

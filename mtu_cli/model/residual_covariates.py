@@ -17,6 +17,7 @@ from mtu_cli.files.covariates import (
     expected_temperature,
     is_temperature,
 )
+from mtu_cli.files.mixed_cells import of_names
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
 from mtu_cli.model.basis import TIME
@@ -66,7 +67,7 @@ def table_covariates(
     texts = [
         repr(name)
         for name, column in columns.items()
-        if column.dtype == object and np.isnan(_number(str(column[0])))
+        if column.dtype == object and of_names(map(str, column))
     ]
     warned = [] if not texts else [_texts(texts)]
     for name, column in columns.items():

@@ -6,7 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from mtu_cli.files.mixed_cells import of_names
 from mtu_cli.files.points import read_points
+from mtu_cli.files.readings import read_readings
+from mtu_cli.files.readings_stream import stream_readings
 
 PLACES = {"A": (10.0, 10.0, None)}
 
@@ -40,3 +43,21 @@ def test_what_is_of_one_kind_is_not(tmp_path: Path, cells: list[str]) -> None:
 
 def test_names_of_the_contract_may_be_numbers(tmp_path: Path) -> None:
     assert told(tmp_path, ["1"] * 19 + ["drill"], name="operation") == []
+
+
+def test_a_column_is_told_once_by_its_row_or_as_one_of_names(tmp_path: Path) -> None:
+    for names in range(4):
+        cells = ["0.5"] * (20 - names) + ["n/a"] * names
+        assert of_names([*cells, ""]) == (names > 2)
+        assert bool(told(tmp_path, cells)) == (0 < names <= 2)
+
+
+def test_readings_too_as_a_whole_and_in_blocks(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    rows = "".join(f"axy,{i},um,{'x' if i == 4 else i}\n" for i in range(20))
+    path.write_text(f"component,error,unit,load\n{rows}", "utf-8")
+    whole = read_readings([(path, "lbb")], None, for_fit=False)
+    (block,) = stream_readings([(path, "lbb")], None)
+    assert block.notes == whole.notes
+    (text,) = [item.message for item in whole.notes if item.code == "cells-mixed"]
+    assert text.startswith("r.csv, row 6, column 'load': 'x' among numbers")
