@@ -28,6 +28,7 @@ from mtu_cli.files.reading_cells import Travels
 from mtu_cli.files.reading_sizes import check_sizes, check_units
 from mtu_cli.files.run_signs import run_signs
 from mtu_cli.files.sign_words import direction_hint, direction_sign
+from mtu_cli.files.small_readings import small_readings
 from mtu_cli.files.source import Source
 from mtu_cli.files.swapped_columns import refuse_swapped
 from mtu_cli.files.unused_positions import unused_positions
@@ -140,10 +141,14 @@ def read_readings(
         sized = [table for table in tables if known is not None or table.source.role == ROLE]
         check_sizes(sized, components, travels or {}, problems)
     problems.raise_if_any()
-    notes = [*readings.notes, *mixed_units(tables), *doubled.equal_notes(tables, equal)]
+    notes = [*readings.notes, *_unit_notes(tables), *doubled.equal_notes(tables, equal)]
     if known is not None:
         notes += _notes_for_fit(readings, tables, known)
     return replace(readings, notes=(*notes, *(run_signs(readings) if for_fit else ())))
+
+
+def _unit_notes(tables: Sequence[Table]) -> tuple[Notice, ...]:
+    return (*mixed_units(tables), *small_readings(tables))
 
 
 def _notes_for_fit(

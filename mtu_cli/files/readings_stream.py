@@ -36,6 +36,7 @@ from mtu_cli.files.readings import (
     read_readings,
 )
 from mtu_cli.files.row_marks import AllMarks, in_ascending_order
+from mtu_cli.files.small_readings import SmallReadings
 from mtu_cli.files.source import Digest, RunningDigest, Source
 
 if TYPE_CHECKING:
@@ -89,6 +90,7 @@ class ReadingsStream(Iterator[Readings]):
         self._sources: tuple[Source, ...] = ()
         self._out_of_order: set[int] = set()
         self._units = UnitRows()
+        self._small = SmallReadings()
 
     def __next__(self) -> Readings:
         return next(self._blocks)
@@ -109,7 +111,8 @@ class ReadingsStream(Iterator[Readings]):
                     done += len(held)
                 held = block
             if held is not None:
-                yield replace(held, notes=(*held.notes, *self._units.notes()))
+                of_all = (*self._units.notes(), *self._small.notes())
+                yield replace(held, notes=(*held.notes, *of_all))
         except (Suspect, InputError, OSError):
             whole = read_readings(self._files, self._machine, for_fit=False, travels=self._travels)
             self._sources = whole.sources
@@ -129,6 +132,7 @@ class ReadingsStream(Iterator[Readings]):
                 file.add(block)
                 if len(block.table):
                     self._units.add(block.table)
+                    self._small.add(block.table)
                     readings = self._readings(block.table, index, known)
                     if len(self._files) > 1:
                         copied.frombytes(reading_marks(readings).tobytes())

@@ -1,0 +1,62 @@
+"""Readings that no machine has, as those in mm of which the file says um, are asked about."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mtu_cli.files.readings import read_readings
+from mtu_cli.files.readings_stream import stream_readings
+
+PLACES = (0, 50, 100, 150, 200)
+
+
+def told(tmp_path: Path, errors: list[float], unit: str, places: tuple[float, ...]) -> list[str]:
+    path = tmp_path / "l.csv"
+    rows = "".join(f"dx,{x},{e},{unit}\n" for x, e in zip(places, errors, strict=True))
+    path.write_text(f"component,position_mm,error,unit\n{rows}", "utf-8")
+    whole = read_readings([(path, "laser")], None, for_fit=False)
+    *_, last = stream_readings([(path, "laser")], None)
+    assert last.notes == whole.notes
+    return [item.message for item in whole.notes if item.code == "readings-small"]
+
+
+@pytest.mark.parametrize(
+    ("unit", "largest", "likely"),
+    [("um", 0.012, ", or in mm?"), ("nm", 12.0, ", or in um?"), ("arcsec", 1e-3, ", or in mrad or rad or deg?"),
+     ("arcsec", 5e-5, ", or in rad or deg?"), ("um", 1e-6, "?"), ("urad", 0.04, ", or in mrad or deg?")],
+)  # fmt: skip
+def test_readings_in_a_larger_unit_are_asked_about(
+    tmp_path: Path, unit: str, largest: float, likely: str
+) -> None:
+    errors = [0.0, largest / 4, largest / 2, -largest, largest / 3]
+    (text,) = told(tmp_path, errors, unit, PLACES)
+    assert text.startswith("l.csv, row 2, column 'unit': the errors of dx are all below 0.0")
+    assert text.endswith(f"are they in {unit}{likely}")
+
+
+@pytest.mark.parametrize(
+    ("unit", "errors", "places"),
+    [
+        ("um", [0.01, 0.01, 0.06, 0.01, 0.01], PLACES),
+        ("um", [0.0] * 5, PLACES),
+        ("um", [0.01] * 5, (0, 20, 40, 60, 80)),
+        ("um", [0.01] * 4, (0, 50, 100, 150)),
+        ("mm", [0.001] * 5, PLACES),
+        ("arcsec", [0.02] * 5, PLACES),
+    ],
+    ids=["one is larger", "none errs", "a short axis", "a few", "in mm", "a good table"],
+)
+def test_what_a_machine_may_have_is_not(
+    tmp_path: Path, unit: str, errors: list[float], places: tuple[float, ...]
+) -> None:
+    assert told(tmp_path, errors, unit, places) == []
+
+
+def test_several_components_are_told_together_and_blocks_as_a_whole(tmp_path: Path) -> None:
+    path = tmp_path / "l.csv"
+    rows = "".join(f"{name},{x},0.0{x % 4},um\n" for name in ("dx", "dy") for x in PLACES)
+    path.write_text(f"component,position_mm,error,unit\n{rows}dz,0,3,um\n", "utf-8")
+    (note,) = read_readings([(path, "laser")], None, for_fit=False).notes
+    assert "the errors of dx, dy are all below 0.05 um" in note.message
