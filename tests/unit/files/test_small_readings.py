@@ -24,8 +24,9 @@ def told(tmp_path: Path, errors: list[float], unit: str, places: tuple[float, ..
 
 @pytest.mark.parametrize(
     ("unit", "largest", "likely"),
-    [("um", 0.012, ", or in mm?"), ("nm", 12.0, ", or in um?"), ("arcsec", 1e-3, ", or in mrad or rad or deg?"),
-     ("arcsec", 5e-5, ", or in rad or deg?"), ("um", 1e-6, "?"), ("urad", 0.04, ", or in mrad or deg?")],
+    [("um", 0.012, ", or in mm?"), ("nm", 12.0, ", or in um?"),
+     ("arcsec", 1e-3, ", or in mrad or rad or deg?"), ("arcsec", 5e-5, ", or in rad or deg?"),
+     ("um", 1e-6, "?"), ("urad", 0.04, ", or in mrad or deg?")],
 )  # fmt: skip
 def test_readings_in_a_larger_unit_are_asked_about(
     tmp_path: Path, unit: str, largest: float, likely: str
