@@ -204,6 +204,7 @@ SLOW = ("pandas", "scipy.linalg", "scipy.special", "scipy.stats", "matplotlib")
     ("call", "without"),
     [
         ("--help", HEAVY),
+        ("-h", HEAVY),
         ("predict-points configs/gilsinn-ling", SLOW),
         ("graph simulate configs/graphs/axes-a-and-c.yaml", SLOW),
     ],

@@ -21,6 +21,7 @@ app = typer.Typer(
     help="Machine tool uncertainty: from measurements of a machine and of its parts to "
     "statements with uncertainty.",
     no_args_is_help=True,
+    context_settings={"help_option_names": ["--help", "-h"]},
     add_completion=False,
     pretty_exceptions_enable=False,
 )
