@@ -29,7 +29,7 @@ def check_inputs(budget: Budget, findings: Findings) -> None:
             if part.low is not None and part.high is not None:
                 what = "`low` and `high` of a further contribution have no place to stand at"
                 findings.add(own, what, expected="half_width, about the input's value")
-            elif not _stated(part):
+            elif not _stated(part) and "readings" not in findings.keys(*own):
                 findings.add(own, "nothing says how large it is", expected="u, half_width or U")
 
 
@@ -128,13 +128,20 @@ def _check_value(item: Input, path: YamlPath, findings: Findings) -> None:
     if item.readings is not None and limits:
         what = "`low` and `high` beside `readings`"
         findings.add((*path, "low"), what, expected="half_width, about the mean of the readings")
-    if item.value is None and item.readings is None and not limits:
+    stated = item.value is not None or item.readings is not None or limits
+    if not stated and not _within(item, path, findings):
         findings.add_missing(path, "value", expected="a value or readings")
     if item.value is not None and item.low is not None and item.high is not None:
         middle = 0.5 * (item.low + item.high)
         if abs(item.value - middle) > ROUNDING * max(abs(item.low), abs(item.high)):
             what = "the value is not the middle of `low` and `high`, where their distribution is"
             findings.add((*path, "value"), what, value=item.value, expected=f"{middle:g}, or none")
+
+
+def _within(item: Input, path: YamlPath, findings: Findings) -> bool:
+    """Whether readings stand in a further contribution, which is told: they give the value."""
+    parts = ((*path, "contributions", index) for index, _ in present(item.contributions))
+    return any("readings" in findings.keys(*part) for part in parts)
 
 
 def check_joint(budget: Budget, findings: Findings) -> None:

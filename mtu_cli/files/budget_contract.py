@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -23,6 +24,11 @@ UNIT = "Unit, such as mm, 1/degC or um/m/K; it converts nothing, but those of a 
 class Contribution(Contract):
     """How well a quantity is known from one source: JCGM 100:2008, 4.2 and 4.3."""
 
+    elsewhere: ClassVar[Mapping[str, str]] = {
+        "readings": "`readings:` beside `contributions:`, in place of `value:`: it is their mean",
+        "value": "`value:` beside `contributions:`, which are all about it",
+        "unit": "`unit:` beside `contributions:`, which are all in it",
+    }
     says: str | None = Field(default=None, description="What it is, in words")
     u: NonNegative | None = Field(default=None, description="Standard uncertainty")
     half_width: NonNegative | None = Field(
@@ -52,7 +58,8 @@ class Input(Contribution):
         default=None, description="Repeated readings: mean, s/sqrt(n), n - 1"
     )
     contributions: list[Contribution] = Field(
-        default=[], description="Further independent contributions to the same quantity"
+        default=[],
+        description="Further independent contributions to the same quantity; `readings` beside it",
     )
 
 

@@ -17,6 +17,7 @@ from mtu_cli.files.contract_shapes import (
     expected_list,
     holds_commas,
     keys_at,
+    stands_elsewhere,
 )
 from mtu_cli.files.shown_values import shown_value
 from mtu_cli.files.yaml_entries import COLON, as_entry
@@ -175,7 +176,8 @@ def _problem(item: ErrorDetails, decimals: Decimals, model: type[BaseModel]) -> 
     elif item["type"] == "extra_forbidden":
         what, value = "unknown key", str(item["loc"][-1])
         known = keys_at(model, item["loc"][:-1])
-        expected = decimals.point(item["loc"]) or expected_key(value, known)
+        elsewhere = stands_elsewhere(model, item["loc"])
+        expected = decimals.point(item["loc"]) or elsewhere or expected_key(value, known)
     elif item["type"] == TOLD:
         context = item.get("ctx", {})
         what, expected = str(context["what"]), str(context["expected"])

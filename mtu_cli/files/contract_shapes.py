@@ -48,6 +48,12 @@ def keys_at(model: type[BaseModel], loc: YamlPath) -> list[str]:
     return list(_fields(annotation_at(model, loc)))
 
 
+def stands_elsewhere(model: type[BaseModel], loc: YamlPath) -> str | None:
+    """Where a key belongs that stands in an entry which has no such key, if the contract says."""
+    told: Mapping[str, str] = getattr(annotation_at(model, loc[:-1]), "elsewhere", {})
+    return told.get(str(loc[-1]))
+
+
 def expected_list(given: object, annotation: Any) -> str:
     """What to write instead of a value that stands where a list belongs."""
     item = _bare(_step(annotation, 0))

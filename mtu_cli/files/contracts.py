@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
@@ -44,8 +44,12 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 class Contract(BaseModel):
-    """Base of all contract models: no unknown keys, no coercion, finite numbers, frozen."""
+    """Base of all contract models: no unknown keys, no coercion, finite numbers, frozen.
 
+    `elsewhere`: where keys stand that an entry has not, but are looked for in it.
+    """
+
+    elsewhere: ClassVar[Mapping[str, str]] = {}
     model_config = ConfigDict(
         extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True
     )

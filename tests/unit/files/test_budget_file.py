@@ -136,6 +136,14 @@ def test_contributions_are_counted_once_each() -> None:
     assert found.dof == pytest.approx(3 * (found.u**2 / (5 / 12)) ** 2)
 
 
+def test_readings_stand_beside_further_contributions() -> None:
+    found = quantity(
+        "{readings: [1, 2, 6], contributions: [{half_width: 0.5, distribution: rectangular}]}"
+    )
+    assert (found.value, found.type) == (3.0, "A+B")
+    assert found.u == pytest.approx(math.sqrt(7 / 3 + 0.25 / 3))
+
+
 # The faults of one file each, told in the order of its lines; words that each must hold.
 FAULTY = {
     "both u and half_width": ("{value: 1, u: 1, half_width: 2}", ["u and half_width are given"]),
@@ -182,6 +190,22 @@ FAULTY = {
         ["say the same"],
     ),
     "contribution of nothing": ("{value: 1, contributions: [{says: x}]}", ["how large it is"]),
+    "readings among contributions": (
+        "{contributions: [{readings: [1, 2]}, {u: 1}], unit: mm}",
+        ["contributions[0].readings: unknown key", "expected `readings:` beside `contributions:`"],
+    ),
+    "readings among contributions to a value": (
+        "{value: 1, contributions: [{u: 1}, {readings: [1, 2]}]}",
+        ["in place of `value:`: it is their mean"],
+    ),
+    "unit of a contribution": (
+        "{value: 1, contributions: [{u: 1, unit: mm}]}",
+        ["contributions[0].unit: unknown key", "expected `unit:` beside `contributions:`"],
+    ),
+    "value of a contribution": (
+        "{value: 1, contributions: [{value: 0, u: 1}]}",
+        ["expected `value:` beside `contributions:`"],
+    ),
     "distribution of nothing": ("{value: 1, distribution: arcsine}", ["without a width"]),
 }
 
