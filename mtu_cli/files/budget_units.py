@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import permutations, product
 
 from mtu_cli.files.unit_text import GRAMS, SIZE, Exponents, unit_exponents
 from mtu_cli.language import EquationError, Node
@@ -44,6 +44,11 @@ MOST = 8
 """Of so many of them: there are ever more products."""
 _ONE = re.compile(r"[^\s*./()\d][^\s*./()]*")
 """A unit that may stand in a product: of um/m*K nobody knows what is meant."""
+_NAME = re.compile(r"[A-Za-z%\u00b0\u00b5\u03bc\u2126\u03a9]+")
+BARE = "units of"
+"""How a unit begins that is told by base units."""
+LEAST, ROUNDED = 0.9e-6, 1e-9
+"""Of a factor that is told as a divisor, and how near to a whole number that is."""
 SIMPLE = 12
 """Numerator and denominator of the largest simple fraction."""
 
@@ -121,8 +126,13 @@ class BudgetUnits:
         wanted = unit_exponents(stated, self.gram)
         if stated is None or wanted is None:
             return None
-        angle = stated.casefold().rstrip("s").endswith(ANGLES)
-        return self.result(tree, wanted, "rad" if angle else "plain numbers")
+        for sure in (True, False):
+            found = self.of(tree, sure)
+            if found is None:
+                continue
+            if _differ(found, wanted) if sure else _sizes_differ(found, wanted):
+                return self._given(tree, found, stated, wanted)
+        return None
 
     def pair(self, left: Node, right: Node, column: int, verb: str) -> Iterator[EquationError]:
         for sure in (True, False):
@@ -133,8 +143,8 @@ class BudgetUnits:
                 first, second = self.text(one), self.text(other)
                 hint = "terms of one unit"
                 if not _differ(one, other):
-                    factor = _ratio(other[SIZE] - one[SIZE])
-                    hint = f"one unit: what is in {second} times {factor}"
+                    factor = _times(other[SIZE] - one[SIZE])
+                    hint = f"one unit: what is in {second} {factor}"
                 yield EquationError(f"{first} and {second} {verb}", column, hint)
                 return
 
@@ -149,23 +159,51 @@ class BudgetUnits:
             if _differ(found, {}) if sure else _sizes_differ(found, {SIZE: 0.0}):
                 hint = "a plain number, or an angle in rad"
                 if not _differ(found, {}):
-                    hint += f": what is inside times {_ratio(found[SIZE])}"
+                    hint += f": what is inside {_times(found[SIZE])}"
                 column = first_column(argument)
                 yield EquationError(f"{of} {self.text(found)}", column, hint, shown(argument))
                 return
 
-    def result(self, tree: Node, wanted: Exponents, plain: str) -> EquationError | None:
-        for sure in (True, False):
-            found = self.of(tree, sure)
-            if found is None:
-                continue
-            if _differ(found, wanted) if sure else _sizes_differ(found, wanted):
-                told = self.text(found).replace("plain numbers", plain)
-                hint = f"{told}, or an equation that gives this unit"
-                if not _differ(found, wanted) and not _has_shift(tree):
-                    hint = f"{told}, or the equation times {_ratio(found[SIZE] - wanted[SIZE])}"
-                return EquationError(f"the equation gives {told}", first_column(tree), hint)
+    def _given(self, tree: Node, found: Exponents, stated: str, wanted: Exponents) -> EquationError:
+        """What an equation gives instead of the `stated` unit, and first how it would give that."""
+        told = self.text(found)
+        ways = ["an equation that gives this unit"]
+        if not _differ(found, wanted):
+            angle = stated.casefold().rstrip("s").endswith(ANGLES)
+            told = told.replace("plain numbers", "rad" if angle else "plain numbers")
+            off = found[SIZE] - wanted[SIZE]
+            ways = [] if self._has_shift(tree) else [f"the equation {_times(off)}"]
+            if told.startswith(BARE):
+                told, *others = self._like(stated, found) or (f"{BARE} {10.0**off:.6g} {stated}",)
+                ways += others
+        if not told.startswith(BARE) or not ways:
+            ways.append(f"{told} here")
+        return EquationError(f"the equation gives {told}", first_column(tree), ", or ".join(ways))
+
+    def _like(self, stated: str, found: Exponents) -> tuple[str, str] | None:
+        """A unit as the `stated` one with one of its units as inputs have it, N*mm for N*m; and
+        what those inputs would be instead.
+        """
+        for part in _NAME.finditer(stated):
+            own = unit_exponents(part[0], self.gram)
+            for text in self.stated if own is not None else ():
+                item = self.named.get(text)
+                if item is None or own is None or _differ(item, own) or not _NAME.fullmatch(text):
+                    continue
+                like = stated[: part.start()] + text + stated[part.end() :]
+                exponents = unit_exponents(like, self.gram)
+                if exponents is not None and _same(exponents, found):
+                    return like, f"inputs in {part[0]} instead of {text}"
         return None
+
+    def _has_shift(self, tree: Node) -> bool:
+        """Whether a literal is added to plain numbers of another size, or to what is not known:
+        1 + alpha*dT in ppm is no matter of a factor.
+        """
+        sums = [item for item in walk(tree) if isinstance(item, Binary) and item.operator in "+-"]
+        sides = [pair for item in sums for pair in permutations((item.left, item.right))]
+        beside = [self.of(other, sure=False) for side, other in sides if isinstance(side, Number)]
+        return any(found is None or _sizes_differ(found, {SIZE: 0.0}) for found in beside)
 
     def of(self, node: Node, sure: bool) -> dict[str, float] | None:
         """Exponents of what a term gives; None where they are not known, or disagree within it.
@@ -199,7 +237,7 @@ class BudgetUnits:
             for base in BASES[:-1]
             if found[base]
         ]
-        return " ".join([f"units of {10.0 ** found[SIZE]:.6g}", *bases])
+        return " ".join([f"{BARE} {10.0 ** found[SIZE]:.6g}", *bases])
 
     def _product(self, found: Exponents) -> str | None:
         """A unit as the shortest product of those of the inputs; None where there is none."""
@@ -219,12 +257,6 @@ def _multiplied(*factors: tuple[str, Exponents]) -> dict[str, float]:
         base: sum(item.get(base, 0.0) * (-1.0 if text[0] == "/" else 1.0) for text, item in factors)
         for base in BASES
     }
-
-
-def _has_shift(tree: Node) -> bool:
-    """Whether a literal is added somewhere: 1 + alpha*dT in ppm is no matter of a factor."""
-    sums = (item for item in walk(tree) if isinstance(item, Binary) and item.operator in "+-")
-    return any(isinstance(side, Number) for item in sums for side in (item.left, item.right))
 
 
 def _literals(node: Node, added: bool) -> Iterator[Node]:
@@ -256,9 +288,13 @@ def _sizes_differ(one: Exponents, other: Exponents) -> bool:
     return not _differ(one, other) and abs(one[SIZE] - other[SIZE]) > SAME
 
 
-def _ratio(logarithm: float) -> str:
+def _times(logarithm: float) -> str:
+    """A factor in words: times 0.0254, times pi/180, divided by 1000."""
     ratio = 10.0**logarithm
     for text, value in (("180/pi", 180 / math.pi), ("pi/180", math.pi / 180)):
         if math.isclose(ratio, value, rel_tol=SAME):
-            return text
-    return f"{ratio:.6g}"
+            return f"times {text}"
+    below = round(1.0 / ratio) if LEAST < ratio < 1.0 else 0
+    if below and math.isclose(below * ratio, 1.0, rel_tol=ROUNDED):
+        return f"divided by {below}"
+    return f"times {ratio:.6g}"

@@ -142,16 +142,16 @@ MM = {"h": "mm", "L": "mm"}
             "asin(h/L)",
             "deg",
             MM,
-            "3: quantity.unit: the equation gives rad: 'deg'; expected rad, or the equation times "
-            "180/pi",
+            "3: quantity.unit: the equation gives rad: 'deg'; expected the equation times "
+            "180/pi, or rad here",
         ),
         ("2*atan(h)", "arcsec", {"h": ""}, "3: quantity.unit: the equation gives rad: 'arcsec'"),
         (
             "h + L",
             "mm",
             {"h": "mm", "L": "um"},
-            "4: equation: mm and um are added at column 3; expected one unit: what is in um times "
-            "0.001",
+            "4: equation: mm and um are added at column 3; expected one unit: what is in um "
+            "divided by 1000",
         ),
         (
             "h + L",
@@ -161,7 +161,12 @@ MM = {"h": "mm", "L": "mm"}
             "times 0.0393701",
         ),
         ("h + L", "rad", {"h": "degrees", "L": "rad"}, "degrees and plain numbers are added at"),
-        ("asin(h/L)", "Degrees", MM, "the equation gives rad: 'Degrees'; expected rad, or"),
+        (
+            "asin(h/L)",
+            "Degrees",
+            MM,
+            "gives rad: 'Degrees'; expected the equation times",
+        ),
         ("h - t", "mm", {"h": "mm", "t": "degC"}, "4: equation: mm and degC are added at column 3"),
         (
             "L*sin(2*phi)",
@@ -173,14 +178,19 @@ MM = {"h": "mm", "L": "mm"}
         ("log(h)", "1", {"h": "mm"}, "4: equation: log of numbers in mm at column 5: 'h'"),
         ("2**h", "1", {"h": "mm"}, "4: equation: an exponent in mm at column 4: 'h'"),
         ("atan2(h, L)", "rad", {"h": "mm", "L": "um"}, "4: equation: mm and um are compared"),
-        ("a*L*t", "um", {"a": "um/m/K", "L": "mm", "t": "degC"}, "gives nm: 'um'; expected nm, or"),
-        ("V/I", "ohm", {"V": "V", "I": "mA"}, "gives kohm: 'ohm'; expected kohm, or the equation"),
+        (
+            "a*L*t",
+            "um",
+            {"a": "um/m/K", "L": "mm", "t": "degC"},
+            "'um'; expected the equation divided",
+        ),
+        ("V/I", "ohm", {"V": "V", "I": "mA"}, "gives kohm: 'ohm'; expected the equation times"),
         (
             "phi*L",
             "um",
             {"phi": "arcsec", "L": "mm"},
-            "the equation gives arcsec*mm: 'um'; expected arcsec*mm, or the equation times "
-            "0.00484814",
+            "the equation gives arcsec*mm: 'um'; expected the equation times "
+            "0.00484814, or arcsec*mm here",
         ),
         (
             "phi*L + h",
@@ -192,7 +202,7 @@ MM = {"h": "mm", "L": "mm"}
         ("h*L**2/t", "mm", {"h": "deg", "L": "in", "t": "min"}, "gives units of 1.87669e-07 m^2 s"),
         ("h*L/t", "mm", {"h": "deg", "L": "in", "t": "min"}, "gives deg*in/min: 'mm'; expected"),
         ("atan(h)/2 + L", "rad", {"h": "1", "L": "arcsec"}, "plain numbers and arcsec are added"),
-        ("h*L", "mm", MM, "the equation gives mm^2: 'mm'; expected mm^2, or an equation that"),
+        ("h*L", "mm", MM, "the equation gives mm^2: 'mm'; expected an equation that gives t"),
         # What a literal is taken off keeps its unit.
         (
             "(h - L)*a*(t - 20)",
@@ -208,6 +218,19 @@ MM = {"h": "mm", "L": "mm"}
         ),
         ("L*(1 + a*(t - 20))", "mm", {"L": "mm", "a": "1", "t": "K"}, "gives mm*K: 'mm'; expected"),
         ("h + L*a*(t - 20)", "mm", MM | {"a": "1", "t": "K"}, "mm and mm*K are added at column 3"),
+        (
+            "m*g*L*(1 - a/b)",
+            "N*m",
+            {"m": "kg", "g": "m/s^2", "L": "mm", "a": "kg/m^3", "b": "kg/m^3"},
+            "3: quantity.unit: the equation gives N*mm: 'N*m'; expected the equation divided by "
+            "1000, or inputs in m instead of mm, or N*mm here",
+        ),
+        (
+            "F/(b*h)",
+            "kN/m\u00b2",
+            {"F": "N", "b": "mm", "h": "mm"},
+            "gives MPa: 'kN/m\u00b2'; expected the equation times 1000, or MPa here",
+        ),
         # 1 + 12 ppm is no 1.000012, and no factor mends that.
         ("L*(1 + a*t)", "mm", {"L": "mm", "a": "ppm/K", "t": "K"}, "gives nm: 'mm'; expected nm"),
     ],
@@ -264,18 +287,23 @@ G_MM = {"m": "g", "v": "mm^3"}
 @pytest.mark.parametrize(
     ("equation", "unit", "inputs", "told"),
     [
-        ("m/v", "g/cm^3", G_MM, "'g/cm^3'; expected g/mm^3, or the equation times 1000"),
-        ("4*m/(pi*v)", "g/cm^3", G_MM, "expected g/mm^3, or the equation times 1000"),
+        ("m/v", "g/cm^3", G_MM, "'g/cm^3'; expected the equation times 1000, or g/mm^3"),
+        ("4*m/(pi*v)", "g/cm^3", G_MM, "expected the equation times 1000, or g/mm^3"),
         ("m/v", "kg", G_MM, "the equation gives g/mm^3: 'kg'"),
         ("m + b", "g", {"m": "g", "b": "mg"}, "g and mg are added"),
         ("m/v", "g/mm^3", G_MM, None),
         ("1000*m/v", "g/cm^3", G_MM, None),
-        ("m/v", "g/mL", {"m": "g", "v": "L"}, "equation times 0.001"),
+        ("m/v", "g/mL", {"m": "g", "v": "L"}, "equation divided by 1000, or kg/m^3 here"),
         # A g may be the acceleration of free fall as well: what is right for either is right.
         ("a*b", "m/s^2", {"a": "g", "b": "m/s^2/g"}, None),
         ("m*a", "N", {"m": "kg", "a": "g"}, "the equation"),
         ("m*a", "N", {"m": "kg", "a": "m/s^2"}, None),
-        ("m*a", "N", {"m": "mg", "a": "m/s^2"}, "equation times 1e-06"),
+        (
+            "m*a",
+            "N",
+            {"m": "mg", "a": "m/s^2"},
+            "units of 1e-06 N: 'N'; expected the equation divided by 1000000",
+        ),
     ],
 )
 def test_grams(
@@ -299,8 +327,8 @@ def test_units_of_several_outputs(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         load_budget(path)
     assert str(caught.value) == (
-        "b.yaml:3: units.a: the equation gives rad: 'deg'; expected rad, or the equation times "
-        "180/pi"
+        "b.yaml:3: units.a: the equation gives rad: 'deg'; expected the equation times "
+        "180/pi, or rad here"
     )
 
 
