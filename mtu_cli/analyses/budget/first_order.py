@@ -11,6 +11,7 @@ import numpy as np
 from mtu_cli.analyses.budget.correlation import factor_of
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.analyses.budget.sources import Source
+from mtu_cli.analyses.budget.tails import Tail, long_tails
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.language import EquationError, Node, names
@@ -31,10 +32,9 @@ class FirstOrder:
 
     `share` (n,): c_i u_i sum_j r_ij c_j u_j / u^2, sums to 1; below 0 where a correlation
     makes u smaller. `second_value`, `second_u`: to the second order. nan where a derivative
-    does not exist; `faults` says at which functions. `bend` (n,): u_i sum_j |f_ij| u_j, the size
-    of what is not linear where an input enters, alone or with others. `scale`: a power of ten by
-    which the output is to be divided before anything of it is squared; 1 unless it is very large
-    or very small.
+    does not exist; `faults` says at which functions. `tails`: the sources of few degrees of
+    freedom. `scale`: a power of ten by which the output is to be divided before anything
+    of it is squared; 1 unless it is very large or very small.
     """
 
     name: str
@@ -46,7 +46,7 @@ class FirstOrder:
     share: FloatArray
     second_value: float
     second_u: float
-    bend: FloatArray
+    tails: tuple[Tail, ...]
     faults: tuple[EquationError, ...]
     scale: float = 1.0
 
@@ -144,7 +144,7 @@ def _output(
         share=share,
         second_value=slopes.value + scale * mean,
         second_u=scale * math.sqrt(second_variance) if second_variance >= 0.0 else math.nan,
-        bend=scale * u * (np.abs(slopes.second) @ (u / scale)),
+        tails=long_tails(g, slopes.second / scale, math.sqrt(variance), dof, inputs, sources),
         faults=slopes.faults,
         scale=scale,
     )

@@ -23,13 +23,21 @@ from mtu_cli.stats.least_squares import FloatArray
 class Part:
     """One contribution to an input: type A from readings, else type B; independent of others.
 
-    `group`: the simultaneous readings it stems from, by their number in the file.
+    `group`: the simultaneous readings it stems from, by their number in the file. `place`: the key
+    of the input that holds it; empty where the input's own keys do.
     """
 
     distribution: Distribution
     type_a: bool
     group: int | None = None
     says: str = ""
+    place: str = ""
+
+    def told(self, name: str) -> str:
+        """What it is called beside others of the input `name`."""
+        own = self.place or "width"
+        said = f" '{self.says}'" if self.says and self.says != own else ""
+        return f"the {own}{said} of {name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,14 +114,17 @@ def _quantity(name: str, item: Input, group: int | None) -> InputQuantity:
         value = item.readings[0] if alike else math.fsum(item.readings) / len(readings)
         s = float(np.std(readings - value, ddof=1))
         scatter = Distribution(kind="t", u=s / math.sqrt(len(readings)), dof=len(readings) - 1.0)
-        parts.append(Part(distribution=scatter, type_a=True, group=group, says="readings"))
+        parts.append(
+            Part(distribution=scatter, type_a=True, group=group, says="readings", place="readings")
+        )
     elif item.low is not None and item.high is not None and value is None:
         value = 0.5 * (item.low + item.high)
-    for stated in (item, *item.contributions):
+    for index, stated in enumerate((item, *item.contributions)):
         found = distribution(stated)
         if found is not None:
-            says = (stated.says or "") if stated is not item else ""
-            parts.append(Part(distribution=found, type_a=False, says=says))
+            says = (stated.says or "") if index else ""
+            place = f"contributions[{index - 1}]" if index else ""
+            parts.append(Part(distribution=found, type_a=False, says=says, place=place))
     return InputQuantity(
         name=name,
         value=math.nan if value is None else value,

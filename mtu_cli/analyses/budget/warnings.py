@@ -10,6 +10,7 @@ import numpy as np
 
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.analyses.budget.sources import Source
+from mtu_cli.analyses.budget.tails import told_source, unsettled
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult
@@ -18,12 +19,6 @@ if TYPE_CHECKING:
     from mtu_cli.analyses.budget import OutputBudget
 
 SHOWN = 6
-FEW_DOF = 4.0
-"""The square of a t distribution with no more has no variance."""
-BENDS = 1e-3
-"""Share of the tolerance of u below which what is not linear does not matter to u: where it is of
-three or four degrees of freedom, trials were seen to be off by some ten times as much.
-"""
 NO_WEAKER = 0.9995
 """A factor of a correlation that shows as 1."""
 ROUNDING = 1e-9
@@ -44,7 +39,7 @@ def budget_warnings(
     found = [Warned(code=item.code, message=item.message) for item in loaded.warnings]
     found += _inputs(inputs, sources)
     for index, item in enumerate(outputs):
-        found += _first_order(item, inputs)
+        found += _first_order(item, inputs, sources, run)
         found += _validation(item, run, index)
     beyond = [item.k for item in outputs if item.k > item.k_probability]
     if beyond and run.probability >= LARGEST_PROBABILITY:
@@ -111,9 +106,10 @@ def _listed(names: Sequence[str]) -> str:
 def _inputs(inputs: Sequence[InputQuantity], sources: Sequence[Source]) -> list[Warned]:
     found = []
     short = [
-        item.name
+        part.told(item.name) if len(item.parts) > 1 else item.name
         for item in inputs
-        if any(not part.distribution.bounded and part.distribution.dof <= 2 for part in item.parts)
+        for part in item.parts
+        if not part.distribution.bounded and part.distribution.dof <= 2
     ]
     if short:
         message = (
@@ -168,7 +164,12 @@ def _weaker(source: Source, inputs: Sequence[InputQuantity]) -> str:
     return said
 
 
-def _first_order(item: OutputBudget, inputs: Sequence[InputQuantity]) -> list[Warned]:
+def _first_order(
+    item: OutputBudget,
+    inputs: Sequence[InputQuantity],
+    sources: Sequence[Source],
+    run: MonteCarloResult,
+) -> list[Warned]:
     first = item.first
     name = first.name
     if first.faults:
@@ -181,21 +182,12 @@ def _first_order(item: OutputBudget, inputs: Sequence[InputQuantity]) -> list[Wa
     if first.u == 0.0:
         return [_without_u(item, inputs)]
     found = []
-    # Of trials c t + b t^2 the variance is off by (2 b c + b^2) times what its sums are off.
-    off = first.bend / first.u * (first.contribution + 0.5 * first.bend)
-    tail = [
-        other.name
-        for other, own in zip(inputs, off, strict=True)
-        if own > BENDS * item.validation.tolerance
-        and any(
-            not part.distribution.bounded and part.distribution.dof <= FEW_DOF
-            for part in other.parts
-        )
-    ]
-    if tail:
+    far = unsettled(first.tails, item.validation.tolerance / first.u, run.trials)
+    if far:
+        named = [text for tail in far for text in told_source(sources[tail.source], inputs)]
         message = (
-            f"{name} is not linear, with four degrees of freedom or fewer for {_listed(tail)}: "
-            "its standard uncertainty by Monte Carlo may not settle, use the interval"
+            f"{name}: with four degrees of freedom or fewer for {_listed(named)} the standard "
+            "uncertainty by Monte Carlo may not settle to the digits asked for, use the interval"
         )
         found.append(Warned(code="heavy-tails", message=message))
     shift = abs(first.second_value - first.value)

@@ -25,37 +25,6 @@ def test_two_degrees_of_freedom_have_no_standard_uncertainty() -> None:
     assert "no-standard-uncertainty" in codes(result)
 
 
-LENGTH = "{readings: [100.0003, 100.0001, 100.0005, 99.9998, 100.0002]}"
-
-
-@pytest.mark.parametrize(
-    ("text", "warned"),
-    [
-        (f"equation: L*a\ninputs: {{L: {LENGTH}, a: {{value: 1, u: 1e-6}}}}\n", False),
-        (
-            "equation: L*(1 - alpha*(T - 20)) + probe\n"
-            f"inputs: {{L: {LENGTH}, alpha: {{value: 1.15e-5, u: 1e-6}}, "
-            "T: {value: 20.5, u: 0.2}, probe: {value: 0, u: 1e-4}}\n",
-            False,
-        ),
-        ("equation: L*a\ninputs: {L: {value: 1, u: 0.1, dof: 4}, a: {value: 1, u: 0.1}}\n", True),
-        # a makes nearly all of u: 1e-6 of its tolerance are the product's.
-        (
-            "equation: L*a\ninputs: {L: {value: 100, u: 0.01, dof: 4}, a: {value: 1, u: 0.1}}\n",
-            False,
-        ),
-        ("equation: L**2\ninputs: {L: {value: 1, u: 0.01, dof: 4}}\n", True),
-        ("equation: L**2\ninputs: {L: {value: 1, u: 0.01, dof: 5}}\n", False),
-    ],
-)
-def test_u_may_not_settle_where_long_tails_bend(text: str, warned: bool) -> None:
-    """Not where all that is not linear is a thousandth of what is asked of u, or less."""
-    result = evaluated(text)
-    found = [item.message for item in result.warnings if item.code == "heavy-tails"]
-    assert bool(found) is warned
-    assert all("y is not linear, with four degrees" in text for text in found)
-
-
 def test_three_readings_beside_others() -> None:
     """A t of 2 degrees of freedom among normals: no u, an interval by plain simulation."""
     text = "equation: x + y\ninputs: {x: {readings: [1, 2, 3]}, y: {value: 0, u: 1}}\n"

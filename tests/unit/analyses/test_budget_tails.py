@@ -1,0 +1,90 @@
+"""What a trial far out makes of the u of a Monte Carlo; oracles: plain draws, closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from budget_examples import evaluated
+
+from mtu_cli.analyses.budget.tails import Tail
+
+LENGTH = "{readings: [100.0003, 100.0001, 100.0005, 99.9998, 100.0002]}"
+
+
+@pytest.mark.parametrize(
+    ("text", "warned"),
+    [
+        (f"equation: L*a\ninputs: {{L: {LENGTH}, a: {{value: 1, u: 1e-6}}}}\n", False),
+        (
+            "equation: L*(1 - alpha*(T - 20)) + probe\n"
+            f"inputs: {{L: {LENGTH}, alpha: {{value: 1.15e-5, u: 1e-6}}, "
+            "T: {value: 20.5, u: 0.2}, probe: {value: 0, u: 1e-4}}\n",
+            False,
+        ),
+        ("equation: L*a\ninputs: {L: {value: 1, u: 0.1, dof: 4}, a: {value: 1, u: 0.1}}\n", False),
+        ("equation: L*a\ninputs: {L: {value: 1, u: 0.1, dof: 2.5}, a: {value: 1, u: 0.1}}\n", True),
+        # A sum is linear, but its trials are not known as those of a single t are.
+        ("equation: L + a\ninputs: {L: {value: 1, u: 0.1, dof: 3}, a: {value: 1, u: 0.1}}\n", True),
+        (
+            "equation: L + a\ninputs: {L: {value: 1, u: 0.1, dof: 4}, a: {value: 1, u: 0.1}}\n",
+            False,
+        ),
+        ("equation: L + a\ninputs: {L: {value: 1, u: 0.1, dof: 3}, a: 1}\n", False),
+        (
+            "equation: L + a\ninputs: {L: {value: 1, u: 0.03, dof: 3}, a: {value: 1, u: 0.1}}\n",
+            False,
+        ),
+        # a makes nearly all of u: 1e-6 of its tolerance are the product's.
+        (
+            "equation: L*a\ninputs: {L: {value: 100, u: 0.01, dof: 4}, a: {value: 1, u: 0.1}}\n",
+            False,
+        ),
+        ("equation: L**2\ninputs: {L: {value: 1, u: 0.01, dof: 3}}\n", True),
+        ("equation: L**2\ninputs: {L: {value: 1, u: 0.01, dof: 4}}\n", False),
+        ("equation: L**2\ninputs: {L: {value: 1, u: 0.1, dof: 4}}\n", True),
+        ("equation: L**2\ninputs: {L: {value: 1, u: 0.1, dof: 5}}\n", False),
+    ],
+)
+def test_u_may_not_settle_where_tails_are_long(text: str, warned: bool) -> None:
+    """Not where a single trial far out changes no digit that is asked for."""
+    result = evaluated(text)
+    found = [item.message for item in result.warnings if item.code == "heavy-tails"]
+    assert bool(found) is warned
+    assert all("y: with four degrees of freedom or fewer for L the " in text for text in found)
+
+
+WRINGING = (
+    "equation: c*s + t\ninputs:\n  s: {value: 1, u: 0.01}\n  t: {value: 0, u: 0.08}\n"
+    "  c: {value: 0.35, contributions: [{u: 0.02}, {says: wringing, u: SMALL, dof: DOF}]}\n"
+)
+
+
+@pytest.mark.parametrize(("small", "warned"), [("0.008", False), ("0.2", True)])
+def test_the_contribution_of_few_degrees_of_freedom_is_named(small: str, warned: bool) -> None:
+    """c has hundreds of them; and where the one is small u is that of a plain simulation."""
+    result = evaluated(WRINGING.replace("SMALL", small).replace("DOF", "3"))
+    found = [item.message for item in result.warnings if item.code == "heavy-tails"]
+    assert bool(found) is warned
+    assert all("fewer for the contributions[1] 'wringing' of c the" in text for text in found)
+    drawn = [0.02**2, 3 * float(small) ** 2]
+    u = math.sqrt(0.08**2 + sum(drawn) * (1 + 0.01**2) + (0.35 * 0.01) ** 2)
+    tolerance = result.outputs[0].validation.tolerance
+    assert warned or result.run.u[0] == pytest.approx(u, abs=tolerance)
+
+
+def test_a_contribution_without_u_is_named() -> None:
+    result = evaluated(WRINGING.replace("SMALL", "0.008").replace("DOF", "2"))
+    found = [item.message for item in result.warnings if "degrees" in item.message]
+    assert len(found) == 1
+    assert found[0].startswith("two degrees of freedom or fewer for the contributions[1] 'wringin")
+
+
+@pytest.mark.parametrize("dof", [2.5, 3.0, 4.0])
+def test_one_trial_adds_to_u_what_is_foretold(dof: float) -> None:
+    """In one run of twenty the furthest of 2000 trials of t + t^2/10 adds more; plain draws."""
+    tail = Tail(source=0, dof=dof, joint_dof=None, linear=1.0, squared=0.1, crossed=0.0)
+    far = np.abs(np.random.default_rng(3).standard_t(dof, (4000, 2000))).max(axis=1)
+    added = ((far + 0.1 * far**2) ** 2 - far**2) / (2 * 2000)
+    assert np.mean(added > tail.shift_of_u(2000)) == pytest.approx(0.05, abs=0.014)
