@@ -84,8 +84,9 @@ def _check_kind(
 ) -> None:
     kind = item.distribution or "normal"
     if kind not in SHAPED and stated in (["half_width"], ["low"]):
-        what = f"a {kind} distribution has no limits"
-        findings.add(path, what, expected="u, or a distribution such as rectangular")
+        default = ", and it is normal unless it says otherwise" if item.distribution is None else ""
+        what = f"a {kind} distribution has no limits{default}"
+        findings.add(path, what, expected="`distribution: rectangular`, say, or u")
     if item.distribution is not None and not stated:
         findings.add((*path, "distribution"), "a distribution without a width", value=kind)
     if item.top is not None and kind != "trapezoidal":

@@ -28,6 +28,13 @@ class Contribution(Contract):
         "readings": "`readings:` beside `contributions:`, in place of `value:`: it is their mean",
         "value": "`value:` beside `contributions:`, which are all about it",
         "unit": "`unit:` beside `contributions:`, which are all in it",
+        "values": "`readings:`",
+        "resolution": "`half_width:`, half of it, with `distribution: rectangular`",
+        "U95": "`U:` with its `k:`",
+        "s": "`u:`, of a mean s/sqrt(n), with `dof:`, n - 1; or the `readings:`",
+        "n": "`dof:`, n - 1 of a mean of n; or the `readings:`",
+        "nu": "`dof:`",
+        "df": "`dof:`",
     }
     says: str | None = Field(default=None, description="What it is, in words")
     u: NonNegative | None = Field(default=None, description="Standard uncertainty")
@@ -87,6 +94,19 @@ def _correlation(value: object) -> object:
     raise told("not a correlation", "two inputs and a coefficient, such as [V, I, 0.2]")
 
 
+def _correlations(value: object) -> object:
+    if isinstance(value, dict):
+        expected = "two inputs and a coefficient in brackets for each, [[V, I, 0.2]]"
+        raise told("not a list of correlations", expected)
+    return lists_within(value)
+
+
+def _probability(value: object) -> object:
+    if isinstance(value, (int, float)) and 1 < value <= 100 * LARGEST_PROBABILITY:
+        raise told("a probability above 1", f"{value / 100:.6g} for {value:g} %")
+    return value
+
+
 Correlation = Annotated[
     list[Any],
     BeforeValidator(_correlation, json_schema_input_type=list[str | float]),
@@ -105,9 +125,9 @@ class Quantity(Contract):
 class Coverage(Contract):
     """How U is meant: for a coverage probability, or with a given factor."""
 
-    probability: Annotated[float, Field(gt=0, le=LARGEST_PROBABILITY)] | None = Field(
-        default=None, description="Coverage probability; k is then that of Student's t"
-    )
+    probability: Annotated[
+        Annotated[float, Field(gt=0, le=LARGEST_PROBABILITY)] | None, BeforeValidator(_probability)
+    ] = Field(default=None, description="Coverage probability; k is then that of Student's t")
     k: Annotated[float, Field(gt=0, lt=MAX_COVERAGE)] | None = Field(
         default=None, description="Coverage factor of U = k u"
     )
@@ -133,7 +153,7 @@ class Budget(Contract):
         ],
         Field(min_length=1),
     ]
-    correlations: Annotated[list[Correlation], BeforeValidator(lists_within)] = Field(
+    correlations: Annotated[list[Correlation], BeforeValidator(_correlations)] = Field(
         default=[], description="[input, input, correlation coefficient]"
     )
     simultaneous: Annotated[

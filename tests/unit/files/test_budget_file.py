@@ -159,7 +159,17 @@ FAULTY = {
         ["not the middle of `low` and `high`", "expected 1, or none"],
     ),
     "one reading": ("{readings: [1]}", ["at least 2 of them"]),
-    "normal with limits": ("{value: 1, half_width: 1}", ["a normal distribution has no limits"]),
+    "limits without a distribution": (
+        "{value: 1, half_width: 1}",
+        ["has no limits, and it is normal unless", "expected `distribution: rectangular`, say, or"],
+    ),
+    "normal with limits": (
+        "{value: 1, half_width: 1, distribution: normal}",
+        ["a normal distribution has no limits; expected"],
+    ),
+    "resolution": ("{value: 1, resolution: 1}", ["'resolution'; expected `half_width:`, half of"]),
+    "size of a sample": ("{value: 1, u: 1, n: 5}", ["'n'; expected `dof:`, n - 1"]),
+    "U of 95 %": ("{value: 1, U95: 1}", ["'U95'; expected `U:` with its `k:`"]),
     "t without dof": ("{value: 1, u: 1, distribution: t}", ["without `dof`"]),
     "dof of nothing": ("{readings: [1, 2], dof: 9}", ["readings have n - 1"]),
     "dof of zero": ("{value: 1, u: 1, dof: 0}", ["a number above 0"]),
@@ -218,6 +228,28 @@ def test_faults_of_an_input(name: str) -> None:
     assert found[0].startswith("b.yaml:6: inputs.a")
     for word in words:
         assert word in found[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("coverage: {probability: 95}", "a probability above 1: '95'; expected 0.95 for 95 %"),
+        ("coverage: {probability: 99.95}", "expected a number of at most 0.999"),
+        (
+            "correlations: {a: {b: 0.3}}",
+            'not a list of correlations: \'{"a": {"b": 0.3}}\'; expected',
+        ),
+        ("correlations: [a, b, 0.3]", "expected brackets around each of them too"),
+    ],
+)
+def test_what_is_beside_the_inputs(text: str, words: str) -> None:
+    (found,) = faults(SUM + f"  a: {{value: 1, u: 1}}\n{text}\n")
+    assert words in found
+
+
+def test_readings_by_another_name() -> None:
+    first, _ = faults(SUM + "  a: {values: [1, 2]}\n")
+    assert first.endswith("unknown key: 'values'; expected `readings:`")
 
 
 def test_all_faults_at_once() -> None:
