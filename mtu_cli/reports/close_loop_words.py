@@ -174,7 +174,7 @@ def _none(item: TableResult, alpha: float) -> str:
     likely = _likely(item)
     said = [
         f"Nothing undeclared was found (at {100 * alpha:g} % false alarms in all): "
-        f"the rms of {rms} {unit} {'may be' if likely else 'is'} scatter"
+        f"the rms of {rms} {unit} {'may be' if likely else 'passes for'} scatter"
         + (f", repeatability is {floor} {unit}." if item.floor is not None else "."),
         *likely,
     ]
