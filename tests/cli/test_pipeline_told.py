@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from pipeline_runner import make, placed
+from pipeline_runner import STUDY, make, placed
 
 
 def measured(study: Path, errors: list[float]) -> None:
@@ -85,3 +85,19 @@ def test_a_study_that_cannot_run_stops_no_other(tmp_path: Path) -> None:
     assert "no such file: 'machine.yaml'" in found.stderr
     assert not (tmp_path / "out" / "a" / "points.json").exists()
     assert (tmp_path / "out" / "b" / "points.json").exists()
+
+
+def test_a_study_of_a_drift_test_alone_has_one_step(tmp_path: Path) -> None:
+    """Of what the machine does at one temperature it knows nothing, but for coefficients."""
+    study = tmp_path / "root" / "a"
+    placed(study, "drift: [drift.csv]\n")
+    (study / "drift.csv").write_text("component,error,unit\n", "utf-8")
+    call = ("-n", f"ROOT={tmp_path / 'root'}")
+    assert "predict-points" in make(tmp_path / "out", *call).stdout
+    bare = (study / "machine.yaml").read_text("utf-8").replace("coefficients", "of_fit")
+    (study / "machine.yaml").write_text(bare, "utf-8")
+    asked = make(tmp_path / "out", *call).stdout
+    assert "mtu thermal-fit" in asked
+    assert "predict-points" not in asked
+    (study / "mtu.yaml").write_text(STUDY + "drift: [drift.csv]\nlbb: [drift.csv]\n", "utf-8")
+    assert "predict-points" in make(tmp_path / "out", *call).stdout
