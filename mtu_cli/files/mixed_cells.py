@@ -17,7 +17,7 @@ FEW = 0.1
 
 
 def is_name(cell: str) -> bool:
-    """Whether a cell is a number neither with a decimal point nor with a comma."""
+    """Whether a cell is no number, with a decimal point or with a comma."""
     return all(number(cell, sign) is None for sign in DECIMALS)
 
 

@@ -13,8 +13,8 @@ from mtu_cli.files.csv_table import Table
 from mtu_cli.units import ANGLE, LENGTH, UNITS
 
 SMALLEST: dict[float, tuple[float, str]] = {LENGTH: (5e-5, "0.05 um"), ANGLE: (5e-8, "0.01 arcsec")}
-"""The largest error of a component, mm or rad, below which no shop's axis is along LONG_MM: a
-laser's own uncertainty in air is more (ISO 230-2:2014, annex A: some tenths of a um a metre).
+"""The largest error of a component, mm or rad, below which no shop's axis is along LONG_MM. Chosen
+by hand: 1 K of the air's temperature moves a laser's reading by 0.1 um along LONG_MM.
 """
 LONG_MM, FEWEST = 100.0, 5
 LIKELY: dict[float, tuple[float, float]] = {LENGTH: (5e-4, 1.0), ANGLE: (4e-7, 5e-3)}

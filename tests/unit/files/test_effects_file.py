@@ -277,6 +277,8 @@ def test_a_missing_file(tmp_path: Path) -> None:
         ("um/m^2", -1, 1e-9),
         ("um/m^3", -2, 1e-12),
         ("um/h", 1, 1e-3 / 60),
+        ("um/m/min", 0, 1e-6),
+        ("um/m/h", 0, 1e-6 / 60),
         ("arcsec/K", 0, 4.84813681109536e-6),
         ("arcsec/m", -1, 4.84813681109536e-9),
     ],

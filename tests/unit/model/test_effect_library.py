@@ -694,6 +694,20 @@ def test_readings_have_the_families_of_one_axis(library: EffectLibrary) -> None:
     assert not any(name.startswith(("squareness", "rotation", "radial")) for name in found)
 
 
+def test_passes_grow_by_the_rate_a_length_and_a_pass(library: EffectLibrary) -> None:
+    """Whatever both are counted from, each form has the product of their differences."""
+    found = by_name(candidates(readings_table(), library))["scale-trend-x"]
+    assert len(found.members) == 4
+    for member in found.members:
+        (form,) = (parse(text) for text in member.equations.values())
+        corners = [
+            evaluate(form, {"rate": 1.0, "x": x, "sequence": c, "time_min": c})
+            for x, c in ((40.0, 2.0), (40.0, 7.0), (290.0, 2.0), (290.0, 7.0))
+        ]
+        grown = corners[3] - corners[2] - corners[1] + corners[0]
+        assert grown == pytest.approx(250.0 * 5.0, rel=1e-9)
+
+
 def test_readings_of_an_angle_are_in_arcsec(library: EffectLibrary) -> None:
     found = by_name(candidates(readings_table(unit="arcsec"), library))
     units = {unit for c in found.values() for m in c.members for _, unit in m.parameters}
