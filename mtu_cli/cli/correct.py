@@ -39,7 +39,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
             *(
                 item
                 for item in found.warnings
-                if item.code != "covariate-not-needed" or item.message.split()[-1] not in used
+                if item.code != "covariate-not-needed" or not used.issuperset(item.about)
             ),
             *unused_warmth(found.model, inputs.points, reference),
             *result.warnings,

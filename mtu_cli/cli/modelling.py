@@ -69,7 +69,7 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
     _expand(inputs.at, model.covariates())
     unused = [name for name in inputs.at if name not in model.covariates()]
     warnings += [
-        Warned(code="covariate-not-needed", message=_not_needed(name, inputs, model))
+        Warned(code="covariate-not-needed", message=_not_needed(name, inputs, model), about=(name,))
         for name in unused
     ]
     words = fahrenheit_words({name: (value, value) for name, value in inputs.at.items()})
@@ -121,7 +121,6 @@ def _not_needed(name: str, inputs: Inputs, model: MachineModel) -> str:
     if name in AXES:
         return f"{name} is a position, which features have, and no covariate: not used: --at {name}"
     near = closest_covariate(name, [n for n in model.covariates() if n not in taken])
-    # The name comes last: `correct` knows by it what its rings need.
     return f"{f'is {near!r} meant? ' if near else ''}no equation needs --at {name}"
 
 

@@ -64,11 +64,13 @@ class Notice:
     """Something the user should know that stops nothing: a report's warning.
 
     `coefficients_of` is the component whose coefficients it is about: readings win over them.
+    `about`: the names of what it tells of, as in `Warned`.
     """
 
     code: str
     message: str
     coefficients_of: str | None = None
+    about: tuple[str, ...] = ()
 
 
 M = TypeVar("M", bound=Contract)

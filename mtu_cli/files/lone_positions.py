@@ -47,7 +47,7 @@ def lone_positions(readings: Readings, components: Mapping[str, ComponentLike]) 
                     f"other pass reads it, but none of this pass at {lacks} mm, where the others "
                     "do: look whether the position is mistyped"
                 )
-                yield Notice(code=CODE, message=text)
+                yield Notice(code=CODE, message=text, about=(name,))
 
 
 def _slips(readings: Readings, rows: Rows) -> Iterator[tuple[int, list[float]]]:

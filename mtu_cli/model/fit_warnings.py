@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Container, Iterable
 from dataclasses import replace
 from statistics import median
@@ -25,7 +24,6 @@ LIMITS = ("reversal", "passes-drift", "instruments-disagree")
 """Warnings of what u of a part holds nothing of. A misfit is among its repeatability."""
 SINGLE = ("reading-stands-out", "position-alone")
 """Doubts of single rows, which alone may make a line misfit."""
-_NAMED = re.compile(r"column '(?:error|position_mm)': (\S+)")
 RAISE = "raise its degree"
 FIRST = "a single row of it looks mistaken, put that right first; else raise its degree"
 DISAGREE = "the instruments disagree on "
@@ -43,16 +41,14 @@ def fit_warnings(fit: MachineFit, doubts: Iterable[Warned] = ()) -> list[Warned]
     A component of which the `doubts` of the readings name a single row is not advised to be given
     a higher degree.
     """
-    named = {
-        name for item in doubts if item.code in SINGLE for name in _NAMED.findall(item.message)
-    }
+    named = {name for item in doubts if item.code in SINGLE for name in item.about}
     return [
         *fit.warnings,
         *scatter_warnings(fit),
         *_too_well(fit),
         *(
             replace(item, message=item.message.replace(RAISE, FIRST))
-            if item.code == "lack-of-fit" and item.message.partition(" ")[0] in named
+            if item.code == "lack-of-fit" and named.intersection(item.about)
             else item
             for item in _significant(fit, ("reversal", "passes-drift", "lack-of-fit"))
         ),
@@ -89,7 +85,7 @@ def _significant(fit: MachineFit, codes: Iterable[str]) -> list[Warned]:
                     tested[key] = p
                     where[key] = (name, component.unit, instrument)
         warnings += [
-            Warned(code=code, message=message(*where[key], p))
+            Warned(code=code, message=message(*where[key], p), about=where[key][:1])
             for key, p in significant(tested).items()
         ]
     return warnings

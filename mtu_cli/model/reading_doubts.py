@@ -45,18 +45,22 @@ def reading_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
     """
     components = machine.machine.components
     found = scale_doubts(machine, readings)
-    alone = [text for name in readings.components for text in _alone(readings, name, components)]
+    single = {name: list(_alone(readings, name, components)) for name in readings.components}
+    alone = [text for texts in single.values() for text in texts]
     if alone:
         more = f"; and {len(alone) - SHOWN} more" if len(alone) > SHOWN else ""
         mistyped = "they are" if len(alone) > 1 else "it is"
         text = f"{'; '.join(alone[:SHOWN])}{more}: look whether {mistyped} mistyped"
-        found.append(Warned(code="reading-stands-out", message=text))
+        about = tuple(name for name, texts in single.items() if texts)
+        found.append(Warned(code="reading-stands-out", message=text, about=about))
     return found
 
 
 def scale_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
     """Of the same, those of whole columns: a search for effects finds single readings itself."""
-    found = [Warned(code=item.code, message=item.message) for item in readings.notes]
+    found = [
+        Warned(code=item.code, message=item.message, about=item.about) for item in readings.notes
+    ]
     return found + list(_scales(readings, machine.machine.components, machine.machine.travels))
 
 

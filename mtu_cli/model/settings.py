@@ -69,9 +69,11 @@ class Settings:
 class Warned:
     """A warning of a result: a stable code and a message in plain words.
 
-    One that is `report_only` says what a screen need not: it stands in the report alone.
+    One that is `report_only` says what a screen need not: it stands in the report alone. `about`:
+    the names of what it tells of, for who must know without reading the message.
     """
 
     code: str
     message: str
     report_only: bool = False
+    about: tuple[str, ...] = ()

@@ -5,6 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from test_blank_directions import table, told
+from test_readings_file import MACHINE
+
+from mtu_cli.files.readings import read_readings
 
 
 def test_a_mistyped_position(tmp_path: Path) -> None:
@@ -15,6 +18,8 @@ def test_a_mistyped_position(tmp_path: Path) -> None:
         "r.csv, row 6, column 'position_mm': dx_x at 30 mm, where no other pass reads it, but none "
         "of this pass at 300 mm, where the others do: look whether the position is mistyped"
     ]
+    (note,) = read_readings([(tmp_path / "r.csv", "lbb")], MACHINE, for_fit=True).notes
+    assert note.about == ("dx_x",)
     rows[11][1] = "7"
     assert len(told(tmp_path, rows)) == 2
 

@@ -89,10 +89,8 @@ def test_a_single_doubted_row_comes_before_a_higher_degree(tmp_path: Path) -> No
     given = read_machine(np.random.default_rng(5), Drift(0.5))
     fit = fit_machine(known, planted(given, "dx_x", "lack-of-fit"))
     for name, first in (("dx_x", True), ("dx_x2", False)):
-        for code, column in (("position-alone", "position_mm"), ("reading-stands-out", "error")):
-            doubt = Warned(
-                code=code, message=f"r.csv, row 6, column '{column}': {name} at 30 mm ..."
-            )
+        for code in ("position-alone", "reading-stands-out"):
+            doubt = Warned(code=code, message="r.csv, row 6: ...", about=("dx_y", name))
             (text,) = [w.message for w in fit_warnings(fit, [doubt]) if w.code == "lack-of-fit"]
             assert (": a single row of it looks mistaken, put that right first" in text) == first
             assert (": raise its degree" in text) != first
