@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Protocol
@@ -28,11 +28,13 @@ class Draws:
 
     `values` (outputs, m): the outputs of the model.
     `linear` (outputs, m): their first-order form, evaluated on the same draws.
-    `linear_u` (outputs, m) or (outputs, 1): standard deviation of `linear` given the trial's
-    variance scales (the chi-square draw of a scaled t). Given these, `linear` must be exactly
-    normal about `linear_mean`, unless the model states `linear_dof`. None where it is not
-    normal (rectangular inputs): then the first-order form serves the mean, and u if the model
-    states `linear_variance`.
+    `ranked` (outputs, m): `linear` mapped, rank for rank, to a distribution of known quantiles,
+    which then serves the ends of the interval; None where `linear` is of one itself.
+    `linear_u` (outputs, m) or (outputs, 1): standard deviation of `ranked` (of `linear` where
+    that is None) given the trial's variance scales (the chi-square draw of a scaled t). Given
+    these it must be exactly normal about `linear_mean`, unless the model states `linear_dof`.
+    None where it is not normal (rectangular inputs): then the first-order form serves the mean,
+    and u if the model states `linear_variance`.
 
     The engine reads the arrays before the next `draw` in the same thread and never writes
     to them, so a model may return arrays of its `Workspace`.
@@ -40,12 +42,27 @@ class Draws:
 
     values: FloatArray
     linear: FloatArray | None = None
+    ranked: FloatArray | None = None
     linear_u: FloatArray | None = None
 
     def copy(self) -> Draws:
         """Arrays of its own."""
-        linear, linear_u = (None if a is None else a.copy() for a in (self.linear, self.linear_u))
-        return Draws(values=self.values.copy(), linear=linear, linear_u=linear_u)
+        return joined([self], lambda arrays: arrays[0].copy())
+
+
+def joined(parts: Sequence[Draws], join: Callable[[Sequence[FloatArray]], FloatArray]) -> Draws:
+    """Each array of several draws made one by `join`, where they have it."""
+
+    def one(arrays: Iterable[FloatArray | None]) -> FloatArray | None:
+        found = [item for item in arrays if item is not None]
+        return join(found) if found else None
+
+    return Draws(
+        values=join([item.values for item in parts]),
+        linear=one(item.linear for item in parts),
+        ranked=one(item.ranked for item in parts),
+        linear_u=one(item.linear_u for item in parts),
+    )
 
 
 class TrialModel(Protocol):
@@ -56,10 +73,11 @@ class TrialModel(Protocol):
 
     Optional attributes: `linear_variance` (outputs,), the exact variance of `linear` over
     everything, scales included (nan where unknown); without it the variance comes from
-    `linear_u`. `linear_dof` (outputs,): `linear` is exactly Student's t with these degrees of
-    freedom (inf: normal), shifted by `linear_mean` and scaled by `linear_u` (outputs, 1), so
-    that no scale needs to be averaged out. `u_exists` (outputs,) of bool, False where an
-    output has no standard deviation (a t distribution of 2 degrees of freedom or fewer).
+    `linear_u`. `linear_dof` (outputs,): `linear`, or `ranked` where it is mapped, is exactly
+    Student's t with these degrees of freedom (inf: normal), shifted by `linear_mean` and scaled
+    by `linear_u` (outputs, 1), so that no scale needs to be averaged out. `u_exists` (outputs,) of
+    bool, False where an output has no standard deviation (a t distribution of 2 degrees of freedom
+    or fewer).
     `smooth` True: the outputs are smooth functions of what is drawn, without jumps or values
     that many trials share, so that few trials tell how far they are from their first-order form.
     `in_pieces` True: `draw` keeps to the processor's cache by itself, however large m is.
@@ -158,7 +176,7 @@ class BlockSummariser:
             many = max(1, AT_ONCE // own[0].values.size)
             for first in range(0, len(own), many):
                 some = own[first : first + many]
-                whole = self.summarise(_stacked(some))
+                whole = self.summarise(joined(some, np.stack))
                 yield from (whole.of(block) for block in range(len(some)))
 
     def summarise(self, draws: Draws) -> BlockSummary:
@@ -217,7 +235,8 @@ class BlockSummariser:
         controls[1] = variance - self._expected_variance(draws, variance)
         if draws.linear_u is None:
             return controls, None, None
-        lower, upper = self._tails(linear, self._ordered_linear)
+        ranked = linear if draws.ranked is None else draws.ranked
+        lower, upper = self._tails(ranked, self._ordered_linear)
         u, plan = draws.linear_u, self.plan
         fixed = u.shape[-1] == 1
         end = u[..., 0] * self._end if fixed else mixture_quantile(u, plan.end_probability)
@@ -239,14 +258,3 @@ class BlockSummariser:
             given = np.where(np.isnan(given), scale, given)
         # An unknown expectation makes the control 0, which leaves the statistic as it is.
         return np.where(np.isnan(given), observed, given)
-
-
-def _stacked(blocks: Sequence[Draws]) -> Draws:
-    """Blocks of the same length as one array each, (b, outputs, m)."""
-    forms = [item.linear for item in blocks if item.linear is not None]
-    scales = [item.linear_u for item in blocks if item.linear_u is not None]
-    return Draws(
-        values=np.stack([item.values for item in blocks]),
-        linear=np.stack(forms) if forms else None,
-        linear_u=np.stack(scales) if scales else None,
-    )

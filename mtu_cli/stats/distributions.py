@@ -77,19 +77,24 @@ class Distribution:
         """What a scale S of its own leaves of a coefficient with another input; 1 without one.
 
         A deviation of standard deviation u times S has the covariance r u u' E(S) and the
-        variance u^2 E(S^2). For the chi of Student's t E(S) = sqrt(nu/2) Gamma((nu - 1)/2)/
-        Gamma(nu/2) and E(S^2) = nu/(nu - 2); for limits that are inexact E(S) = 1. nan where a t
-        has no variance.
+        variance u^2 E(S^2). nan where a t has no variance.
         """
-        if self.bounded:
-            drawn = self.drawn_variance
-            return self.u / math.sqrt(drawn) if drawn > 0.0 else 1.0
-        if self.dof >= NORMAL_DOF:
+        drawn = self.drawn_variance
+        return 1.0 if drawn == 0.0 else self.u * self.mean_scale / math.sqrt(drawn)
+
+    @property
+    def mean_scale(self) -> float:
+        """E(S) of the scale S of what is drawn: 1 without one and for limits that are inexact.
+
+        For the chi of Student's t sqrt(nu/2) Gamma((nu - 1)/2)/Gamma(nu/2), with E(S^2) =
+        nu/(nu - 2); infinite where nu is 1 or less.
+        """
+        if self.bounded or self.dof >= NORMAL_DOF:
             return 1.0
-        if self.dof <= 2.0:
-            return math.nan
+        if self.dof <= 1.0:
+            return math.inf
         half = 0.5 * self.dof
-        return math.exp(math.lgamma(half - 0.5) - math.lgamma(half)) * math.sqrt(half - 1.0)
+        return math.exp(math.lgamma(half - 0.5) - math.lgamma(half)) * math.sqrt(half)
 
     @property
     def top_share(self) -> float:

@@ -24,16 +24,14 @@ class RankMap:
     """A rising map of draws of one distribution to draws of `scale` times Student's t.
 
     It keeps the ranks. `at` (n,): in equal steps, `to` (n,): where they are mapped to. `dof` is
-    infinite where it leads to the normal distribution. `variance` is that of the mapped draws,
-    which the ends of the table bound. With `single`, the one term that is drawn, `at` are its
-    probabilities.
+    infinite where it leads to the normal distribution. With `single`, the one term that is drawn,
+    `at` are its probabilities.
     """
 
     at: FloatArray
     to: FloatArray
     scale: float
     dof: float
-    variance: float
     single: Term | None = None
 
     def __call__(self, deviations: FloatArray) -> FloatArray:
@@ -68,22 +66,6 @@ def rank_map(known: LinearDistribution, dof: float) -> RankMap:
         unit = np.interp(known.score, t.score, t.at)
     to = scale * unit
     if known.single is not None:
-        # Probabilities are rectangular: between two of the table the mapped draws are too.
-        low, high = to[:-1], to[1:]
-        return RankMap(
-            at=np.linspace(0.0, 1.0, len(to)),
-            to=to,
-            scale=scale,
-            dof=dof,
-            variance=float(np.mean(low * low + low * high + high * high)) / 3.0,
-            single=known.single,
-        )
-    return RankMap(at=known.at, to=to, scale=scale, dof=dof, variance=_variance(known.score, to))
-
-
-def _variance(score: FloatArray, to: FloatArray) -> float:
-    """E X^2 = integral of 2 x P(X > x) over positive x, doubled for both sides."""
-    normal = NormalDist()
-    positive = len(to) // 2
-    x, beyond = to[positive:], np.array([normal.cdf(-z) for z in score[positive:].tolist()])
-    return 4.0 * float(np.sum(0.5 * (x[1:] * beyond[1:] + x[:-1] * beyond[:-1]) * np.diff(x)))
+        at = np.linspace(0.0, 1.0, len(to))
+        return RankMap(at=at, to=to, scale=scale, dof=dof, single=known.single)
+    return RankMap(at=known.at, to=to, scale=scale, dof=dof)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.stats.block_plan import LEAST_BLOCKS, BlockPlan
-from mtu_cli.stats.blocks import BlockSummariser, Draws
+from mtu_cli.stats.blocks import BlockSummariser, Draws, joined
 from mtu_cli.stats.pooling import Estimates, Gain, Pool, rescaled
 from mtu_cli.stats.single_block import single_block_estimates
 
@@ -63,26 +64,22 @@ def crossed_gain(
     seen = np.array(own)
     if np.all((seen == 1.0) | (seen >= PLAIN_GAIN)):
         return own
-    values = np.concatenate([item.values for item in draws], axis=1)
-    linear = _joined([item.linear for item in draws])
-    linear_u = draws[0].linear_u
-    if linear_u is not None and linear_u.shape[1] > 1:
-        linear_u = _joined([item.linear_u for item in draws])
+    whole = joined(draws, lambda arrays: np.concatenate(arrays, axis=1))
+    u = draws[0].linear_u
+    if u is not None and u.shape[1] == 1:
+        whole = replace(whole, linear_u=u)
     pool = Pool(summariser.plan, u_exists)
     h = len(draws)
-    crossed = []
-    for i in range(h):
-        u = linear_u if linear_u is None or linear_u.shape[1] == 1 else linear_u[:, i::h]
-        form = None if linear is None else linear[:, i::h]
-        crossed.append(Draws(values=values[:, i::h], linear=form, linear_u=u))
+    crossed = [joined([whole], partial(_every, h, i)) for i in range(h)]
     for block in summariser.summarise_short(crossed):
         pool.add_statistics(block)
     return pool.gain()
 
 
-def _joined(parts: Sequence[FloatArray | None]) -> FloatArray | None:
-    found = [item for item in parts if item is not None]
-    return np.concatenate(found, axis=1) if found else None
+def _every(h: int, first: int, arrays: Sequence[FloatArray]) -> FloatArray:
+    """Every h-th column of an array from `first` on; the one that all trials share, if it is so."""
+    (whole,) = arrays
+    return whole if whole.shape[1] == 1 else whole[:, first::h]
 
 
 def short_block_estimates(

@@ -144,7 +144,7 @@ def _output(
         share=share,
         second_value=slopes.value + scale * mean,
         second_u=scale * math.sqrt(second_variance) if second_variance >= 0.0 else math.nan,
-        tails=long_tails(g, slopes.second / scale, math.sqrt(variance), dof, inputs, sources),
+        tails=long_tails(g, slopes.second / scale, math.sqrt(variance), inputs, sources),
         faults=slopes.faults,
         scale=scale,
     )

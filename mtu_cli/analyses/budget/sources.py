@@ -27,7 +27,7 @@ from mtu_cli.analyses.budget.correlation import clusters
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.stats.distributions import Distribution
+from mtu_cli.stats.distributions import NORMAL_DOF, Distribution
 from mtu_cli.stats.least_squares import FloatArray
 
 ROUNDING = 1e-13
@@ -50,6 +50,23 @@ class Source:
         """Whether all members have the same degrees of freedom."""
         return len({item.dof for item in self.members}) == 1
 
+    @property
+    def is_normal(self) -> bool:
+        """Whether its deviations are jointly normal, to all that few degrees of freedom add."""
+        return self.how != "copula" and all(
+            not item.bounded and item.dof >= NORMAL_DOF for item in self.members
+        )
+
+    @property
+    def is_t(self) -> bool:
+        """Whether its deviations are jointly t: every sum of them is a t."""
+        return self.how != "copula" and self.common_dof and not self.members[0].bounded
+
+    @property
+    def is_simple(self) -> bool:
+        """Whether its part of a first-order form is one term of a known distribution."""
+        return self.how == "alone" or self.is_t
+
     def variance(self, gradient: FloatArray) -> float:
         """g' V g (first order) of the source for a gradient over all inputs."""
         own = gradient[list(self.rows)]
@@ -57,6 +74,24 @@ class Source:
         # Of fully correlated inputs that cancel, rounding is all that is left.
         negligible = ROUNDING * float(own**2 @ np.diag(self.covariance))
         return 0.0 if found <= negligible else found
+
+    def drawn_variance(self, gradient: FloatArray) -> float:
+        """Variance of the same sum as it is drawn; nan where a t of two degrees of freedom or fewer
+        has none.
+
+        With a scale S of its own a member i varies by u_i^2 E(S_i^2), and two of them together by
+        V_ij E(S_i) E(S_j): the covariance is that of what is scaled.
+        """
+        own = gradient[list(self.rows)]
+        if self.is_t:
+            inflation = self.members[0].drawn_variance / self.members[0].u ** 2
+            return self.variance(gradient) * inflation
+        drawn = np.array([item.drawn_variance for item in self.members])
+        mean_scale = np.array([item.mean_scale for item in self.members])
+        joint = self.covariance * np.outer(mean_scale, mean_scale)
+        np.fill_diagonal(joint, drawn)
+        found = float(own @ joint @ own)
+        return 0.0 if found <= ROUNDING * float(own**2 @ drawn) else found
 
     def dof(self, gradient: FloatArray) -> float:
         """Degrees of freedom of that variance; infinite where no member counts."""

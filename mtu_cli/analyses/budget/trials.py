@@ -35,10 +35,11 @@ SCALED = (
 class BudgetTrials:
     """A Monte Carlo model: m draws of all inputs a block, and the outputs of the equations.
 
-    The control variate is the first-order form. Where the distribution of that form is known
-    (all sources independent, see `linear_distribution`) each draw of it is mapped, rank for
-    rank, to a t or normal distribution much like it: the engine then knows its mean, variance
-    and quantiles exactly. A form that is normal or a single t is left as it is. Every output is
+    The control variate is the first-order form, of which the engine knows the mean and, where all
+    sources are independent, the variance exactly: of an equation that is linear, u is then free of
+    chance. Where its distribution is known too (see `linear_distribution`) each draw of it is
+    mapped, rank for rank, to a t or normal distribution much like it, of which the quantiles are
+    known as well. A form that is normal or a single t needs no map. Every output is
     divided by its `scale` (outputs,), lest its square overflow or vanish; `in_full` undoes it.
     Where it is not `controlled`, as a single block cannot be, the form is left out.
     """
@@ -86,21 +87,21 @@ class BudgetTrials:
                 source
                 for source in self.sources
                 if source.variance(g) > 0.0
-                or (np.any(g[list(source.rows)]) and not _is_simple(source))
+                or (np.any(g[list(source.rows)]) and not source.is_simple)
             ]
-            alike = [source for source in counted if not _is_normal(source)]
+            alike = [source for source in counted if not source.is_normal]
             variance = math.fsum(source.variance(g) for source in counted)
-            if not alike or (len(counted) == 1 and _is_t(alike[0])):
+            if not alike or (len(counted) == 1 and alike[0].is_t):
                 u[k] = math.sqrt(variance)
                 dof[k] = alike[0].members[0].dof if alike else math.inf
                 continue
+            variances[k] = math.fsum(source.drawn_variance(g) for source in counted)
             found = _map(counted, g)
             if found is None:
                 known = False
-                variances[k] = _drawn_variance(counted, g)
                 continue
             self.maps[k] = found
-            u[k], dof[k], variances[k] = found.scale, found.dof, found.variance
+            u[k], dof[k] = found.scale, found.dof
         with np.errstate(invalid="ignore", divide="ignore"):
             inflation = np.where(np.isinf(dof), 1.0, np.where(dof > 2.0, dof / (dof - 2.0), np.nan))
         # Where no quantiles are known the variance of the form may be, and serves u.
@@ -128,11 +129,21 @@ class BudgetTrials:
             return Draws(values=values)
         linear = self.work.array("linear", values.shape)
         np.matmul(self.gradient, deviation, out=linear)
-        for k, known in enumerate(self.maps):
-            if known is not None:
-                linear[k] = known(linear[k])
+        ranked = self._ranked(linear)
         linear += self.offset[:, None]
-        return Draws(values=values, linear=linear, linear_u=self.linear_u)
+        return Draws(values=values, linear=linear, ranked=ranked, linear_u=self.linear_u)
+
+    def _ranked(self, linear: FloatArray) -> FloatArray | None:
+        """The deviations (outputs, m) of the forms, mapped, about the offset; None without a map
+        or where a form's quantiles are not known.
+        """
+        if self.linear_u is None or not any(self.maps):
+            return None
+        ranked = self.work.array("ranked", linear.shape)
+        for k, known in enumerate(self.maps):
+            ranked[k] = linear[k] if known is None else known(linear[k])
+        ranked += self.offset[:, None]
+        return ranked
 
     def in_full(self, run: MonteCarloResult) -> MonteCarloResult:
         """A run's outputs in their own units again."""
@@ -193,24 +204,9 @@ def _factor(source: Source, rho: FloatArray | None) -> FloatArray:
     return scale[:, None] * factor_of(rho)
 
 
-def _is_normal(source: Source) -> bool:
-    return source.how != "copula" and all(
-        not item.bounded and item.dof >= NORMAL_DOF for item in source.members
-    )
-
-
-def _is_t(source: Source) -> bool:
-    return source.how != "copula" and source.common_dof and not source.members[0].bounded
-
-
-def _is_simple(source: Source) -> bool:
-    """Whether its part of the first-order form is one term of a known distribution."""
-    return source.how == "alone" or _is_t(source)
-
-
 def _map(sources: Sequence[Source], gradient: FloatArray) -> RankMap | None:
     """The map of the first-order form to the t distribution most like it, if its own is known."""
-    if not all(map(_is_simple, sources)):
+    if not all(source.is_simple for source in sources):
         return None
     known = linear_distribution([term for source in sources for term in _terms(source, gradient)])
     if known is None:
@@ -223,14 +219,6 @@ def _map(sources: Sequence[Source], gradient: FloatArray) -> RankMap | None:
         ),
     )
     return rank_map(known, max(dof, LEAST_DOF))
-
-
-def _drawn_variance(sources: Sequence[Source], gradient: FloatArray) -> float:
-    """Of the first-order form as it is drawn; nan where that has none or is not known."""
-    if not all(map(_is_simple, sources)):
-        return math.nan
-    terms = [term for source in sources for term in _terms(source, gradient)]
-    return math.fsum(c * c * item.drawn_variance for c, item in terms)
 
 
 def _terms(source: Source, gradient: FloatArray) -> list[Term]:

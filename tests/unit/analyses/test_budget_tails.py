@@ -25,10 +25,9 @@ LENGTH = "{readings: [100.0003, 100.0001, 100.0005, 99.9998, 100.0002]}"
         ),
         ("equation: L*a\ninputs: {L: {value: 1, u: 0.1, dof: 4}, a: {value: 1, u: 0.1}}\n", False),
         ("equation: L*a\ninputs: {L: {value: 1, u: 0.1, dof: 2.5}, a: {value: 1, u: 0.1}}\n", True),
-        # A sum is linear, but its trials are not known as those of a single t are.
-        ("equation: L + a\ninputs: {L: {value: 1, u: 0.1, dof: 3}, a: {value: 1, u: 0.1}}\n", True),
+        # The variance of a sum is known, whatever its trials.
         (
-            "equation: L + a\ninputs: {L: {value: 1, u: 0.1, dof: 4}, a: {value: 1, u: 0.1}}\n",
+            "equation: L+a\ninputs: {L: {value: 1, u: 0.1, dof: 2.1}, a: {value: 1, u: 0.1}}\n",
             False,
         ),
         ("equation: L + a\ninputs: {L: {value: 1, u: 0.1, dof: 3}, a: 1}\n", False),
@@ -56,26 +55,35 @@ def test_u_may_not_settle_where_tails_are_long(text: str, warned: bool) -> None:
 
 
 WRINGING = (
-    "equation: c*s + t\ninputs:\n  s: {value: 1, u: 0.01}\n  t: {value: 0, u: 0.08}\n"
+    "equation: c*s + t\ninputs:\n  s: {value: 1, u: SCALE}\n  t: {value: 0, u: 0.08}\n"
     "  c: {value: 0.35, contributions: [{u: 0.02}, {says: wringing, u: SMALL, dof: DOF}]}\n"
 )
 
 
-@pytest.mark.parametrize(("small", "warned"), [("0.008", False), ("0.2", True)])
-def test_the_contribution_of_few_degrees_of_freedom_is_named(small: str, warned: bool) -> None:
-    """c has hundreds of them; and where the one is small u is that of a plain simulation."""
-    result = evaluated(WRINGING.replace("SMALL", small).replace("DOF", "3"))
+@pytest.mark.parametrize(
+    ("small", "scale", "warned"),
+    [("0.008", "0.01", False), ("0.2", "0.01", False), ("0.9", "0.3", True)],
+)
+def test_the_contribution_of_few_degrees_of_freedom_is_named(
+    small: str, scale: str, warned: bool
+) -> None:
+    """c has hundreds of them; where what multiplies the one is small u is that of a plain
+    simulation.
+    """
+    text = WRINGING.replace("SMALL", small).replace("SCALE", scale).replace("DOF", "3")
+    result = evaluated(text)
     found = [item.message for item in result.warnings if item.code == "heavy-tails"]
     assert bool(found) is warned
     assert all("fewer for the contributions[1] 'wringing' of c the" in text for text in found)
     drawn = [0.02**2, 3 * float(small) ** 2]
-    u = math.sqrt(0.08**2 + sum(drawn) * (1 + 0.01**2) + (0.35 * 0.01) ** 2)
+    u = math.sqrt(0.08**2 + sum(drawn) * (1 + float(scale) ** 2) + (0.35 * float(scale)) ** 2)
     tolerance = result.outputs[0].validation.tolerance
     assert warned or result.run.u[0] == pytest.approx(u, abs=tolerance)
 
 
 def test_a_contribution_without_u_is_named() -> None:
-    result = evaluated(WRINGING.replace("SMALL", "0.008").replace("DOF", "2"))
+    text = WRINGING.replace("SMALL", "0.008").replace("SCALE", "0.01").replace("DOF", "2")
+    result = evaluated(text)
     found = [item.message for item in result.warnings if "degrees" in item.message]
     assert len(found) == 1
     assert found[0].startswith("two degrees of freedom or fewer for the contributions[1] 'wringin")
@@ -84,7 +92,7 @@ def test_a_contribution_without_u_is_named() -> None:
 @pytest.mark.parametrize("dof", [2.5, 3.0, 4.0])
 def test_one_trial_adds_to_u_what_is_foretold(dof: float) -> None:
     """In one run of twenty the furthest of 2000 trials of t + t^2/10 adds more; plain draws."""
-    tail = Tail(source=0, dof=dof, joint_dof=None, linear=1.0, squared=0.1, crossed=0.0)
+    tail = Tail(source=0, dof=dof, linear=1.0, squared=0.1, crossed=0.0)
     far = np.abs(np.random.default_rng(3).standard_t(dof, (4000, 2000))).max(axis=1)
     added = ((far + 0.1 * far**2) ** 2 - far**2) / (2 * 2000)
     assert np.mean(added > tail.shift_of_u(2000)) == pytest.approx(0.05, abs=0.014)

@@ -149,15 +149,6 @@ def test_a_heavy_tail_beside_a_rectangle() -> None:
     )
 
 
-@pytest.mark.parametrize("dof", [3.0, 4.0, 6.0])
-def test_the_variance_of_a_heavy_t_to_the_end_of_its_table(dof: float) -> None:
-    """A t mapped to itself: 4 times the integral of x P(T > x) up to the end, beyond it P."""
-    t = known((1.0, Distribution(kind="t", u=1.0, dof=dof)))
-    x = np.linspace(0.0, t.at[-1], 1_000_001)
-    exact = 4.0 * float(np.trapezoid(x * stdtr(dof, -x), x))
-    assert rank_map(t, dof).variance == pytest.approx(exact, rel=1e-4)
-
-
 @pytest.mark.parametrize("kind", ["triangular", "trapezoidal"])
 def test_inexact_limits_of_other_shapes(kind: Kind) -> None:
     """Against the mean over half-widths of the shape's own ranks, by a fine midpoint rule."""
@@ -182,12 +173,9 @@ SINGLE: dict[str, Distribution] = {
 
 @pytest.mark.parametrize("name", SINGLE)
 @pytest.mark.parametrize("dof", [5.0, math.inf])
-def test_the_variance_of_a_mapped_shape(name: str, dof: float) -> None:
-    """Over 2e6 equal steps of probability: the midpoint rule is right to 1e-7 of the variance."""
-    shape, m = SINGLE[name], 2_000_000
+def test_the_ends_of_a_mapped_shape(name: str, dof: float) -> None:
+    shape = SINGLE[name]
     found = rank_map(known((-3.0, shape)), dof)
-    drawn = 3.0 * bounded_quantile(shape, (np.arange(m) + 0.5) / m)
-    assert float(np.mean(found(drawn) ** 2)) == pytest.approx(found.variance, rel=1e-6)
     q = 3.0 * bounded_quantile(shape, np.array([0.025, 0.975]))
     end = found.scale * (stdtrit(dof, 0.975) if dof < 12 else ndtri(0.975))
     assert found(q) == pytest.approx([-end, end], rel=1e-6)
@@ -214,7 +202,7 @@ def test_a_mixture_against_simulation() -> None:
 
 @pytest.mark.parametrize("dof", [4.0, 9.0, 50.0, math.inf])
 def test_mapped_draws_follow_t(dof: float) -> None:
-    """Ranks stay, and the mapped draws have the t's quantiles and the stated variance."""
+    """Ranks stay, and the mapped draws have the quantiles of the t, and a normal one's variance."""
     m = 400_000
     mapped = rank_map(known(*MIXED), dof)
     x = simulated(5, m)
@@ -225,10 +213,9 @@ def test_mapped_draws_follow_t(dof: float) -> None:
     for p in P:
         q = mapped.scale * float(ndtri(p) if math.isinf(mapped.dof) else stdtrit(mapped.dof, p))
         assert float(np.mean(z <= q)) == pytest.approx(p, abs=4 * math.sqrt(p * (1 - p) / m))
-    error = float((z**2).std()) / math.sqrt(m)
-    assert float((z**2).mean()) == pytest.approx(mapped.variance, abs=4 * error)
     if math.isinf(mapped.dof):
-        assert mapped.variance == pytest.approx(mapped.scale**2, rel=1e-4)
+        error = float((z**2).std()) / math.sqrt(m)
+        assert float((z**2).mean()) == pytest.approx(mapped.scale**2, abs=4 * error)
 
 
 def test_where_it_is_not_known() -> None:
