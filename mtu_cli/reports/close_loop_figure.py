@@ -26,6 +26,7 @@ from mtu_cli.reports.close_loop_shown import (
     first_table,
     ranked,
     titled,
+    unit_of,
 )
 from mtu_cli.reports.labels import cut
 from mtu_cli.reports.level_maps import Maps, draw, legend, sheet, write_title
@@ -47,6 +48,8 @@ LEGEND = 3
 """Rows of the ranking that its legend is as high as."""
 TICKS = 30
 """More columns than this are drawn without their names."""
+APART = 0.006
+"""Share of the width by which readings before and after stand apart."""
 
 
 @figures.styled
@@ -139,21 +142,26 @@ def _planes(item: TableResult) -> list[Plane]:
 
 
 def _columns(page: SubFigure, item: TableResult) -> None:
-    """Mean errors column by column, a panel an axis; of readings over the position."""
+    """Mean errors column by column, a panel an axis; of readings over the position, with each of
+    them behind: what differs from pass to pass alone leaves the means as they are.
+    """
     axes, unit = item.table.axes, item.table.unit
     panels = page.subplots(1, len(axes), squeeze=False)[0]
     sides = SIDES if item.effects else (("", figures.ORANGE),)
     column = things(item)[1]
     x, runs = _runs(item)
+    each = bool(runs.keys() - {""})
     for a, panel in enumerate(panels):
         panel.axhline(0.0, color=figures.GREY, linewidth=0.9)
+        if each:
+            _each(panel, x, item, a, [colour for _, colour in sides])
         for (side, colour), mean in zip(sides, mean_errors(item), strict=False):
             for (direction, own), style in zip(runs.items(), ("-", "--"), strict=False):
                 panel.plot(
                     x[own], mean[own, a], f"o{style}", color=colour, markersize=3.5,
                     linewidth=0.9, label=", ".join(filter(None, (side, direction))),
                 )  # fmt: skip
-        if not runs.keys() - {""}:
+        if not each:
             every = max(1, -(-len(x) // TICKS))
             panel.set_xticks(
                 x[::every],
@@ -163,12 +171,24 @@ def _columns(page: SubFigure, item: TableResult) -> None:
             )
         else:
             panel.set_xlabel(f"{axes[a]}, mm")
-        panel.set_title(f"mean errors of the {column}s" + (f", {axes[a]}" if len(axes) > 1 else ""))
+        what = f"mean errors of the {column}s" + (f", {axes[a]}" if len(axes) > 1 else "")
+        panel.set_title(what + (", and each reading" if each else ""))
         panel.set_ylabel(f"measured minus predicted, {unit}")
     if len(sides) * len(runs) > 1:
         # Nothing is known of where in a panel no data are.
         handles, names = panels[0].get_legend_handles_labels()
         page.legend(handles, names, loc="outside upper right", ncols=len(names))
+
+
+def _each(panel: Axes, x: FloatArray, item: TableResult, a: int, colours: Sequence[str]) -> None:
+    """All readings, those before left of those after."""
+    table = item.table
+    shift = APART * float(np.ptp(x)) * (np.arange(len(colours)) - 0.5 * (len(colours) - 1))
+    unit = unit_of(item).to_internal
+    both = (table.errors, table.errors - item.explained)
+    for colour, own, apart in zip(colours, both, shift.tolist(), strict=False):
+        for errors in own[:, :, a] / unit:
+            panel.plot(x + apart, errors, ".", color=colour, markersize=2.5, alpha=0.35)
 
 
 def _runs(item: TableResult) -> tuple[FloatArray, dict[str, IntArray]]:
