@@ -242,7 +242,8 @@ def test_readings_are_drawn_over_the_position_a_line_each_direction() -> None:
     item = several().tables[0]
     panel = figure(result(item)).axes[0]
     assert panel.get_xlabel() == "x, mm"
-    lines = {line.get_label(): line for line in panel.lines[1:]}
+    named = [line for line in panel.lines if not str(line.get_label()).startswith("_")]
+    lines = {line.get_label(): line for line in named}
     assert list(lines) == ["before, forward", "before, reverse", "after, forward", "after, reverse"]
     shown = {label: np.asarray(line.get_xydata()) for label, line in lines.items()}
     for points in shown.values():
@@ -252,6 +253,31 @@ def test_readings_are_drawn_over_the_position_a_line_each_direction() -> None:
     after = mean["after, forward"] - mean["after, reverse"]
     # Twice the lost motion was taken out.
     assert before - after == pytest.approx(4.1)
+    # Behind the means each reading, before and after, in the unit shown.
+    dots = [np.asarray(line.get_ydata()) for line in panel.lines if line.get_marker() == "."]
+    unit = 1e-3
+    both = np.concatenate([item.table.errors, item.table.errors - item.explained])
+    assert np.concatenate(dots) == pytest.approx(both[:, :, 0].ravel() / unit)
+
+
+def test_an_effect_between_passes_alone_is_seen_beside_its_means() -> None:
+    """The means stay as they are; the readings come together."""
+    item = several().tables[0]
+    passes = 5e-3 * (np.arange(len(item.table.parts)) - 0.5 * (len(item.table.parts) - 1))
+    moved = np.broadcast_to(passes[:, None, None], item.table.errors.shape)
+    item = replace(
+        item, table=replace(item.table, errors=item.table.errors + moved), explained=moved
+    )
+    panel = figure(result(item)).axes[0]
+    means = {str(line.get_label()): line for line in panel.lines if line.get_marker() == "o"}
+    before, after = means["before, forward"], means["after, forward"]
+    assert np.asarray(before.get_ydata()) == pytest.approx(np.asarray(after.get_ydata()))
+    dots = [line for line in panel.lines if line.get_marker() == "."]
+    seen = {
+        colour: np.ptp([line.get_ydata() for line in dots if line.get_color() == colour])
+        for colour in (before.get_color(), after.get_color())
+    }
+    assert seen[before.get_color()] > seen[after.get_color()] + 4.0
 
 
 def test_the_legend_of_the_ranking_hides_no_bar() -> None:
@@ -304,7 +330,9 @@ def test_the_legend_of_the_axes_stands_above_the_data() -> None:
 def test_the_legend_of_the_positions_stands_outside_of_the_data() -> None:
     page = figure(result(several().tables[0]))
     figure_bytes(page, "png")
-    panel = next(p for p in page.axes if p.get_title(loc="left") == "mean errors of the positions")
+    panel = next(
+        p for p in page.axes if p.get_title(loc="left").startswith("mean errors of the positions")
+    )
     assert panel.get_legend() is None
     (legend,) = [found for part in page.subfigs for found in part.legends]
     names = [text.get_text() for text in legend.get_texts()]
