@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
 
     Rows = NDArray[np.int64]
+    FloatArray = NDArray[np.float64]
 
 FEWEST = 4
 """Fewer equal readings than this are no reason to speak."""
@@ -101,13 +102,28 @@ def _agreement(readings: Readings, passes: list[Rows]) -> float | None:
     alike: dict[bytes, list[Rows]] = {}
     for rows in passes:
         alike.setdefault(_places(readings, rows), []).append(rows)
-    same = level = total = beyond = 0
+    same = level = 0.0
+    total = 0
     for group in alike.values():
         for one, other in combinations(islice(group, MOST_COMPARED), 2):
             apart = np.round(readings.error[one] - readings.error[other], DECIMALS)
-            same += int((apart == 0).sum())
+            same += float((apart == 0).sum())
+            level += _as_most_others(apart)
             total += len(one)
-            # One agrees by the level that is chosen.
-            level += int(np.unique(apart, return_counts=True)[1].max()) - 1
-            beyond += len(one) - 1
-    return max((same + 1) / (total + 1), (level + 1) / (beyond + 1)) if total else None
+    return (max(same, level) + 1) / (total + 1) if total else None
+
+
+def _as_most_others(apart: FloatArray) -> float:
+    """How many of differences (n,) agree with the level that most of the others have; of levels
+    that are as frequent each counts alike.
+
+    A level that all of them choose agrees with one more by itself, and with two by chance where
+    places are few: copies of such passes would pass for honest ones.
+    """
+    count = np.sort(np.unique(apart, return_counts=True)[1])
+    first, others = int(count[-1]), count[:-1]
+    second = int(others.max(initial=0))
+    if first == 1 or first == second:
+        return 0.0
+    # Without one of its own the first is one less.
+    return first / (1 + int((others == first - 1).sum()))

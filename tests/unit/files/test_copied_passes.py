@@ -80,6 +80,14 @@ def test_honest_passes_of_a_coarse_display_that_drift(
     assert told(tmp_path, rows(levels + drawn(20, 8, scatter, seed), digits=0)) == []
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_a_copy_is_found_at_few_places_with_a_coarse_digit(tmp_path: Path, seed: int) -> None:
+    """Of six differences two agree by chance in most pairs: that is no level of theirs."""
+    errors = drawn(20, 6, 3.0, seed)
+    (found,) = told(tmp_path, rows(errors, digits=0) + rows(errors[4:5], 21, digits=0))
+    assert "pass 21 of 'dx_x' has the same readings as pass 5" in found
+
+
 def test_copies_among_passes_that_drift(tmp_path: Path) -> None:
     drifting = np.arange(6.0)[:, np.newaxis] + drawn(6)
     (found,) = told(tmp_path, rows(drifting) + rows(drifting[2:3], 7))
