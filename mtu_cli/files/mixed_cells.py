@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,24 +29,62 @@ def of_names(cells: Iterable[str]) -> bool:
     return names > FEW * count.total()
 
 
-def mixed_cells(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
-    """One warning of each column beside those of the contract whose cells are numbers but for a
-    few: these make it one of names. More of them are names that digits stand among.
+@dataclass(slots=True)
+class _Cells:
+    """How many cells of a column are given, how many of them are texts, and the first of these."""
+
+    given: int = 0
+    texts: int = 0
+    place: str = ""
+    cell: str = ""
+
+
+class MixedCells:
+    """The cells of each column beside those of the contract, of tables or of blocks of them: what
+    the equations see is the column of all files.
     """
-    for table in tables:
+
+    def __init__(self, spec: TableSpec) -> None:
+        self._spec = spec
+        self._found: dict[str, _Cells] = {}
+
+    def add(self, table: Table) -> None:
+        """The rows of one more table, or block."""
+        for name, numbers in table.columns.numbers.items():
+            if not self._spec.named(name):
+                own = self._found.setdefault(name, _Cells())
+                own.given += int((~np.isnan(numbers)).sum())
         for name, column in table.columns.texts.items():
-            if spec.named(name):
+            if self._spec.named(name):
                 continue
-            texts = np.array([is_name(label) for label in column.labels], bool)
-            given = column.codes >= 0
-            odd = np.flatnonzero(given & np.append(texts, False)[column.codes])
-            if not 0 < len(odd) <= FEW * given.sum():
+            own = self._found.setdefault(name, _Cells())
+            names = np.array([*map(is_name, column.labels), False], bool)
+            odd = np.flatnonzero(names[column.codes])
+            if len(odd) and not own.texts:
+                own.place = f"{table.source.shown}, row {table.rows[odd[0]]}"
+                own.cell = column.labels[column.codes[odd[0]]]
+            own.given += int((column.codes >= 0).sum())
+            own.texts += len(odd)
+
+    def notes(self) -> Iterator[Notice]:
+        """One warning of each column whose cells are numbers but for a few: these make it one of
+        names. More of them are names that digits stand among.
+        """
+        for name, own in self._found.items():
+            if not 0 < own.texts <= FEW * own.given:
                 continue
-            others = f" and {len(odd) - 1} more" if len(odd) > 1 else ""
+            others = f" and {own.texts - 1} more" if own.texts > 1 else ""
             text = (
-                f"{table.source.shown}, row {table.rows[odd[0]]}, column {name!r}: "
-                f"{column.labels[column.codes[odd[0]]]!r}{others} among numbers makes the column "
-                "one of names, which no equation uses and no effect is sought in; expected a "
-                "number, or an empty cell where there is none"
+                f"{own.place}, column {name!r}: {own.cell!r}{others} among numbers makes the "
+                "column one of names, which no equation uses and no effect is sought in; expected "
+                "a number, or an empty cell where there is none"
             )
             yield Notice(code="cells-mixed", message=text)
+
+
+def mixed_cells(tables: Iterable[Table], spec: TableSpec) -> tuple[Notice, ...]:
+    """All of it of whole tables."""
+    found = MixedCells(spec)
+    for table in tables:
+        found.add(table)
+    return tuple(found.notes())

@@ -141,14 +141,15 @@ def read_readings(
         sized = [table for table in tables if known is not None or table.source.role == ROLE]
         check_sizes(sized, components, travels or {}, problems)
     problems.raise_if_any()
-    notes = [*readings.notes, *_unit_notes(tables), *doubled.equal_notes(tables, equal)]
+    notes = [*readings.notes, *_notes_of_all(tables), *doubled.equal_notes(tables, equal)]
     if known is not None:
         notes += _notes_for_fit(readings, tables, known)
     return replace(readings, notes=(*notes, *(run_signs(readings) if for_fit else ())))
 
 
-def _unit_notes(tables: Sequence[Table]) -> tuple[Notice, ...]:
-    return (*mixed_units(tables), *small_readings(tables))
+def _notes_of_all(tables: Sequence[Table]) -> tuple[Notice, ...]:
+    """What no block of the rows tells by itself."""
+    return (*mixed_units(tables), *small_readings(tables), *mixed_cells(tables, SPEC))
 
 
 def _notes_for_fit(
@@ -256,7 +257,7 @@ def assemble(
         row=np.concatenate([table.rows for table in tables]),
         sources=tuple(table.source for table in tables),
         roles=tuple(table.source.role for table in tables),
-        notes=(*column_twins(tables, SPEC), *mixed_cells(tables, SPEC), *drift_notes(tables)),
+        notes=(*column_twins(tables, SPEC), *drift_notes(tables)),
     )
 
 

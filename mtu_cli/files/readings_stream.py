@@ -24,6 +24,7 @@ from mtu_cli.files.doubled import copied_files, lasting_marks, tells_repeats_apa
 from mtu_cli.files.drift_cells import ROLE
 from mtu_cli.files.drift_notes import OUT_OF_ORDER
 from mtu_cli.files.in_order import in_order
+from mtu_cli.files.mixed_cells import MixedCells
 from mtu_cli.files.mixed_units import UnitRows
 from mtu_cli.files.reading_cells import Travels
 from mtu_cli.files.reading_sizes import may_be_mistaken
@@ -91,6 +92,7 @@ class ReadingsStream(Iterator[Readings]):
         self._out_of_order: set[int] = set()
         self._units = UnitRows()
         self._small = SmallReadings()
+        self._mixed = MixedCells(SPEC)
 
     def __next__(self) -> Readings:
         return next(self._blocks)
@@ -111,7 +113,7 @@ class ReadingsStream(Iterator[Readings]):
                     done += len(held)
                 held = block
             if held is not None:
-                of_all = (*self._units.notes(), *self._small.notes())
+                of_all = (*self._units.notes(), *self._small.notes(), *self._mixed.notes())
                 yield replace(held, notes=(*held.notes, *of_all))
         except (Suspect, InputError, OSError):
             whole = read_readings(self._files, self._machine, for_fit=False, travels=self._travels)
@@ -133,6 +135,7 @@ class ReadingsStream(Iterator[Readings]):
                 if len(block.table):
                     self._units.add(block.table)
                     self._small.add(block.table)
+                    self._mixed.add(block.table)
                     readings = self._readings(block.table, index, known)
                     if len(self._files) > 1:
                         copied.frombytes(reading_marks(readings).tobytes())

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from mtu_cli.files import csv_stream
 from mtu_cli.files.mixed_cells import of_names
 from mtu_cli.files.points import read_points
 from mtu_cli.files.readings import read_readings
@@ -61,3 +62,35 @@ def test_readings_too_as_a_whole_and_in_blocks(tmp_path: Path) -> None:
     assert block.notes == whole.notes
     (text,) = [item.message for item in whole.notes if item.code == "cells-mixed"]
     assert text.startswith("r.csv, row 6, column 'load': 'x' among numbers")
+
+
+def test_a_column_is_that_of_all_files(tmp_path: Path) -> None:
+    """Two texts are few of all cells, if not of those of their own file; three are many."""
+    for names in (2, 3):
+        files = []
+        for number, cells in enumerate((["0.5"] * 16, ["0.5"] * (4 - names) + ["n/a"] * names)):
+            rows = "".join(f"{number}{i},A,10,10,{cell}\n" for i, cell in enumerate(cells))
+            (tmp_path / f"{number}.csv").write_text(f"part,feature,x_mm,y_mm,wear\n{rows}", "utf-8")
+            files.append((tmp_path / f"{number}.csv", "cmm"))
+        points = read_points(files, PLACES)
+        found = [item.message for item in points.notes if item.code == "cells-mixed"]
+        assert of_names(map(str, points.covariates["wear"])) == (names == 3)
+        assert len(found) == (names == 2)
+        assert all(
+            text.startswith("1.csv, row 4, column 'wear': 'n/a' and 1 more") for text in found
+        )
+
+
+def test_a_column_of_several_blocks_is_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for size in ("_BLOCK", "_PIECE"):
+        monkeypatch.setattr(csv_stream, size, 1 << 12)
+    path = tmp_path / "r.csv"
+    count = 2000
+    rows = (f"axy,{i % 97},um,{'x' if i in (7, count - 1) else i % 13}\n" for i in range(count))
+    path.write_text("component,error,unit,load\n" + "".join(rows), "utf-8")
+    blocks = list(stream_readings([(path, "lbb")], None))
+    assert len(blocks) > 1
+    (note,) = [note for block in blocks for note in block.notes]
+    assert note.message.startswith("r.csv, row 9, column 'load': 'x' and 1 more among numbers")
