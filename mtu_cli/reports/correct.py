@@ -169,8 +169,7 @@ def warnings(result: CorrectResult) -> list[Warned]:
     if exact:
         text = f"{listed(exact)} had no error before: there is nothing to reduce"
         found.append(Warned(code="no-error-before", message=text))
-    # What a part was made to be off its nominal length is no error of the machine.
-    grown = [item for item in result.by_size() if item.grown and item.kind != "length"]
+    grown = [item for item in result.by_size() if item.grown]
     if grown:
         worst = max(grown, key=lambda item: item.rms[1] - item.rms[0])
         before, after = (significant(value / UM) for value in worst.rms)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.files.points import Points
+from mtu_cli.model.settings import PROBABILITY
+from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -43,7 +45,8 @@ class AxisCorrections:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SizeErrors:
     """The errors of one circle, sphere or length over all `parts` (of operations: each counts),
-    before and after the correction, mm; `half` is the median half-width of their 95 % intervals.
+    before and after the correction, mm; `half` is the median half-width of intervals that the
+    errors after of all circles and spheres are in together, in 95 % of all cases (Bonferroni).
     """
 
     kind: str
@@ -56,9 +59,11 @@ class SizeErrors:
     @property
     def grown(self) -> bool:
         """Whether the correction has made the errors larger, by more than its uncertainty: the
-        mean error after is one that no part is predicted to have.
+        mean error after is one that no part is predicted to have. Not of a length: what a part
+        was made to be off its nominal length is no error of the machine.
         """
-        return self.rms[1] > self.rms[0] and abs(self.mean[1]) > self.half
+        larger = self.rms[1] > self.rms[0] and abs(self.mean[1]) > self.half
+        return larger and self.kind != "length"
 
 
 def size_errors(sizes: Sequence[Size]) -> tuple[SizeErrors, ...]:
@@ -67,11 +72,13 @@ def size_errors(sizes: Sequence[Size]) -> tuple[SizeErrors, ...]:
     for item in sizes:
         if math.isfinite(item.reference):
             groups.setdefault((item.kind, item.id), []).append(item)
+    judged = sum(kind != "length" for kind, _ in groups)
+    probability = 1 - (1 - PROBABILITY) / max(judged, 1)
     found = []
     for (kind, name), own in groups.items():
         errors = np.array([item.error for item in own])
         mean, rms = errors.mean(axis=0), np.sqrt((errors**2).mean(axis=0))
-        ends = np.array([item.error_interval95 for item in own])
+        half = [coverage_factor(probability, item.dof_error) * item.u_error for item in own]
         found.append(
             SizeErrors(
                 kind=kind,
@@ -79,7 +86,7 @@ def size_errors(sizes: Sequence[Size]) -> tuple[SizeErrors, ...]:
                 parts=len(own),
                 mean=(float(mean[0]), float(mean[1])),
                 rms=(float(rms[0]), float(rms[1])),
-                half=float(np.median(ends[:, 1] - ends[:, 0])) / 2,
+                half=float(np.median(half)),
             )
         )
     return tuple(found)
