@@ -96,3 +96,13 @@ def test_one_trial_adds_to_u_what_is_foretold(dof: float) -> None:
     far = np.abs(np.random.default_rng(3).standard_t(dof, (4000, 2000))).max(axis=1)
     added = ((far + 0.1 * far**2) ** 2 - far**2) / (2 * 2000)
     assert np.mean(added > tail.shift_of_u(2000)) == pytest.approx(0.05, abs=0.014)
+
+
+@pytest.mark.parametrize("dof", [2.2, 2.9, 3.0, 8.0])
+def test_the_u_of_a_sum_is_exact(dof: float) -> None:
+    """Whether a t stands for such a form at the ends or none does: its own variance is known."""
+    own = f"{{value: 1, u: 0.1, dof: {dof}}}"
+    text = f"equation: L + a\ninputs: {{L: {own}, a: {{value: 1, u: 0.1}}}}\n"
+    result = evaluated(text)
+    assert result.run.u[0] == pytest.approx(0.1 * math.sqrt(1 + dof / (dof - 2)), rel=1e-12)
+    assert "heavy-tails" not in [item.code for item in result.warnings]
