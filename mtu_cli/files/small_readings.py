@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import inf
+from pathlib import Path
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class SmallReadings:
     """The sizes of each component's readings by unit, of tables or of blocks of them."""
 
     def __init__(self) -> None:
-        self._found: dict[tuple[str, str, str], _Seen] = {}
+        self._found: dict[tuple[Path, str, str], _Seen] = {}
 
     def add(self, table: Table) -> None:
         """The rows of one more table, or block."""
@@ -48,7 +49,7 @@ class SmallReadings:
         for code in np.unique(names.codes):
             for unit in np.unique(units.codes[names.codes == code]):
                 rows = np.flatnonzero((names.codes == code) & (units.codes == unit))
-                key = (table.source.shown, names.labels[code], units.labels[unit])
+                key = (table.source.path, names.labels[code], units.labels[unit])
                 place = f"{table.source.shown}, row {table.rows[rows[0]]}"
                 own = self._found.setdefault(key, _Seen(place))
                 own.count += len(rows)
@@ -59,7 +60,7 @@ class SmallReadings:
 
     def notes(self) -> Iterator[Notice]:
         """One warning a file and unit, with its components, at the first row of the first."""
-        told: dict[tuple[str, str], list[tuple[str, _Seen]]] = {}
+        told: dict[tuple[Path, str], list[tuple[str, _Seen]]] = {}
         for (file, name, unit), seen in self._found.items():
             size = UNITS[unit].to_internal * seen.largest
             few = seen.count < FEWEST or seen.high - seen.low < LONG_MM

@@ -61,3 +61,17 @@ def test_several_components_are_told_together_and_blocks_as_a_whole(tmp_path: Pa
     path.write_text(f"component,position_mm,error,unit\n{rows}dz,0,3,um\n", "utf-8")
     (note,) = read_readings([(path, "laser")], None, for_fit=False).notes
     assert "the errors of dx, dy are all below 0.05 um" in note.message
+
+
+def test_files_of_one_name_are_two(tmp_path: Path) -> None:
+    """The folders above the one one works in are not shown."""
+    files = []
+    for folder, size in (("a", 0.01), ("b", 10.0)):
+        (tmp_path / folder).mkdir()
+        path = tmp_path / folder / "l.csv"
+        rows = "".join(f"dx,{x},{size + x * size / 500},um\n" for x in PLACES)
+        path.write_text(f"component,position_mm,error,unit\n{rows}", "utf-8")
+        files.append((path, "laser"))
+    assert len(read_readings(files, None, for_fit=False).notes) == 1
+    *_, last = stream_readings(files, None)
+    assert len(last.notes) == 1
