@@ -14,7 +14,7 @@ from mtu_cli.analyses.close_loop.shown import (
     own_verdict,
     things,
 )
-from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
+from mtu_cli.analyses.close_loop.warnings import FREES
 from mtu_cli.reports.close_loop_class import class_lines, members
 from mtu_cli.reports.close_loop_effects import sum_texts
 from mtu_cli.reports.close_loop_notes import MEANINGS, of_p
@@ -195,7 +195,7 @@ def _none(item: TableResult, alpha: float) -> str:
 def _likely(item: TableResult) -> list[str]:
     """What fits by far the best where parts are too few to prove it."""
     count, best = len(item.table.parts), ranked(item)
-    if not 1 < count < FEW_PARTS or not best:
+    if count < 2 or not best:
         return []
     first = best[0]
     if not _strong(first):

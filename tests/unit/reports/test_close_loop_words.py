@@ -433,7 +433,7 @@ def test_the_document_keeps_both_effects_and_adds_where_they_cancel() -> None:
     assert (point["at_mm"]["interval95"], point["told"]) == (None, False)
 
 
-def test_what_few_passes_cannot_prove_is_told_and_not_called_scatter() -> None:
+def test_what_is_likely_but_not_proven_is_told_and_not_called_scatter() -> None:
     base = on_component(verdict="none")
     likely = tuple(
         replace(c, log_bayes_factor=20.0, posterior=0.99, p_familywise=0.12)
@@ -441,18 +441,18 @@ def test_what_few_passes_cannot_prove_is_told_and_not_called_scatter() -> None:
         else replace(c, posterior=0.001)
         for c in base.candidates
     )
-    few = replace(base.table, parts=("1", "2"))
-    text = verdict_text(replace(base, table=few, candidates=likely), result(base))
-    assert "may be scatter" in text
-    assert "backlash-x fits best by far, but 2 passes cannot prove it (p 0.12)" in text
-    weak = tuple(replace(c, log_bayes_factor=1.0) for c in likely)
-    for other in (
-        replace(base, candidates=likely),
-        replace(base, table=few, candidates=weak),
-    ):
-        text = verdict_text(other, result(base))
+    for count in (2, 6, 20):
+        own = replace(base.table, parts=tuple(map(str, range(count))))
+        text = verdict_text(replace(base, table=own, candidates=likely), result(base))
+        assert "may be scatter" in text
+        assert f"backlash-x fits best by far, but {count} passes cannot prove it (p 0.12)" in text
+        weak = tuple(replace(c, log_bayes_factor=1.0) for c in likely)
+        text = verdict_text(replace(base, table=own, candidates=weak), result(base))
         assert "passes for scatter" in text
         assert "cannot prove" not in text
+    one = replace(base.table, parts=("1",))
+    text = verdict_text(replace(base, table=one, candidates=likely), result(base))
+    assert "passes for scatter" in text
 
 
 def test_sizes_that_no_error_has_are_not_told_as_what_would_have_been_found() -> None:
