@@ -13,9 +13,13 @@ from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import Table
 from mtu_cli.units import ANGLE, LENGTH, UNITS
 
-SMALLEST: dict[float, tuple[float, str]] = {LENGTH: (5e-5, "0.05 um"), ANGLE: (5e-8, "0.01 arcsec")}
-"""The largest error of a component, mm or rad, below which no shop's axis is along LONG_MM. Chosen
-by hand: 1 K of the air's temperature moves a laser's reading by 0.1 um along LONG_MM.
+CODE = "readings-small"
+SMALLEST: dict[float, float] = {LENGTH: 5e-5, ANGLE: 5e-8}
+SLOPE: dict[float, float] = {LENGTH: 2e-7, ANGLE: 0.0}
+"""The largest error of a component, mm or rad, below which no shop's axis is along LONG_MM; along
+more it is SLOPE times that. Chosen by hand: 1 K of the air's temperature moves a laser's reading
+by 1 um/m, and an axis that nobody compensated errs by up to 200 um/m, which in mm called um is
+the SLOPE.
 """
 LONG_MM, FEWEST = 100.0, 5
 LIKELY: dict[float, tuple[float, float]] = {LENGTH: (5e-4, 1.0), ANGLE: (4e-7, 5e-3)}
@@ -62,20 +66,22 @@ class SmallReadings:
         """One warning a file and unit, with its components, at the first row of the first."""
         told: dict[tuple[Path, str], list[tuple[str, _Seen]]] = {}
         for (file, name, unit), seen in self._found.items():
-            size = UNITS[unit].to_internal * seen.largest
-            few = seen.count < FEWEST or seen.high - seen.low < LONG_MM
-            if not few and 0 < size < SMALLEST[UNITS[unit].dimension][0]:
+            size, span = UNITS[unit].to_internal * seen.largest, seen.high - seen.low
+            few = seen.count < FEWEST or span < LONG_MM
+            dimension = UNITS[unit].dimension
+            if not few and 0 < size < max(SMALLEST[dimension], SLOPE[dimension] * span):
                 told.setdefault((file, unit), []).append((name, seen))
         for (_, unit), own in told.items():
-            dimension = UNITS[unit].dimension
-            likely = _likelier(max(seen.largest for _, seen in own), dimension)
-            text = (
-                f"{own[0][1].place}, column 'unit': the errors of "
-                f"{', '.join(name for name, _ in own)} are all below {SMALLEST[dimension][1]}, "
-                f"which is smaller than any machine's: are they in {unit}"
-                f"{f', or in {likely}' if likely else ''}?"
+            likely = _likelier(max(seen.largest for _, seen in own), UNITS[unit].dimension)
+            sizes = ", ".join(
+                f"{name} (at most {seen.largest:.2g} {unit} along {seen.high - seen.low:g} mm)"
+                for name, seen in own
             )
-            yield Notice(code="readings-small", message=text)
+            text = (
+                f"{own[0][1].place}, column 'unit': smaller than any machine's are the errors of "
+                f"{sizes}: are they in {unit}{f', or in {likely}' if likely else ''}?"
+            )
+            yield Notice(code=CODE, message=text)
 
 
 def _likelier(largest: float, dimension: float) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mtu_cli.files import small_readings
 from mtu_cli.files.reading_cells import (
     NARROW,
     WIDE,
@@ -89,7 +90,8 @@ def _scales(
     if large:
         text = f"large errors for a machine: {', '.join(large)}; are they in the unit they state?"
         yield Warned(code="readings-large", message=text)
-    yield from _small(readings, components)
+    if not any(item.code == small_readings.CODE for item in readings.notes):
+        yield from _small(readings, components)
     if wide:
         text = (
             f"positions from end to end lie farther apart than the axis travels: {', '.join(wide)}"
@@ -135,7 +137,7 @@ def _small(readings: Readings, components: Mapping[str, Any]) -> Iterator[Warned
             f"small errors for a machine: no length is off by more than {largest / UM:.2g} um; are "
             "they in the unit they state, or mm marked as um?"
         )
-        yield Warned(code="readings-small", message=text)
+        yield Warned(code=small_readings.CODE, message=text)
 
 
 def _alone(readings: Readings, name: str, components: Mapping[str, Any]) -> Iterator[str]:

@@ -17,7 +17,7 @@ from mtu_cli.files.covariates import (
     expected_temperature,
     is_temperature,
 )
-from mtu_cli.files.mixed_cells import of_names
+from mtu_cli.files.mixed_cells import is_name, of_names
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
 from mtu_cli.model.basis import TIME
@@ -65,7 +65,7 @@ def table_covariates(
     found: dict[str, FloatArray] = {}
     gaps: list[str] = []
     texts = [
-        repr(name)
+        _text(name, column)
         for name, column in columns.items()
         if column.dtype == object and of_names(map(str, column))
     ]
@@ -92,6 +92,15 @@ def _where(known: NDArray[np.bool_], index: IntArray, sources: Sequence[Source])
     without = [sources[f].shown for f in np.unique(index) if not known[index == f].any()]
     rows = f"{int((~known).sum())} of {len(known)} rows"
     return f"{rows}, all of {' and '.join(without)}" if without else rows
+
+
+def _text(name: str, column: NDArray[np.object_]) -> str:
+    """The name of a column, with the texts that it has beside numbers: these may be meant."""
+    cells = [text for text in map(str, column) if text]
+    own = [text for text in cells if is_name(text)]
+    if len(own) == len(cells):
+        return repr(name)
+    return f"{name!r} (in {len(own)} of {len(cells)} cells, the first {own[0]!r})"
 
 
 def _texts(names: list[str]) -> Warned:

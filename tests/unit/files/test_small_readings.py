@@ -33,7 +33,10 @@ def test_readings_in_a_larger_unit_are_asked_about(
 ) -> None:
     errors = [0.0, largest / 4, largest / 2, -largest, largest / 3]
     (text,) = told(tmp_path, errors, unit, PLACES)
-    assert text.startswith("l.csv, row 2, column 'unit': the errors of dx are all below 0.0")
+    assert text.startswith(
+        "l.csv, row 2, column 'unit': smaller than any machine's are the errors of dx (at most "
+        f"{largest:.2g} {unit} along 200 mm): "
+    )
     assert text.endswith(f"are they in {unit}{likely}")
 
 
@@ -46,8 +49,19 @@ def test_readings_in_a_larger_unit_are_asked_about(
         ("um", [0.01] * 4, (0, 50, 100, 150)),
         ("mm", [0.001] * 5, PLACES),
         ("arcsec", [0.02] * 5, PLACES),
+        ("um", [0.06] * 5, tuple(1.5 * x for x in PLACES)),
+        ("um", [0.25] * 5, tuple(6.0 * x for x in PLACES)),
     ],
-    ids=["one is larger", "none errs", "a short axis", "a few", "in mm", "a good table"],
+    ids=[
+        "one is larger",
+        "none errs",
+        "a short axis",
+        "a few",
+        "in mm",
+        "a good table",
+        "a stage",
+        "a good long axis",
+    ],
 )
 def test_what_a_machine_may_have_is_not(
     tmp_path: Path, unit: str, errors: list[float], places: tuple[float, ...]
@@ -55,12 +69,21 @@ def test_what_a_machine_may_have_is_not(
     assert told(tmp_path, errors, unit, places) == []
 
 
+def test_an_axis_that_errs_much_in_mm_called_um(tmp_path: Path) -> None:
+    """110 um along 1200 mm, as nobody has them who did not compensate."""
+    errors, places = [0.0, 0.03, 0.06, 0.09, 0.13], (0, 300, 600, 900, 1200)
+    (text,) = told(tmp_path, errors, "um", places)
+    assert "dx (at most 0.13 um along 1200 mm): are they in um, or in mm?" in text
+    assert told(tmp_path, errors, "um", tuple(x / 2 for x in places)) == []
+
+
 def test_several_components_are_told_together_and_blocks_as_a_whole(tmp_path: Path) -> None:
     path = tmp_path / "l.csv"
     rows = "".join(f"{name},{x},0.0{x % 4},um\n" for name in ("dx", "dy") for x in PLACES)
     path.write_text(f"component,position_mm,error,unit\n{rows}dz,0,3,um\n", "utf-8")
     (note,) = read_readings([(path, "laser")], None, for_fit=False).notes
-    assert "the errors of dx, dy are all below 0.05 um" in note.message
+    one = "(at most 0.02 um along 200 mm)"
+    assert f"the errors of dx {one}, dy {one}: are they" in note.message
 
 
 def test_files_of_one_name_are_two(tmp_path: Path) -> None:
