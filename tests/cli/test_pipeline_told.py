@@ -85,6 +85,11 @@ def test_a_study_that_cannot_run_stops_no_other(tmp_path: Path) -> None:
     assert "no such file: 'machine.yaml'" in found.stderr
     assert not (tmp_path / "out" / "a" / "points.json").exists()
     assert (tmp_path / "out" / "b" / "points.json").exists()
+    head = found.stdout.index("study: done, or which of its steps have not\n")
+    assert found.stdout[head:].splitlines()[1:3] == [
+        "a: not done: predict-points lengths",
+        "b: done",
+    ]
 
 
 def test_a_study_of_a_drift_test_alone_has_one_step(tmp_path: Path) -> None:
