@@ -85,3 +85,29 @@ def test_errors_of_many_sizes_are_judged_together(tmp_path: Path) -> None:
     off = replace(ring, size=(0.0, 0.0031))
     lengths = [replace(off, kind="length", id=f"A-{i}") for i in range(100)]
     assert [item.grown for item in size_errors([off, *lengths])] == [True] + 100 * [False]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "grown"),
+    [
+        ((0.0, 0.0), (3.0, 3.0), True),
+        ((0.0, 0.0), (-3.0, -3.0), True),
+        # No smaller than before, but off by chance; and smaller than it was.
+        ((0.0, 0.0), (3.0, -3.0), False),
+        ((0.0, 0.0), (1.9, 1.9), False),
+        ((9.0, 9.0), (3.0, 3.0), False),
+    ],
+)
+def test_what_has_grown(
+    before: tuple[float, float], after: tuple[float, float], grown: bool, tmp_path: Path
+) -> None:
+    """Errors of two parts in their u, that of a third is not known well."""
+    part, measured, temperature = ring_part(tmp_path), *rings(1)[1:]
+    points = ring_points(measured, ["a"], [1], {"T_scale_degC": temperature})
+    (ring,) = correct(machine(tmp_path), part, points, Settings()).of_kind("circle")
+    ring = replace(ring, u=0.001, dof=np.inf, reference=0.0, U_reference=np.nan)
+    sides = zip(before, after, strict=True)
+    sizes = [replace(ring, size=(0.001 * one, 0.001 * other)) for one, other in sides]
+    middle = 0.0005 * sum(after)
+    (found,) = size_errors([*sizes, replace(ring, size=(middle, middle), u=0.1)])
+    assert found.grown is grown

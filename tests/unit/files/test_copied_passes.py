@@ -9,6 +9,7 @@ import pytest
 from test_readings_file import MACHINE
 
 from mtu_cli.errors import InputError
+from mtu_cli.files.copied_passes import _as_most_others
 from mtu_cli.files.readings import read_readings
 
 HEAD = "component,position_mm,pass,direction,error,unit\n"
@@ -106,3 +107,38 @@ def test_of_few_readings_nothing_is_said(tmp_path: Path) -> None:
     assert told(tmp_path, rows(three) + rows(three[:1], 4)) == []
     four = drawn(6, 4)
     assert len(told(tmp_path, rows(four) + rows(four[:1], 7))) == 1
+
+
+@pytest.mark.parametrize(
+    ("apart", "agree"),
+    [
+        ([0.3], 0.0),
+        ([1.0, 2.0, 3.0, 4.0], 0.0),
+        ([1.0, 1.0, 2.0, 2.0, 5.0], 0.0),
+        # Without itself each of the pair is at one of four levels of one difference.
+        ([1.0, 1.0, 2.0, 3.0, 4.0], 2 / 4),
+        ([1.0, 1.0, 1.0, 2.0, 3.0], 3.0),
+        ([1.0, 1.0, 1.0, 2.0, 2.0], 3 / 2),
+        ([7.0] * 6, 6.0),
+    ],
+)
+def test_a_reading_agrees_if_it_is_at_the_level_of_most_others(
+    apart: list[float], agree: float
+) -> None:
+    """Against each left out in turn, with every most frequent level of the rest alike."""
+    assert _as_most_others(np.array(apart)) == pytest.approx(agree)
+    plain = 0.0
+    for i, own in enumerate(apart):
+        rest = apart[:i] + apart[i + 1 :]
+        most = max(map(rest.count, rest), default=0)
+        levels = {x for x in rest if rest.count(x) == most}
+        plain += (own in levels) / max(len(levels), 1)
+    assert plain == pytest.approx(agree)
+
+
+def test_equal_differences_of_decimals_are_equal(tmp_path: Path) -> None:
+    """Of 3.3 - 1.1 and 2.9 - 0.7 um the last bits differ."""
+    low = np.array([[0.1, 0.7, 1.1, 1.3, 2.3, 3.1, 4.3, 4.9]])
+    levels = np.array([[0.0], [0.7], [1.4], [2.2], [2.9]])
+    honest = np.vstack([low + levels, low + levels[2:3]])
+    assert told(tmp_path, rows(honest, digits=1)) == []

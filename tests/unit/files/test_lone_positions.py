@@ -65,3 +65,17 @@ def test_where_some_places_are_read_one_way_alone_nothing_is_said(tmp_path: Path
     rows = [row for row in table(4) if row[3] == "forward" or row[1] != "150"]
     rows[4][1] = "30"
     assert told(tmp_path, rows) == []
+
+
+def test_a_place_that_a_third_of_the_passes_read_is_not_where_they_read(tmp_path: Path) -> None:
+    rows = [row for row in table(3) if row[3] == "forward"]
+    for i, place in ((2, "110"), (8, "120"), (14, "130")):
+        rows[i][1] = place
+    assert told(tmp_path, rows) == []
+
+
+def test_of_many_passes_two_may_lack_a_place(tmp_path: Path) -> None:
+    """Two slips at one place: three quarters of the passes read it, if not all of them but one."""
+    rows = [row for row in table(10) if row[3] == "forward"]
+    rows[2][1], rows[8][1] = "110", "120"
+    assert len(told(tmp_path, rows)) == 2

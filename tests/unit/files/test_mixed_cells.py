@@ -94,3 +94,11 @@ def test_a_column_of_several_blocks_is_told_once(
     assert len(blocks) > 1
     (note,) = [note for block in blocks for note in block.notes]
     assert note.message.startswith("r.csv, row 9, column 'load': 'x' and 1 more among numbers")
+
+
+def test_empty_cells_are_none_of_the_numbers(tmp_path: Path) -> None:
+    """Of 19 cells that are given two are more than a tenth, whatever is empty beside them."""
+    cells = ["0.5"] * 17 + ["n/a"] * 2
+    assert of_names(cells)
+    assert told(tmp_path, cells + [""] * 20) == []
+    assert len(told(tmp_path, ["0.5", *cells] + [""] * 20)) == 1

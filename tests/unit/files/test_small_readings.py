@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from mtu_cli.files import csv_stream
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.readings_stream import stream_readings
 
@@ -98,3 +99,28 @@ def test_files_of_one_name_are_two(tmp_path: Path) -> None:
     assert len(read_readings(files, None, for_fit=False).notes) == 1
     *_, last = stream_readings(files, None)
     assert len(last.notes) == 1
+
+
+def test_of_blocks_what_is_larger_or_longer_in_one_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """20 rows are three blocks or more; the range and the largest error are those of all."""
+    for size in ("_BLOCK", "_PIECE"):
+        monkeypatch.setattr(csv_stream, size, 100)
+    small, places = [0.01] * 20, tuple(float(x) for x in range(20))
+    for first, last in ((0, 0), (0, 100), (-100, 19), (0, 99)):
+        along = (float(first), *places[1:-1], float(last))
+        assert len(told(tmp_path, small, "um", along)) == (last - first >= 100)
+    along = (*places[:-1], 200.0)
+    assert told(tmp_path, [0.06, *small[1:]], "um", along) == []
+    assert told(tmp_path, [*small[:-1], 0.06], "um", along) == []
+    assert len(told(tmp_path, [0.049, *small[1:]], "um", along)) == 1
+
+
+def test_the_first_row_of_the_component_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "l.csv"
+    rows = "".join(f"{name},{x},{e},um\n" for name, e in (("dx", 5), ("dy", 0.01)) for x in PLACES)
+    path.write_text(f"component,position_mm,error,unit\n{rows}dy,,0.01,um\n", "utf-8")
+    notes = read_readings([(path, "laser")], None, for_fit=False).notes
+    (text,) = [item.message for item in notes if item.code == "readings-small"]
+    assert text.startswith("l.csv, row 7, column 'unit': the errors of dy are")

@@ -12,7 +12,7 @@ from measured_examples import points
 from mtu_cli.analyses.anova import analyse_variance
 from mtu_cli.analyses.compare import compare
 from mtu_cli.files.points import Points
-from mtu_cli.model.copied_repeats import copied_repeats
+from mtu_cli.model.copied_repeats import _mean_range, copied_repeats
 from mtu_cli.model.measured_checks import check_measured
 from mtu_cli.model.settings import Settings
 
@@ -174,3 +174,10 @@ def test_files_that_stand_twice_are_told_once() -> None:
     codes = [item.code for item in check_measured(twice)]
     assert codes.count("rows-stand-twice") == 1
     assert "repeats-alike" not in codes
+
+
+def test_mean_ranges_of_normal_readings() -> None:
+    """The d2 of control charts (ISO 7870-2, factors for the centre line of ranges)."""
+    published = {1: 0.0, 2: 1.128, 3: 1.693, 5: 2.326, 10: 3.078, 25: 3.931}
+    found = _mean_range(np.array([*published, 2]))
+    assert found == pytest.approx([*published.values(), 1.128], abs=5.1e-4)

@@ -49,3 +49,10 @@ def test_the_last_digit_of_a_few_values_is_what_their_decimals_tell() -> None:
 )
 def test_the_last_digit_is_the_largest_step_of_all(values: list[float], digit: float) -> None:
     assert last_digit(np.array(values)) == pytest.approx(digit, rel=1e-9)
+
+
+def test_of_eight_values_the_common_divisor_is_their_step() -> None:
+    values = 5e-3 * np.arange(1.0, 9.0)
+    assert last_digit(values) == pytest.approx(5e-3)
+    assert last_digit(values[:7]) == pytest.approx(1e-3)
+    assert last_digit(np.repeat(values[:7], 3)) == pytest.approx(1e-3)
