@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.estimate import drawn_covariance, estimate, raw_design
+from mtu_cli.analyses.close_loop.estimate import (
+    drawn_covariance,
+    estimate,
+    raw_design,
+    searched_covariance,
+)
 from mtu_cli.analyses.close_loop.few_parts import with_scatter_of_parts
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search
@@ -16,6 +21,7 @@ from mtu_cli.model.effect_library import Member
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.column_groups import MemberColumns
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.loop_frame import grouped
 from mtu_cli.stats.stratified import StratifiedFit
 
 AGREES = 2.0
@@ -66,10 +72,12 @@ def added(
     *,
     rough: bool = False,
     owners: Mapping[int, int] = NO_OWNERS,
+    waves: Collection[int] = (),
 ) -> Added:
     """Estimates the effects of a search; with a `seed`, their covariance as exactly as it can
     be had; `rough`: by the weights alone, where only the coefficients count. By axis, `owners`
     are the places of effects that get the mean error, whether it agrees with their own or not.
+    Of the members `waves` the pitch is an estimate, too.
     """
     scan = prepared.scan
     columns = prepared.whole(found.members)
@@ -88,6 +96,10 @@ def added(
         if first <= step.index < scan.tested
     ]
     joint = _joint_covariance(left, columns, fit, seed, rough)
+    slopes = [] if rough else [_slope(left, found.members, fit.beta, m) for m in sorted(waves)]
+    if slopes:
+        own = searched_covariance(left.scan, columns, fit.weights, np.stack(slopes, axis=1))
+        joint[: len(own), : len(own)] += own
     fit, levels = _with_levels(left, found.members, fit, offsets, joint, owners)
     return Added(
         members=found.members,
@@ -95,6 +107,17 @@ def added(
         levels=levels,
         prepared=left,
     )
+
+
+def _slope(prepared: Prepared, members: Sequence[int], beta: FloatArray, wave: int) -> FloatArray:
+    """The derivative (N,) of what a wave says by the logarithm of its pitch."""
+    first = sum(len(prepared.members[m].columns) for m in members[: members.index(wave)])
+    own = prepared.members[wave]
+    count = len(own.columns)
+    frame = prepared.scan.frame
+    (slopes,) = grouped(frame.whole_columns, [own.tangent[:count]])
+    found: FloatArray = raw_design(prepared.scan, [slopes]) @ beta[first : first + count]
+    return found
 
 
 def _no_fit(prepared: Prepared) -> StratifiedFit:

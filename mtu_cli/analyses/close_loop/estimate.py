@@ -78,6 +78,30 @@ def of_coordinates(scan: Scan, members: Sequence[MemberColumns], weights: FloatA
     return whitened(strata, scan.whitening.transpose(0, 2, 1), w[:, None] * (X @ C.T))
 
 
+def searched_covariance(
+    scan: Scan, members: Sequence[MemberColumns], weights: FloatArray, slopes: FloatArray
+) -> FloatArray:
+    """What it adds to the covariance (k, k) of beta that m values of what was searched are
+    estimates, too: `slopes` (N, m) are the derivatives of what the effects say by them.
+
+    With the columns X and the slopes T, whitened and weighted, c = (X'X)^-1 X'T and R = T - X c,
+    it is c (R'R)^-1 c': that block of the inverse of [X T]'[X T], less that of X'X.
+    """
+    strata = scan.frame.strata
+    k = sum(len(member) for member in members)
+    root = np.concatenate(
+        [np.full(s.size, np.sqrt(w)) for s, w in zip(strata.all, weights, strict=True)]
+    )[:, None]
+    X = root * _design(scan, members)
+    T = root * whitened(strata, scan.whitening, slopes)
+    fits = [least_squares(X, column) for column in T.T]
+    c = np.stack([fit.coefficients for fit in fits], axis=1)
+    R = T - X @ c
+    own = least_squares(R, np.zeros(len(R))).unscaled_covariance
+    found: FloatArray = c[:k] @ own @ c[:k].T
+    return found
+
+
 def drawn_covariance(
     scan: Scan, members: Sequence[MemberColumns], weights: FloatArray, seed: int | None
 ) -> FloatArray:

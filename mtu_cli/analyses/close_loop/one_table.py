@@ -33,7 +33,7 @@ from mtu_cli.analyses.close_loop.neutral_point import neutral_points
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.own_constant import owners_of, with_own_constants
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.refined import with_refined_pitches
+from mtu_cli.analyses.close_loop.refined import wave_members, with_refined_pitches
 from mtu_cli.analyses.close_loop.result import (
     FixedPoint,
     FoundEffect,
@@ -165,10 +165,11 @@ def _neutral_points(
 
 def _told(first: Searched, out: HeldOut | None, library: EffectLibrary, seed: int) -> Described:
     owners = owners_of(first.prepared, first.found)
+    waves = wave_members(first.prepared, first.found, library)
     told = Described(
         prepared=first.prepared,
         found=first.found,
-        effects=added(first.prepared, first.found, seed, owners=owners),
+        effects=added(first.prepared, first.found, seed, owners=owners, waves=waves),
         chosen=() if out is None else out.chosen,
     )
     return with_refined_pitches(told, library, seed, owners)

@@ -25,17 +25,29 @@ from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.loop_frame import grouped
 
 
+def wave_members(prepared: Prepared, found: Search, library: EffectLibrary) -> frozenset[int]:
+    """Those of the members found that are one period of what the library searches."""
+    table, members = prepared.table, prepared.members
+    return frozenset(
+        step.member
+        for step in found.steps
+        if step.member >= 0
+        and waves_of(table, library, prepared.candidates[step.index], members[step.member])
+    )
+
+
 def with_refined_pitches(
     told: Described, library: EffectLibrary, seed: int, owners: Mapping[int, int]
 ) -> Described:
     """The same with each periodic error at the pitch that fits best beside all other effects."""
     table = told.prepared.table
+    waves = wave_members(told.prepared, told.found, library)
 
     def member(candidate: Candidate, seen: Periodic, pitch: float) -> Member:
         return _member(table, candidate, seen.waves, pitch, seen.member)
 
     def estimated(prepared: Prepared) -> Added:
-        return added(prepared, told.found, seed, owners=owners)
+        return added(prepared, told.found, seed, owners=owners, waves=waves)
 
     return _refined(told, library, member, estimated)
 
