@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 from scipy.stats import binom
 from separation_examples import found_as, prepared_of
 
+from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, found_effects
 from mtu_cli.analyses.close_loop.held_out import fold_of, of_fold, splits_of
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
@@ -75,14 +76,37 @@ def test_the_pitch_is_that_of_least_squares(pitch: float) -> None:
     assert f"/{value:.7g}".rstrip("0") in effect.equations["Ex"]
 
 
-def test_the_interval_holds_the_pitch_as_often_as_stated() -> None:
-    runs, held = 200, 0
+def test_the_intervals_hold_pitch_sine_and_cosine_as_often_as_stated() -> None:
+    """Also the cosine, which a pitch a little off turns into the sine half the span away from 0."""
+    runs, held = 200, np.zeros(3, int)
+    wave = AMPLITUDE * np.array([np.cos(0.4), np.sin(0.4)])
     for seed in range(runs):
         told = refined(passes(seed))
         (effect,) = with_other_pitches(told, found_effects(told, [None]), LIBRARY)
         ((_, low, high),) = effect.searched.values()
-        held += low <= PITCH <= high
-    assert binom.ppf(1e-3, runs, 0.95) <= held <= binom.ppf(1 - 1e-3, runs, 0.95)
+        ends = [(low, high), *((own[0], own[1]) for own in effect.intervals[:2])]
+        held += [a <= true <= b for (a, b), true in zip(ends, (PITCH, *wave), strict=True)]
+    for count in held.tolist():
+        assert binom.ppf(1e-3, runs, 0.95) <= count <= binom.ppf(1 - 1e-3, runs, 0.95)
+
+
+def test_what_the_pitch_adds_to_sine_and_cosine_is_that_of_non_linear_least_squares() -> None:
+    """Covariance by the Jacobian with a free pitch over that with the pitch as found."""
+    told = refined(passes(4))
+    fixed = added(told.prepared, told.found, 1)
+    assert fixed.fit is not None
+    assert told.effects.fit is not None
+    sine, cosine = fixed.fit.beta[:2].tolist()
+    (pitch,) = told.prepared.members[told.found.steps[0].member].searched.values()
+    angle = 2 * np.pi * PLACES / pitch
+    slope = angle * (cosine * np.sin(angle) - sine * np.cos(angle))
+    X = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle), slope], axis=1)
+    free, known = (np.linalg.inv(own.T @ own)[:2, :2] for own in (X, X[:, :3]))
+    # The weights of the strata are not quite those of the columns' means.
+    for i in (0, 1):
+        ratio = told.effects.fit.covariance[i, i] / fixed.fit.covariance[i, i]
+        assert ratio == pytest.approx(free[i, i] / known[i, i], rel=0.01)
+    assert free[1, 1] > 2 * known[1, 1]
 
 
 def test_held_out_passes_are_foretold_by_the_pitch_of_the_others() -> None:

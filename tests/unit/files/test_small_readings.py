@@ -123,6 +123,5 @@ def test_the_first_row_of_the_component_is_named(tmp_path: Path) -> None:
     path.write_text(f"component,position_mm,error,unit\n{rows}dy,,0.01,um\n", "utf-8")
     notes = read_readings([(path, "laser")], None, for_fit=False).notes
     (text,) = [item.message for item in notes if item.code == "readings-small"]
-    assert text.startswith(
-        "l.csv, row 7, column 'unit': smaller than any machine's are the errors of dy ("
-    )
+    head = "l.csv, row 7, column 'unit': smaller than any machine's are the errors of dy ("
+    assert text.startswith(head)
