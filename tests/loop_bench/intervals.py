@@ -7,8 +7,11 @@ from scipy.special import stdtrit
 from shop_day import Truth
 from shop_day.day import Floats
 
+from loop_bench.folds import LIBRARY
 from loop_bench.judge import Diagnosis
-from mtu_cli.analyses.close_loop.added import Added, added
+from mtu_cli.analyses.close_loop.added import NO_OWNERS, Added, added
+from mtu_cli.analyses.close_loop.describe import Described
+from mtu_cli.analyses.close_loop.refined import wave_members, with_refined_pitches
 from mtu_cli.model.effect_candidate import Member
 
 SHAPED = frozenset({"cyclic", "curvature", "straightness", "warm-up"})
@@ -33,8 +36,8 @@ def covers(diagnosis: Diagnosis, truth: Truth) -> bool | None:
         if other is step:
             break
         place += other.member >= 0
-    effects = added(diagnosis.prepared, diagnosis.found)
-    member = diagnosis.prepared.members[step.member]
+    told = _refined(diagnosis)
+    effects, member = told.effects, told.prepared.members[step.member]
     columns = _centred(member, truth.errors.shape)
     if truth.family in SHAPED:
         return _shape_covered(effects, place, columns, truth)
@@ -45,6 +48,15 @@ def covers(diagnosis: Diagnosis, truth: Truth) -> bool | None:
     if not same:
         return None
     return _inside(effects, place, true, np.eye(len(true)))
+
+
+def _refined(diagnosis: Diagnosis) -> Described:
+    """A periodic error at the pitch that is told, which lies between those searched."""
+    prepared, found = diagnosis.prepared, diagnosis.found
+    waves = wave_members(prepared, found, LIBRARY)
+    effects = added(prepared, found, waves=waves)
+    told = Described(prepared=prepared, found=found, effects=effects, chosen=())
+    return with_refined_pitches(told, LIBRARY, 1, NO_OWNERS)
 
 
 def _shape_covered(effects: Added, place: int, columns: Floats, truth: Truth) -> bool:
