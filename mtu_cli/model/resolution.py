@@ -15,6 +15,8 @@ FEWEST = 8
 """Whole numbers, of less than which more than 1 in 250 share a divisor by chance: of n at random
 1 - 1/zeta(n) do.
 """
+FEWEST_FIVES = 4
+"""The same of numbers that share a 5, as displays have it: of n at random 5^-n do."""
 ROUNDING_MM = 1e-9
 
 
@@ -31,12 +33,15 @@ def in_steps(values: FloatArray, step: float) -> bool:
 
 def last_digit(values: FloatArray) -> float:
     """The last digit of values (n,), mm: the largest step that all are whole numbers of, or, of
-    fewer than FEWEST different ones, the largest power of ten: these have divisors by chance.
+    fewer than FEWEST different ones, the largest power of ten or, of FEWEST_FIVES, half of one:
+    these have divisors by chance.
     """
     for decimals in range(MOST_DECIMALS):
         whole = values * 10.0**decimals
         if (np.abs(whole - np.round(whole)) < ROUNDING_MM * 10.0**decimals).all():
             numbers = np.unique(np.round(whole).astype(np.int64))
-            unit = int(np.gcd.reduce(numbers)) if len(numbers) >= FEWEST else 1
-            return max(unit, 1) * 10.0**-decimals
+            unit = max(int(np.gcd.reduce(numbers)), 1)
+            if len(numbers) < FEWEST:
+                unit = 5 if unit % 5 == 0 and len(numbers) >= FEWEST_FIVES else 1
+            return unit * 10.0**-decimals
     return 10.0**-MOST_DECIMALS
