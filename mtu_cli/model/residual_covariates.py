@@ -65,7 +65,7 @@ def table_covariates(
     found: dict[str, FloatArray] = {}
     gaps: list[str] = []
     texts = [
-        _text(name, column)
+        _text(name, column, *files)
         for name, column in columns.items()
         if column.dtype == object and of_names(map(str, column))
     ]
@@ -94,13 +94,16 @@ def _where(known: NDArray[np.bool_], index: IntArray, sources: Sequence[Source])
     return f"{rows}, all of {' and '.join(without)}" if without else rows
 
 
-def _text(name: str, column: NDArray[np.object_]) -> str:
+def _text(
+    name: str, column: NDArray[np.object_], index: IntArray, sources: Sequence[Source]
+) -> str:
     """The name of a column, with the texts that it has beside numbers: these may be meant."""
-    cells = [text for text in map(str, column) if text]
-    own = [text for text in cells if is_name(text)]
+    cells = {i: text for i, text in enumerate(map(str, column)) if text}
+    own = [i for i, text in cells.items() if is_name(text)]
     if len(own) == len(cells):
         return repr(name)
-    return f"{name!r} (in {len(own)} of {len(cells)} cells, the first {own[0]!r})"
+    first = f"{cells[own[0]]!r} in {sources[index[own[0]]].shown}"
+    return f"{name!r} ({len(own)} of {len(cells)} cells, the first {first}; none where empty)"
 
 
 def _texts(names: list[str]) -> Warned:

@@ -44,6 +44,7 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
         "gap": np.where(np.arange(n) == 3, np.nan, 1.0),
         "hole": np.where(np.arange(n) < 5, np.nan, 1.0),
         "who": np.array(["a"] * n, object),
+        "worn": np.array(["", "3", "n/a", *["2"] * (n - 6), "-", "", "4"], object),
     }
     points = replace(points, covariates=columns)
     table, warned = residual_table(stated(tmp_path, MACHINE), points, {})
@@ -56,6 +57,9 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
     assert codes(warned) == ["covariate-gaps", "covariate-is-text"]
     assert "'gap' (1 of" in warned[0].message
     assert "'hole' (5 of" in warned[0].message
+    shown = points.sources[0].shown
+    mixed = f"'worn' (2 of {n - 2} cells, the first 'n/a' in {shown}; none where empty)"
+    assert warned[1].message.startswith(f"'who', {mixed}: text, not numbers")
     for p in range(4):
         for h in range(3):
             own = (points.part == p) & (points.feature == h)
