@@ -86,9 +86,15 @@ class Source:
         if self.is_t:
             inflation = self.members[0].drawn_variance / self.members[0].u ** 2
             return self.variance(gradient) * inflation
-        drawn = np.array([item.drawn_variance for item in self.members])
-        mean_scale = np.array([item.mean_scale for item in self.members])
-        joint = self.covariance * np.outer(mean_scale, mean_scale)
+        # What is not in the sum need not have a variance.
+        counted = np.flatnonzero(own)
+        members = [self.members[i] for i in counted]
+        drawn = np.array([item.drawn_variance for item in members])
+        if np.isnan(drawn).any():
+            return math.nan
+        own, joint = own[counted], self.covariance[np.ix_(counted, counted)]
+        mean_scale = np.array([item.mean_scale for item in members])
+        joint *= np.outer(mean_scale, mean_scale)
         np.fill_diagonal(joint, drawn)
         found = float(own @ joint @ own)
         return 0.0 if found <= ROUNDING * float(own**2 @ drawn) else found

@@ -7,6 +7,7 @@ exactly: its mean, u and quantiles.
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -186,3 +187,25 @@ def test_u_of_correlated_inputs_with_scales_of_their_own(second: str, dof: float
     )
     # The coefficient of the normals behind a rectangle is found to 1e-13.
     assert found.u[0] == pytest.approx(math.sqrt(variance), rel=1e-11)
+
+
+@pytest.mark.parametrize("dof", [0.5, 1, 2])
+def test_u_beside_a_correlated_input_that_has_none(dof: float) -> None:
+    """x has no variance, its scale perhaps no mean; what is the sum of y, z and w has its own."""
+    text = f"""
+        equations: {{E: x + y + z + w, Y: y + z + w}}
+        units: {{E: mm, Y: mm}}
+        inputs:
+          x: {{unit: mm, value: 1, u: 0.1, dof: {dof}}}
+          y: {{unit: mm, value: 1, u: 0.1, dof: 5}}
+          z: {{unit: mm, value: 1, u: 0.1, dof: 9}}
+          w: {{unit: mm, value: 1, half_width: 0.3, distribution: rectangular}}
+        correlations: [[x, y, 0.5], [y, z, 0.5]]
+        """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = evaluated(text, seed=3, trials=50_000).run
+    e = [math.sqrt(nu / 2) * math.gamma((nu - 1) / 2) / math.gamma(nu / 2) for nu in (5, 9)]
+    variance = 0.01 * (5 / 3 + 9 / 7 + 2 * 0.5 * e[0] * e[1]) + 0.03
+    assert math.isnan(found.u[0])
+    assert found.u[1] == pytest.approx(math.sqrt(variance), rel=1e-11)
