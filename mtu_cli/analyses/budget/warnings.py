@@ -182,7 +182,9 @@ def _first_order(
     if first.u == 0.0:
         return [_without_u(item, inputs)]
     found = []
-    far = unsettled(first.tails, item.validation.tolerance / first.u, run.trials)
+    tolerance = item.validation.tolerance / first.u
+    # A single block has no control variate: of a linear equation, too, u is that of the trials.
+    far = unsettled(first.tails, tolerance, run.trials, controlled=run.blocks > 1)
     if far:
         named = [text for tail in far for text in told_source(sources[tail.source], inputs)]
         message = (

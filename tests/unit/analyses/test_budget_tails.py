@@ -119,6 +119,17 @@ def test_what_the_form_has_as_far_out_is_known() -> None:
     assert tail.shift_of_u(10_000) == pytest.approx(expected)
 
 
+@pytest.mark.parametrize(("trials", "warned"), [(5_000, True), (20_000, False)])
+def test_too_few_trials_for_blocks_have_no_exact_u(trials: int, warned: bool) -> None:
+    """Nothing controls a single block: its u is that of its trials, of a linear equation, too."""
+    text = "equation: L+a\ninputs: {L: {value: 1, u: 0.1, dof: 3}, a: {value: 1, u: 0.1}}\n"
+    runs = [evaluated(text, seed=seed, trials=trials) for seed in range(40)]
+    off = [abs(result.run.u[0] - 0.2) for result in runs]
+    assert bool(max(off) > runs[0].outputs[0].validation.tolerance) is warned
+    for result in runs:
+        assert ("heavy-tails" in [item.code for item in result.warnings]) is warned
+
+
 def test_two_long_tails_share_what_u_may_be_off() -> None:
     tail = Tail(source=0, dof=3.0, linear=0.7, squared=0.0, crossed=0.2)
     tolerance = 1.5 * tail.shift_of_u(10_000)
