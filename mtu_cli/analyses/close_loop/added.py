@@ -16,6 +16,7 @@ from mtu_cli.analyses.close_loop.estimate import (
 )
 from mtu_cli.analyses.close_loop.few_parts import with_scatter_of_parts
 from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.model.effect_library import Member
 from mtu_cli.model.residual_table import ResidualTable
@@ -89,24 +90,36 @@ def added(
             fit = estimate(left.scan, prepared.y, columns)
         if not rough:
             fit = with_scatter_of_parts(left.scan, columns, fit)
-    first = len(scan.columns)
-    offsets = [
-        scan.offsets[step.index - first]
-        for step in found.steps
-        if first <= step.index < scan.tested
-    ]
     joint = _joint_covariance(left, columns, fit, seed, rough)
-    slopes = [] if rough else [_slope(left, found.members, fit.beta, m) for m in sorted(waves)]
-    if slopes:
-        own = searched_covariance(left.scan, columns, fit.weights, np.stack(slopes, axis=1))
-        joint[: len(own), : len(own)] += own
-    fit, levels = _with_levels(left, found.members, fit, offsets, joint, owners)
+    if waves and not rough:
+        k = len(fit.beta)
+        joint[:k, :k] += _of_pitches(left, found.members, fit, waves)
+    fit, levels = _with_levels(left, found.members, fit, _offsets(scan, found), joint, owners)
     return Added(
         members=found.members,
         fit=fit if len(fit.beta) else None,
         levels=levels,
         prepared=left,
     )
+
+
+def _offsets(scan: Scan, found: Search) -> list[int]:
+    """The axes along which a mean error was found."""
+    first = len(scan.columns)
+    return [
+        scan.offsets[step.index - first]
+        for step in found.steps
+        if first <= step.index < scan.tested
+    ]
+
+
+def _of_pitches(
+    prepared: Prepared, members: Sequence[int], fit: StratifiedFit, waves: Collection[int]
+) -> FloatArray:
+    """What the pitches of `waves` add to the covariance (k, k) of the coefficients."""
+    slopes = [_slope(prepared, members, fit.beta, m) for m in sorted(waves)]
+    columns = prepared.whole(members)
+    return searched_covariance(prepared.scan, columns, fit.weights, np.stack(slopes, axis=1))
 
 
 def _slope(prepared: Prepared, members: Sequence[int], beta: FloatArray, wave: int) -> FloatArray:
