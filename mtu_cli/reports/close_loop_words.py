@@ -193,7 +193,7 @@ def _none(item: TableResult, alpha: float) -> str:
 
 
 def _likely(item: TableResult) -> list[str]:
-    """What fits by far the best where parts are too few to prove it."""
+    """What fits by far the best, but is not proven: the parts may scatter that much."""
     count, best = len(item.table.parts), ranked(item)
     if count < 2 or not best:
         return []
