@@ -36,7 +36,10 @@ LARGE = {LENGTH: 0.2, ANGLE: 0.002}
 """Typical errors from which on it is asked about their unit, mm and rad ..."""
 POOR = 0.01
 """... and where they are more than this share of the largest errors: 100 um/m is a poor scale."""
-OFF_SHOWN = "1 mm, or 0.1 % of the distance moved, off a straight line that is 0 on the axis"
+OFF_SHOWN = (
+    "1 mm, or 0.1 % of the distance moved, off a straight line that is 0 on the axis and rises by "
+    "1 % at most"
+)
 FARTHEST_MM = 1e5
 """Nor is its position, where no travel is stated: 100 m."""
 MOST_FROM_ZERO = 3.0

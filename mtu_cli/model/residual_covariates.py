@@ -17,10 +17,10 @@ from mtu_cli.files.covariates import (
     expected_temperature,
     is_temperature,
 )
-from mtu_cli.files.mixed_cells import is_name, of_names
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
 from mtu_cli.model.basis import TIME
+from mtu_cli.model.covariate_texts import texts_told
 from mtu_cli.model.design import without_coordinate
 from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
 from mtu_cli.model.measured import MOST_TOLD
@@ -64,12 +64,7 @@ def table_covariates(
     """
     found: dict[str, FloatArray] = {}
     gaps: list[str] = []
-    texts = [
-        _text(name, column, *files)
-        for name, column in columns.items()
-        if column.dtype == object and of_names(map(str, column))
-    ]
-    warned = [] if not texts else [_texts(texts)]
+    warned = texts_told(columns, *files)
     for name, column in columns.items():
         if column.dtype == object:
             continue
@@ -92,23 +87,6 @@ def _where(known: NDArray[np.bool_], index: IntArray, sources: Sequence[Source])
     without = [sources[f].shown for f in np.unique(index) if not known[index == f].any()]
     rows = f"{int((~known).sum())} of {len(known)} rows"
     return f"{rows}, all of {' and '.join(without)}" if without else rows
-
-
-def _text(
-    name: str, column: NDArray[np.object_], index: IntArray, sources: Sequence[Source]
-) -> str:
-    """The name of a column, with the texts that it has beside numbers: these may be meant."""
-    cells = {i: text for i, text in enumerate(map(str, column)) if text}
-    own = [i for i, text in cells.items() if is_name(text)]
-    if len(own) == len(cells):
-        return repr(name)
-    first = f"{cells[own[0]]!r} in {sources[index[own[0]]].shown}"
-    return f"{name!r} ({len(own)} of {len(cells)} cells, the first {first}; none where empty)"
-
-
-def _texts(names: list[str]) -> Warned:
-    text = f"{', '.join(names)}: text, not numbers, so that no effect of it can be tested"
-    return Warned(code="covariate-is-text", message=text)
 
 
 def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
