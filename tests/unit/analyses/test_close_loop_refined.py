@@ -18,7 +18,8 @@ from mtu_cli.analyses.close_loop.describe import Described, found_effects
 from mtu_cli.analyses.close_loop.held_out import fold_of, of_fold, splits_of
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.prepare import prepare
-from mtu_cli.analyses.close_loop.refined import with_refined_pitches
+from mtu_cli.analyses.close_loop.refined import wave_members, with_refined_pitches
+from mtu_cli.analyses.close_loop.rivals import all_instead
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.model.effect_library import candidates
@@ -147,3 +148,21 @@ def test_many_uneven_places_find_a_pitch_shorter_than_their_steps() -> None:
     ((value,),) = [[*prepared.members[step.member].searched.values()]]
     assert prepared.candidates[step.index].name == "cyclic-x"
     assert value == pytest.approx(5.0, abs=5.0**2 / (4 * np.ptp(places)))
+
+
+def test_a_wave_in_the_place_of_another_effect_has_its_pitch_in_its_uncertainty() -> None:
+    prepared = prepared_of(passes(4))
+    effects, found = found_as(prepared, ["curvature-x", "cyclic-x"])
+    told = Described(prepared=prepared, found=found, effects=effects, chosen=())
+    (other,) = all_instead(told, found_effects(told, [None]), LIBRARY)
+    assert other.rival.name == "cyclic-x"
+    _, alone = found_as(prepared, ["cyclic-x"])
+    known, free = (
+        added(prepared, alone, waves=waves).fit
+        for waves in ((), wave_members(prepared, alone, LIBRARY))
+    )
+    assert known is not None
+    assert free is not None
+    u = [own[3] for own in other.rival.parameters[:2]]
+    assert u == pytest.approx(np.sqrt(np.diag(free.covariance)[:2]).tolist(), rel=1e-9)
+    assert u[1] > 1.4 * np.sqrt(known.covariance[1, 1])
