@@ -39,4 +39,5 @@ def _text(
     if len(own) == len(cells):
         return repr(name)
     first = f"{cells[own[0]]!r} in {sources[index[own[0]]].shown}"
-    return f"{name!r} ({len(own)} of {len(cells)} cells, the first {first}; none where empty)"
+    count = f"{len(own)} of {len(cells)} cells"
+    return f"{name!r} ({count}, the first {first}; what is not known is left empty)"

@@ -58,7 +58,9 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
     assert "'gap' (1 of" in warned[0].message
     assert "'hole' (5 of" in warned[0].message
     shown = points.sources[0].shown
-    mixed = f"'worn' (2 of {n - 2} cells, the first 'n/a' in {shown}; none where empty)"
+    mixed = (
+        f"'worn' (2 of {n - 2} cells, the first 'n/a' in {shown}; what is not known is left empty)"
+    )
     assert warned[1].message.startswith(f"'who', {mixed}: text, not numbers")
     for p in range(4):
         for h in range(3):
