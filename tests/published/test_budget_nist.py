@@ -177,7 +177,7 @@ def test_thermal_expansion_coefficient() -> None:
     output = single(result)
     assert output.first.value == pytest.approx(1.7266e-5, abs=5e-10)
     assert output.first.u == pytest.approx(1.76e-6, abs=5e-9)
-    # Nearly linear: the variance of its first-order form is known, whatever the tails of its trials.
+    # Nearly linear: the variance of its first-order form is known, whatever its trials.
     assert result.run.u[0] == pytest.approx(math.sqrt(3) * output.first.u, rel=0.003)
     assert "heavy-tails" not in codes(result)
     run = evaluated(expansion(1 / math.sqrt(3)), trials=400_000).run
