@@ -89,6 +89,8 @@ class _NumberStore(Store):
             elif cell.strip():
                 what = "not finite" if is_not_finite(cell, decimal) else "not a number"
                 expected = self.expected or expectation(cell, decimal)
+                if self.empty_allowed and expected in ("a number", "a finite number"):
+                    expected += ", or an empty cell"
                 if self.name == "time_min" and _DATE.match(cell):
                     expected = "minutes; dates and times belong in a column 'time'"
                 if not self.whole and (unit := unit_in(cell)) is not None:

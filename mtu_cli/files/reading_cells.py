@@ -31,13 +31,14 @@ STEEPEST = 0.01
 """... but for what grows along an axis: a scale, or the slope to which a laser was aligned ..."""
 OFF_LINE = 1e-3
 """... off which they are no larger, again in proportion."""
-LARGEST_SHOWN = {LENGTH: "1 mm, or 1 % of the distance moved", ANGLE: "0.05 rad"}
+FARTHEST_SHOWN = "the way to the farthest place read"
+LARGEST_SHOWN = {LENGTH: f"1 mm, or 1 % of {FARTHEST_SHOWN}", ANGLE: "0.05 rad"}
 LARGE = {LENGTH: 0.2, ANGLE: 0.002}
 """Typical errors from which on it is asked about their unit, mm and rad ..."""
 POOR = 0.01
 """... and where they are more than this share of the largest errors: 100 um/m is a poor scale."""
 OFF_SHOWN = (
-    "1 mm, or 0.1 % of the distance moved, off a straight line that is 0 on the axis and rises by "
+    f"1 mm, or 0.1 % of {FARTHEST_SHOWN}, off a straight line that is 0 on the axis and rises by "
     "1 % at most"
 )
 FARTHEST_MM = 1e5

@@ -251,8 +251,14 @@ def _positions_expected(table: Table, rows: Rows, travels: Travels, axis: str) -
 
 
 def _of_many(table: Table, column: str, found: list[_Far], what: str, expected: str) -> Problem:
-    """One problem of many rows, at the first of them."""
+    """One problem of many rows, at the first of them; where they are off a line, at the largest
+    error: it may be the smallest that lies farthest off.
+    """
     row = min(int(far.rows[0]) for far in found)
+    off = [far.rows for far in found if far.off]
+    if off:
+        rows = np.concatenate(off)
+        row = int(rows[np.argmax(np.abs(table.columns.numbers[column][rows]))])
     names = [far.name for far in found]
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     count, of = sum(len(far.rows) for far in found), sum(far.of for far in found)

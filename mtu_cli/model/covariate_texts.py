@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.files.mixed_cells import is_name, of_names
-from mtu_cli.files.source import Source
+from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Readings
 from mtu_cli.model.settings import Warned
 
 
-def texts_told(
-    columns: Mapping[str, NDArray[Any]], index: NDArray[np.int64], sources: Sequence[Source]
-) -> list[Warned]:
-    """One warning of all columns (n,) that are texts by more than a few of their cells; row i is
-    of the file `sources[index[i]]`.
-    """
+def texts_told(measured: Points | Readings) -> list[Warned]:
+    """One warning of all columns that are texts by more than a few of their cells."""
     told = [
-        _text(name, column, index, sources)
-        for name, column in columns.items()
+        _text(name, column, measured)
+        for name, column in measured.covariates.items()
         if column.dtype == object and of_names(map(str, column))
     ]
     if not told:
@@ -30,14 +25,13 @@ def texts_told(
     return [Warned(code="covariate-is-text", message=text)]
 
 
-def _text(
-    name: str, column: NDArray[Any], index: NDArray[np.int64], sources: Sequence[Source]
-) -> str:
+def _text(name: str, column: NDArray[Any], measured: Points | Readings) -> str:
     """The name of a column, with the texts that it has beside numbers: these may be meant."""
     cells = {i: text for i, text in enumerate(map(str, column)) if text}
     own = [i for i, text in cells.items() if is_name(text)]
     if len(own) == len(cells):
         return repr(name)
-    first = f"{cells[own[0]]!r} in {sources[index[own[0]]].shown}"
+    source = measured.sources[measured.file_index[own[0]]]
+    first = f"{cells[own[0]]!r} in {source.shown}, row {measured.row[own[0]]}"
     count = f"{len(own)} of {len(cells)} cells"
     return f"{name!r} ({count}, the first {first}; what is not known is left empty)"

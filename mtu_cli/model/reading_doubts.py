@@ -68,7 +68,7 @@ def scale_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
 def _scales(
     readings: Readings, components: Mapping[str, Any], travels: Travels
 ) -> Iterator[Warned]:
-    large, wide = [], []
+    large, wide, of = [], [], set[int]()
     narrow: dict[str, list[str]] = {}
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
@@ -78,6 +78,7 @@ def _scales(
         most = largest_errors(unit.dimension, positions, travels)
         if look_large(errors, most, unit.dimension):
             large.append(f"{name} (typically {typical / unit.to_internal:.3g} {unit.name})")
+            of |= set(readings.file_index[rows].tolist())
         axis = components[name].of
         if axis in travels:
             low, high = sorted(travels[axis])
@@ -88,7 +89,8 @@ def _scales(
             if span > WIDE * (high - low):
                 wide.append(f"{name} {span:.4g} mm (travel of {axis}: {high - low:.4g} mm)")
     if large:
-        text = f"large errors for a machine: {', '.join(large)}; are they in the unit they state?"
+        shown = ", ".join(readings.sources[file].shown for file in sorted(of))
+        text = f"large errors for a machine in {shown}: {', '.join(large)}; is the unit theirs?"
         yield Warned(code="readings-large", message=text)
     if not any(item.code == small_readings.CODE for item in readings.notes):
         yield from _small(readings, components)

@@ -10,6 +10,7 @@ import numpy as np
 from mtu_cli.language import parse
 from mtu_cli.model.basis import TIME, ThermalBasis
 from mtu_cli.model.covariate_gaps import rows_without_gaps
+from mtu_cli.model.covariate_texts import texts_told
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, between_passes
 from mtu_cli.model.fit import from_machine_file
 from mtu_cli.model.machine_model import AXES, MachineModel, Term, polynomial_term
@@ -57,7 +58,7 @@ def reading_tables(
     """
     check_temperatures(readings)
     estimates = _estimates(machine, known)
-    tables, warned = [], []
+    tables, warned = [], texts_told(readings)
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if not len(rows):

@@ -20,7 +20,6 @@ from mtu_cli.files.covariates import (
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
 from mtu_cli.model.basis import TIME
-from mtu_cli.model.covariate_texts import texts_told
 from mtu_cli.model.design import without_coordinate
 from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
 from mtu_cli.model.measured import MOST_TOLD
@@ -59,12 +58,11 @@ def table_covariates(
 
     (1, 1) where nothing differs, (parts, 1) where nothing does within a part, (1, columns)
     where nothing does within a column, else the cells' means; missing cells hold the mean of
-    their part. A column with gaps, or of text, is left out with a warning; `files` are the file
+    their part. A column of text is left out, one with gaps with a warning; `files` are the file
     of each row (n,) and all files.
     """
     found: dict[str, FloatArray] = {}
     gaps: list[str] = []
-    warned = texts_told(columns, *files)
     for name, column in columns.items():
         if column.dtype == object:
             continue
@@ -74,12 +72,12 @@ def table_covariates(
         else:
             gaps.append(f"{name!r} ({_where(known, *files)})")
     if not gaps:
-        return found, tuple(warned)
+        return found, ()
     text = (
         f"empty cells in {', '.join(gaps)}: left out, so that no effect of "
         f"{'it' if len(gaps) == 1 else 'them'} can be tested"
     )
-    return found, (Warned(code="covariate-gaps", message=text), *warned)
+    return found, (Warned(code="covariate-gaps", message=text),)
 
 
 def _where(known: NDArray[np.bool_], index: IntArray, sources: Sequence[Source]) -> str:

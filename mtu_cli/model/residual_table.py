@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mtu_cli.errors import fault
 from mtu_cli.files.points import Points
 from mtu_cli.model.covariate_gaps import without_gaps
+from mtu_cli.model.covariate_texts import texts_told
 from mtu_cli.model.datum import Datum
 from mtu_cli.model.design import places as fixed_places
 from mtu_cli.model.effect_ranges import effect_warnings_at
@@ -137,13 +138,12 @@ def residual_table(
     warned = _checked(points, datum)
     points, written = without_written_errors(points, model.covariates())
     points, gaps = without_gaps(points, model.covariates())
-    warned += [*written, *gaps]
+    warned += [*written, *gaps, *texts_told(points)]
     axes = _axes(model, points, warned)
     layout = layout_of(points)
     check_temperatures(points)
     table, errors = _measured(model, points, covariates or {}, axes, layout, warned)
-    steps = tuple(resolution(points.measured[:, axis]) for axis in axes)
-    table = replace(table, resolution=steps)
+    table = replace(table, resolution=tuple(resolution(points.measured[:, a]) for a in axes))
     if datum == "none":
         return table, tuple(warned)
     table = replace(table, datum=datum)

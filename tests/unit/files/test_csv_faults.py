@@ -103,6 +103,8 @@ def test_faulty_headers(tmp_path: Path, content: str, words: list[str]) -> None:
         ("a,\u0661,2", "expected a number in the digits 0 to 9"),
         ('a,1,"2', ", row 3: a quote that opens in this row is never closed"),
         ("a,1,inf", ", row 3, column 'size': not finite: 'inf'; expected a finite number"),
+        ("a,1,n/a", "column 'size': not a number: 'n/a'; expected a number, or an empty cell"),
+        ("a,1,nan", "not finite: 'nan'; expected a finite number, or an empty cell"),
     ],
 )
 def test_faulty_rows(tmp_path: Path, row: str, words: str) -> None:

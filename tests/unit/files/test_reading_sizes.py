@@ -126,12 +126,13 @@ def test_large_machines_and_poor_ones_pass(
         assert len(read(tmp_path, text, travels)) == 102
 
 
+FARTHEST = "the way to the farthest place read"
 MISTAKES: dict[str, tuple[Callable[[str, int, Cell], Cell], str]] = {
     "um as mm": (
         lambda name, i, c: (c[0], c[1], "mm" if name == "dx_x" else c[2]),
         "row 2, column 'error': 50 of 50 cells of dx_x are larger than any machine's error: '4 "
-        "mm'; expected errors of at most 1 mm, or 1 % of the distance moved: these look like um in "
-        "a column of mm",
+        f"mm'; expected errors of at most 1 mm, or 1 % of {FARTHEST}: these look like um in a "
+        "column of mm",
     ),
     "nm as um": (
         lambda name, i, c: (c[0], 1000 * c[1] if name == "dx_x" else c[1], c[2]),
@@ -140,13 +141,21 @@ MISTAKES: dict[str, tuple[Callable[[str, int, Cell], Cell], str]] = {
     "more than half are beyond": (
         lambda name, i, c: (c[0], 0.4 * c[1], "mm" if name == "dx_x" else c[2]),
         "cells of dx_x are larger than any machine's error: '1.644 mm'; expected errors of at "
-        "most 1 mm, or 1 % of the distance moved: these look like um in a column of mm",
+        f"most 1 mm, or 1 % of {FARTHEST}: these look like um in a column of mm",
     ),
     "um as mm on a longer axis": (
         along(lambda run, x: 1.5 + 0.005 * x + 3.0 * math.sin(x / 90) + 0.1 * run),
-        "44 of 50 cells of dx_x are larger than any machine's error: '3.857837554 mm'; expected "
-        "errors of at most 1 mm, or 0.1 % of the distance moved, off a straight line that is 0 on "
-        "the axis and rises by 1 % at most: these look like um in a column of mm",
+        "44 of 50 cells of dx_x are larger than any machine's error: '6.022453692 mm'; expected "
+        "errors of at most 1 mm, or 0.1 % of the way to the farthest place read, off a straight "
+        "line that is 0 on the axis and rises by 1 % at most: these look like um in a column of mm",
+    ),
+    # Those near the zero lie off the line too; what is told is one that is large.
+    "2 % far from the origin": (
+        lambda name, i, c: (
+            2000 + 1000 * (i % 10) / 9,
+            *((20 * (i % 10) / 9, "mm") if name == "dx_x" else c[1:]),
+        ),
+        "row 11, column 'error': 30 of 50 cells of dx_x are larger than any machine's error: '20 ",
     ),
     "waves and a constant of um as mm": (
         along(lambda run, x: 3.0 + 0.6 * math.sin(x / 90 + run)),
@@ -285,7 +294,10 @@ def test_positions_in_another_unit_are_not_the_readings_fault(
     message = str(caught.value)
     assert "of 50 cells of dx_x are too near to each other for their errors" in message
     assert f"positions in mm (x travels from 0 to 9000 mm): these look like {unit} in a" in message
-    assert "; or else errors of at most 1 mm, or 1 % of the distance moved: these look" in message
+    assert (
+        "; or else errors of at most 1 mm, or 1 % of the way to the farthest place read: these look"
+        in message
+    )
 
 
 def test_positions_explain_all_errors_or_none(tmp_path: Path) -> None:

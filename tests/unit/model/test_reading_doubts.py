@@ -218,7 +218,7 @@ def test_units_and_positions_that_look_like_others_are_asked_about(tmp_path: Pat
     large = replace(given, error=100 * given.error)
     (warning,) = reading_doubts(machine(tmp_path), large)
     assert warning.code == "readings-large"
-    assert "dx_x (typically " in warning.message
+    assert "large errors for a machine in lbb.csv: dx_x (typically " in warning.message
     names = sorted(name for name in given.components if name != "axy")
     lines = "".join(
         f"  {n}: {{of: {n[-1]}, unit: {'um' if n[0] == 'd' else 'urad'}}}\n" for n in names

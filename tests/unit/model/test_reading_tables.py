@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from machine_trials import Drift, read_machine
+from machine_trials import machine as machine_of_trials
 from model_examples import Segment, estimate, loaded, model_of, permuted, readings
 from numpy.typing import NDArray
 from reading_examples import MACHINE, TARGETS, at, in_table_order, machine, only, run
@@ -185,6 +187,18 @@ def test_targets_are_recorded_as_reached(tmp_path: Path) -> None:
     assert only(reading_tables(machine(tmp_path), None, dense)).errors.shape == (1, 30_001, 1)
 
 
+def test_texts_of_all_components_are_told_once(tmp_path: Path) -> None:
+    given = read_machine(np.random.default_rng(3), Drift(0.0))
+    n = len(given)
+    worn = np.array(["2", "n/a"] * n, object)[:n]
+    known = machine_of_trials(tmp_path)
+    tables, warned = reading_tables(known, None, replace(given, covariates={"worn": worn}))
+    assert len(tables) > 5
+    (told,) = (item for item in warned if item.code == "covariate-is-text")
+    first = f"{given.sources[0].shown}, row {given.row[1]}"
+    assert f"({n // 2} of {n} cells, the first 'n/a' in {first}; " in told.message
+
+
 def test_directions_with_gaps_and_text_covariates(tmp_path: Path) -> None:
     segment = run(2)
     assert segment.direction is not None
@@ -193,7 +207,7 @@ def test_directions_with_gaps_and_text_covariates(tmp_path: Path) -> None:
     found = readings([replace(segment, direction=direction, setup="a")])
     (table,), warned = reading_tables(machine(tmp_path), None, found)
     assert "dir_x" not in table.covariates
-    assert [item.code for item in warned] == ["covariate-gaps", "covariate-is-text"]
+    assert [item.code for item in warned] == ["covariate-is-text", "covariate-gaps"]
     assert "40" in table.features
     assert "setup" not in table.covariates
 

@@ -54,14 +54,13 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
         "T_room_degC": (1, 1), "tool_parts": (4, 1), "depth": (1, 3), "T_bed_degC": (4, 3),
         "T_cmm_degC": (4, 3),
     }  # fmt: skip
-    assert codes(warned) == ["covariate-gaps", "covariate-is-text"]
-    assert "'gap' (1 of" in warned[0].message
-    assert "'hole' (5 of" in warned[0].message
+    assert codes(warned) == ["covariate-is-text", "covariate-gaps"]
+    assert "'gap' (1 of" in warned[1].message
+    assert "'hole' (5 of" in warned[1].message
     shown = points.sources[0].shown
-    mixed = (
-        f"'worn' (2 of {n - 2} cells, the first 'n/a' in {shown}; what is not known is left empty)"
-    )
-    assert warned[1].message.startswith(f"'who', {mixed}: text, not numbers")
+    first = f"the first 'n/a' in {shown}, row {points.row[2]}"
+    mixed = f"'worn' (2 of {n - 2} cells, {first}; what is not known is left empty)"
+    assert warned[0].message.startswith(f"'who', {mixed}: text, not numbers")
     for p in range(4):
         for h in range(3):
             own = (points.part == p) & (points.feature == h)
