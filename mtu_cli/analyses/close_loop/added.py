@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -29,6 +29,7 @@ AGREES = 2.0
 """Standard uncertainties within which a mean error agrees with an effect's own mean."""
 CENTRED = 1e-9
 NO_OWNERS: Mapping[int, int] = MappingProxyType({})
+NO_WAVES: Mapping[int, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,12 +74,12 @@ def added(
     *,
     rough: bool = False,
     owners: Mapping[int, int] = NO_OWNERS,
-    waves: Collection[int] = (),
+    waves: Mapping[int, float] = NO_WAVES,
 ) -> Added:
     """Estimates the effects of a search; with a `seed`, their covariance as exactly as it can
     be had; `rough`: by the weights alone, where only the coefficients count. By axis, `owners`
     are the places of effects that get the mean error, whether it agrees with their own or not.
-    Of the members `waves` the pitch is an estimate, too.
+    Of the members `waves` the pitch is an estimate, too, by no more than this share of it.
     """
     scan = prepared.scan
     columns = prepared.whole(found.members)
@@ -91,7 +92,7 @@ def added(
         if not rough:
             fit = with_scatter_of_parts(left.scan, columns, fit)
     joint = _joint_covariance(left, columns, fit, seed, rough)
-    if waves and not rough:
+    if waves:
         k = len(fit.beta)
         joint[:k, :k] += _of_pitches(left, found.members, fit, waves)
     fit, levels = _with_levels(left, found.members, fit, _offsets(scan, found), joint, owners)
@@ -114,12 +115,12 @@ def _offsets(scan: Scan, found: Search) -> list[int]:
 
 
 def _of_pitches(
-    prepared: Prepared, members: Sequence[int], fit: StratifiedFit, waves: Collection[int]
+    prepared: Prepared, members: Sequence[int], fit: StratifiedFit, waves: Mapping[int, float]
 ) -> FloatArray:
     """What the pitches of `waves` add to the covariance (k, k) of the coefficients."""
-    slopes = [_slope(prepared, members, fit.beta, m) for m in sorted(waves)]
-    columns = prepared.whole(members)
-    return searched_covariance(prepared.scan, columns, fit.weights, np.stack(slopes, axis=1))
+    slopes = np.stack([_slope(prepared, members, fit.beta, m) for m in waves], axis=1)
+    columns, most = prepared.whole(members), np.array([*waves.values()])
+    return searched_covariance(prepared.scan, columns, fit.weights, slopes, most)
 
 
 def _slope(prepared: Prepared, members: Sequence[int], beta: FloatArray, wave: int) -> FloatArray:

@@ -79,10 +79,17 @@ def of_coordinates(scan: Scan, members: Sequence[MemberColumns], weights: FloatA
 
 
 def searched_covariance(
-    scan: Scan, members: Sequence[MemberColumns], weights: FloatArray, slopes: FloatArray
+    scan: Scan,
+    members: Sequence[MemberColumns],
+    weights: FloatArray,
+    slopes: FloatArray,
+    most: FloatArray,
 ) -> FloatArray:
     """What it adds to the covariance (k, k) of beta that m values of what was searched are
     estimates, too: `slopes` (N, m) are the derivatives of what the effects say by them.
+
+    No combination of these values is less certain than by their standard uncertainties `most`
+    (m,), which the search alone leaves: the data need not hold them, as a pitch at three places.
 
     With the columns X and the slopes T, whitened and weighted, c = (X'X)^-1 X'T and R = T - X c,
     it is c (R'R)^-1 c': that block of the inverse of [X T]'[X T], less that of X'X.
@@ -97,8 +104,9 @@ def searched_covariance(
     fits = [least_squares(X, column) for column in T.T]
     c = np.stack([fit.coefficients for fit in fits], axis=1)
     R = T - X @ c
-    own = least_squares(R, np.zeros(len(R))).unscaled_covariance
-    found: FloatArray = c[:k] @ own @ c[:k].T
+    held, turn = np.linalg.svd(R * most, full_matrices=False)[1:]
+    spread = c[:k] @ (most[:, None] * turn.T / np.maximum(held, 1.0))
+    found: FloatArray = spread @ spread.T
     return found
 
 

@@ -6,6 +6,7 @@ which is no estimate. The profile of the least squares over all frequencies abou
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -25,15 +26,20 @@ from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.loop_frame import grouped
 
 
-def wave_members(prepared: Prepared, found: Search, library: EffectLibrary) -> frozenset[int]:
-    """Those of the members found that are one period of what the library searches."""
-    table, members = prepared.table, prepared.members
-    return frozenset(
-        step.member
-        for step in found.steps
-        if step.member >= 0
-        and waves_of(table, library, prepared.candidates[step.index], members[step.member])
-    )
+def wave_members(prepared: Prepared, found: Search, library: EffectLibrary) -> dict[int, float]:
+    """Those of the members found that are one period of what the library searches, with the
+    relative standard uncertainty of a pitch anywhere between the two beside it.
+    """
+    waves = {}
+    for step in found.steps:
+        candidate = prepared.candidates[step.index] if step.member >= 0 else None
+        if candidate is None:
+            continue
+        member = prepared.members[step.member]
+        if waves_of(prepared.table, library, candidate, member):
+            (pitch,) = member.searched.values()
+            waves[step.member] = _apart(candidate, pitch) * pitch / math.sqrt(3)
+    return waves
 
 
 def with_refined_pitches(
@@ -97,7 +103,8 @@ def _refined(
         seen = periodic(told, step, library)
         if seen is None:
             continue
-        pitch = best_near(told, seen, place, _apart(told.prepared, step, seen))
+        apart = _apart(told.prepared.candidates[step.index], seen.found)
+        pitch = best_near(told, seen, place, apart)
         if pitch == seen.found:
             continue
         own = member(told.prepared.candidates[step.index], seen, pitch)
@@ -116,11 +123,11 @@ def _member(
     return own.members[0]
 
 
-def _apart(prepared: Prepared, step: Step, seen: Periodic) -> float:
-    """From the frequency found to the farther one of those searched beside it, 1/mm."""
-    own = [m for m in prepared.candidates[step.index].members if m.searched]
+def _apart(candidate: Candidate, pitch: float) -> float:
+    """From the frequency of a pitch to the farther one of those searched beside it, 1/mm."""
+    own = [m for m in candidate.members if m.searched]
     known = np.unique([1.0 / value for m in own for value in m.searched.values()])
-    at = int(np.argmin(np.abs(known - 1.0 / seen.found)))
+    at = int(np.argmin(np.abs(known - 1.0 / pitch)))
     beside = known[max(at - 1, 0) : at + 2]
     return float(np.abs(beside - known[at]).max())
 
