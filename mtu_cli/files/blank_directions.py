@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.files.drift_cells import ROLE
+from mtu_cli.files.source import DRIFT
 
 if TYPE_CHECKING:
     from mtu_cli.files.csv_table import ProblemList, Table
@@ -18,7 +18,7 @@ def check_blank_directions(table: Table, problems: ProblemList) -> None:
     of drifts nobody asks for a direction.
     """
     column = table.columns.texts.get("direction")
-    if column is None or table.source.role == ROLE:
+    if column is None or table.source.role == DRIFT:
         return
     names = table.columns.texts["component"]
     given = np.bincount(names.codes[(column.codes >= 0) & (names.codes >= 0)], minlength=1)

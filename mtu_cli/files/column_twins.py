@@ -17,9 +17,10 @@ from mtu_cli.files.column_words import (
     plain,
 )
 from mtu_cli.files.contracts import NAME_TAKEN, Notice
-from mtu_cli.files.csv_header import DRIFT, may_count
+from mtu_cli.files.csv_header import may_count
 from mtu_cli.files.csv_missing import MEASUREMENTS, squeezed
 from mtu_cli.files.csv_table import Table, TableSpec
+from mtu_cli.files.source import DRIFT
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
 TAKEN = (

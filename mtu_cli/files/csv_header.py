@@ -32,6 +32,7 @@ from mtu_cli.files.csv_table import TableSpec
 from mtu_cli.files.csv_text import CsvText, Decimal, lines_from
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 from mtu_cli.files.sensor_names import may_be_tool, no_sensor
+from mtu_cli.files.source import DRIFT
 
 NUMBER = ("no", "nr", "number", "num", "id")
 KEY = "id"
@@ -42,7 +43,6 @@ SLIP = 0.9
 """Likeness of two names from which on one is the other with a slip: sequence and squence."""
 SHOWN_RUNS = 6
 """Columns without a name, or runs of them, that are told one by one."""
-DRIFT = "drift"
 """The role of files whose runs are no passes: they are cycles, or tell nothing."""
 
 

@@ -31,6 +31,7 @@ from mtu_cli.files.csv_table import (
 from mtu_cli.files.csv_text import CsvText
 from mtu_cli.files.csv_times import time_faults
 from mtu_cli.files.sign_words import direction_hint, direction_sign
+from mtu_cli.files.source import DRIFT
 
 _DATE = re.compile(r"\s*(?:[0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]|[0-9]{1,2}:[0-9]{2})")
 """How a date or a time of day begins."""
@@ -77,6 +78,8 @@ class _NumberStore(Store):
         self.largest = LARGEST_INTEGER if self.whole else float("inf")
         measured = name in spec.numbers and name != "time_min"
         self.at_most = f"at most {LARGEST_READING:g} in size" if measured else "a smaller number"
+        # Of what the contract names, and of a drift's temperatures, some rows may need the cell.
+        self.optional = not spec.named(name) and text.source.role != DRIFT
         self.values = array("d")
         self.with_unit: dict[str, list[tuple[int, str]]] = {}
 
@@ -89,7 +92,7 @@ class _NumberStore(Store):
             elif cell.strip():
                 what = "not finite" if is_not_finite(cell, decimal) else "not a number"
                 expected = self.expected or expectation(cell, decimal)
-                if self.empty_allowed and expected in ("a number", "a finite number"):
+                if self.optional and expected in ("a number", "a finite number"):
                     expected += ", or an empty cell"
                 if self.name == "time_min" and _DATE.match(cell):
                     expected = "minutes; dates and times belong in a column 'time'"

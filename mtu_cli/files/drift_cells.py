@@ -17,6 +17,7 @@ from mtu_cli.files.covariates import (
 )
 from mtu_cli.files.sensor_faults import check_sensors
 from mtu_cli.files.sensor_names import check_sensor_names
+from mtu_cli.files.source import DRIFT
 from mtu_cli.units import UNITS, dimension_name
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
     from mtu_cli.files.csv_table import ProblemList, Table
 
-ROLE = "drift"
 NAMED = 4
 """Sensors that a message names."""
 TEMPERATURE_EXPECTED = (
@@ -90,7 +90,7 @@ def refuse_drift(table: Table) -> None:
     columns = table.columns
     sensors = [name for name in columns.numbers if is_temperature(name)]
     passes = "pass" in columns.numbers or "direction" in columns.texts
-    if table.source.role != ROLE and sensors and "cycle" in columns.texts and not passes:
+    if table.source.role != DRIFT and sensors and "cycle" in columns.texts and not passes:
         raise InputError(drift_problem(table.source.shown, sensors))
 
 

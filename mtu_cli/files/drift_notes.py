@@ -10,8 +10,8 @@ import numpy as np
 from mtu_cli.errors import closest
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import cell_text
-from mtu_cli.files.drift_cells import ROLE
 from mtu_cli.files.sensor_faults import in_runs, sensor_notes, times_of
+from mtu_cli.files.source import DRIFT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,8 +32,8 @@ CYCLE = "cyc"
 
 def drift_notes(tables: Sequence[Table]) -> Iterator[Notice]:
     """All of it of the tables of drift readings, or of blocks of them; of others their times."""
-    drifts = [table for table in tables if table.source.role == ROLE]
-    yield from negative_times([table for table in tables if table.source.role != ROLE])
+    drifts = [table for table in tables if table.source.role == DRIFT]
+    yield from negative_times([table for table in tables if table.source.role != DRIFT])
     yield from sensor_notes(drifts)
     for table in drifts:
         yield from _time_notes(table)

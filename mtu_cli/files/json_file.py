@@ -92,7 +92,7 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
                 expected=f"a {role} report, as -o FILE.json writes it",
             ) from None
         raise fault(
-            f"not readable as JSON: {error.msg.lower()}",
+            f"not readable as JSON: {error.msg.lower().removesuffix(' starting at')}",
             file=source.shown,
             line=error.lineno,
             column=error.colno,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.files.contracts import Notice
-from mtu_cli.files.drift_cells import ROLE
 from mtu_cli.files.pass_units import alike
+from mtu_cli.files.source import DRIFT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,7 +37,7 @@ def lone_positions(readings: Readings, components: Mapping[str, ComponentLike]) 
         if components[name].of is None:
             continue
         for role in dict.fromkeys(readings.roles):
-            files = [i for i, own in enumerate(readings.roles) if own == role != ROLE]
+            files = [i for i, own in enumerate(readings.roles) if own == role != DRIFT]
             rows = inside[np.isin(readings.file_index[inside], files)]
             for row, missing in _slips(readings, rows):
                 lacks = " or ".join(f"{place:g}" for place in missing)

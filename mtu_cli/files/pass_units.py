@@ -12,8 +12,8 @@ import numpy as np
 from mtu_cli.errors import Problem
 from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import ProblemList, Table
-from mtu_cli.files.drift_cells import ROLE
 from mtu_cli.files.joined import labelled
+from mtu_cli.files.source import DRIFT
 from mtu_cli.units import UNITS, Unit
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def pass_units(
     for code, name in enumerate(readings.components):
         inside = np.flatnonzero((readings.code == code) & readings.has_pass)
         for role in dict.fromkeys(readings.roles):
-            files = [i for i, own in enumerate(readings.roles) if own == role != ROLE]
+            files = [i for i, own in enumerate(readings.roles) if own == role != DRIFT]
             rows = inside[np.isin(readings.file_index[inside], files)]
             passes = [
                 _measured(readings, own, UNITS[labels[codes[own[0]]]])

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.files.csv_table import Table
-from mtu_cli.files.drift_cells import ROLE
 from mtu_cli.files.reading_lines import SCATTER_MM
 from mtu_cli.files.reading_mistakes import SHORTEST_BAR_MM
+from mtu_cli.files.source import DRIFT
 from mtu_cli.units import ANGLE, LENGTH, UNITS
 
 if TYPE_CHECKING:
@@ -31,16 +31,11 @@ STEEPEST = 0.01
 """... but for what grows along an axis: a scale, or the slope to which a laser was aligned ..."""
 OFF_LINE = 1e-3
 """... off which they are no larger, again in proportion."""
-FARTHEST_SHOWN = "the way to the farthest place read"
-LARGEST_SHOWN = {LENGTH: f"1 mm, or 1 % of {FARTHEST_SHOWN}", ANGLE: "0.05 rad"}
+WAY = "the way from there to the farthest place read, or to 0"
 LARGE = {LENGTH: 0.2, ANGLE: 0.002}
 """Typical errors from which on it is asked about their unit, mm and rad ..."""
 POOR = 0.01
 """... and where they are more than this share of the largest errors: 100 um/m is a poor scale."""
-OFF_SHOWN = (
-    f"1 mm, or 0.1 % of {FARTHEST_SHOWN}, off a straight line that is 0 on the axis and rises by "
-    "1 % at most"
-)
 FARTHEST_MM = 1e5
 """Nor is its position, where no travel is stated: 100 m."""
 MOST_FROM_ZERO = 3.0
@@ -110,6 +105,16 @@ def largest_errors(
     return np.fmax(LARGEST[dimension], share * moved)
 
 
+def largest_shown(dimension: int, *, off: bool, placed: bool) -> str:
+    """The same in words: `off` a line, or of readings that have a place or none."""
+    if dimension == ANGLE:
+        return "0.05 rad"
+    if off:
+        line = "a straight line that is 0 on the axis and rises by 1 % at most"
+        return f"1 mm, or 0.1 % of {WAY}, off {line}"
+    return f"1 mm, or 1 % of {WAY if placed else 'the longest travel'}"
+
+
 def look_large(errors: Floats, most: Floats, dimension: int) -> bool:
     """Whether the sizes `errors` (n,) of a component, mm or rad, make one ask about their unit;
     `most` (n,) are the `largest_errors` at their places.
@@ -132,7 +137,7 @@ def errors_of(table: Table, of: tuple[str, str | None], inside: Rows, travels: T
             near = largest_errors(dimension, positions, travels, OFF_LINE)
     passes = table.columns.numbers.get("pass")
     values = table.columns.numbers["error"][inside] * factor
-    drift = table.source.role == ROLE
+    drift = table.source.role == DRIFT
     cycles = table.columns.texts.get("cycle")
     cycle = np.zeros(len(inside), int) if cycles is None else cycles.codes[inside]
     return Cells(

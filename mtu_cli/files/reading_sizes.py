@@ -13,14 +13,13 @@ from mtu_cli.files.csv_table import ProblemList, Table, cell_text
 from mtu_cli.files.reading_cells import (
     FARTHEST_MM,
     LARGEST,
-    LARGEST_SHOWN,
     NARROW,
-    OFF_SHOWN,
     STEEPEST,
     Cells,
     Travels,
     axis_of,
     errors_of,
+    largest_shown,
     narrow_unit,
     positions_of,
     reach,
@@ -102,7 +101,8 @@ def check_sizes(
             rows = np.concatenate([far.rows for far in many])
             expected = _positions_expected(table, rows, travels, own)
             what = "farther than the machine goes"
-            problems.add(_of_many(table, field, many, what, expected))
+            first = min(int(far.rows[0]) for far in many)
+            problems.add(_of_many(table, field, many, first, (what, expected)))
 
 
 def may_be_mistaken(
@@ -208,15 +208,19 @@ def _add_errors(
         places = numbers["position_mm"][far.rows] if "position_mm" in numbers else None
         why = explained(numbers["error"][far.rows], places, far.most, unit)
         if why:
-            most = OFF_SHOWN if far.off else LARGEST_SHOWN[UNITS[unit].dimension]
+            placed = places is not None and bool(np.isfinite(places).any())
+            most = largest_shown(UNITS[unit].dimension, off=far.off, placed=placed)
             expected = f"errors of at most {most}: {why}"
+            # Off a line by the most may be one that is hardly any error.
+            at = int(np.argmax(np.abs(numbers["error"][far.rows]))) if far.off else 0
+            row = int(far.rows[at])
             if narrow:
                 what = "too near to each other for their errors"
                 expected = f"{narrow}; or else {expected}"
-                problems.add(_of_many(table, "position_mm", found, what, expected))
+                problems.add(_of_many(table, "position_mm", found, row, (what, expected)))
                 return
             what = "larger than any machine's error"
-            problems.add(_of_many(table, "error", found, what, expected))
+            problems.add(_of_many(table, "error", found, row, (what, expected)))
             return
 
 
@@ -250,15 +254,11 @@ def _positions_expected(table: Table, rows: Rows, travels: Travels, axis: str) -
     return f"{expected}: these look like um in a column of mm"
 
 
-def _of_many(table: Table, column: str, found: list[_Far], what: str, expected: str) -> Problem:
-    """One problem of many rows, at the first of them; where they are off a line, at the largest
-    error: it may be the smallest that lies farthest off.
-    """
-    row = min(int(far.rows[0]) for far in found)
-    off = [far.rows for far in found if far.off]
-    if off:
-        rows = np.concatenate(off)
-        row = int(rows[np.argmax(np.abs(table.columns.numbers[column][rows]))])
+def _of_many(
+    table: Table, column: str, found: list[_Far], row: int, words: tuple[str, str]
+) -> Problem:
+    """One problem of many rows, at one of them; `words` say what they are and what is expected."""
+    what, expected = words
     names = [far.name for far in found]
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     count, of = sum(len(far.rows) for far in found), sum(far.of for far in found)

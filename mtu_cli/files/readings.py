@@ -18,7 +18,7 @@ from mtu_cli.files.copied_files import check_copied_files
 from mtu_cli.files.copied_passes import check_copied_passes
 from mtu_cli.files.csv_missing import missing_column
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
-from mtu_cli.files.drift_cells import ROLE, check_drift, refuse_as_drift, refuse_drift
+from mtu_cli.files.drift_cells import check_drift, refuse_as_drift, refuse_drift
 from mtu_cli.files.drift_notes import drift_notes
 from mtu_cli.files.lone_positions import lone_positions
 from mtu_cli.files.mixed_cells import mixed_cells
@@ -29,7 +29,7 @@ from mtu_cli.files.reading_sizes import check_sizes, check_units
 from mtu_cli.files.run_signs import run_signs
 from mtu_cli.files.sign_words import direction_hint, direction_sign
 from mtu_cli.files.small_readings import small_readings
-from mtu_cli.files.source import Source
+from mtu_cli.files.source import DRIFT, Source
 from mtu_cli.files.swapped_columns import refuse_swapped
 from mtu_cli.files.unused_positions import unused_positions
 from mtu_cli.units import UNITS, dimension_name
@@ -138,7 +138,7 @@ def read_readings(
         for table in tables:
             refuse_drift(table)
     if not problems.listed:
-        sized = [table for table in tables if known is not None or table.source.role == ROLE]
+        sized = [table for table in tables if known is not None or table.source.role == DRIFT]
         check_sizes(sized, components, travels or {}, problems)
     problems.raise_if_any()
     notes = [*readings.notes, *_notes_of_all(tables), *doubled.equal_notes(tables, equal)]
@@ -178,7 +178,7 @@ def check_cells(
     joined.check_labels(table, "direction", "unknown direction", direction_hint, problems)
     for name in ("error", "position_mm"):
         joined.check_magnitude(table, name, problems)
-    if table.source.role == ROLE:
+    if table.source.role == DRIFT:
         check_drift(table, components, problems)
     joined.check_names(table, ("cycle",), problems)
     if components is None:

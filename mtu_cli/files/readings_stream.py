@@ -21,7 +21,6 @@ from mtu_cli.files.csv_stream import text_blocks
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.csv_text import CsvText
 from mtu_cli.files.doubled import copied_files, lasting_marks, tells_repeats_apart
-from mtu_cli.files.drift_cells import ROLE
 from mtu_cli.files.drift_notes import OUT_OF_ORDER
 from mtu_cli.files.in_order import in_order
 from mtu_cli.files.mixed_cells import MixedCells
@@ -38,7 +37,7 @@ from mtu_cli.files.readings import (
 )
 from mtu_cli.files.row_marks import AllMarks, in_ascending_order
 from mtu_cli.files.small_readings import SmallReadings
-from mtu_cli.files.source import Digest, RunningDigest, Source
+from mtu_cli.files.source import DRIFT, Digest, RunningDigest, Source
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -236,7 +235,7 @@ def _checked(
     table = table_from(text, spec, problems)
     check_cells(table, components, problems)
     if problems.listed or (
-        table.source.role == ROLE and may_be_mistaken(table, components, travels)
+        table.source.role == DRIFT and may_be_mistaken(table, components, travels)
     ):
         raise Suspect
     return _Block(

@@ -13,10 +13,12 @@ from pathlib import Path
 from mtu_cli.errors import Problem, closest, fault, is_near, printable, reason
 
 _CHUNK = 1 << 20
+DRIFT = "drift"
+"""The role of readings that follow temperatures in time."""
 HOLDS = {
     "lbb": "ball-bar readings",
     "laser": "laser readings",
-    "drift": "drift readings",
+    DRIFT: "drift readings",
     "cmm": "measured points",
     "components": "a fit-components or thermal-fit report",
 }

@@ -10,6 +10,7 @@ import numpy as np
 
 from mtu_cli.errors import fault
 from mtu_cli.files.csv_table import Table
+from mtu_cli.files.source import DRIFT
 from mtu_cli.units import LENGTH, UNITS
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 POSITION, ERROR, PASS = "position_mm", "error", "pass"
-DRIFT = "drift"
 FEWEST_TARGETS = 3
 STEEPER, TRAVEL = 2.0, 20.0
 """Errors span so many um (or of the unit of an angle) per mm of the positions, and in all: no

@@ -33,5 +33,5 @@ def _text(name: str, column: NDArray[Any], measured: Points | Readings) -> str:
         return repr(name)
     source = measured.sources[measured.file_index[own[0]]]
     first = f"{cells[own[0]]!r} in {source.shown}, row {measured.row[own[0]]}"
-    count = f"{len(own)} of {len(cells)} cells"
-    return f"{name!r} ({count}, the first {first}; what is not known is left empty)"
+    count = f"texts in {len(own)} of {len(cells)} cells"
+    return f"{name!r} ({count}, the first {first}; where that means not known, leave it empty)"

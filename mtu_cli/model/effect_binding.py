@@ -14,7 +14,7 @@ CYCLIC = (("x", "y", "z"), ("y", "z", "x"), ("z", "x", "y"))
 """(a, b, n) such that a turn about n takes a to b."""
 
 MISSING = {
-    "T": "no column T_..._degC",
+    "T": "no column T_..._degC without gaps",
     "c": "no column counts parts",
     "v": "no other numeric column",
 }

@@ -241,7 +241,8 @@ def _gradient(
     H[:d, :d] = along.sum(axis=0)
     H[:d, d] = H[d, :d] = unit.sum(axis=0)
     H[d, d] = n
-    if np.linalg.eigvalsh(H)[0] <= 0:
+    least, most = np.linalg.eigvalsh(H)[[0, -1]]
+    if least <= ROUNDING * most:
         raise GeometryError(f"the {kind} could not be fitted: the points hardly bend")
     right = np.concatenate([along.transpose(1, 0, 2), unit[None]])
     solved: FloatArray = np.linalg.solve(H, right.reshape(d + 1, -1)).reshape(d + 1, n, d)

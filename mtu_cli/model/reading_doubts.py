@@ -68,17 +68,11 @@ def scale_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
 def _scales(
     readings: Readings, components: Mapping[str, Any], travels: Travels
 ) -> Iterator[Warned]:
-    large, wide, of = [], [], set[int]()
+    wide = []
     narrow: dict[str, list[str]] = {}
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
-        unit = UNITS[components[name].unit]
-        errors, positions = np.abs(readings.error[rows]), readings.position_mm[rows]
-        typical = float(np.median(errors))
-        most = largest_errors(unit.dimension, positions, travels)
-        if look_large(errors, most, unit.dimension):
-            large.append(f"{name} (typically {typical / unit.to_internal:.3g} {unit.name})")
-            of |= set(readings.file_index[rows].tolist())
+        positions = readings.position_mm[rows]
         axis = components[name].of
         if axis in travels:
             low, high = sorted(travels[axis])
@@ -88,10 +82,7 @@ def _scales(
                 narrow.setdefault(meant, []).append(name)
             if span > WIDE * (high - low):
                 wide.append(f"{name} {span:.4g} mm (travel of {axis}: {high - low:.4g} mm)")
-    if large:
-        shown = ", ".join(readings.sources[file].shown for file in sorted(of))
-        text = f"large errors for a machine in {shown}: {', '.join(large)}; is the unit theirs?"
-        yield Warned(code="readings-large", message=text)
+    yield from _large(readings, components, travels)
     if not any(item.code == small_readings.CODE for item in readings.notes):
         yield from _small(readings, components)
     if wide:
@@ -105,6 +96,32 @@ def _scales(
             f"travel that the machine states: are they {NAMES[meant]} in a column of mm?"
         )
         yield Warned(code="positions-narrow", message=text)
+
+
+def _large(readings: Readings, components: Mapping[str, Any], travels: Travels) -> Iterator[Warned]:
+    """Components whose errors make one ask about their unit, by the files in which they do."""
+    found: dict[str, list[str]] = {}
+    for code, name in enumerate(readings.components):
+        rows = np.flatnonzero(readings.code == code)
+        unit = UNITS[components[name].unit]
+        errors, index = np.abs(readings.error[rows]), readings.file_index[rows]
+        most = largest_errors(unit.dimension, readings.position_mm[rows], travels)
+        if not look_large(errors, most, unit.dimension):
+            continue
+        files = np.unique(index)
+        own = [f for f in files if look_large(errors[index == f], most[index == f], unit.dimension)]
+        # They may be so in all files together alone.
+        own = own or files.tolist()
+        shown = [readings.sources[file].shown for file in own[:SHOWN]]
+        if len(own) > SHOWN:
+            shown.append(f"{len(own) - SHOWN} more")
+        typical = float(np.median(errors[np.isin(index, own)])) / unit.to_internal
+        text = f"{name} (typically {typical:.3g} {unit.name})"
+        found.setdefault(", ".join(shown), []).append(text)
+    if found:
+        told = "; ".join(f"in {files} {', '.join(names)}" for files, names in found.items())
+        text = f"large errors for a machine: {told}; are they in the unit they state?"
+        yield Warned(code="readings-large", message=text)
 
 
 def _in_inches(

@@ -130,7 +130,7 @@ def residual_table(
 
     A `datum` that frees is projected out of every measurement of a part, operation by
     operation, and of the factors. An axis without an equation, or that not every point has, is
-    left out with a warning; so are the rows of `without_gaps`.
+    left out with a warning; so are the rows of `without_gaps`, and covariates that are texts.
 
     Raises InputError for a missing covariate or coordinate, points that cannot be what they
     claim, or points of no axis that an equation is for.

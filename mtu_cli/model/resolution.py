@@ -32,9 +32,9 @@ def in_steps(values: FloatArray, step: float) -> bool:
 
 
 def last_digit(values: FloatArray) -> float:
-    """The last digit of values (n,), mm: the largest step that all are whole numbers of, or, of
-    fewer than FEWEST different ones, the largest power of ten or, of FEWEST_FIVES, half of one:
-    these have divisors by chance.
+    """The last digit of values (n,), mm: the largest step that all are whole numbers of. Fewer
+    than FEWEST different ones have divisors by chance: theirs is the last decimal that any has,
+    1 mm at most, or of FEWEST_FIVES five of it.
     """
     for decimals in range(MOST_DECIMALS):
         whole = values * 10.0**decimals

@@ -225,13 +225,13 @@ def _searched(found: tuple[float, float, float], effect: FoundEffect) -> str:
 
 
 def _alike(effect: FoundEffect) -> str:
-    """Such as "; pitch_mm 26.0, 18.6 or one of 12 others fits as well", the nearest first."""
+    """Such as "; pitch_mm 26.0, 18.6 or one of 12 others fits as well, ...", the nearest first."""
     if not pitch_is_open(effect):
         return ""
     ((name, (value, _, _)),) = effect.searched.items()
     near = sorted(effect.alike, key=lambda other: abs(math.log(abs(other / value))))
     shown = either(tuple(significant(other, SEARCHED_DIGITS) for other in near))
-    return f"; {name} {shown} fits as well"
+    return f"; {name} {shown} fits as well, with a size of its own"
 
 
 def searched_text(found: tuple[float, float, float], several: bool = False) -> tuple[str, str]:

@@ -174,7 +174,7 @@ def _none(item: TableResult, alpha: float) -> str:
     likely = _likely(item)
     said = [
         f"Nothing undeclared was found (at {100 * alpha:g} % false alarms in all): "
-        f"the rms of {rms} {unit} {'may be' if likely else 'passes for'} scatter"
+        f"the rms of {rms} {unit} {'may be scatter' if likely else _passes_for(item)}"
         + (f", repeatability is {floor} {unit}." if item.floor is not None else "."),
         *likely,
     ]
@@ -190,6 +190,14 @@ def _none(item: TableResult, alpha: float) -> str:
             + (f"; {len(told) - len(known)} more hardly." if len(told) > len(known) else ".")
         )
     return " ".join([*said, *_by_column(item)])
+
+
+def _passes_for(item: TableResult) -> str:
+    """What stays is no scatter from part to part."""
+    if item.by_column is None or not stays(item):
+        return "passes for scatter"
+    row, column = things(item)
+    return f"passes for errors of single {plural(column)}, the same in every {row}"
 
 
 def _likely(item: TableResult) -> list[str]:

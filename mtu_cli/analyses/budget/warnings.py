@@ -186,10 +186,12 @@ def _first_order(
     # A single block has no control variate: of a linear equation, too, u is that of the trials.
     far = unsettled(first.tails, tolerance, run.trials, controlled=run.blocks > 1)
     if far:
+        more = not unsettled(first.tails, tolerance, run.trials, controlled=True)
+        remedy = "take more trials" if more else "use the interval"
         named = [text for tail in far for text in told_source(sources[tail.source], inputs)]
         message = (
             f"{name}: with four degrees of freedom or fewer for {_listed(named)} the standard "
-            "uncertainty by Monte Carlo may not settle to the digits asked for, use the interval"
+            f"uncertainty by Monte Carlo may not settle to the digits asked for, {remedy}"
         )
         found.append(Warned(code="heavy-tails", message=message))
     shift = abs(first.second_value - first.value)

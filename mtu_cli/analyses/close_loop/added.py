@@ -12,7 +12,7 @@ from mtu_cli.analyses.close_loop.estimate import (
     drawn_covariance,
     estimate,
     raw_design,
-    searched_covariance,
+    searched_spread,
 )
 from mtu_cli.analyses.close_loop.few_parts import with_scatter_of_parts
 from mtu_cli.analyses.close_loop.prepare import Prepared
@@ -92,10 +92,10 @@ def added(
         if not rough:
             fit = with_scatter_of_parts(left.scan, columns, fit)
     joint = _joint_covariance(left, columns, fit, seed, rough)
-    if waves:
-        k = len(fit.beta)
-        joint[:k, :k] += _of_pitches(left, found.members, fit, waves)
     fit, levels = _with_levels(left, found.members, fit, _offsets(scan, found), joint, owners)
+    if waves:
+        spread = _of_pitches(left, found.members, fit, levels, waves)
+        fit = replace(fit, covariance=fit.covariance + spread @ spread.T)
     return Added(
         members=found.members,
         fit=fit if len(fit.beta) else None,
@@ -115,23 +115,36 @@ def _offsets(scan: Scan, found: Search) -> list[int]:
 
 
 def _of_pitches(
-    prepared: Prepared, members: Sequence[int], fit: StratifiedFit, waves: Mapping[int, float]
+    prepared: Prepared,
+    members: Sequence[int],
+    fit: StratifiedFit,
+    levels: Sequence[Level],
+    waves: Mapping[int, float],
 ) -> FloatArray:
-    """What the pitches of `waves` add to the covariance (k, k) of the coefficients."""
-    slopes = np.stack([_slope(prepared, members, fit.beta, m) for m in waves], axis=1)
+    """S (k, m) of the coefficients and levels; S S' is what the pitches of `waves` add to their
+    covariance. A level makes up for the mean of what the effects say, which they move.
+    """
+    slopes, moved = zip(*(_slope(prepared, members, fit.beta, m) for m in waves), strict=True)
     columns, most = prepared.whole(members), np.array([*waves.values()])
-    return searched_covariance(prepared.scan, columns, fit.weights, slopes, most)
+    spread = searched_spread(prepared.scan, columns, fit.weights, np.stack(slopes, axis=1), most)
+    own = len(spread) - len(most)
+    means = np.concatenate([*(prepared.means[m] for m in members), np.stack(moved)])
+    return np.concatenate([spread[:own], -means[:, [x.axis for x in levels]].T @ spread])
 
 
-def _slope(prepared: Prepared, members: Sequence[int], beta: FloatArray, wave: int) -> FloatArray:
-    """The derivative (N,) of what a wave says by the logarithm of its pitch."""
+def _slope(
+    prepared: Prepared, members: Sequence[int], beta: FloatArray, wave: int
+) -> tuple[FloatArray, FloatArray]:
+    """The derivative by the logarithm of its pitch of what a wave says (N,), and of the mean of
+    this (A,).
+    """
     first = sum(len(prepared.members[m].columns) for m in members[: members.index(wave)])
     own = prepared.members[wave]
     count = len(own.columns)
-    frame = prepared.scan.frame
+    frame, size = prepared.scan.frame, beta[first : first + count]
     (slopes,) = grouped(frame.whole_columns, [own.tangent[:count]])
-    found: FloatArray = raw_design(prepared.scan, [slopes]) @ beta[first : first + count]
-    return found
+    means = np.array([frame.means(column) for column in own.tangent[:count]])
+    return raw_design(prepared.scan, [slopes]) @ size, size @ means
 
 
 def _no_fit(prepared: Prepared) -> StratifiedFit:

@@ -20,6 +20,8 @@ DRAWN = 3_000
 BATCH_ENTRIES = 2_000_000
 MOST_ENTRIES = 60_000_000
 FEWEST_DRAWN = 200
+FLAT = 1e-3
+"""Of chi^2: a change that the data do not see."""
 
 
 def raw_design(scan: Scan, members: Sequence[MemberColumns]) -> FloatArray:
@@ -78,21 +80,24 @@ def of_coordinates(scan: Scan, members: Sequence[MemberColumns], weights: FloatA
     return whitened(strata, scan.whitening.transpose(0, 2, 1), w[:, None] * (X @ C.T))
 
 
-def searched_covariance(
+def searched_spread(
     scan: Scan,
     members: Sequence[MemberColumns],
     weights: FloatArray,
     slopes: FloatArray,
     most: FloatArray,
 ) -> FloatArray:
-    """What it adds to the covariance (k, k) of beta that m values of what was searched are
-    estimates, too: `slopes` (N, m) are the derivatives of what the effects say by them.
+    """What it adds to the covariance of beta that m values of what was searched are estimates,
+    too: S (k + m, m), of beta and of these values, of which S S' is added. `slopes` (N, m) are the
+    derivatives of what the effects say by them.
 
     No combination of these values is less certain than by their standard uncertainties `most`
-    (m,), which the search alone leaves: the data need not hold them, as a pitch at three places.
+    (m,), which the search alone leaves. What changes nothing of the data, as a pitch at three
+    places, is no estimate: whoever writes one value has chosen it, and beta is of that.
 
     With the columns X and the slopes T, whitened and weighted, c = (X'X)^-1 X'T and R = T - X c,
-    it is c (R'R)^-1 c': that block of the inverse of [X T]'[X T], less that of X'X.
+    S S' has the blocks c M c', -c M and M, M = (R'R)^-1: those of the inverse of [X T]'[X T], less
+    that of X'X.
     """
     strata = scan.frame.strata
     k = sum(len(member) for member in members)
@@ -105,8 +110,9 @@ def searched_covariance(
     c = np.stack([fit.coefficients for fit in fits], axis=1)
     R = T - X @ c
     held, turn = np.linalg.svd(R * most, full_matrices=False)[1:]
-    spread = c[:k] @ (most[:, None] * turn.T / np.maximum(held, 1.0))
-    found: FloatArray = spread @ spread.T
+    both = np.concatenate([-c[:k], np.eye(len(most))])
+    share = np.where(held**2 < FLAT, 0.0, 1.0 / np.maximum(held, 1.0))
+    found: FloatArray = both @ (most[:, None] * turn.T * share)
     return found
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.describe import SUPPORT, Described
+from mtu_cli.analyses.close_loop.estimate import FLAT
 from mtu_cli.analyses.close_loop.follow_up import as_it_is
 from mtu_cli.analyses.close_loop.result import FIELD, FoundEffect
 from mtu_cli.analyses.close_loop.same_waves import WaveFits
@@ -150,7 +151,9 @@ def pitches_as_good(told: Described, seen: Periodic, place: int) -> Others:
 def best_near(told: Described, seen: Periodic, place: int, apart: float) -> float:
     """The pitch that fits the best of those `apart` in frequency from the one found at most.
 
-    Those that are searched lie up to an eighth of a period apart at the ends of the data.
+    Those that are searched lie up to an eighth of a period apart at the ends of the data. Where
+    none is better, as at three places, it stays: near one that all places are in phase with, the
+    size goes beyond all bounds.
     """
     fits, at = _fits(told, seen, place), 1.0 / seen.found
     if fits is None:
@@ -161,7 +164,8 @@ def best_near(told: Described, seen: Periodic, place: int, apart: float) -> floa
         tried = np.clip(at + half * np.linspace(-1, 1, FINE), low, high)
         at = float(tried[np.argmin(fits.left(tried))])
         half *= 4.0 / FINE
-    return float(f"{1.0 / at:.{DIGITS}g}")
+    better = float(-np.diff(fits.left(np.array([1.0 / seen.found, at])))[0]) >= FLAT
+    return float(f"{1.0 / at:.{DIGITS}g}") if better else seen.found
 
 
 def _near(fits: WaveFits, found: float, apart: float) -> tuple[float, ...]:

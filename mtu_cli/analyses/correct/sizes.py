@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from math import nan
@@ -14,7 +14,7 @@ from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import Squares, ring_squares
 from mtu_cli.analyses.correct.wanted import Task
 from mtu_cli.errors import InputError, Problem
-from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
+from mtu_cli.model.geometry import GeometryError, RoundFit, fit_circle, fit_sphere
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.stats.least_squares import FloatArray
@@ -79,13 +79,12 @@ def _measure(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
         return _length(task, rows, corrected)
     before, after = rows.points.measured[task.rows], corrected[task.rows]
     flat = np.isnan(before[:, 2]).any()
-    if task.wanted.kind == "sphere":
-        if flat:
-            raise GeometryError("its points have no z_mm")
-        first, last = fit_sphere(before), fit_sphere(after)
-    else:
-        d = 2 if flat else 3
-        first, last = fit_circle(before[:, :d]), fit_circle(after[:, :d])
+    sphere = task.wanted.kind == "sphere"
+    if sphere and flat:
+        raise GeometryError("its points have no z_mm")
+    fit, d = fit_sphere if sphere else fit_circle, 2 if flat else 3
+    _check_drawn(fit, rows.points.nominal[task.rows][:, :d])
+    first, last = fit(before[:, :d]), fit(after[:, :d])
     gradient, away = np.zeros((2, len(after), 3))
     gradient[:, : last.radius_gradient.shape[1]] = 2 * last.radius_gradient
     away[:, : len(last.centre)] = after[:, : len(last.centre)] - last.centre
@@ -98,6 +97,18 @@ def _measure(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
         residuals=last.residuals,
         away=away / np.linalg.norm(away, axis=1, keepdims=True),
     )
+
+
+def _check_drawn(fit: Callable[[FloatArray], RoundFit], nominal: FloatArray) -> None:
+    """Raises GeometryError where the drawn places (n, d) of features lie on no circle or sphere:
+    what is measured of them bends by chance.
+    """
+    if not np.isfinite(nominal).all():
+        return
+    try:
+        fit(nominal)
+    except GeometryError as error:
+        raise GeometryError(f"{error} as they are drawn") from None
 
 
 def _temperature(task: Task) -> float:

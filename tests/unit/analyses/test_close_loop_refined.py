@@ -15,7 +15,7 @@ from separation_examples import found_as, prepared_of
 
 from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, found_effects
-from mtu_cli.analyses.close_loop.estimate import raw_design, searched_covariance
+from mtu_cli.analyses.close_loop.estimate import raw_design, searched_spread
 from mtu_cli.analyses.close_loop.held_out import fold_of, of_fold, splits_of
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.prepare import prepare
@@ -111,28 +111,23 @@ def test_what_the_pitch_adds_to_sine_and_cosine_is_that_of_non_linear_least_squa
     assert free[1, 1] > 2 * known[1, 1]
 
 
-def test_a_pitch_that_the_data_do_not_hold_is_as_uncertain_as_the_search_leaves_it() -> None:
-    """At three places sine and cosine take up whatever a change of pitch does."""
+def test_a_pitch_is_no_less_certain_than_the_search_leaves_it() -> None:
+    """By how much a change by `most` shows beside the columns: what shows nothing is chosen."""
     prepared = prepared_of(passes(4))
-    _, found = found_as(prepared, ["cyclic-x"])
-    columns, weights = prepared.whole(found.members), np.ones(len(prepared.scan.dof))
+    _, alone = found_as(prepared, ["cyclic-x"])
+    columns, weights = prepared.whole(alone.members), np.ones(len(prepared.scan.dof))
     design = raw_design(prepared.scan, columns)
-    of = design @ np.array([[0.3, 1.0], [-0.2, 0.4]])
-    most = np.array([0.2, 0.05])
-    spread = np.array([[0.3, 1.0], [-0.2, 0.4]]) * most
-    alone = searched_covariance(prepared.scan, columns, weights, of[:, :1], most[:1])
-    assert alone == pytest.approx(np.outer(spread[:, 0], spread[:, 0]), rel=1e-9)
-    both = searched_covariance(prepared.scan, columns, weights, of, most)
-    assert both == pytest.approx(spread @ spread.T, rel=1e-9)
-    # What they hold well is by the data alone.
-    (wave,) = wave_members(prepared, found, LIBRARY).items()
-    slope = 1e6 * (design[:, 0] ** 2 + np.arange(len(design)) % 3)[:, None]
-    own, wide = (
-        searched_covariance(prepared.scan, columns, weights, slope, np.array([share]))
-        for share in (wave[1], 1e3 * wave[1])
-    )
-    assert own == pytest.approx(wide, rel=1e-9)
-    assert own[0, 0] > 0.0
+    beside = design[:, 0] ** 2 + np.arange(len(design)) % 3
+    free = searched_spread(prepared.scan, columns, weights, beside[:, None], np.array([1e9]))
+    sized = beside * free[2, 0]
+    of_sized = -free[:2, 0]
+    most, own = 0.02, np.array([0.3, -0.2])
+    for held, factor in ((0.0, 0.0), (0.01, 0.0), (0.2, 1.0), (5.0, 1 / 5)):
+        slope = design @ own + held / most * sized
+        found = searched_spread(prepared.scan, columns, weights, slope[:, None], np.array([most]))
+        c = own + held / most * of_sized
+        expected = factor * most * np.array([*-c, 1.0])
+        assert found @ found.T == pytest.approx(np.outer(expected, expected), rel=1e-6)
 
 
 def test_held_out_passes_are_foretold_by_the_pitch_of_the_others() -> None:

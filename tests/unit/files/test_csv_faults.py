@@ -103,8 +103,6 @@ def test_faulty_headers(tmp_path: Path, content: str, words: list[str]) -> None:
         ("a,\u0661,2", "expected a number in the digits 0 to 9"),
         ('a,1,"2', ", row 3: a quote that opens in this row is never closed"),
         ("a,1,inf", ", row 3, column 'size': not finite: 'inf'; expected a finite number"),
-        ("a,1,n/a", "column 'size': not a number: 'n/a'; expected a number, or an empty cell"),
-        ("a,1,nan", "not finite: 'nan'; expected a finite number, or an empty cell"),
     ],
 )
 def test_faulty_rows(tmp_path: Path, row: str, words: str) -> None:
@@ -118,6 +116,15 @@ def test_a_covariate_that_is_too_large(tmp_path: Path) -> None:
     words = "row 3, column 'load': too large: '-1e400'; expected a smaller number, or an empty cell"
     assert words in found
     assert "nan'; expected a finite" in faults(tmp_path, "name,value,load\na,1,1\na,1,nan\n")[-1]
+
+
+def test_an_empty_cell_is_offered_where_no_row_needs_the_cell(tmp_path: Path) -> None:
+    table = "name,value,size,T_a_degC\na,1,2,20\na,1,{},{}\n"
+    (found,) = faults(tmp_path, table.format("n/a", 20))
+    assert found.endswith("column 'size': not a number: 'n/a'; expected a number")
+    for cell, words in (("-", "'-'; expected a"), ("nan", "'nan'; expected a finite")):
+        (found,) = faults(tmp_path, table.format(2, cell))
+        assert found.endswith(f"{words} number, or an empty cell")
 
 
 @pytest.mark.parametrize(

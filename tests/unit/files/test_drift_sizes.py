@@ -141,7 +141,7 @@ def test_drifts_of_machines_are_not_read_as_a_whole(
     assert sum(map(len, blocks)) == 5 * CYCLES * TIMES
 
 
-FARTHEST = "the way to the farthest place read"
+FARTHEST = "the way from there to the farthest place read, or to 0"
 MM = f"errors of at most 1 mm, or 1 % of {FARTHEST}: these look like um in a column of mm"
 MISTAKES: dict[str, tuple[Change, str]] = {
     "um as mm": (lengths("mm"), MM),

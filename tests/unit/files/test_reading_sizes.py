@@ -23,6 +23,7 @@ class Component:
 
 MACHINE = {
     "dx_x": Component("x", "um", 1),
+    "dy_x": Component("x", "um", 1),
     "ez_x": Component("x", "urad", 1),
     "axy": Component(None, "urad", 0),
 }
@@ -126,7 +127,7 @@ def test_large_machines_and_poor_ones_pass(
         assert len(read(tmp_path, text, travels)) == 102
 
 
-FARTHEST = "the way to the farthest place read"
+FARTHEST = "the way from there to the farthest place read, or to 0"
 MISTAKES: dict[str, tuple[Callable[[str, int, Cell], Cell], str]] = {
     "um as mm": (
         lambda name, i, c: (c[0], c[1], "mm" if name == "dx_x" else c[2]),
@@ -146,8 +147,8 @@ MISTAKES: dict[str, tuple[Callable[[str, int, Cell], Cell], str]] = {
     "um as mm on a longer axis": (
         along(lambda run, x: 1.5 + 0.005 * x + 3.0 * math.sin(x / 90) + 0.1 * run),
         "44 of 50 cells of dx_x are larger than any machine's error: '6.022453692 mm'; expected "
-        "errors of at most 1 mm, or 0.1 % of the way to the farthest place read, off a straight "
-        "line that is 0 on the axis and rises by 1 % at most: these look like um in a column of mm",
+        f"errors of at most 1 mm, or 0.1 % of {FARTHEST}, off a straight line that is"
+        " 0 on the axis and rises by 1 % at most: these look like um in a column of mm",
     ),
     # Those near the zero lie off the line too; what is told is one that is large.
     "2 % far from the origin": (
@@ -204,6 +205,27 @@ def test_a_mistake_is_one_message(tmp_path: Path, mistake: str) -> None:
     assert words in str(problem)
     assert problem.file is not None
     assert problem.row is not None
+
+
+@pytest.mark.parametrize("names", [("dx_x", "dy_x"), ("dy_x", "dx_x")])
+@pytest.mark.parametrize("size", [24.0, 31.0])
+def test_the_cell_that_is_told_is_beyond_the_limit_that_is_told(
+    tmp_path: Path, names: tuple[str, str], size: float
+) -> None:
+    """One component beyond 1 % of the way, and one within it that is off its line."""
+    cells = [
+        (name, x, 9 * math.sin(x / 70) if name == "dy_x" else size + 2 * math.cos(x / 90))
+        for name in names
+        for x in (2000 * i / 49 for i in range(50))
+    ]
+    text = HEAD + "".join(f"{name},{x:.6f},1,{error:.6f},mm\n" for name, x, error in cells)
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, text, {"x": (0.0, 2000.0)})
+    (problem,) = caught.value.problems
+    name, x, error = cells[(problem.row or 0) - 2]
+    share = 0.001 if "0.1 %" in str(problem) else 0.01
+    assert abs(error) > share * max(x, 2000 - x)
+    assert name == ("dy_x" if share < 0.01 else "dx_x")
 
 
 def test_positions_without_a_travel_have_a_limit_too(tmp_path: Path) -> None:
@@ -294,10 +316,7 @@ def test_positions_in_another_unit_are_not_the_readings_fault(
     message = str(caught.value)
     assert "of 50 cells of dx_x are too near to each other for their errors" in message
     assert f"positions in mm (x travels from 0 to 9000 mm): these look like {unit} in a" in message
-    assert (
-        "; or else errors of at most 1 mm, or 1 % of the way to the farthest place read: these look"
-        in message
-    )
+    assert f"; or else errors of at most 1 mm, or 1 % of {FARTHEST}: these look" in message
 
 
 def test_positions_explain_all_errors_or_none(tmp_path: Path) -> None:

@@ -59,7 +59,8 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
     assert "'hole' (5 of" in warned[1].message
     shown = points.sources[0].shown
     first = f"the first 'n/a' in {shown}, row {points.row[2]}"
-    mixed = f"'worn' (2 of {n - 2} cells, {first}; what is not known is left empty)"
+    told = f"texts in 2 of {n - 2} cells, {first}; where that means not known, leave it empty"
+    mixed = f"'worn' ({told})"
     assert warned[0].message.startswith(f"'who', {mixed}: text, not numbers")
     for p in range(4):
         for h in range(3):

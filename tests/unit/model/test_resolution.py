@@ -51,6 +51,12 @@ def test_the_last_digit_is_the_largest_step_of_all(values: list[float], digit: f
     assert last_digit(np.array(values)) == pytest.approx(digit, rel=1e-9)
 
 
+def test_four_values_that_share_a_five_are_in_steps_of_five() -> None:
+    """Not of 15, which they share by chance."""
+    assert last_digit(15e-3 * np.array([1.0, 2.0, 3.0, 5.0])) == pytest.approx(5e-3)
+    assert last_digit(15e-3 * np.array([1.0, 2.0, 3.0])) == pytest.approx(1e-3)
+
+
 def test_of_eight_values_the_common_divisor_is_their_step() -> None:
     values = 6e-3 * np.arange(1.0, 9.0)
     assert last_digit(values) == pytest.approx(6e-3)

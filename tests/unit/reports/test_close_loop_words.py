@@ -245,8 +245,8 @@ def test_a_pitch_that_is_one_of_several_makes_a_class() -> None:
     text = words(result(on_table("class", (own,))))
     assert text.startswith(
         "X has a periodic error of 5.00 ± 0.30 um amplitude, pitch 43.3 mm; pitch_mm 65.0, 26.0, "
-        "18.6 or one other fits as well (cyclic-x). To tell: measure features at more, and uneven, "
-        "distances along the axis. Held-out"
+        "18.6 or one other fits as well, with a size of its own (cyclic-x). To tell: measure "
+        "features at more, and uneven, distances along the axis. Held-out"
     )
     shown = plain_text(table(result(on_table("class", (own,)))))
     (row,) = [line.split() for line in shown.splitlines() if line.strip().startswith("pitch_mm")]
@@ -453,6 +453,17 @@ def test_what_is_likely_but_not_proven_is_told_and_not_called_scatter() -> None:
     one = replace(base.table, parts=("1",))
     text = verdict_text(replace(base, table=one, candidates=likely), result(base))
     assert "passes for scatter" in text
+
+
+def test_what_stays_is_not_called_scatter() -> None:
+    """Where a correction of every place would take half of it off held-out parts."""
+    base = on_table("none", ())
+    for rms, stays in ((0.4, True), (0.6, False)):
+        own = scores(rms * base.after.rms)
+        text = words(result(replace(base, by_column=own, in_sample_after=base.after)))
+        passes = "passes for errors of single features, the same in every part, repeatability"
+        assert (passes in text) == stays == ("Much of it stays" in text)
+        assert ("passes for scatter" in text) != stays
 
 
 def test_sizes_that_no_error_has_are_not_told_as_what_would_have_been_found() -> None:
