@@ -187,7 +187,7 @@ def test_a_covariate_that_is_missing(tmp_path: Path) -> None:
     found = json.loads((tmp_path / "found.json").read_text())["results"]
     assert not {"thermal-drift-x", "backlash-x"} & set(names(found))
     why = {item["name"]: item["unavailable"] for item in found["candidates"]}
-    assert why["thermal-drift-x"] == "no column T_..._degC"
+    assert why["thermal-drift-x"] == "no column T_..._degC without gaps"
     assert why["backlash-x"] == "no column dir_x"
 
 

@@ -591,7 +591,7 @@ def test_copies_are_named_and_tested_once(library: EffectLibrary) -> None:
         (
             "thermal-drift-x",
             {"T_spindle_degC": None, "T_part_degC": None},
-            "no column T_..._degC",
+            "no column T_..._degC without gaps",
         ),
         (
             "thermal-growth",
