@@ -43,7 +43,6 @@ SLIP = 0.9
 """Likeness of two names from which on one is the other with a slip: sequence and squence."""
 SHOWN_RUNS = 6
 """Columns without a name, or runs of them, that are told one by one."""
-"""The role of files whose runs are no passes: they are cycles, or tell nothing."""
 
 
 def check_header(text: CsvText, spec: TableSpec) -> None:

@@ -67,7 +67,7 @@ class Cells:
     common, both by `code` (n,). `what` is said of a slip. Of lengths along an axis, `near` (n,) is
     how far off a line they are at most, by `positions` and `passes` (n,) where they have them.
     `sizes` (n,) are what is compared with `most`: of a drift not where its probe was zeroed. More
-    than a `share` of them are no odd rows.
+    than a `share` of them are no odd rows. `way` says what the largest error is a share of.
     """
 
     name: str
@@ -84,6 +84,7 @@ class Cells:
     positions: Floats | None = None
     passes: Floats | None = None
     share: float = MOST
+    way: str = ""
 
 
 def largest_errors(
@@ -105,14 +106,14 @@ def largest_errors(
     return np.fmax(LARGEST[dimension], share * moved)
 
 
-def largest_shown(dimension: int, *, off: bool, placed: bool) -> str:
-    """The same in words: `off` a line, or of readings that have a place or none."""
+def largest_shown(dimension: int, way: str, *, off: bool) -> str:
+    """The same in words, of what the share is of (`Cells.way`); `off` a line."""
     if dimension == ANGLE:
         return "0.05 rad"
     if off:
-        line = "a straight line that is 0 on the axis and rises by 1 % at most"
-        return f"1 mm, or 0.1 % of {WAY}, off {line}"
-    return f"1 mm, or 1 % of {WAY if placed else 'the longest travel'}"
+        line = "a line as steep as their own (1 % at most) that is 0 somewhere on the axis"
+        return f"1 mm, or 0.1 % of {way}, off {line}"
+    return f"1 mm, or 1 % of {way}" if way else "1 mm"
 
 
 def look_large(errors: Floats, most: Floats, dimension: int) -> bool:
@@ -131,7 +132,9 @@ def errors_of(table: Table, of: tuple[str, str | None], inside: Rows, travels: T
     factor = np.array([UNITS[unit].to_internal for unit in units.labels])[code]
     dimension = UNITS[units.labels[code[0]]].dimension
     positions, near = np.full(len(inside), np.nan), None
+    way = "the longest travel" if travels else ""
     if axis is not None:
+        way = WAY
         positions = table.columns.numbers["position_mm"][inside]
         if dimension == LENGTH:
             near = largest_errors(dimension, positions, travels, OFF_LINE)
@@ -155,6 +158,7 @@ def errors_of(table: Table, of: tuple[str, str | None], inside: Rows, travels: T
         positions=positions,
         passes=None if passes is None else passes[inside],
         share=MOST_OF_DRIFT if drift else MOST,
+        way=way,
     )
 
 

@@ -61,7 +61,8 @@ def check_units(table: Table, problems: ProblemList) -> None:
 @dataclass(frozen=True, slots=True)
 class _Far:
     """Rows (n,) of the component `name` that are beyond `most` (n,), in mm or rad, of so many, or
-    `off` all lines; `many` where they are no odd ones.
+    `off` their line; `many` where they are no odd ones. `shown` is the row to tell, `way` what
+    `most` is a share of, `places` (n,) where they are along the axis, if they have one.
     """
 
     name: str
@@ -70,6 +71,9 @@ class _Far:
     of: int
     off: bool
     many: bool
+    shown: int
+    way: str
+    places: Floats | None
 
 
 Groups = dict[tuple[str, str], list[_Far]]
@@ -145,6 +149,7 @@ def _check_cells(table: Table, cells: Cells, groups: Groups, problems: ProblemLi
         for i in np.flatnonzero(far):
             _slip(table, cells, int(i), cells.values[~far], problems)
         return
+    places = cells.positions if cells.near is not None else None
     for code in np.flatnonzero(np.bincount(cells.code)).tolist():
         inside = np.flatnonzero(cells.code == code)
         beyond = far[inside]
@@ -154,8 +159,25 @@ def _check_cells(table: Table, cells: Cells, groups: Groups, problems: ProblemLi
         if len(rows):
             own, most = cells.rows[rows], cells.most[rows]
             many = len(rows) > cells.share * len(inside)
-            found = _Far(cells.name, own, most, len(inside), bool(off.any()), many)
+            found = _Far(
+                name=cells.name,
+                rows=own,
+                most=most,
+                of=len(inside),
+                off=bool(off.any()),
+                many=many,
+                shown=_shown(cells, inside[off]) if off.any() else int(own[0]),
+                way=cells.way,
+                places=None if places is None else places[rows],
+            )
             groups.setdefault((cells.column, cells.groups[code]), []).append(found)
+
+
+def _shown(cells: Cells, rows: Rows) -> int:
+    """The largest of the `rows` (n,) that are off a line: what is farthest off may be hardly any
+    error.
+    """
+    return int(cells.rows[rows[np.argmax(np.abs(cells.values[rows]))]])
 
 
 def _off(cells: Cells, inside: Rows) -> Bools:
@@ -204,23 +226,18 @@ def _add_errors(
     for far in found:
         if not far.many:
             continue
-        numbers = table.columns.numbers
-        places = numbers["position_mm"][far.rows] if "position_mm" in numbers else None
-        why = explained(numbers["error"][far.rows], places, far.most, unit)
+        raw = table.columns.numbers["error"][far.rows]
+        why = explained(raw, far.places, far.most, unit)
         if why:
-            placed = places is not None and bool(np.isfinite(places).any())
-            most = largest_shown(UNITS[unit].dimension, off=far.off, placed=placed)
+            most = largest_shown(UNITS[unit].dimension, far.way, off=far.off)
             expected = f"errors of at most {most}: {why}"
-            # Off a line by the most may be one that is hardly any error.
-            at = int(np.argmax(np.abs(numbers["error"][far.rows]))) if far.off else 0
-            row = int(far.rows[at])
             if narrow:
                 what = "too near to each other for their errors"
                 expected = f"{narrow}; or else {expected}"
-                problems.add(_of_many(table, "position_mm", found, row, (what, expected)))
+                problems.add(_of_many(table, "position_mm", found, far.shown, (what, expected)))
                 return
             what = "larger than any machine's error"
-            problems.add(_of_many(table, "error", found, row, (what, expected)))
+            problems.add(_of_many(table, "error", found, far.shown, (what, expected)))
             return
 
 

@@ -14,7 +14,7 @@ from mtu_cli.errors import Problem, closest, fault, is_near, printable, reason
 
 _CHUNK = 1 << 20
 DRIFT = "drift"
-"""The role of readings that follow temperatures in time."""
+"""The role of readings that follow temperatures in time: their runs are cycles, no passes."""
 HOLDS = {
     "lbb": "ball-bar readings",
     "laser": "laser readings",

@@ -119,8 +119,8 @@ def _large(readings: Readings, components: Mapping[str, Any], travels: Travels) 
         text = f"{name} (typically {typical:.3g} {unit.name})"
         found.setdefault(", ".join(shown), []).append(text)
     if found:
-        told = "; ".join(f"in {files} {', '.join(names)}" for files, names in found.items())
-        text = f"large errors for a machine: {told}; are they in the unit they state?"
+        told = "; ".join(f"in {files}: {', '.join(names)}" for files, names in found.items())
+        text = f"large errors for a machine {told}; are they in the unit they state?"
         yield Warned(code="readings-large", message=text)
 
 

@@ -22,7 +22,7 @@ from mtu_cli.units import PARAMETER_UNITS
 
 SENTENCES = {
     "offset": "everything is shifted along {A} by {value}",
-    "scale": "{of}{A} {grows} by {size} of travel",
+    "scale": "{of}{A} {grows} by {size} of travel{where}",
     "curvature": "{of}{A} bends along the travel: {values}",
     "straightness": "{A} bends along {along}: {values}",
     "squareness": "{A} and {B} are out of square by {size}, {angle} than 90 degrees",
@@ -85,6 +85,7 @@ def _words(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> 
         "column": column,
         "A": _subject(effect, item),
         "of": "positioning of " if item.table.component is None else "",
+        "where": _where(effect, item),
         "values": _values(shown),
         **{name: _searched(found, effect) for name, found in effect.searched.items()},
     }
@@ -109,6 +110,8 @@ def _words(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> 
         words["wave"] = _size(length / scale, u / scale, first.unit)
         if seen is not None:
             words["wave"] = f"at least {words['wave']}"
+        elif TWICE * u > length:
+            words["wave"] = f"unknown ({words['wave']})"
     return words
 
 
@@ -145,6 +148,17 @@ def _along(effect: FoundEffect) -> str | None:
 
 def _size(value: float, u: float, unit: str) -> str:
     return f"{plus_minus(value, u)} {unit}"
+
+
+def _where(effect: FoundEffect, item: TableResult) -> str:
+    """The temperature at which a scale is meant, where a growth stands beside it."""
+    found = []
+    for other in item.effects:
+        if other.family == "thermal-growth" and other.axis in (None, effect.axis):
+            at = {re.search(rf"{other.covariate} - ([\d.]+)", e) for e in other.equations.values()}
+            found += [f"{other.covariate} is {float(m[1]):.4g}" for m in at if m]
+    told = " and ".join(dict.fromkeys(found))
+    return f" where {told}" if effect.family == "scale" and told else ""
 
 
 def _grows(effect: FoundEffect, item: TableResult, value: float) -> str:

@@ -101,7 +101,8 @@ def _refined(
     steps = [step for step in told.found.steps if step.member >= 0]
     for place, step in enumerate(steps):
         seen = periodic(told, step, library)
-        if seen is None:
+        # Of a wave that shows one phase no pitch is told: a hidden one would fit it better.
+        if seen is None or len(seen.member.columns) < len(seen.waves.bound.parameters()):
             continue
         apart = _apart(told.prepared.candidates[step.index], seen.found)
         pitch = best_near(told, seen, place, apart)

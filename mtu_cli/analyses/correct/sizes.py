@@ -108,7 +108,7 @@ def _check_drawn(fit: Callable[[FloatArray], RoundFit], nominal: FloatArray) -> 
     try:
         fit(nominal)
     except GeometryError as error:
-        raise GeometryError(f"{error} as they are drawn") from None
+        raise GeometryError(f"as its features are drawn, {error}") from None
 
 
 def _temperature(task: Task) -> float:

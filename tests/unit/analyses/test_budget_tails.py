@@ -55,6 +55,22 @@ def test_u_may_not_settle_where_tails_are_long(text: str, warned: bool) -> None:
     assert all("y: with four degrees of freedom or fewer for L the " in text for text in found)
 
 
+@pytest.mark.parametrize(
+    ("equation", "trials", "remedy"),
+    [("a + b", 5000, "take more trials"), ("a + b", 20_000, None), ("a*b", 5000, "use the int")],
+)
+def test_of_a_linear_equation_more_trials_settle_u(
+    equation: str, trials: int, remedy: str | None
+) -> None:
+    """From ten blocks on their control knows the variance that is drawn."""
+    inputs = "{a: {value: 1, u: 0.3, dof: 3}, b: {value: 1, u: 0.3}}"
+    text = f"equation: {equation}\ninputs: {inputs}\n"
+    result = evaluated(text, trials=trials)
+    found = [item.message for item in result.warnings if item.code == "heavy-tails"]
+    assert len(found) == (remedy is not None)
+    assert all(f"asked for, {remedy}" in message for message in found)
+
+
 WRINGING = (
     "equation: c*s + t\ninputs:\n  s: {value: 1, u: SCALE}\n  t: {value: 0, u: 0.08}\n"
     "  c: {value: 0.35, contributions: [{u: 0.02}, {says: wringing, u: SMALL, dof: DOF}]}\n"

@@ -11,7 +11,7 @@ from effect_tables import table as points_table
 from loop_bench.folds import LIBRARY
 from scipy.optimize import least_squares
 from scipy.stats import binom
-from separation_examples import found_as, prepared_of
+from separation_examples import found_as, members_of, prepared_of
 
 from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, found_effects
@@ -128,6 +128,73 @@ def test_a_pitch_is_no_less_certain_than_the_search_leaves_it() -> None:
         c = own + held / most * of_sized
         expected = factor * most * np.array([*-c, 1.0])
         assert found @ found.T == pytest.approx(np.outer(expected, expected), rel=1e-6)
+
+
+def test_a_pitch_is_an_estimate_of_the_level_too() -> None:
+    """All that it adds to sine, cosine and level against least squares with the pitch free."""
+    places = np.sort(np.random.default_rng(0).uniform(0.0, 150.0, 12))
+    told = refined(passes(4, amplitude=2 * AMPLITUDE, places=places))
+    waves = wave_members(told.prepared, told.found, LIBRARY)
+    known, free = (
+        added(told.prepared, told.found, 1, owners={0: 0}, waves=own).fit for own in ({}, waves)
+    )
+    assert known is not None
+    assert free is not None
+    sine, cosine = known.beta[:2].tolist()
+    ((pitch, *_),) = [[*told.prepared.members[m].searched.values()] for m in waves]
+    angle = 2 * np.pi * places / pitch
+    slope = angle * (cosine * np.sin(angle) - sine * np.cos(angle))
+    X = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle), slope], axis=1)
+    expected = np.linalg.inv(X.T @ X)[:3, :3] - np.linalg.inv(X[:, :3].T @ X[:, :3])
+    scale = known.covariance[0, 0] / np.linalg.inv(X[:, :3].T @ X[:, :3])[0, 0]
+    found = (free.covariance - known.covariance)[:3, :3] / scale
+    size = np.sqrt(np.diag(expected))
+    # The weights of the strata are not quite those of the columns' means.
+    assert found / np.outer(size, size) == pytest.approx(expected / np.outer(size, size), abs=0.06)
+
+
+def test_a_pitch_lies_between_those_beside_it() -> None:
+    prepared = prepared_of(passes(4))
+    _, found = found_as(prepared, ["cyclic-x"])
+    (step,) = found.steps
+    known = sorted(
+        1.0 / value
+        for m in prepared.candidates[step.index].members
+        for value in m.searched.values()
+    )
+    (pitch,) = prepared.members[step.member].searched.values()
+    (share,) = wave_members(prepared, found, LIBRARY).values()
+    at = int(np.argmin(np.abs(np.array(known) - 1 / pitch)))
+    apart = max(known[at] - known[at - 1], known[at + 1] - known[at])
+    assert share == pytest.approx(apart * pitch / np.sqrt(3), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("places", "columns"),
+    [
+        # Whatever pitch there is fits three places alike.
+        (np.array([0.0, 13.0, 30.3]), 2),
+        # Of one phase: cosine alone is seen, and a pitch beside it would be seen to have a sine.
+        (10.0 * np.arange(12), 1),
+    ],
+)
+def test_a_pitch_that_none_beside_it_betters_stays(places: Floats, columns: int) -> None:
+    prepared = prepared_of(passes(2, 20.0, places=places, amplitude=20 * NOISE))
+    _, found = found_as(prepared, ["cyclic-x"])
+    (step,) = found.steps
+    own = [
+        m
+        for m in members_of(prepared, "cyclic-x")
+        if len(prepared.members[m].columns) == columns
+        and (columns == 2 or prepared.members[m] is prepared.members[step.member])
+    ]
+    assert own
+    for m in own[:: max(1, len(own) // 10)]:
+        one = replace(found, steps=(replace(step, member=m),))
+        effects = added(prepared, one)
+        told = Described(prepared=prepared, found=one, effects=effects, chosen=())
+        after = with_refined_pitches(told, LIBRARY, 1, {})
+        assert after.prepared.members[m] is prepared.members[m]
 
 
 def test_held_out_passes_are_foretold_by_the_pitch_of_the_others() -> None:

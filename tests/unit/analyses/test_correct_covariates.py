@@ -90,6 +90,18 @@ def test_rings_that_cannot_be_had(tmp_path: Path) -> None:
     assert "the points lie on a line" in message
 
 
+def test_features_that_are_drawn_on_a_line_are_no_ring(tmp_path: Path) -> None:
+    """What is measured of them bends by chance; without nominal places it is as it is."""
+    true, _, temperature = rings(1)
+    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
+    points = ring_points(true, ["a"], None, own)
+    model, part = machine(tmp_path), ring_part(tmp_path)
+    drawn = points.nominal.copy()
+    drawn[:, 1] = drawn[0, 1]
+    (message,) = refused(model, part, replace(points, nominal=drawn, measured=drawn + 1e-3))
+    assert "cannot be had: as its features are drawn, the points lie on a line" in message
+
+
 def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
     _, measured, temperature = rings(1)
     own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}

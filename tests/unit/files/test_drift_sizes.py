@@ -174,3 +174,15 @@ def test_a_mistake_is_told_by_its_cause(tmp_path: Path, case: str, machine: bool
     first = told(path, *((MACHINE, 500.0) if machine else (None, None)))[0]
     assert words in first
     assert "d.csv, row " in first
+
+
+@pytest.mark.parametrize("cell", ["n/a", "nan"])
+def test_an_empty_cell_is_not_offered_where_a_drift_needs_a_temperature(
+    tmp_path: Path, cell: str
+) -> None:
+    text = table(lambda _, own: (own.place, own.error, own.unit)).replace(",25\n", f",{cell}\n")
+    (tmp_path / "d.csv").write_text(text, "utf-8")
+    with pytest.raises(InputError) as caught:
+        read_readings([(tmp_path / "d.csv", "drift")], MACHINE, for_fit=False)
+    assert "or an empty cell" not in str(caught.value)
+    assert f"'T_a_degC': not {'a number' if cell == 'n/a' else 'finite'}" in str(caught.value)

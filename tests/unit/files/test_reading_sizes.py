@@ -147,8 +147,8 @@ MISTAKES: dict[str, tuple[Callable[[str, int, Cell], Cell], str]] = {
     "um as mm on a longer axis": (
         along(lambda run, x: 1.5 + 0.005 * x + 3.0 * math.sin(x / 90) + 0.1 * run),
         "44 of 50 cells of dx_x are larger than any machine's error: '6.022453692 mm'; expected "
-        f"errors of at most 1 mm, or 0.1 % of {FARTHEST}, off a straight line that is"
-        " 0 on the axis and rises by 1 % at most: these look like um in a column of mm",
+        f"errors of at most 1 mm, or 0.1 % of {FARTHEST}, off a line as steep as their own (1 % at "
+        "most) that is 0 somewhere on the axis: these look like um in a column of mm",
     ),
     # Those near the zero lie off the line too; what is told is one that is large.
     "2 % far from the origin": (
@@ -160,7 +160,7 @@ MISTAKES: dict[str, tuple[Callable[[str, int, Cell], Cell], str]] = {
     ),
     "waves and a constant of um as mm": (
         along(lambda run, x: 3.0 + 0.6 * math.sin(x / 90 + run)),
-        "0 on the axis and rises by 1 % at most: these look like um in a column of mm",
+        "that is 0 somewhere on the axis: these look like um in a column of mm",
     ),
     "urad as rad": (
         lambda name, i, c: (c[0], c[1], c[2] if name == "dx_x" else "rad"),
@@ -226,6 +226,23 @@ def test_the_cell_that_is_told_is_beyond_the_limit_that_is_told(
     share = 0.001 if "0.1 %" in str(problem) else 0.01
     assert abs(error) > share * max(x, 2000 - x)
     assert name == ("dy_x" if share < 0.01 else "dx_x")
+
+
+@pytest.mark.parametrize(
+    ("travels", "limit"),
+    [({"x": (0.0, 3000.0)}, "1 mm, or 1 % of the longest travel"), ({}, "1 mm")],
+)
+def test_a_component_without_an_axis_has_no_way(
+    tmp_path: Path, travels: dict[str, tuple[float, float]], limit: str
+) -> None:
+    """A position that is given there has no meaning."""
+    rows = "".join(f"dz_n,500,{i},{40 + i % 3},mm\n" for i in range(12))
+    machine = MACHINE | {"dz_n": Component(None, "um", 0)}
+    path = tmp_path / "lbb.csv"
+    path.write_text(HEAD + rows, "utf-8")
+    with pytest.raises(InputError) as caught:
+        read_readings([(path, "lbb")], machine, for_fit=True, travels=travels)
+    assert f"expected errors of at most {limit}: these look like" in str(caught.value)
 
 
 def test_positions_without_a_travel_have_a_limit_too(tmp_path: Path) -> None:

@@ -198,6 +198,18 @@ def test_points_without_a_circle(points: list[tuple[float, ...]], message: str) 
         fit_circle(np.array(points, float))
 
 
+def test_an_arc_that_hardly_bends_is_no_circle() -> None:
+    """The normal equations lose the fourth power of its height over its length: 1e-20."""
+    x = np.linspace(-0.5, 0.5, 20)
+    for height, fits in ((1e-2, True), (1e-5, False)):
+        points = 100 * np.column_stack([x, height * (1 - 4 * x**2)])
+        if fits:
+            assert fit_circle(points).radius == pytest.approx(100 / (8 * height), rel=1e-2)
+        else:
+            with pytest.raises(GeometryError, match="hardly bend"):
+                fit_circle(points)
+
+
 def test_points_without_a_sphere() -> None:
     flat = np.column_stack([arc(9, 90.0, 3.0, 1), np.full(9, 4.0)])
     with pytest.raises(GeometryError, match="plane or a circle"):

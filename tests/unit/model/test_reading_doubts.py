@@ -199,22 +199,25 @@ def test_a_long_axis_has_larger_errors_and_a_poor_one_is_asked_about(tmp_path: P
         assert [item.code for item in found] == ["readings-large"] * count
 
 
-def test_large_readings_are_told_by_their_files(tmp_path: Path) -> None:
-    """Of the files that are large, of so many by name; the typical size is theirs."""
+@pytest.mark.parametrize(("some", "size"), [(8, 0.3), (2, 1.2)])
+@pytest.mark.parametrize("files", [1, 8])
+def test_large_readings_are_told_by_their_files(
+    tmp_path: Path, files: int, some: int, size: float
+) -> None:
+    """Of the files that are large, six by name; the typical size is theirs."""
     known = machine(tmp_path)
     given = read_machine(np.random.default_rng(5), Drift(0.0))
     named = replace(given.sources[0], shown="sound.csv")
     sources = (named, *(replace(named, shown=f"run{i}.csv") for i in range(8)))
     own = given.code == given.components.index("dx_x")
-    for files in (1, 8):
-        count = np.arange(len(given))
-        index = np.where(own & (count % 9 > 0), 1 + count % files, 0)
-        error = np.where(index > 0, 0.3, 1e-3 * own)
-        large = replace(given, error=error, file_index=index, sources=sources, roles=9 * ("lbb",))
-        (warning,) = [w for w in reading_doubts(known, large) if w.code == "readings-large"]
-        names = [f"run{i}.csv" for i in range(min(files, 6))] + ["2 more"] * (files == 8)
-        told = f"in {', '.join(names)} dx_x (typically 300 um); are"
-        assert warning.message == f"large errors for a machine: {told} they in the unit they state?"
+    count = np.arange(len(given))
+    index = np.where(own & (count // 8 % 9 < some), 1 + count % files, 0)
+    error = np.where(index > 0, size, 1e-3 * own)
+    large = replace(given, error=error, file_index=index, sources=sources, roles=9 * ("lbb",))
+    (warning,) = [w for w in reading_doubts(known, large) if w.code == "readings-large"]
+    names = [f"run{i}.csv" for i in range(min(files, 6))] + ["2 more"] * (files == 8)
+    told = f"in {', '.join(names)}: dx_x (typically {1e3 * size:.3g} um); are"
+    assert warning.message == f"large errors for a machine {told} they in the unit they state?"
 
 
 @pytest.mark.parametrize("count", [7, 40_000])
@@ -236,7 +239,7 @@ def test_units_and_positions_that_look_like_others_are_asked_about(tmp_path: Pat
     large = replace(given, error=100 * given.error)
     (warning,) = reading_doubts(machine(tmp_path), large)
     assert warning.code == "readings-large"
-    assert "large errors for a machine: in lbb.csv dx_x (typically " in warning.message
+    assert "large errors for a machine in lbb.csv: dx_x (typically " in warning.message
     names = sorted(name for name in given.components if name != "axy")
     lines = "".join(
         f"  {n}: {{of: {n[-1]}, unit: {'um' if n[0] == 'd' else 'urad'}}}\n" for n in names

@@ -240,6 +240,35 @@ def wave(**changed: object) -> FoundEffect:
     )
 
 
+def test_an_amplitude_that_is_not_told_from_0_is_called_unknown() -> None:
+    for u, told in ((1.2, "of 5.0 ± 1.2 um"), (2.6, "of unknown (5.0 ± 2.6 um)")):
+        own = wave()
+        own = replace(own, covariance=(1e-3 * u) ** 2 * np.eye(2))
+        text = words(result(on_table("named", (own,))))
+        assert text.startswith(f"X has a periodic error {told} amplitude, pitch 43")
+
+
+def test_a_scale_beside_a_growth_is_that_of_one_temperature() -> None:
+    scale = effect(
+        "scale-x",
+        parameters=(("scale", "um/m", 7.8, 0.5),),
+        equations={"Ex": "scale*(x - 172.2)"},
+    )
+    growth = replace(
+        effect(
+            "thermal-growth-x",
+            parameters=(("growth", "um/m/K", 11.0, 0.5),),
+            equations={"Ex": "growth*(x - 172.2)*(T_room_degC - 22.677)"},
+        ),
+        covariate="T_room_degC",
+    )
+    text = words(result(on_table("named", (growth, scale))))
+    assert "grows by 7.80 ± 0.50 um/m of travel where T_room_degC is 22.68" in text
+    assert "of travel where" not in words(result(on_table("named", (scale,))))
+    of_y = replace(growth, axis="y", name="thermal-growth-y")
+    assert "of travel where" not in words(result(on_table("named", (of_y, scale))))
+
+
 def test_a_pitch_that_is_one_of_several_makes_a_class() -> None:
     own = wave(alike=(65.0, 26.04, 18.57, 2.0))
     text = words(result(on_table("class", (own,))))
