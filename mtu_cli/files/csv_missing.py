@@ -25,7 +25,7 @@ OTHER_WORDS = {
     "pass": ("passes", *REPEATS),
     "cycle": ("warm_up", "zyklus"),
     "direction": ("dir", "dirn"),
-    "component": ("error_component", "channel", "parameter", *AXIS),
+    "component": ("error_component", "error_type", "error_name", "channel", "parameter", *AXIS),
     "error": ("value", "reading", "deviation"),
     "position_mm": (
         "pos",
@@ -91,8 +91,10 @@ def _by_words(name: str, others: list[str]) -> str | None:
         return (same or own)[0]
     if own:
         return None
-    # What is surely another column is no slip of this one, nor is a `Temperature` of a feature.
-    free = [other for other in others if meant_by(other) is None]
+    # What is surely another column is no slip of this one, nor is a `Temperature` of a feature, nor
+    # an `Error type` that holds the names of errors one of their sizes.
+    names = OTHER_WORDS["component"] if name == "error" else ()
+    free = [other for other in others if meant_by(other) is None and _folded(other) not in names]
     if name in COORDINATES:
         free = [other for other in free if plain(other)[:1] == name[:1]]
     near = closest(name, free)
@@ -108,11 +110,16 @@ def _shortened(other: str, name: str) -> bool:
     return len(other) > 2 and (name.startswith(other) or other.startswith(name))
 
 
+def _folded(other: str) -> str:
+    """As the words of other programs are written."""
+    return plain(other).strip().replace(" ", "_")
+
+
 def _by_another_word(name: str, others: list[str]) -> str | None:
     """The column that another program calls so: by its own word, or without the unit."""
     words = (*OTHER_WORDS.get(name, ()), name.removesuffix(UNIT))
     bare = {IN_MM.sub("", other).removesuffix(UNIT): other for other in others}
-    folded = {plain(word).strip().replace(" ", "_"): other for word, other in bare.items()}
+    folded = {_folded(word): other for word, other in bare.items()}
     return next((folded[word] for word in words if word in folded), None)
 
 

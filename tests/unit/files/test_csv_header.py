@@ -773,3 +773,13 @@ def test_differences_that_are_signs_are_directions(
     said = [item.message for item in found.notes if "'dx'" in item.message]
     assert bool(said) == told
     assert not told or "is not used as 'dir_x': rename it where it is the direction" in said[0]
+
+
+@pytest.mark.parametrize("column", ["Error type", "error_name", "Error component"])
+def test_names_of_errors_are_no_sizes_of_them(column: str, tmp_path: Path) -> None:
+    path = tmp_path / "lbb.csv"
+    path.write_text(f"{column},position_mm,pass,Value,unit\npx,0,1,2.0,um\n", "utf-8")
+    with pytest.raises(InputError) as caught:
+        read_readings([(path, "lbb")], None, for_fit=True)
+    told = [str(problem.expected) for problem in caught.value.problems]
+    assert told == [f"{column!r} renamed to 'component'", "'Value' renamed to 'error'"]
