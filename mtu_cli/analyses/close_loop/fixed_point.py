@@ -25,6 +25,8 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
+SAME = 1e-9
+"""Share of it by which the value of a covariate at which errors are 0 may differ by rounding."""
 Over = frozenset[str]
 """The one covariate that errors are proportional to; empty where they are constant."""
 
@@ -42,13 +44,16 @@ def fixed_points(
     effects, the fixed point is c - a/g; its u is by the joint covariance (JCGM 100:2008, 5.2.2),
     its interval that of Fieller (J. R. Stat. Soc. B 16 (1954) 175). An effect that is one of
     several which the data cannot tell apart gives one if it is that (`given`); two of them give
-    none, nor do any beside one that bends. `instead` is the place of an effect that stands for
-    one found: what has no part of it is not told again.
+    none, nor do any beside one that bends, nor constant ones beside such that are 0 at different
+    values of a covariate: what is constant is then the error at none of them. `instead` is the
+    place of an effect that stands for one found: what has no part of it is not told again.
     """
     found = []
     for axis in table.axes if table.component is None else ():
         over = [_beside(effect, axis) for effect in effects]
         for own in dict.fromkeys(known for known in over if known is not None and len(known) < 2):
+            if not own and not _at_one_time(table, effects, over, axis):
+                continue
             chosen = [e for e, known in enumerate(over) if known == own]
             levers = [x for e in chosen for x in levers_of(table, axis, effects[e], e, own)]
             growth = tuple(dict.fromkeys(x.effect for x in levers if x.growth))
@@ -77,6 +82,27 @@ def _beside(effect: FoundEffect, axis: str) -> Over | None:
         return None
     over = frozenset(depended_on(text, effect.parameters)) - {axis}
     return None if over & set(AXES) else over
+
+
+def _at_one_time(
+    table: ResidualTable, effects: Sequence[FoundEffect], over: Sequence[Over | None], axis: str
+) -> bool:
+    """Whether all errors along an axis that are proportional to a covariate, less a value of it,
+    are 0 at the same value.
+    """
+    zeros: dict[str, list[float]] = {}
+    middle, half = extent(table, axis)
+    for effect, known in zip(effects, over, strict=True):
+        if known is None or len(known) != 1:
+            continue
+        (covariate,) = known
+        own = [name for name, _, _, _ in effect.parameters]
+        form = linear_form(parse(effect.equations[f"E{axis}"]), own)
+        for node in form.coefficients.values():
+            at_zero, slope = in_covariate(node, covariate, axis, middle, half)
+            there = np.isfinite(slope) & (slope != 0.0)
+            zeros.setdefault(covariate, []).extend((-at_zero[there] / slope[there]).tolist())
+    return all(np.ptp(values) <= SAME * np.abs(values).max() for values in zeros.values() if values)
 
 
 def levers_of(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import fdtrc
 
 from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
 from mtu_cli.analyses.close_loop.evidence import Evidence, evidence
@@ -16,6 +17,8 @@ from mtu_cli.stats.least_squares import FloatArray
 
 COUNTS = 0.1
 """Share of a column's information from which on a stratum is freed of it."""
+DISAGREES = 1e-4
+"""p below which a stratum needs another size of an effect than the others."""
 CENTRED = 1e-6
 """Share of a column's size below which its mean is none."""
 
@@ -71,9 +74,15 @@ class State:
             grand -= fit.beta @ np.concatenate([prepared.means[m] for m in self.members])
             # What was taken out scatters no more: what it hid may show now.
             prepared = prepared.with_null_of(y)
+            flat = prepared.flat()
+            for_own = [(flat[m], y) for m in self.members]
+            # What was searched may lie beside the true value: no stratum speaks against it.
+            searched = [
+                (prepared.tangents[m], None) for m in self.members if m in prepared.tangents
+            ]
             self.found = [
-                tuple(_where_it_counts(prepared.scan, column, fit.weights) for column in member)
-                for member in prepared.with_tangents(self.members)
+                tuple(_where_it_counts(prepared.scan, column, fit.weights, left) for column in own)
+                for own, left in (*for_own, *searched)
             ]
         grand[list(self.offsets)] = 0.0
         scan = prepared.scan
@@ -125,16 +134,39 @@ class State:
         return frozenset(scan.names[i] for i in self.done if i >= scan.tested)
 
 
-def _where_it_counts(scan: Scan, column: Column, weights: FloatArray) -> Column:
+def _where_it_counts(
+    scan: Scan, column: Column, weights: FloatArray, left: FloatArray | None
+) -> Column:
     """The column in the strata that hold a good share of what it can be told by.
 
     Elsewhere its estimate is taken off, without a coefficient of its own: a growth with
-    temperature has a little of a plain scale in it, which it must not hide.
+    temperature has a little of a plain scale in it, which it must not hide. Nor where what is
+    `left` (N,) of the data says that another size than the estimate is needed, but for the
+    stratum that tells most: a growth from 20 degC is a scale at the mean temperature, too.
     """
-    shares = {}
+    shares, agrees = {}, {}
     for index, values in column.items():
         own = values.copy()
         whiten(scan.frame.strata, scan.whitening, index, own)
         shares[index] = float(weights[index] * (own @ own))
-    least = COUNTS * sum(shares.values())
-    return {index: column[index] for index, share in shares.items() if share >= least}
+        agrees[index] = left is None or _agrees(scan, index, own, left)
+    least, most = COUNTS * sum(shares.values()), max(shares.values(), default=0.0)
+    return {
+        index: column[index]
+        for index, share in shares.items()
+        if share >= least and (share == most or agrees[index])
+    }
+
+
+def _agrees(scan: Scan, index: int, own: FloatArray, left: FloatArray) -> bool:
+    """Whether a stratum's coordinates `left` (N,) hold no more of a whitened column (n,) than by
+    chance: a t test of its coefficient there at DISAGREES.
+    """
+    rest = left[scan.frame.strata.all[index].slice].copy()
+    whiten(scan.frame.strata, scan.whitening, index, rest)
+    size, dof = float(own @ own), len(rest) - 1
+    if dof < 1 or size == 0.0:
+        return True
+    along = float(own @ rest) ** 2 / size
+    beside = max(float(rest @ rest) - along, 0.0)
+    return bool(fdtrc(1, dof, along * dof / beside) >= DISAGREES) if beside > 0.0 else along == 0.0

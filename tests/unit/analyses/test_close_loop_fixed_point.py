@@ -234,3 +234,21 @@ def test_what_is_uncertain_beyond_the_machine_is_not_told() -> None:
     places[..., 1:] = np.nan
     item = replace(item, table=replace(item.table, places=places, travel={}))
     assert told(replace(far, tables=(item,)))[0].told is False
+
+
+@pytest.mark.parametrize(("reference", "count"), [("24.54", 1), ("20", 0)])
+def test_what_is_constant_beside_a_drift_has_a_fixed_point_at_one_temperature(
+    reference: str, count: int
+) -> None:
+    """A scale at 20 degC and an offset at 24.54 are no line of either."""
+    growth = grows(
+        parameters=(("growth", "um/m/K", GROWTH, 0.4),),
+        equations={"Ex": f"growth*(x - 75)*({T} - {reference})"},
+    )
+    scale = effect(
+        "scale-x", parameters=(("scale", "um/m", -18.0, 1.0),), equations={"Ex": "scale*(x - 75)"}
+    )
+    offset = effect("offset-x", parameters=(("shift", "um", 5.0, 0.3),), equations={"Ex": "shift"})
+    points = told(found(growth, drifts(), scale, offset))
+    assert sum(point.covariate is None for point in points) == count
+    assert sum(point.covariate == T for point in points) == 1
