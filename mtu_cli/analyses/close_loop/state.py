@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,25 +66,15 @@ class State:
 
     def look(self) -> Evidence:
         """Everything that can be tested beside what was found."""
-        prepared, y = self.prepared, self.prepared.y
-        grand = prepared.grand.copy()
+        prepared, y, grand = self.prepared, self.prepared.y, self.prepared.grand.copy()
         if self.members:
-            columns = prepared.whole(self.members)
-            fit = estimate(prepared.scan, y, columns)
-            y = without_rounding(prepared.table, y - raw_design(prepared.scan, columns) @ fit.beta)
-            grand -= fit.beta @ np.concatenate([prepared.means[m] for m in self.members])
-            # What was taken out scatters no more: what it hid may show now.
-            prepared = prepared.with_null_of(y)
-            flat = prepared.flat()
-            for_own = [(flat[m], y) for m in self.members]
-            # What was searched may lie beside the true value: no stratum speaks against it.
-            searched = [
-                (prepared.tangents[m], None) for m in self.members if m in prepared.tangents
-            ]
-            self.found = [
-                tuple(_where_it_counts(prepared.scan, column, fit.weights, left) for column in own)
-                for own, left in (*for_own, *searched)
-            ]
+            whole = prepared.whole(self.members)
+            prepared, y, grand = self._left(whole, whole)
+            kept = self._agreeing(prepared, y)
+            if kept is not None:
+                # The others would draw the estimate to what is another effect's there.
+                prepared, y, grand = self._left(whole, kept)
+                self.found = [*kept, *self.found[len(kept) :]]
         grand[list(self.offsets)] = 0.0
         scan = prepared.scan
         pack = scan.pack(self.found)
@@ -98,6 +89,40 @@ class State:
             if first:
                 self.first_p = self.p
         return looked
+
+    def _left(
+        self, whole: Sequence[MemberColumns], columns: Sequence[MemberColumns]
+    ) -> tuple[Prepared, FloatArray, FloatArray]:
+        """What `whole` columns leave where they are estimated by `columns`, with the null that it
+        gives: what was taken out scatters no more, and what it hid may show.
+        """
+        prepared = self.prepared
+        fit = estimate(prepared.scan, prepared.y, columns)
+        y = prepared.y - raw_design(prepared.scan, whole) @ fit.beta
+        y = without_rounding(prepared.table, y)
+        grand = prepared.grand - fit.beta @ np.concatenate(
+            [prepared.means[m] for m in self.members]
+        )
+        prepared = prepared.with_null_of(y)
+        flat = prepared.flat()
+        self.found = [
+            tuple(_where_it_counts(prepared.scan, column, fit.weights) for column in member)
+            for member in (*(flat[m] for m in self.members), *self._tangents())
+        ]
+        return prepared, y, grand
+
+    def _tangents(self) -> list[MemberColumns]:
+        """Derivatives by what was searched: a value of the grid may lie beside the true one."""
+        prepared = self.prepared
+        return [prepared.tangents[m] for m in self.members if m in prepared.tangents]
+
+    def _agreeing(self, prepared: Prepared, y: FloatArray) -> Sequence[MemberColumns] | None:
+        """The columns of the members where their sizes agree, None where they do everywhere."""
+        own = self.found[: len(self.members)]
+        kept = [
+            tuple(_where_it_agrees(prepared.scan, column, y) for column in member) for member in own
+        ]
+        return None if _strata(kept) == _strata(own) else kept
 
     def take_out(self, step: Step) -> None:
         """Takes an effect out of all that follows."""
@@ -134,36 +159,46 @@ class State:
         return frozenset(scan.names[i] for i in self.done if i >= scan.tested)
 
 
-def _where_it_counts(
-    scan: Scan, column: Column, weights: FloatArray, left: FloatArray | None
-) -> Column:
+def _strata(found: Sequence[MemberColumns]) -> list[list[set[int]]]:
+    """The strata that columns have coordinates in."""
+    return [[set(column) for column in member] for member in found]
+
+
+def _where_it_counts(scan: Scan, column: Column, weights: FloatArray) -> Column:
     """The column in the strata that hold a good share of what it can be told by.
 
     Elsewhere its estimate is taken off, without a coefficient of its own: a growth with
-    temperature has a little of a plain scale in it, which it must not hide. Nor where what is
-    `left` (N,) of the data says that another size than the estimate is needed, but for the
-    stratum that tells most: a growth from 20 degC is a scale at the mean temperature, too.
+    temperature has a little of a plain scale in it, which it must not hide.
     """
-    shares, agrees = {}, {}
+    shares = {}
     for index, values in column.items():
         own = values.copy()
         whiten(scan.frame.strata, scan.whitening, index, own)
         shares[index] = float(weights[index] * (own @ own))
-        agrees[index] = left is None or _agrees(scan, index, own, left)
-    least, most = COUNTS * sum(shares.values()), max(shares.values(), default=0.0)
-    return {
-        index: column[index]
-        for index, share in shares.items()
-        if share >= least and (share == most or agrees[index])
-    }
+    least = COUNTS * sum(shares.values())
+    return {index: column[index] for index, share in shares.items() if share >= least}
 
 
-def _agrees(scan: Scan, index: int, own: FloatArray, left: FloatArray) -> bool:
-    """Whether a stratum's coordinates `left` (N,) hold no more of a whitened column (n,) than by
-    chance: a t test of its coefficient there at DISAGREES.
+def _where_it_agrees(scan: Scan, column: Column, left: FloatArray) -> Column:
+    """The column less what is the same in all parts, where what is `left` (N,) of the data says
+    that another size is needed there than elsewhere: a growth from 20 degC is a scale at the mean
+    temperature, too, and a scale of its own shows there alone.
     """
-    rest = left[scan.frame.strata.all[index].slice].copy()
-    whiten(scan.frame.strata, scan.whitening, index, rest)
+    strata = scan.frame.strata.all
+    of_parts = {i: v for i, v in column.items() if strata[i].kind not in ("column", "reversal")}
+    if not of_parts or len(of_parts) == len(column):
+        return column
+    return column if all(_agrees(scan, i, column[i], left) for i in column) else of_parts
+
+
+def _agrees(scan: Scan, index: int, column: FloatArray, left: FloatArray) -> bool:
+    """Whether a stratum's coordinates `left` (N,) hold no more of a column's (n,) than by chance: a
+    t test of its coefficient there at DISAGREES.
+    """
+    strata = scan.frame.strata
+    own, rest = column.copy(), left[strata.all[index].slice].copy()
+    for values in (own, rest):
+        whiten(strata, scan.whitening, index, values)
     size, dof = float(own @ own), len(rest) - 1
     if dof < 1 or size == 0.0:
         return True
