@@ -14,6 +14,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.crossing import Crossing, Lever, counted_from, crossing
 from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect
 from mtu_cli.analyses.close_loop.straight_lines import (
+    STRAIGHT,
     depended_on,
     extent,
     in_covariate,
@@ -87,8 +88,8 @@ def _beside(effect: FoundEffect, axis: str) -> Over | None:
 def _at_one_time(
     table: ResidualTable, effects: Sequence[FoundEffect], over: Sequence[Over | None], axis: str
 ) -> bool:
-    """Whether all errors along an axis that are proportional to a covariate, less a value of it,
-    are 0 at the same value.
+    """Whether all errors along an axis that are straight in one covariate are 0 at the same value
+    of it.
     """
     zeros: dict[str, list[float]] = {}
     middle, half = extent(table, axis)
@@ -100,7 +101,8 @@ def _at_one_time(
         form = linear_form(parse(effect.equations[f"E{axis}"]), own)
         for node in form.coefficients.values():
             at_zero, slope = in_covariate(node, covariate, axis, middle, half)
-            there = np.isfinite(slope) & (slope != 0.0)
+            # A growth is 0 at its middle, but for rounding.
+            there = np.abs(slope) > STRAIGHT * np.nanmax(np.abs(slope), initial=0.0)
             zeros.setdefault(covariate, []).extend((-at_zero[there] / slope[there]).tolist())
     return all(np.ptp(values) <= SAME * np.abs(values).max() for values in zeros.values() if values)
 

@@ -14,12 +14,14 @@ from mtu_cli.analyses.close_loop.prepare import Prepared, without_rounding
 from mtu_cli.analyses.close_loop.scan import Scan, beside_found
 from mtu_cli.stats.column_groups import Column, MemberColumns, whiten
 from mtu_cli.stats.family_gate import Gate
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, beside
 
 COUNTS = 0.1
 """Share of a column's information from which on a stratum is freed of it."""
 DISAGREES = 1e-4
 """p below which a stratum needs another size of an effect than the others."""
+UNSEEN = 1e-12
+"""Share of a column's square that is nothing of it."""
 CENTRED = 1e-6
 """Share of a column's size below which its mean is none."""
 
@@ -66,15 +68,16 @@ class State:
 
     def look(self) -> Evidence:
         """Everything that can be tested beside what was found."""
-        prepared, y, grand = self.prepared, self.prepared.y, self.prepared.grand.copy()
+        prepared, y = self.prepared, self.prepared.y
+        grand = prepared.grand.copy()
         if self.members:
-            whole = prepared.whole(self.members)
-            prepared, y, grand = self._left(whole, whole)
-            kept = self._agreeing(prepared, y)
-            if kept is not None:
-                # The others would draw the estimate to what is another effect's there.
-                prepared, y, grand = self._left(whole, kept)
-                self.found = [*kept, *self.found[len(kept) :]]
+            columns = prepared.whole(self.members)
+            fit = estimate(prepared.scan, y, columns)
+            y = without_rounding(prepared.table, y - raw_design(prepared.scan, columns) @ fit.beta)
+            grand -= fit.beta @ np.concatenate([prepared.means[m] for m in self.members])
+            # What was taken out scatters no more: what it hid may show now.
+            prepared = prepared.with_null_of(y)
+            self.found = self._freed(prepared.scan, fit.weights, y)
         grand[list(self.offsets)] = 0.0
         scan = prepared.scan
         pack = scan.pack(self.found)
@@ -90,39 +93,19 @@ class State:
                 self.first_p = self.p
         return looked
 
-    def _left(
-        self, whole: Sequence[MemberColumns], columns: Sequence[MemberColumns]
-    ) -> tuple[Prepared, FloatArray, FloatArray]:
-        """What `whole` columns leave where they are estimated by `columns`, with the null that it
-        gives: what was taken out scatters no more, and what it hid may show.
+    def _freed(self, scan: Scan, weights: FloatArray, left: FloatArray) -> list[MemberColumns]:
+        """The columns that what is `left` (N,) is freed of: of what was found, where it counts and
+        its sizes agree, and of its derivatives by what was searched.
         """
-        prepared = self.prepared
-        fit = estimate(prepared.scan, prepared.y, columns)
-        y = prepared.y - raw_design(prepared.scan, whole) @ fit.beta
-        y = without_rounding(prepared.table, y)
-        grand = prepared.grand - fit.beta @ np.concatenate(
-            [prepared.means[m] for m in self.members]
-        )
-        prepared = prepared.with_null_of(y)
-        flat = prepared.flat()
-        self.found = [
-            tuple(_where_it_counts(prepared.scan, column, fit.weights) for column in member)
-            for member in (*(flat[m] for m in self.members), *self._tangents())
-        ]
-        return prepared, y, grand
-
-    def _tangents(self) -> list[MemberColumns]:
-        """Derivatives by what was searched: a value of the grid may lie beside the true one."""
-        prepared = self.prepared
-        return [prepared.tangents[m] for m in self.members if m in prepared.tangents]
-
-    def _agreeing(self, prepared: Prepared, y: FloatArray) -> Sequence[MemberColumns] | None:
-        """The columns of the members where their sizes agree, None where they do everywhere."""
-        own = self.found[: len(self.members)]
-        kept = [
-            tuple(_where_it_agrees(prepared.scan, column, y) for column in member) for member in own
-        ]
-        return None if _strata(kept) == _strata(own) else kept
+        flat, tangents = self.prepared.flat(), self.prepared.tangents
+        found: list[MemberColumns] = []
+        for m in self.members:
+            others = tangents.get(m, ())
+            own = [_where_it_counts(scan, column, weights) for column in flat[m]]
+            found.append(tuple(_where_it_agrees(scan, column, others, left) for column in own))
+            if others:
+                found.append(tuple(_where_it_counts(scan, column, weights) for column in others))
+        return found
 
     def take_out(self, step: Step) -> None:
         """Takes an effect out of all that follows."""
@@ -159,11 +142,6 @@ class State:
         return frozenset(scan.names[i] for i in self.done if i >= scan.tested)
 
 
-def _strata(found: Sequence[MemberColumns]) -> list[list[set[int]]]:
-    """The strata that columns have coordinates in."""
-    return [[set(column) for column in member] for member in found]
-
-
 def _where_it_counts(scan: Scan, column: Column, weights: FloatArray) -> Column:
     """The column in the strata that hold a good share of what it can be told by.
 
@@ -179,29 +157,35 @@ def _where_it_counts(scan: Scan, column: Column, weights: FloatArray) -> Column:
     return {index: column[index] for index, share in shares.items() if share >= least}
 
 
-def _where_it_agrees(scan: Scan, column: Column, left: FloatArray) -> Column:
+def _where_it_agrees(
+    scan: Scan, column: Column, others: Sequence[Column], left: FloatArray
+) -> Column:
     """The column less what is the same in all parts, where what is `left` (N,) of the data says
-    that another size is needed there than elsewhere: a growth from 20 degC is a scale at the mean
-    temperature, too, and a scale of its own shows there alone.
+    of any stratum that it needs another size than the rest: a growth from 20 degC is a scale at
+    the mean temperature, too, and a scale of its own shows there alone.
     """
     strata = scan.frame.strata.all
     of_parts = {i: v for i, v in column.items() if strata[i].kind not in ("column", "reversal")}
     if not of_parts or len(of_parts) == len(column):
         return column
-    return column if all(_agrees(scan, i, column[i], left) for i in column) else of_parts
+    known = [*others, *(own for member in scan.base for own in member)]
+    return column if all(_agrees(scan, i, column[i], known, left) for i in column) else of_parts
 
 
-def _agrees(scan: Scan, index: int, column: FloatArray, left: FloatArray) -> bool:
+def _agrees(
+    scan: Scan, index: int, column: FloatArray, others: Sequence[Column], left: FloatArray
+) -> bool:
     """Whether a stratum's coordinates `left` (N,) hold no more of a column's (n,) than by chance: a
-    t test of its coefficient there at DISAGREES.
+    t test of its coefficient there at DISAGREES, beside those of `others`.
     """
     strata = scan.frame.strata
-    own, rest = column.copy(), left[strata.all[index].slice].copy()
-    for values in (own, rest):
-        whiten(strata, scan.whitening, index, values)
-    size, dof = float(own @ own), len(rest) - 1
-    if dof < 1 or size == 0.0:
+    known = [own[index] for own in others if index in own]
+    rows = np.stack([*known, column, left[strata.all[index].slice]], axis=1)
+    whiten(strata, scan.whitening, index, rows)
+    dof = len(rows) - len(known) - 1
+    if dof < 1:
         return True
-    along = float(own @ rest) ** 2 / size
-    beside = max(float(rest @ rest) - along, 0.0)
-    return bool(fdtrc(1, dof, along * dof / beside) >= DISAGREES) if beside > 0.0 else along == 0.0
+    (own, along), (_, rest) = beside(rows, len(known))
+    if own**2 <= UNSEEN * float(rows[:, -2] @ rows[:, -2]):
+        return True
+    return bool(rest == 0.0 or fdtrc(1, dof, along**2 * dof / rest**2) >= DISAGREES)

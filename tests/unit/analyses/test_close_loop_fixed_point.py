@@ -236,7 +236,7 @@ def test_what_is_uncertain_beyond_the_machine_is_not_told() -> None:
     assert told(replace(far, tables=(item,)))[0].told is False
 
 
-@pytest.mark.parametrize(("reference", "count"), [("24.54", 1), ("20", 0)])
+@pytest.mark.parametrize(("reference", "count"), [("24.54", 1), ("24", 0), ("20", 0)])
 def test_what_is_constant_beside_a_drift_has_a_fixed_point_at_one_temperature(
     reference: str, count: int
 ) -> None:

@@ -13,6 +13,7 @@ from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search, search
+from mtu_cli.analyses.close_loop.state import State, Step
 from mtu_cli.model.effect_library import candidates
 
 GROWTH, NOISE = 12e-6, 0.8e-3
@@ -57,4 +58,48 @@ def test_a_growth_from_20_degc_alone_needs_none() -> None:
         names = [prepared.candidates[step.index].name for step in seen.steps if step.member >= 0]
         assert "thermal-growth-x" in names
         more += bool({*names} - {"thermal-growth-x", "thermal-drift-x"})
+        (growth,) = [
+            s for s in seen.steps if prepared.candidates[s.index].family == "thermal-growth"
+        ]
+        state = State(prepared, None)
+        state.take_out(growth)
+        state.look()
+        # No stratum speaks against the growth by chance, but once in ten thousand.
+        kinds = {prepared.scan.frame.strata.all[i].kind for i in state.found[0][0]}
+        assert kinds == {"line", "column"}
     assert more <= 3
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2])
+@pytest.mark.parametrize("scale", [0.0, -18e-6])
+def test_readings_less_their_own_polynomial_speak_for_no_other_size(
+    degree: int, scale: float
+) -> None:
+    """What a polynomial took away is no disagreement: of degree 0 a scale still is one."""
+    rng = np.random.default_rng(5)
+    x = np.linspace(0.0, 550.0, 12)
+    T = rng.uniform(20.0, 28.0, (8, 1))
+    places = np.stack([x, np.full(12, np.nan), np.full(12, np.nan)], axis=1)
+    own = table(
+        8,
+        12,
+        axes=("x",),
+        places=places,
+        covariates={"T_scale_degC": T},
+        component="dx_x",
+        operations=("",),
+        fitted_degree=degree,
+    )
+    errors = rng.normal(0.0, NOISE, (8, 12)) + (scale + GROWTH * (T - 20.0)) * x
+    powers = np.vander((x - 275.0) / 275.0, degree + 1)
+    errors -= powers @ np.linalg.lstsq(powers, errors.mean(axis=0), rcond=None)[0]
+    own = replace(own, errors=errors[..., None])
+    prepared = prepare(own, candidates(own, LIBRARY), own.pass_dof)
+    index = [c.name for c in prepared.candidates].index("thermal-growth-x")
+    first = sum(len(columns) for columns in prepared.scan.columns[:index])
+    step = Step(index=index, member=first, p=0.0, log_bayes=9.0, posterior=1.0, credible=(index,))
+    state = State(prepared, None)
+    state.take_out(step)
+    state.look()
+    kinds = {prepared.scan.frame.strata.all[i].kind for i in state.found[0][0]}
+    assert kinds == ({"line", "column"} if degree or scale == 0.0 else {"line"})
