@@ -90,6 +90,11 @@ def _sizes(title: str, items: tuple[Size, ...], digits: int) -> Sheet:
         f"before, after: measured minus {against}, after ± its u; "
         "reduction: 100 (1 - |after|/|before|), where before is more than that u"
     ]
+    if all(math.isnan(item.reference) for item in items):
+        notes = [
+            "before, after: the diameter, after ± its u; calibrated_mm of the part would tell "
+            "how far it is off"
+        ]
     if rounds:
         notes.append("u and 95 % with the calibration's; form: range of radial residuals")
         notes += _exact(items)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from math import nan
@@ -14,7 +14,7 @@ from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import Squares, ring_squares
 from mtu_cli.analyses.correct.wanted import Task
 from mtu_cli.errors import InputError, Problem
-from mtu_cli.model.geometry import GeometryError, RoundFit, fit_circle, fit_sphere
+from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.stats.least_squares import FloatArray
@@ -83,7 +83,6 @@ def _measure(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
     if sphere and flat:
         raise GeometryError("its points have no z_mm")
     fit, d = fit_sphere if sphere else fit_circle, 2 if flat else 3
-    _check_drawn(fit, rows.points.nominal[task.rows][:, :d])
     first, last = fit(before[:, :d]), fit(after[:, :d])
     gradient, away = np.zeros((2, len(after), 3))
     gradient[:, : last.radius_gradient.shape[1]] = 2 * last.radius_gradient
@@ -97,18 +96,6 @@ def _measure(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
         residuals=last.residuals,
         away=away / np.linalg.norm(away, axis=1, keepdims=True),
     )
-
-
-def _check_drawn(fit: Callable[[FloatArray], RoundFit], nominal: FloatArray) -> None:
-    """Raises GeometryError where the drawn places (n, d) of features lie on no circle or sphere:
-    what is measured of them bends by chance.
-    """
-    if not np.isfinite(nominal).all():
-        return
-    try:
-        fit(nominal)
-    except GeometryError as error:
-        raise GeometryError(f"as its features are drawn, {error}") from None
 
 
 def _temperature(task: Task) -> float:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mtu_cli.analyses.correct.calibration import Calibration, calibration_of
 from mtu_cli.analyses.correct.result import Kind
+from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
+from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
 from mtu_cli.model.measured import IntArray, only_features, operations_of, visits_of
 from mtu_cli.model.settings import Warned
 from mtu_cli.units import UM
@@ -48,9 +50,10 @@ def wanted_of(
 ) -> tuple[list[Wanted], list[Warned]]:
     """The sizes of the part file of which at least one feature was measured.
 
-    Raises InputError for a temperature that is needed and not known.
+    Raises InputError for a temperature that is needed and not known, or features that are drawn
+    where no circle or sphere goes through.
     """
-    found: list[Wanted] = []
+    found, problems = list[Wanted](), list[Problem]()
     absent: list[str] = []
     rounds: dict[Kind, Sequence[Circle | Sphere]] = {
         "circle": part.part.circles,
@@ -61,6 +64,7 @@ def wanted_of(
             if set(item.features).isdisjoint(points.features):
                 absent.append(f"{kind} {item.id!r}")
                 continue
+            problems += _drawn(part, kind, index, item, points)
             found.append(
                 Wanted(
                     kind=kind,
@@ -70,6 +74,8 @@ def wanted_of(
                     U_reference=float("nan") if item.U_um is None else item.U_um * UM,
                 )
             )
+    if problems:
+        raise InputError(problems)
     for length in part.part.lengths:
         ends = (length.from_, length.to)
         if set(ends).isdisjoint(points.features):
@@ -79,6 +85,30 @@ def wanted_of(
     return found, [
         Warned(code="not-measured", message=f"no feature of {name} was measured") for name in absent
     ]
+
+
+def _drawn(
+    part: LoadedPart, kind: Kind, index: int, item: Circle | Sphere, points: Points
+) -> Iterator[Problem]:
+    """Of features whose drawn places lie on no circle or sphere: what is measured of them bends by
+    chance.
+    """
+    codes = [points.features.index(name) for name in item.features if name in points.features]
+    places = points.nominal[[int(np.argmax(points.feature == code)) for code in codes]]
+    if kind == "circle" and np.isnan(places[:, 2]).any():
+        places = places[:, :2]
+    if len(codes) < len(item.features) or not np.isfinite(places).all():
+        return
+    try:
+        (fit_sphere if kind == "sphere" else fit_circle)(places)
+    except GeometryError as error:
+        yield Problem(
+            what=f"the features of {kind} {item.id!r} are drawn on none: {error}",
+            file=part.source.shown,
+            line=part.line_of(f"{kind}s", index),
+            path=f"{kind}s[{index}].features",
+            expected="features all around it",
+        )
 
 
 def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list[Warned]]:

@@ -91,15 +91,17 @@ def test_rings_that_cannot_be_had(tmp_path: Path) -> None:
 
 
 def test_features_that_are_drawn_on_a_line_are_no_ring(tmp_path: Path) -> None:
-    """What is measured of them bends by chance; without nominal places it is as it is."""
-    true, _, temperature = rings(1)
+    """What is measured of them bends by chance; it is told once, of the part file."""
+    true, _, temperature = rings(2)
     own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
-    points = ring_points(true, ["a"], None, own)
+    points = ring_points(true, ["a", "b"], None, own)
     model, part = machine(tmp_path), ring_part(tmp_path)
     drawn = points.nominal.copy()
     drawn[:, 1] = drawn[0, 1]
     (message,) = refused(model, part, replace(points, nominal=drawn, measured=drawn + 1e-3))
-    assert "cannot be had: as its features are drawn, the points lie on a line" in message
+    assert message.startswith("part.yaml:")
+    assert "circles[0].features: the features of circle 'ring' are drawn on none: " in message
+    assert message.endswith("the points lie on a line; expected features all around it")
 
 
 def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
