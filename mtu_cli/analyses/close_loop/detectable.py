@@ -9,6 +9,7 @@ from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.stats.column_groups import whitened
 from mtu_cli.stats.family_gate import Gate
+from mtu_cli.stats.least_squares import beside
 
 POWER_DEVIATE = 0.8416212335729143
 """Normal deviate of a power of 80 %."""
@@ -18,8 +19,8 @@ def minimum_detectable(
     prepared: Prepared, gate: Gate, found: Search, alpha: float
 ) -> dict[str, float]:
     """Root mean square (mm, rad) over the cells of the smallest effect of each candidate that
-    passes the gate four times in five; the median over its members. What was found is no noise:
-    the scatter is that of the data without it.
+    passes the gate four times in five; the median over its members. What was found is no noise, nor
+    is what a candidate itself takes up: the scatter is that of the data without them.
 
     The likelihood ratio of one column among n coordinates is n log(1 + t^2 / v), v = n - k, t of
     noncentral Student distribution: it passes a limit T where t > c = sqrt(v (exp(T / n) - 1)).
@@ -29,7 +30,7 @@ def minimum_detectable(
     scan = prepared.scan
     strata = scan.frame.strata
     limit = float(np.quantile(gate.largest, 1 - alpha))
-    weights = _weights(prepared, found)
+    y = _left(prepared, found)
     freedom = np.repeat(scan.dof, [stratum.size for stratum in strata.all])
     smallest = {}
     first = 0
@@ -38,6 +39,7 @@ def minimum_detectable(
         amplitudes = []
         for i, member in enumerate(members):
             X = whitened(strata, scan.whitening, raw_design(scan, [member]))
+            weights = _weights(prepared, y, X)
             information = np.einsum("ni,n,nj->ij", X, weights, X)
             squares = _mean_squares(prepared, first + i)
             k = len(squares)
@@ -60,16 +62,27 @@ def _needed(T: float, n: float, k: int) -> float:
     return float(np.sqrt(c2) * (1 - 0.25 / v) + POWER_DEVIATE * np.sqrt(1 + c2 / (2 * v)))
 
 
-def _weights(prepared: Prepared, found: Search) -> np.ndarray:
-    """Inverse variances of the coordinates, by stratum, less the effects that were found."""
+def _left(prepared: Prepared, found: Search) -> np.ndarray:
+    """The whitened coordinates (N,) less the effects that were found."""
     scan, left = prepared.scan, prepared.y
     if found.members:
         columns = prepared.whole(found.members)
         left = left - raw_design(scan, columns) @ estimate(scan, left, columns).beta
-    y = whitened(scan.frame.strata, scan.whitening, left)
+    return whitened(scan.frame.strata, scan.whitening, left)
+
+
+def _weights(prepared: Prepared, y: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Inverse variances (N,) of the coordinates, by stratum, of what X (N, k) leaves of y."""
+    scan = prepared.scan
     weights = np.zeros(len(y))
     for s, n in zip(scan.frame.strata.all, scan.dof, strict=True):
+        own = X[s.slice][:, (X[s.slice] != 0.0).any(axis=0)]
+        k = own.shape[1]
         square = float(y[s.slice] @ y[s.slice])
+        if 0 < k < min(n, s.size):
+            rest = beside(np.column_stack([own, y[s.slice]]), k)
+            square = float(rest[0, 0]) ** 2
+            n = n - k
         weights[s.slice] = n / square if square > 0 else 0.0
     return weights
 
