@@ -93,7 +93,7 @@ def _by_words(name: str, others: list[str]) -> str | None:
         return None
     # What is surely another column is no slip of this one, nor is a `Temperature` of a feature, nor
     # an `Error type` that holds the names of errors one of their sizes.
-    names = OTHER_WORDS["component"] if name == "error" else ()
+    names = OTHER_WORDS["component"]
     free = [other for other in others if meant_by(other) is None and _folded(other) not in names]
     if name in COORDINATES:
         free = [other for other in free if plain(other)[:1] == name[:1]]

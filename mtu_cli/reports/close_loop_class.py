@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
-from mtu_cli.analyses.close_loop.shown import pitch_is_open, should_be_told
+from mtu_cli.analyses.close_loop.shown import is_nameless, pitch_is_open, should_be_told
 from mtu_cli.reports.close_loop_effects import effect_text
 from mtu_cli.reports.close_loop_notes import COPIED, copied
 from mtu_cli.reports.close_loop_sentences import one_cause, sentences
@@ -94,9 +94,12 @@ def _experiment(effect: FoundEffect) -> list[str]:
     further = significant(planned.further_d)
     now = significant(planned.now_d) if planned.now_d >= NO_DISTANCE else "none"
     if should_be_told(effect):
+        nameless = any(map(is_nameless, effect.class_names))
+        one = "One of those with a name" if nameless else "One of them"
+        none = "or what has no name" if nameless else "or none"
         return [
-            f"One of them alone would show in this data ({now} standard deviations): "
-            f"more than one may act, or none. To tell: {planned.do}."
+            f"{one} alone would show in this data ({now} standard deviations): "
+            f"more than one may act, {none}. To tell: {planned.do}."
         ]
     return [
         f"To tell: {planned.do}: that should set them a further {further} standard deviations "

@@ -34,6 +34,8 @@ from mtu_cli.reports.numbers import p_value, significant, with_u
 PART_VARIANCE, TURNED = "part-variance", "rotation-scatter"
 ROUNDING = 1e-7
 """Share of the figure beside it below which an error is gone, but for the rounding of numbers."""
+NO_ERROR = 1e-12
+"""Root mean square (mm, rad) below which errors are the rounding of coordinates."""
 HOPELESS = 100.0
 """Times the rms of the errors beyond which an effect would be found only in name."""
 STRONG, LONE = 5.0, 0.9
@@ -169,6 +171,8 @@ def _hinted(said: Sentence, item: TableResult) -> str:
 
 
 def _none(item: TableResult, alpha: float) -> str:
+    if item.before.rms <= NO_ERROR:
+        return "Nothing undeclared was found: what was measured is what the model predicts."
     unit = item.table.unit
     rms, floor = _together(item, item.before.rms, item.floor)
     likely = _likely(item)

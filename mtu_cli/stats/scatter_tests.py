@@ -16,7 +16,12 @@ LARGEST = 1.0
 
 
 def scatter_p(
-    strata: Strata, y: FloatArray, noise: EntryNoise, predicted: FloatArray, predicted_dof: float
+    strata: Strata,
+    y: FloatArray,
+    noise: EntryNoise,
+    predicted: FloatArray,
+    predicted_dof: float,
+    least: FloatArray,
 ) -> tuple[float, float]:
     """p of `column-variance` and `part-variance` (1 where they cannot be had) of y (N,).
 
@@ -25,27 +30,37 @@ def scatter_p(
     holes, setting up). Where the machine's own scatter from pass to pass is known, `predicted`
     (A,) the variance of a part's coordinate by it with `predicted_dof` degrees of freedom,
     parts are held against that (inf: against nothing). F tests, Bonferroni over the axes.
+
+    `least` (S,) is the variance by rounding alone: entries that do not scatter at all were
+    rounded. Where nothing was, whatever differs between columns is more than they scatter.
     """
     P, H, _ = strata.shape
     p: list[float] = [1.0]
     part = _PartScatter()
     squares = noise.squares
     of_columns = {"column": squares.rest, "reversal": squares.turned}
-    for stratum in strata.all:
+    for s, stratum in enumerate(strata.all):
         axis, own = stratum.axis, y[stratum.slice][len(stratum.lead) :]
-        n, level = float(noise.dof[axis]), float(noise.variance[axis])
-        if not len(own) or n < 3 or level <= 0:
+        n, level = float(noise.dof[axis]), max(float(noise.variance[axis]), float(least[s]))
+        if not len(own) or n < 3:
             continue
         if stratum.kind in of_columns:
             ordinary = of_columns[stratum.kind][axis] + LARGEST**2 * P * level
-            p.append(float(fdtrc(len(own), n, float(np.mean(own**2)) / ordinary)))
+            p.append(float(fdtrc(len(own), n, _ratio(own, ordinary))))
         elif stratum.kind == "part":
             of_noise = float(squares.part.diagonal()[axis * (1 + strata.lines)])
             known = predicted[axis] > 0
             ordinary = of_noise + (predicted[axis] if known else LARGEST**2 * H * level)
-            ratio = float(np.mean(own**2)) / ordinary
-            part.add(ratio, len(own), predicted_dof if known else n)
+            part.add(_ratio(own, ordinary), len(own), predicted_dof if known else n)
     return min(1.0, max(len(p) - 1, 1) * min(p)), part.p()
+
+
+def _ratio(own: FloatArray, ordinary: float) -> float:
+    """Mean square of coordinates over the ordinary one; of nothing 0, of more than none inf."""
+    square = float(np.mean(own**2))
+    if square == 0:
+        return 0.0
+    return square / ordinary if ordinary > 0 else np.inf
 
 
 class _PartScatter:

@@ -65,7 +65,7 @@ def evidence(
     strata = scan.frame.strata
     of_model = np.diag(scan.null.predicted_part)[:: 1 + strata.lines]
     predicted = of_model + (np.inf if scan.parts_scatter else 0.0)
-    variances = scatter_p(strata, left, noise, predicted, scan.predicted_dof)
+    variances = scatter_p(strata, left, noise, predicted, scan.predicted_dof, scan.least)
     p = np.array([*scatters, *variances])
     closed = -np.log(np.maximum(p, 1e-300))
     n = float(pack.dof.max())

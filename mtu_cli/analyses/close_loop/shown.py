@@ -78,13 +78,10 @@ def verdict_on(effect: FoundEffect, fired: Sequence[str], *, without_name: bool)
 
 
 def should_be_told(effect: FoundEffect) -> bool:
-    """Whether the data would have told the effects of a class apart, if one of them were alone.
-
-    Not where a drift or field without a name is among them: an experiment looks at names only.
+    """Whether the data would have told the named effects of a class apart, if one of them were
+    alone: a drift or field without a name is no part of an experiment.
     """
-    if effect.experiment is None or effect.experiment.now_d < APART:
-        return False
-    return not any(map(is_nameless, effect.class_names))
+    return effect.experiment is not None and effect.experiment.now_d >= APART
 
 
 def effect_rms(effect: FoundEffect, item: TableResult) -> float:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from crossed_tables import Floats
 from effect_tables import table
 from loop_bench.folds import LIBRARY
+from scipy.stats import nct
 
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
-from mtu_cli.analyses.close_loop.prepare import prepare
+from mtu_cli.analyses.close_loop.estimate import raw_design
+from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.model.effect_library import candidates
+from mtu_cli.stats.column_groups import whitened
+from mtu_cli.stats.family_gate import Gate
 
 NOISE = 1e-3
 
@@ -35,6 +41,23 @@ def test_what_is_there_does_not_hide_itself(seed: int) -> None:
         nothing = search(prepared, gate, alpha=1e-12, most=1)
         assert not nothing.steps
         found.append(minimum_detectable(prepared, gate, nothing, 0.05))
-    # The null is estimated with the effect in it, and its gate with the null.
-    assert found[1]["scale-x"] == pytest.approx(found[0]["scale-x"], rel=0.5)
-    assert found[0]["scale-x"] > NOISE / 4
+        size, power = found[-1]["scale-x"], power_of(prepared, gate, places[:, 0])
+        assert power(size) == pytest.approx(0.8, abs=0.02)
+    # Whitened, and its gate drawn, with the effect in the data.
+    assert found[1]["scale-x"] == pytest.approx(found[0]["scale-x"], rel=1e-6)
+
+
+def power_of(prepared: Prepared, gate: Gate, places: Floats) -> Callable[[float], float]:
+    """By Student's noncentral distribution, of a scale of a root mean square over the holes; its
+    scatter is that of the two coordinates of columns beside it.
+    """
+    scan, strata = prepared.scan, prepared.scan.frame.strata
+    place = scan.names.index("scale-x")
+    own = next(s.slice for s in strata.all if (s.kind, s.axis) == ("column", 0))
+    X = whitened(strata, scan.whitening, raw_design(scan, scan.columns[place]))
+    x, y = X[own][:, 0], whitened(strata, scan.whitening, prepared.y)[own]
+    rest = y - x * (x @ y) / (x @ x)
+    u = np.std(places) * np.sqrt(rest @ rest / 2 / (x @ x))
+    limit = gate.statistic_of(float(np.quantile(gate.largest, 0.95)), place)
+    c = np.sqrt(2 * np.expm1(limit / 3))
+    return lambda size: float(nct.sf(c, 2, size / u))

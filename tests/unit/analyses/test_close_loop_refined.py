@@ -25,6 +25,7 @@ from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.model.effect_library import candidates
 from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.stats.column_groups import whitened
 
 AMPLITUDE, NOISE, PITCH = 2e-3, 7e-4, 20.0
 PLACES = np.cumsum([0.0, *np.tile([13.0, 17.3, 8.9, 19.1, 11.7], 5)])
@@ -135,11 +136,12 @@ def test_a_pitch_is_an_estimate_of_the_level_too() -> None:
     places = np.sort(np.random.default_rng(0).uniform(0.0, 150.0, 12))
     told = refined(passes(4, amplitude=2 * AMPLITUDE, places=places))
     waves = wave_members(told.prepared, told.found, LIBRARY)
-    known, free = (
-        added(told.prepared, told.found, 1, owners={0: 0}, waves=own).fit for own in ({}, waves)
+    without, free = (
+        added(told.prepared, told.found, 1, owners={0: 0}, waves=own) for own in ({}, waves)
     )
+    known, with_pitch = without.fit, free.fit
     assert known is not None
-    assert free is not None
+    assert with_pitch is not None
     sine, cosine = known.beta[:2].tolist()
     ((pitch, *_),) = [[*told.prepared.members[m].searched.values()] for m in waves]
     angle = 2 * np.pi * places / pitch
@@ -147,10 +149,23 @@ def test_a_pitch_is_an_estimate_of_the_level_too() -> None:
     X = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle), slope], axis=1)
     expected = np.linalg.inv(X.T @ X)[:3, :3] - np.linalg.inv(X[:, :3].T @ X[:, :3])
     scale = known.covariance[0, 0] / np.linalg.inv(X[:, :3].T @ X[:, :3])[0, 0]
-    found = (free.covariance - known.covariance)[:3, :3] / scale
+    found = (with_pitch.covariance - known.covariance)[:3, :3] / scale
     size = np.sqrt(np.diag(expected))
     # The weights of the strata are not quite those of the columns' means.
     assert found / np.outer(size, size) == pytest.approx(expected / np.outer(size, size), abs=0.06)
+    # With them: the inverse with the pitch beside sine and cosine less that without it, and the
+    # level less what the mean of each of them takes of it.
+    scan = free.prepared.scan
+    ways = np.stack([np.sin(angle), np.cos(angle), slope], axis=1)
+    y, mean = scan.frame.coordinates(np.broadcast_to(ways.T[:, None, :, None], (3, 6, 12, 1)))
+    sizes = [stratum.size for stratum in scan.frame.strata.all]
+    root = np.sqrt(np.repeat(with_pitch.weights, sizes))
+    W = root[:, None] * whitened(scan.frame.strata, scan.whitening, y.T)
+    more = np.linalg.inv(W.T @ W)
+    more[:2, :2] -= np.linalg.inv(W[:, :2].T @ W[:, :2])
+    G = np.concatenate([np.eye(3)[:2], -mean.T])
+    exactly = G @ more @ G.T / scale
+    assert found / np.outer(size, size) == pytest.approx(exactly / np.outer(size, size), abs=1e-6)
 
 
 def test_a_pitch_lies_between_those_beside_it() -> None:

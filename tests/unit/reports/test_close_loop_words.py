@@ -50,9 +50,10 @@ def test_rivals_that_the_data_should_have_told_apart_may_both_act() -> None:
     text = words(long_class(5.4))
     assert "One of them alone would show in this data (5.4 standard deviations)" in text
     assert "more than one may act, or none. To tell: vary it on purpose." in text
-    # Below, and where something without a name is among them, an experiment tells.
-    for found in (long_class(4.9), long_class(5.4, "abbe-x", "unnamed-drift-x")):
-        assert "set them a further 3.2 standard deviations apart (so far " in words(found)
+    text = words(long_class(5.4, "abbe-x", "unnamed-drift-x"))
+    assert "One of those with a name alone would show in this data (5.4 standard" in text
+    assert "more than one may act, or what has no name. To tell: vary it on purpose." in text
+    assert "set them a further 3.2 standard deviations apart (so far 4.9)" in words(long_class(4.9))
     # Of aliases nothing but rounding is left.
     assert "apart (so far none)." in words(long_class(2.5e-15))
 
@@ -63,6 +64,14 @@ def test_small_figures_keep_two_digits_beside_large_ones() -> None:
     assert "rms 5.9 -> 3.8 um; repeatability 1.2 um." in near
     text = words(result(replace(far, before=scores(83_456.0), after=scores(4_321.0))))
     assert "rms 83460 -> 4320 um; repeatability 1.2 um." in text
+
+
+def test_errors_that_are_rounding_are_none() -> None:
+    item = replace(on_table("none", ()), before=scores(1e-11), after=scores(1e-11))
+    assert words(result(item)) == (
+        "Nothing undeclared was found: what was measured is what the model predicts."
+    )
+    assert "the rms of 0.00010 um" in words(result(replace(item, before=scores(1e-4))))
 
 
 GROWS = effect(

@@ -158,7 +158,7 @@ def test_directions_without_the_machines_scatter_are_judged_by_little_where_it_i
         [
             (
                 own.p(float(q), item.variance, item.dof, np.inf),
-                scatter_p(STRATA, coordinates, item, np.zeros(2), np.inf)[0],
+                scatter_p(STRATA, coordinates, item, np.zeros(2), np.inf, np.zeros(99))[0],
             )
             for coordinates, q, item in zip(y, squares, noise, strict=True)
         ]

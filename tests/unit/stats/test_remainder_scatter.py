@@ -24,6 +24,7 @@ from mtu_cli.stats.scatter_tests import scatter_p, score_of, two_scatters_p
 STRATA = made(12, 10, 2)
 DOF = sizes(STRATA)
 UNKNOWN = np.zeros(2)
+NO_STEP = np.zeros(len(STRATA.all))
 
 
 def coordinates(count: int, seed: int, part: float = 1.0, column: float = 1.0) -> Floats:
@@ -40,7 +41,7 @@ def noise(y: Floats) -> EntryNoise:
 
 
 def judged(y: Floats, predicted: Floats = UNKNOWN, dof: float = np.inf) -> Floats:
-    return np.array([scatter_p(STRATA, own, noise(own), predicted, dof) for own in y])
+    return np.array([scatter_p(STRATA, own, noise(own), predicted, dof, NO_STEP) for own in y])
 
 
 def plain(table: Floats) -> tuple[float, float]:
@@ -69,7 +70,7 @@ def test_p_are_those_of_f_tests_of_the_means() -> None:
         table = rng.normal(size=(12, 10, 2)) + 1.2 * rng.normal(size=(12, 1, 2))
         table += 1.2 * rng.normal(size=(1, 10, 2))
         y, _ = STRATA.coordinates(table)
-        found = scatter_p(STRATA, y, noise(y), UNKNOWN, np.inf)
+        found = scatter_p(STRATA, y, noise(y), UNKNOWN, np.inf, NO_STEP)
         assert found == pytest.approx(plain(table), rel=1e-9)
 
 
@@ -93,7 +94,7 @@ def test_with_missing_cells_noise_is_what_its_entries_give_there() -> None:
     p_part = [f.sf(ratio, 11, n) for ratio, n in parts]
     p_part.append(f.sf(np.mean([ratio for ratio, _ in parts]), 22, min(n for _, n in parts)))
     wanted = min(1.0, 2 * min(p_column)), min(1.0, 3 * min(p_part))
-    assert scatter_p(STRATA, y, own, UNKNOWN, np.inf) == pytest.approx(wanted, rel=1e-9)
+    assert scatter_p(STRATA, y, own, UNKNOWN, np.inf, NO_STEP) == pytest.approx(wanted, rel=1e-9)
     assert own.squares.rest[0] != pytest.approx(own.variance[0], rel=0.1)
 
 
@@ -127,11 +128,28 @@ def test_parts_are_held_against_the_machines_own_scatter_where_it_is_known() -> 
 
 def test_tables_without_scatter_or_too_small_say_nothing() -> None:
     nothing = np.zeros(STRATA.size)
-    assert scatter_p(STRATA, nothing, noise(nothing), UNKNOWN, np.inf) == (1.0, 1.0)
+    assert scatter_p(STRATA, nothing, noise(nothing), UNKNOWN, np.inf, NO_STEP) == (1.0, 1.0)
     small = made(2, 3, 1, lines=False)
     y = np.random.default_rng(10).normal(size=small.size)
     of_small = whole_frame(small).noise(y, sizes(small), sizes(small), np.zeros((1, 1)))
-    assert scatter_p(small, y, of_small, np.zeros(1), np.inf) == (1.0, 1.0)
+    assert scatter_p(small, y, of_small, np.zeros(1), np.inf, np.zeros(9)) == (1.0, 1.0)
+
+
+def test_entries_that_do_not_scatter_at_all_were_rounded_or_are_known_exactly() -> None:
+    """Columns of one error in every part are held against the rounding step, if there is one."""
+    own = np.random.default_rng(21).normal(size=(10, 2)) * np.ones((12, 1, 1))
+    y, _ = STRATA.coordinates(own)
+    y = np.where(np.abs(y) > 1e-12, y, 0.0)
+    assert scatter_p(STRATA, y, noise(y), UNKNOWN, np.inf, NO_STEP) == (0.0, 1.0)
+    # Twelve equal entries make a column's mean square twelve times the columns' variance.
+    beside = STRATA.columns[:, :3]
+    left = own[0] - beside @ beside.T @ own[0]
+    found = [f.sf(v / 0.8, 7, 11 * 7) for v in np.sum(left**2, axis=0) / 7]
+    step = np.full(len(STRATA.all), 0.8)
+    p, of_parts = scatter_p(STRATA, y, noise(y), UNKNOWN, np.inf, step)
+    assert p == pytest.approx(min(1.0, 2 * min(found)), rel=1e-9)
+    assert of_parts == 1.0
+    assert 0.001 < p < 1
 
 
 @pytest.mark.parametrize(("n", "m"), [(3.0, 12.0), (20.0, 5.0), (7.0, np.inf)])
