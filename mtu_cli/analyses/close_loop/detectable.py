@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
+from mtu_cli.analyses.close_loop.estimate import entries_of, estimate, raw_design
 from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.search import Search
-from mtu_cli.stats.column_groups import whitened
+from mtu_cli.model.effect_library import Member
+from mtu_cli.stats.column_groups import Packed
 from mtu_cli.stats.family_gate import Gate
-from mtu_cli.stats.least_squares import beside
+from mtu_cli.stats.least_squares import FloatArray, beside
 
 POWER_DEVIATE = 0.8416212335729143
 """Normal deviate of a power of 80 %."""
@@ -19,8 +21,10 @@ def minimum_detectable(
     prepared: Prepared, gate: Gate, found: Search, alpha: float
 ) -> dict[str, float]:
     """Root mean square (mm, rad) over the cells of the smallest effect of each candidate that
-    passes the gate four times in five; the median over its members. What was found is no noise, nor
-    is what a candidate itself takes up: the scatter is that of the data without them.
+    passes the gate four times in five, whichever of its forms it has (as a squareness may be seen
+    along one axis better than along the other), the median over values that are searched. What was
+    found is no noise, nor is what a candidate itself takes up: the scatter is that of the data
+    without them.
 
     The likelihood ratio of one column among n coordinates is n log(1 + t^2 / v), v = n - k, t of
     noncentral Student distribution: it passes a limit T where t > c = sqrt(v (exp(T / n) - 1)).
@@ -28,31 +32,39 @@ def minimum_detectable(
     a probability of 80 % at a signal-to-noise z = c (1 - 1/4v) + 0.84 sqrt(1 + c^2/2v).
     """
     scan = prepared.scan
-    strata = scan.frame.strata
     limit = float(np.quantile(gate.largest, 1 - alpha))
-    y = _left(prepared, found)
-    freedom = np.repeat(scan.dof, [stratum.size for stratum in strata.all])
+    pack = scan.pack()
+    y = _left(prepared, pack, found)
+    freedom = np.repeat(pack.dof, [stratum.size for stratum in scan.frame.strata.all])
     smallest = {}
     first = 0
     for f, members in enumerate(scan.columns):
         T = gate.statistic_of(limit, f)
-        amplitudes = []
+        amplitudes: dict[object, list[float]] = {}
         for i, member in enumerate(members):
-            X = whitened(strata, scan.whitening, raw_design(scan, [member]))
-            weights = _weights(prepared, y, X)
+            X = pack.without_found(raw_design(scan, [member]).T).T
+            weights = _weights(scan, pack, y, X)
             information = np.einsum("ni,n,nj->ij", X, weights, X)
             squares = _mean_squares(prepared, first + i)
             k = len(squares)
             unit = np.full(k, 1 / np.sqrt(k)) / np.sqrt(np.maximum(squares, 1e-300))
             z2 = float(unit @ information @ unit)
-            if z2 > 0:
+            if z2 > 0 and pack.usable[first + i]:
                 n = float(np.einsum("ni,n,n->", X**2, weights, freedom))
                 n /= float(np.trace(information))
-                amplitudes.append(_needed(T, n, k) / np.sqrt(z2))
+                own = amplitudes.setdefault(_form(prepared.members[first + i]), [])
+                own.append(_needed(T, n, k) / np.sqrt(z2))
         first += len(members)
         if amplitudes:
-            smallest[scan.names[f]] = float(np.median(amplitudes))
+            smallest[scan.names[f]] = max(float(np.median(own)) for own in amplitudes.values())
     return smallest
+
+
+def _form(member: Member) -> object:
+    """What members have in common that differ in what was searched or chosen alone."""
+    axes = frozenset(axis for column in member.columns for axis in column)
+    searched = member.searched or member.chosen is not None
+    return (axes, len(member.columns)) if searched else (axes, *sorted(member.equations.items()))
 
 
 def _needed(T: float, n: float, k: int) -> float:
@@ -62,32 +74,37 @@ def _needed(T: float, n: float, k: int) -> float:
     return float(np.sqrt(c2) * (1 - 0.25 / v) + POWER_DEVIATE * np.sqrt(1 + c2 / (2 * v)))
 
 
-def _left(prepared: Prepared, found: Search) -> np.ndarray:
-    """The whitened coordinates (N,) less the effects that were found."""
+def _left(prepared: Prepared, pack: Packed, found: Search) -> FloatArray:
+    """The whitened coordinates (N,) less the effects that were found, beside the polynomial of
+    the readings.
+    """
     scan, left = prepared.scan, prepared.y
     if found.members:
         columns = prepared.whole(found.members)
         left = left - raw_design(scan, columns) @ estimate(scan, left, columns).beta
-    return whitened(scan.frame.strata, scan.whitening, left)
+    return pack.without_found(left)
 
 
-def _weights(prepared: Prepared, y: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Inverse variances (N,) of the coordinates, by stratum, of what X (N, k) leaves of y."""
-    scan = prepared.scan
-    weights = np.zeros(len(y))
-    for s, n in zip(scan.frame.strata.all, scan.dof, strict=True):
-        own = X[s.slice][:, (X[s.slice] != 0.0).any(axis=0)]
-        k = own.shape[1]
-        square = float(y[s.slice] @ y[s.slice])
-        if 0 < k < min(n, s.size):
-            rest = beside(np.column_stack([own, y[s.slice]]), k)
-            square = float(rest[0, 0]) ** 2
+def _weights(scan: Scan, pack: Packed, y: FloatArray, X: FloatArray) -> FloatArray:
+    """Inverse variances (N,) of the coordinates, by stratum, of what X (N, k) leaves of y: few of
+    them may say less than single entries scatter, which is in all of them.
+    """
+    weights, entries = np.zeros(len(y)), entries_of(scan.frame.strata)
+    variances = np.zeros(len(entries))
+    # The interaction first: it is what the others are held against.
+    for s in sorted(range(len(entries)), key=lambda i: i != entries[i]):
+        place, n = scan.frame.strata.all[s].slice, float(pack.dof[s])
+        own = X[place][:, (X[place] != 0.0).any(axis=0)]
+        k, square = own.shape[1], float(y[place] @ y[place])
+        if 0 < k < min(n, len(own)):
+            square = float(beside(np.column_stack([own, y[place]]), k)[0, 0]) ** 2
             n = n - k
-        weights[s.slice] = n / square if square > 0 else 0.0
+        variances[s] = max(square / n, variances[entries[s]])
+        weights[place] = 1.0 / variances[s] if variances[s] > 0 else 0.0
     return weights
 
 
-def _mean_squares(prepared: Prepared, index: int) -> np.ndarray:
+def _mean_squares(prepared: Prepared, index: int) -> FloatArray:
     """Mean square of each column over the cells of the axes that it affects."""
     P, H = prepared.table.there.shape
     found = []

@@ -45,11 +45,11 @@ def estimate(
     X = _design(scan, members, beside)
     places = [stratum.slice for stratum in strata.all]
     own = whitened(strata, scan.whitening, y)
-    fit = stratified_fit(X, own, places, scan.dof, _entries(strata))
+    fit = stratified_fit(X, own, places, scan.dof, entries_of(strata))
     return fit.only(sum(len(member) for member in members))
 
 
-def _entries(strata: Strata) -> NDArray[np.int64]:
+def entries_of(strata: Strata) -> NDArray[np.int64]:
     """By stratum (S,) the interaction of its axis, which every mean square has in it; itself in a
     table of one part, that has none.
     """

@@ -57,7 +57,10 @@ def power_of(prepared: Prepared, gate: Gate, places: Floats) -> Callable[[float]
     X = whitened(strata, scan.whitening, raw_design(scan, scan.columns[place]))
     x, y = X[own][:, 0], whitened(strata, scan.whitening, prepared.y)[own]
     rest = y - x * (x @ y) / (x @ x)
-    u = np.std(places) * np.sqrt(rest @ rest / 2 / (x @ x))
+    # Two coordinates may happen to be smaller than what single entries scatter.
+    entries = next(s.slice for s in strata.all if (s.kind, s.axis) == ("interaction", 0))
+    variance = max(float(rest @ rest) / 2, float(np.mean(prepared.y[entries] ** 2)))
+    u = np.std(places) * np.sqrt(variance / (x @ x))
     limit = gate.statistic_of(float(np.quantile(gate.largest, 0.95)), place)
     c = np.sqrt(2 * np.expm1(limit / 3))
     return lambda size: float(nct.sf(c, 2, size / u))
