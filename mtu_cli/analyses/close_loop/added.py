@@ -10,12 +10,12 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.estimate import (
     drawn_covariance,
-    estimate,
     raw_design,
     searched_spread,
 )
-from mtu_cli.analyses.close_loop.few_parts import with_scatter_of_parts
+from mtu_cli.analyses.close_loop.jointly import jointly
 from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.same_in_all import with_disagreement
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.model.effect_library import Member
@@ -85,12 +85,9 @@ def added(
     columns = prepared.whole(found.members)
     left, fit = prepared, _no_fit(prepared)
     if columns:
-        fit = estimate(scan, prepared.y, columns)
-        for _ in range(2):
-            left = prepared.with_null_of(prepared.y - raw_design(scan, columns) @ fit.beta)
-            fit = estimate(left.scan, prepared.y, columns)
+        left, fit = jointly(prepared, columns, rough=rough)
         if not rough:
-            fit = with_scatter_of_parts(left.scan, columns, fit)
+            fit = with_disagreement(prepared, columns, found.members, fit)
     joint = _joint_covariance(left, columns, fit, seed, rough)
     fit, levels = _with_levels(left, found.members, fit, _offsets(scan, found), joint, owners)
     if waves:

@@ -10,6 +10,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.causes import causes, levels_of
 from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.same_in_all import with_constants
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.state import State, Step
 from mtu_cli.stats.column_groups import MemberColumns
@@ -88,6 +89,7 @@ def search(
         # An offset found before is the level of what explains it better.
         steps = [own for own in steps if own.index not in state.owned]
         looked = state.look()
+    steps = with_constants(prepared, gate, steps, unsure)
     steps = _without_found(_beside_others(prepared, steps))
     return Search(
         steps=tuple(steps),
@@ -122,7 +124,7 @@ def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
         return steps
     found = []
     for own in steps:
-        if own.member < 0:
+        if own.member < 0 or own.constant:
             found.append(own)
             continue
         state = State(prepared, None)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtrc
 
 from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
 from mtu_cli.analyses.close_loop.evidence import Evidence, evidence
@@ -14,14 +12,10 @@ from mtu_cli.analyses.close_loop.prepare import Prepared, without_rounding
 from mtu_cli.analyses.close_loop.scan import Scan, beside_found
 from mtu_cli.stats.column_groups import Column, MemberColumns, whiten
 from mtu_cli.stats.family_gate import Gate
-from mtu_cli.stats.least_squares import FloatArray, beside
+from mtu_cli.stats.least_squares import FloatArray
 
 COUNTS = 0.1
 """Share of a column's information from which on a stratum is freed of it."""
-DISAGREES = 1e-4
-"""p below which a stratum needs another size of an effect than the others."""
-UNSEEN = 1e-12
-"""Share of a column's square that is nothing of it."""
 CENTRED = 1e-6
 """Share of a column's size below which its mean is none."""
 
@@ -32,7 +26,8 @@ class Step:
     family-wise `p`, log Bayes factor, posterior among the candidates, and the candidates of
     the 95 % credible set, the best first. Indices beyond the candidates are drifts (by axis)
     and fields (by axis) without a name, which stay in that set until they are out at 1 %;
-    `unnamed` is the posterior of these together.
+    `unnamed` is the posterior of these together. `constant`: what is the same in all parts of
+    another effect is of a size of its own (`same_in_all`), whether that is proven or not.
     """
 
     index: int
@@ -42,6 +37,7 @@ class Step:
     posterior: float
     credible: tuple[int, ...]
     unnamed: float = 0.0
+    constant: bool = False
 
 
 def family_p(scan: Scan, gate: Gate, found: Evidence) -> tuple[FloatArray, FloatArray]:
@@ -77,7 +73,7 @@ class State:
             grand -= fit.beta @ np.concatenate([prepared.means[m] for m in self.members])
             # What was taken out scatters no more: what it hid may show now.
             prepared = prepared.with_null_of(y)
-            self.found = self._freed(prepared.scan, fit.weights, y)
+            self.found = self._freed(prepared.scan, fit.weights)
         grand[list(self.offsets)] = 0.0
         scan = prepared.scan
         pack = scan.pack(self.found)
@@ -93,19 +89,14 @@ class State:
                 self.first_p = self.p
         return looked
 
-    def _freed(self, scan: Scan, weights: FloatArray, left: FloatArray) -> list[MemberColumns]:
-        """The columns that what is `left` (N,) is freed of: of what was found, where it counts and
-        its sizes agree, and of its derivatives by what was searched.
+    def _freed(self, scan: Scan, weights: FloatArray) -> list[MemberColumns]:
+        """The columns that what is left is freed of: of what was found and of its derivatives by
+        what was searched, where they count.
         """
-        flat, tangents = self.prepared.flat(), self.prepared.tangents
-        found: list[MemberColumns] = []
-        for m in self.members:
-            others = tangents.get(m, ())
-            own = [_where_it_counts(scan, column, weights) for column in flat[m]]
-            found.append(tuple(_where_it_agrees(scan, column, others, left) for column in own))
-            if others:
-                found.append(tuple(_where_it_counts(scan, column, weights) for column in others))
-        return found
+        columns = self.prepared.with_tangents(self.members)
+        return [
+            tuple(where_it_counts(scan, column, weights) for column in member) for member in columns
+        ]
 
     def take_out(self, step: Step) -> None:
         """Takes an effect out of all that follows."""
@@ -142,7 +133,7 @@ class State:
         return frozenset(scan.names[i] for i in self.done if i >= scan.tested)
 
 
-def _where_it_counts(scan: Scan, column: Column, weights: FloatArray) -> Column:
+def where_it_counts(scan: Scan, column: Column, weights: FloatArray) -> Column:
     """The column in the strata that hold a good share of what it can be told by.
 
     Elsewhere its estimate is taken off, without a coefficient of its own: a growth with
@@ -155,37 +146,3 @@ def _where_it_counts(scan: Scan, column: Column, weights: FloatArray) -> Column:
         shares[index] = float(weights[index] * (own @ own))
     least = COUNTS * sum(shares.values())
     return {index: column[index] for index, share in shares.items() if share >= least}
-
-
-def _where_it_agrees(
-    scan: Scan, column: Column, others: Sequence[Column], left: FloatArray
-) -> Column:
-    """The column less what is the same in all parts, where what is `left` (N,) of the data says
-    of any stratum that it needs another size than the rest: a growth from 20 degC is a scale at
-    the mean temperature, too, and a scale of its own shows there alone.
-    """
-    strata = scan.frame.strata.all
-    of_parts = {i: v for i, v in column.items() if strata[i].kind not in ("column", "reversal")}
-    if not of_parts or len(of_parts) == len(column):
-        return column
-    known = [*others, *(own for member in scan.base for own in member)]
-    return column if all(_agrees(scan, i, column[i], known, left) for i in column) else of_parts
-
-
-def _agrees(
-    scan: Scan, index: int, column: FloatArray, others: Sequence[Column], left: FloatArray
-) -> bool:
-    """Whether a stratum's coordinates `left` (N,) hold no more of a column's (n,) than by chance: a
-    t test of its coefficient there at DISAGREES, beside those of `others`.
-    """
-    strata = scan.frame.strata
-    known = [own[index] for own in others if index in own]
-    rows = np.stack([*known, column, left[strata.all[index].slice]], axis=1)
-    whiten(strata, scan.whitening, index, rows)
-    dof = len(rows) - len(known) - 1
-    if dof < 1:
-        return True
-    (own, along), (_, rest) = beside(rows, len(known))
-    if own**2 <= UNSEEN * float(rows[:, -2] @ rows[:, -2]):
-        return True
-    return bool(rest == 0.0 or fdtrc(1, dof, along**2 * dof / rest**2) >= DISAGREES)
