@@ -17,6 +17,7 @@ MEANINGS = {
     "serial-correlation": "{rows} follow one another too smoothly to be scatter",
     "serial-shape": "the shape of the {rows} (scale, turn, squareness) changes smoothly in time",
     "spatial-correlation": "{columns} near one another err alike",
+    "common-shape": "all {rows} share a shape (scale, turn, squareness) that no one effect has",
     "column-variance": "{columns} differ from one another by more than single entries scatter",
     "part-variance": "{rows} differ from one another by more than single entries scatter",
 }

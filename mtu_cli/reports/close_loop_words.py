@@ -80,7 +80,19 @@ def _class(item: TableResult, result: CloseLoopResult) -> list[tuple[bool, str]]
 
 def _worth(item: TableResult, result: CloseLoopResult) -> list[str]:
     """What follows where effects were found: what else may be, and the error before and after."""
-    return [*sum_texts(item, result), *_set_up(item), _before_after(item), *_by_column(item)]
+    said = [*_not_by_itself(item, result.alpha), *sum_texts(item, result), *_set_up(item)]
+    return [*said, _before_after(item), *_by_column(item)]
+
+
+def _not_by_itself(item: TableResult, alpha: float) -> list[str]:
+    """Of what is the same in all parts beside an effect that was found (`same_in_all`)."""
+    row, _ = things(item)
+    return [
+        f"{own.name} does not pass by itself (p {of_p(own.p_familywise)}): without it what varies "
+        f"from {row} to {row} and what is the same in all would ask for two sizes of one effect."
+        for own in item.effects
+        if own.p_familywise >= alpha
+    ]
 
 
 def _unexplained(item: TableResult) -> str:

@@ -1,7 +1,7 @@
 """What no named effect describes: omnibus statistics of what is left of a table.
 
 Each is large where the rest is not what the null says: a pattern that parts and columns share,
-parts that follow each other too smoothly, columns whose neighbours agree.
+parts that follow each other too smoothly, columns whose neighbours agree or that lie on a plane.
 """
 
 from __future__ import annotations
@@ -22,7 +22,14 @@ CACHED = 200_000
 """Entries of the tables that are turned back at once."""
 REACH = (0.12, 0.3)
 """Correlation lengths of smooth fields over the extent of the columns' places."""
-DRAWN = ("interaction-pattern", "serial-correlation", "serial-shape", "spatial-correlation")
+COMMON_SHAPE = "common-shape"
+DRAWN = (
+    "interaction-pattern",
+    "serial-correlation",
+    "serial-shape",
+    "spatial-correlation",
+    COMMON_SHAPE,
+)
 """The checks that are calibrated by drawing."""
 
 
@@ -51,13 +58,14 @@ class Remainder:
         return replace(self, whitening=whitening)
 
     def statistics(self, y: FloatArray) -> FloatArray:
-        """The checks `DRAWN` (B, 4) of coordinates `y` (B, N); 0 where one cannot be had."""
+        """The checks `DRAWN` (B, 5) of coordinates `y` (B, N); 0 where one cannot be had."""
         return np.stack(
             [
                 self._pattern(y),
                 self._serial(y, ("part",)),
                 self._serial(y, ("line",)),
                 self._spatial(y),
+                self._common_shape(y),
             ],
             axis=1,
         )
@@ -113,6 +121,22 @@ class Remainder:
                 for i, kernel in enumerate(self.spatial[stratum.axis]):
                     totals[i] += _largest(kernel_ratios(kernel, y[:, stratum.slice]))
         found: FloatArray = totals.max(axis=0)
+        return found
+
+    def _common_shape(self, y: FloatArray) -> FloatArray:
+        """Largest likelihood ratio n log(1 + a / b) of all smooth directions together in the n
+        means of an axis over the parts, a the squares along them and b those beside. One effect
+        alone, of several in different directions, has the others for scatter.
+        """
+        found = np.zeros(len(y))
+        for stratum in self.strata.all:
+            k = len(stratum.lead)
+            if stratum.kind == "column" and k > 1 and stratum.size > k:
+                squares = y[:, stratum.slice] ** 2
+                along, beside = squares[:, :k].sum(axis=1), squares[:, k:].sum(axis=1)
+                # Where nothing scatters, rounding does.
+                ratio = along / np.maximum(beside, 1e-24 * along + 1e-300)
+                found = np.maximum(found, stratum.size * np.log1p(ratio))
         return found
 
     def unnamed(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -21,10 +21,8 @@ def minimum_detectable(
     prepared: Prepared, gate: Gate, found: Search, alpha: float
 ) -> dict[str, float]:
     """Root mean square (mm, rad) over the cells of the smallest effect of each candidate that
-    passes the gate four times in five, whichever of its forms it has (as a squareness may be seen
-    along one axis better than along the other), the median over values that are searched. What was
-    found is no noise, nor is what a candidate itself takes up: the scatter is that of the data
-    without them.
+    passes the gate four times in five, whichever of its forms it has; the median over values that
+    are searched. What was found is no noise, nor is what a candidate itself takes up.
 
     The likelihood ratio of one column among n coordinates is n log(1 + t^2 / v), v = n - k, t of
     noncentral Student distribution: it passes a limit T where t > c = sqrt(v (exp(T / n) - 1)).

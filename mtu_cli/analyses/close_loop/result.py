@@ -32,7 +32,7 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundEffect:
-    """An effect that passed the gate.
+    """An effect that passed the gate, or that one which did cannot be told without (`same_in_all`).
 
     `parameters` are (name, unit, value, u), value and standard uncertainty in internal units,
     `unit` to show them in; `intervals` (low, high, effective degrees of freedom) at 95 %;

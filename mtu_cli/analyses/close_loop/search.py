@@ -12,6 +12,7 @@ from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.same_in_all import with_constants
 from mtu_cli.analyses.close_loop.scan import Scan
+from mtu_cli.analyses.close_loop.several import several
 from mtu_cli.analyses.close_loop.state import State, Step
 from mtu_cli.stats.column_groups import MemberColumns
 from mtu_cli.stats.family_gate import Gate
@@ -78,14 +79,16 @@ def search(
     looked = start
     steps: list[Step] = []
     stopped = False
-    while (step := _next(state, alpha, unsure)) is not None:
-        if causes(prepared, [*steps, step]) > most:
-            step = _next(state, alpha, unsure, levels_of(prepared, steps))
-            if step is None:
+    while more := _more(state, alpha, unsure):
+        if causes(prepared, [*steps, *more]) > most:
+            level = _next(state, alpha, unsure, levels_of(prepared, steps))
+            if level is None:
                 stopped = True
                 break
-        steps.append(step)
-        state.take_out(step)
+            more = [level]
+        for step in more:
+            steps.append(step)
+            state.take_out(step)
         # An offset found before is the level of what explains it better.
         steps = [own for own in steps if own.index not in state.owned]
         looked = state.look()
@@ -221,6 +224,12 @@ def _scores(looked: Evidence, done: set[int]) -> FloatArray:
     scores = looked.log_bayes.copy()
     scores[list(done)] = -np.inf
     return scores
+
+
+def _more(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
+    """The best of what passes; where nothing does, effects that hide one another."""
+    step = _next(state, alpha, unsure)
+    return several(state, alpha, unsure) if step is None else [step]
 
 
 def _next(

@@ -52,6 +52,10 @@ class State:
     """What has been found, and what is left of the data beside it."""
 
     looked: Evidence
+    scan: Scan
+    """That of what is left."""
+    left: FloatArray
+    """The whitened coordinates (N,) of it, beside what was found."""
 
     def __init__(self, prepared: Prepared, gate: Gate | None) -> None:
         self.prepared, self.gate = prepared, gate
@@ -80,6 +84,7 @@ class State:
         # Strata that hold little of an effect are not freed of it: there it is no second one.
         pack.usable[self.members] = False
         looked = evidence(scan, pack, y, grand, self._aside())
+        self.scan, self.left = scan, pack.without_found(y)
         first = not self.p.size
         self.looked = looked
         if self.gate is not None:

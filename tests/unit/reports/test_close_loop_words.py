@@ -66,6 +66,17 @@ def test_small_figures_keep_two_digits_beside_large_ones() -> None:
     assert "rms 83460 -> 4320 um; repeatability 1.2 um." in text
 
 
+def test_what_stands_beside_an_effect_without_passing_is_told() -> None:
+    said = (
+        "scale-x does not pass by itself (p = 0.24): without it what varies from part to part and "
+    )
+    said += "what is the same in all would ask for two sizes of one effect."
+    beside = effect("scale-x", p_familywise=0.24)
+    assert said in words(result(on_table("named", (GROWS, beside))))
+    proven = words(result(on_table("named", (GROWS, replace(beside, p_familywise=0.049)))))
+    assert "by itself" not in proven
+
+
 def test_errors_that_are_rounding_are_none() -> None:
     item = replace(on_table("none", ()), before=scores(1e-11), after=scores(1e-11))
     assert words(result(item)) == (

@@ -8,7 +8,7 @@ from crossed_tables import Floats, contrasts, made
 from scipy.stats import binom, multivariate_normal
 
 from mtu_cli.stats.kernel_ratio import RATIOS
-from mtu_cli.stats.remainder import DRAWN, REACH, Remainder, remainder_of
+from mtu_cli.stats.remainder import COMMON_SHAPE, DRAWN, REACH, Remainder, remainder_of
 from mtu_cli.stats.strata import Strata
 
 STRATA = made(12, 10, 2)
@@ -98,6 +98,17 @@ def test_the_pattern_is_the_largest_singular_value_over_the_mean() -> None:
         assert found == pytest.approx(plain_pattern(table), rel=1e-9)
 
 
+def test_the_common_shape_is_the_plane_through_the_columns_means() -> None:
+    """Against least squares of the means on the two lines, a likelihood ratio for each axis."""
+    table = normal(1, 18)[0]
+    mean, lines = table.mean(axis=0), STRATA.columns[:, :3]
+    rest = mean - lines @ lines.T @ mean
+    about = mean - mean.mean(axis=0)
+    expected = 9 * np.log((about**2).sum(axis=0) / (rest**2).sum(axis=0))
+    found = statistics(table[None])[0, NAMES.index(COMMON_SHAPE)]
+    assert found == pytest.approx(expected.max(), rel=1e-9)
+
+
 def smooth_field() -> Floats:
     distance2 = ((PLACES[:, None] - PLACES) ** 2).sum(axis=2)
     K = np.exp(-0.5 * distance2 / (0.3 * np.ptp(PLACES, axis=0).max()) ** 2)
@@ -117,6 +128,9 @@ def hidden(what: str, rng: np.random.Generator) -> Floats:
         return drifting(rng, np.ones((1, 10)))
     if what == "serial-shape":
         return drifting(rng, 3 * STRATA.columns[:, 1][None])
+    if what == COMMON_SHAPE:
+        plane = 2 * STRATA.columns[:, 1:3] @ rng.choice([-1.0, 1.0], (2, 2))
+        return np.broadcast_to(plane[None], (12, 10, 2))
     return np.broadcast_to((smooth_field() @ rng.normal(size=(10, 2)))[None], (12, 10, 2))
 
 

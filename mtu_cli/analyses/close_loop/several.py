@@ -1,0 +1,111 @@
+"""Several effects that hide one another: none passes beside the others.
+
+A scale and a squareness of one axis lie in the few coordinates that the means over all parts have.
+Looked for one by one, each has the other for scatter, and the larger both are, the more of it. All
+smooth directions together (the check `common-shape`) show that something is there; the fewest
+effects are taken that leave each other told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.special import fdtrc
+
+from mtu_cli.analyses.close_loop.evidence import CHECKS
+from mtu_cli.analyses.close_loop.state import State, Step
+from mtu_cli.stats.column_groups import whiten
+from mtu_cli.stats.least_squares import FloatArray, beside
+from mtu_cli.stats.profile_ratio import unit_information
+from mtu_cli.stats.remainder import COMMON_SHAPE
+
+SMOOTH = 0.5
+"""Share of a column in the smooth directions from which on it is one of those that hide others."""
+ALIAS = 1e-6
+"""Share of a column's square that others leave of it if they say the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Smooth:
+    """Candidate `index`, its `member`, and its column (n,), whitened."""
+
+    index: int
+    member: int
+    column: FloatArray
+
+
+def several(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
+    """The fewest effects along the smooth directions of an axis, each of which is told (p below
+    `alpha`, F) beside the others, where the check of all of these passes `alpha` among all tests;
+    of as many those that leave the least. None where there are none.
+    """
+    p = float(state.checks[CHECKS.index(COMMON_SHAPE)])
+    if p >= alpha:
+        return []
+    found: list[tuple[float, list[Step]]] = []
+    for s, stratum in enumerate(state.scan.frame.strata.all):
+        if stratum.kind != "column" or len(stratum.lead) < 2:
+            continue
+        known = list(_smooth(state, s, unsure))
+        for count in range(2, len(stratum.lead) + 1):
+            told = [_told(state, s, own, p, alpha) for own in combinations(known, count)]
+            best = min((own for own in told if own is not None), key=_left, default=None)
+            if best is not None:
+                found.append(best)
+                break
+    return min(found, key=_left)[1] if found else []
+
+
+def _left(told: tuple[float, list[Step]]) -> float:
+    return told[0]
+
+
+def _smooth(state: State, s: int, unsure: frozenset[int]) -> Iterator[_Smooth]:
+    """Members of one column that lies in stratum `s` alone, most of it along smooth directions."""
+    scan, first = state.scan, 0
+    k = len(scan.frame.strata.all[s].lead)
+    for index, members in enumerate(scan.columns):
+        for m, member in enumerate(members, first):
+            free = index not in state.done | unsure and m not in state.members
+            if free and len(member) == 1 and set(member[0]) == {s}:
+                own = member[0][s].copy()
+                whiten(scan.frame.strata, scan.whitening, s, own)
+                if own[:k] @ own[:k] > SMOOTH * (own @ own):
+                    yield _Smooth(index, m, own)
+        first += len(members)
+
+
+def _told(
+    state: State, s: int, chosen: Sequence[_Smooth], p: float, alpha: float
+) -> tuple[float, list[Step]] | None:
+    """The squares that effects leave of what is left, and their steps; None where one of them is
+    not told beside the others.
+    """
+    if len({own.index for own in chosen}) < len(chosen):
+        return None
+    y = state.left[state.scan.frame.strata.all[s].slice]
+    count, n = len(chosen), float(state.scan.dof[s])
+    dof = n - count
+    rows = np.stack([own.column / np.linalg.norm(own.column) for own in chosen] + [y], axis=1)
+    rest = float(beside(rows, count)[0, 0]) ** 2
+    steps = []
+    for i, own in enumerate(chosen):
+        order = [*(j for j in range(count) if j != i), i, count]
+        (size, along), _ = beside(rows[:, order], count - 1)
+        share = along**2 / max(rest, 1e-300)
+        if dof < 1 or size**2 <= ALIAS or fdtrc(1, dof, share * dof) >= alpha:
+            return None
+        steps.append(
+            Step(
+                index=own.index,
+                member=own.member,
+                p=p,
+                log_bayes=float(unit_information(n * np.log1p(share), n, 1)),
+                posterior=1.0,
+                credible=(own.index,),
+            )
+        )
+    return rest, steps
