@@ -18,9 +18,17 @@ from scipy.special import stdtr
 
 from mtu_cli.analyses.close_loop.jointly import jointly
 from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.same_strata import (
+    ALIAS,
+    alike,
+    is_same,
+    is_told_twice,
+    same_of,
+    whitened_column,
+)
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.state import Step, where_it_counts
-from mtu_cli.stats.column_groups import Column, MemberColumns, whiten
+from mtu_cli.stats.column_groups import Column, MemberColumns
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray, beside
 from mtu_cli.stats.profile_ratio import unit_information
@@ -28,10 +36,6 @@ from mtu_cli.stats.stratified import StratifiedFit
 
 DISAGREES = 0.01
 """p below which what is the same in all parts is taken to have an effect of its own."""
-ALIAS = 1e-6
-"""Share of a column's square that another one leaves of it if both are the same."""
-SAME = ("column", "reversal")
-"""The strata of what is the same in all parts."""
 NONE: frozenset[int] = frozenset()
 
 
@@ -92,15 +96,12 @@ def with_constants(
 def with_disagreement(
     prepared: Prepared, columns: Sequence[MemberColumns], members: Sequence[int], fit: StratifiedFit
 ) -> StratifiedFit:
-    """The fit whose covariance holds how far both sizes are apart.
-
-    The coefficients are moved by d = beta - beta', beta' those with a size of its own for what is
-    the same in all parts. Of d d' a share 1/t^2 is chance; the rest is added where |t| > 1, as
-    the method of moments has it (DerSimonian & Laird 1986 of two values).
+    """The fit whose covariance holds how far both sizes are apart: d d' is added to it, where
+    d = beta - beta', and beta' is estimated with a size of its own for what is the same in all
+    parts. That there is none is not known: by d the coefficients are off if there is one.
     """
-    more = np.zeros_like(fit.covariance)
-    for own in disagreements(prepared, columns, members):
-        more += max(0.0, 1.0 - 1.0 / own.t**2 if own.t else 0.0) * np.outer(own.moved, own.moved)
+    moved = [own.moved for own in disagreements(prepared, columns, members)]
+    more = sum((np.outer(d, d) for d in moved), np.zeros_like(fit.covariance))
     return replace(fit, covariance=fit.covariance + more)
 
 
@@ -116,13 +117,13 @@ def disagreements(
 ) -> Iterator[Disagreement]:
     """Of each coefficient that is told twice."""
     scan, flat = prepared.scan, [column for member in columns for column in member]
-    twice = [i for i, column in enumerate(flat) if _kinds(scan, column) == {True, False}]
+    twice = [i for i, column in enumerate(flat) if is_told_twice(scan, column)]
     if not twice:
         return
     whole = [*columns, *(prepared.tangents[m] for m in members if m in prepared.tangents)]
     left, fit = jointly(prepared, whole)
     for index in twice:
-        same = {i: v for i, v in flat[index].items() if _is_same(scan, i)}
+        same = same_of(scan, flat[index])
         if _in_others(scan, same, flat):
             continue
         _, apart = jointly(prepared, [*whole, (same,)])
@@ -140,40 +141,15 @@ def disagreements(
         )
 
 
-def _is_same(scan: Scan, index: int) -> bool:
-    return scan.frame.strata.all[index].kind in SAME
-
-
-def _kinds(scan: Scan, column: Column) -> set[bool]:
-    return {_is_same(scan, index) for index in column}
-
-
 def _in_others(scan: Scan, same: Column, found: Sequence[Column]) -> bool:
     """Whether effects found that are the same in all parts, or the readings' own polynomial, make
     that already.
     """
     known = [*found, *(own for member in scan.base for own in member)]
-    alone = [own for own in known if _kinds(scan, own) == {True} and not own.keys() - same.keys()]
-    rows = np.stack([_whitened(scan, own, [*same]) for own in (*alone, same)], axis=1)
+    alone = [own for own in known if is_same(scan, own) and not own.keys() - same.keys()]
+    rows = np.stack([whitened_column(scan, own, [*same]) for own in (*alone, same)], axis=1)
     rows /= np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     return bool(beside(rows, len(alone))[0, 0] ** 2 <= ALIAS)
-
-
-def _alike(scan: Scan, one: Column, other: Column) -> bool:
-    """Whether two columns are the same but for their size."""
-    a, b = (_whitened(scan, own, [*{**one, **other}]) for own in (one, other))
-    size = float(a @ a) * float(b @ b)
-    return size > 0 and float(a @ b) ** 2 >= (1 - ALIAS) * size
-
-
-def _whitened(scan: Scan, column: Column, strata: Sequence[int]) -> FloatArray:
-    found = []
-    for index in strata:
-        stratum = scan.frame.strata.all[index]
-        own = column[index].copy() if index in column else np.zeros(stratum.size)
-        whiten(scan.frame.strata, scan.whitening, index, own)
-        found.append(own)
-    return np.concatenate(found)
 
 
 def _candidate(
@@ -184,7 +160,7 @@ def _candidate(
     first = 0
     for index, members in enumerate(scan.columns):
         for m, member in enumerate(members, first):
-            if index not in taken and len(member) == 1 and _alike(scan, column, member[0]):
+            if index not in taken and len(member) == 1 and alike(scan, column, member[0]):
                 return index, m
         first += len(members)
     return None, -1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,10 +11,11 @@ from mtu_cli.analyses.close_loop.causes import causes, levels_of
 from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.same_in_all import with_constants
+from mtu_cli.analyses.close_loop.same_strata import alike, is_same, is_told_twice, same_of
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.several import several
 from mtu_cli.analyses.close_loop.state import State, Step
-from mtu_cli.stats.column_groups import MemberColumns
+from mtu_cli.stats.column_groups import Column, MemberColumns
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -127,10 +128,10 @@ def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
         return steps
     found = []
     for own in steps:
-        if own.member < 0 or own.constant:
+        if own.member < 0:
             found.append(own)
             continue
-        state = State(prepared, None)
+        state = State(prepared, None, _hidden(prepared, own, steps))
         for step in steps:
             if step is not own:
                 state.take_out(step)
@@ -138,8 +139,23 @@ def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
         others = {step.index for step in steps if step is not own}
         scores = _scores(state.look(), state.done | others)
         scores[prepared.scan.tested :] = -np.inf
-        found.append(_ranked(prepared.scan, own, scores, state.looked.unnamed))
+        ranked = _ranked(prepared.scan, own, scores, state.looked.unnamed)
+        # Its own evidence is that of both sizes, of which one is uncertain.
+        found.append(replace(ranked, log_bayes=own.log_bayes) if own.constant else ranked)
     return found
+
+
+def _hidden(prepared: Prepared, step: Step, steps: Sequence[Step]) -> Column | None:
+    """What is the same in all parts of another effect, if this one is just that."""
+    scan, flat = prepared.scan, prepared.scan.flat()
+    own = flat[step.member]
+    if len(own) != 1 or not is_same(scan, own[0]):
+        return None
+    others = [column for s in steps if s.member >= 0 and s is not step for column in flat[s.member]]
+    for column in others:
+        if is_told_twice(scan, column) and alike(scan, own[0], same_of(scan, column)):
+            return own[0]
+    return None
 
 
 def _without_found(steps: list[Step]) -> list[Step]:

@@ -16,16 +16,14 @@ import numpy as np
 from scipy.special import fdtrc
 
 from mtu_cli.analyses.close_loop.evidence import CHECKS
+from mtu_cli.analyses.close_loop.same_strata import ALIAS, whitened_column
 from mtu_cli.analyses.close_loop.state import State, Step
-from mtu_cli.stats.column_groups import whiten
 from mtu_cli.stats.least_squares import FloatArray, beside
 from mtu_cli.stats.profile_ratio import unit_information
 from mtu_cli.stats.remainder import COMMON_SHAPE
 
 SMOOTH = 0.5
 """Share of a column in the smooth directions from which on it is one of those that hide others."""
-ALIAS = 1e-6
-"""Share of a column's square that others leave of it if they say the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +69,12 @@ def _smooth(state: State, s: int, unsure: frozenset[int]) -> Iterator[_Smooth]:
         for m, member in enumerate(members, first):
             free = index not in state.done | unsure and m not in state.members
             if free and len(member) == 1 and set(member[0]) == {s}:
-                own = member[0][s].copy()
-                whiten(scan.frame.strata, scan.whitening, s, own)
-                if own[:k] @ own[:k] > SMOOTH * (own @ own):
-                    yield _Smooth(index, m, own)
+                own = whitened_column(scan, member[0], [s])
+                Q = state.pack.found.get(s, np.zeros((len(own), 0)))
+                left = own - Q @ (Q.T @ own)
+                smooth = own[:k] @ own[:k] > SMOOTH * (own @ own)
+                if smooth and left @ left > ALIAS * (own @ own):
+                    yield _Smooth(index, m, left)
         first += len(members)
 
 
@@ -87,7 +87,7 @@ def _told(
     if len({own.index for own in chosen}) < len(chosen):
         return None
     y = state.left[state.scan.frame.strata.all[s].slice]
-    count, n = len(chosen), float(state.scan.dof[s])
+    count, n = len(chosen), float(state.pack.dof[s])
     dof = n - count
     rows = np.stack([own.column / np.linalg.norm(own.column) for own in chosen] + [y], axis=1)
     rest = float(beside(rows, count)[0, 0]) ** 2

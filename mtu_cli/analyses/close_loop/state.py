@@ -9,8 +9,9 @@ import numpy as np
 from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
 from mtu_cli.analyses.close_loop.evidence import Evidence, evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared, without_rounding
+from mtu_cli.analyses.close_loop.same_strata import alike, same_of
 from mtu_cli.analyses.close_loop.scan import Scan, beside_found
-from mtu_cli.stats.column_groups import Column, MemberColumns, whiten
+from mtu_cli.stats.column_groups import Column, MemberColumns, Packed, whiten
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -53,12 +54,15 @@ class State:
 
     looked: Evidence
     scan: Scan
-    """That of what is left."""
+    pack: Packed
     left: FloatArray
-    """The whitened coordinates (N,) of it, beside what was found."""
+    """Of what is left beside what was found, whitened coordinates (N,)."""
 
-    def __init__(self, prepared: Prepared, gate: Gate | None) -> None:
-        self.prepared, self.gate = prepared, gate
+    def __init__(self, prepared: Prepared, gate: Gate | None, apart: Column | None = None) -> None:
+        """`apart` is what is the same in all parts of an effect that was found and is not to hide
+        what is looked for there: it has a size of its own.
+        """
+        self.prepared, self.gate, self.apart = prepared, gate, apart
         self.found: list[MemberColumns] = []
         self.members: list[int] = []
         self.done: set[int] = set()
@@ -72,9 +76,12 @@ class State:
         grand = prepared.grand.copy()
         if self.members:
             columns = prepared.whole(self.members)
-            fit = estimate(prepared.scan, y, columns)
-            y = without_rounding(prepared.table, y - raw_design(prepared.scan, columns) @ fit.beta)
-            grand -= fit.beta @ np.concatenate([prepared.means[m] for m in self.members])
+            own = columns if self.apart is None else [*columns, (self.apart,)]
+            fit = estimate(prepared.scan, y, own)
+            design = raw_design(prepared.scan, columns)
+            beta = fit.beta[: design.shape[1]]
+            y = without_rounding(prepared.table, y - design @ beta)
+            grand -= beta @ np.concatenate([prepared.means[m] for m in self.members])
             # What was taken out scatters no more: what it hid may show now.
             prepared = prepared.with_null_of(y)
             self.found = self._freed(prepared.scan, fit.weights)
@@ -84,7 +91,7 @@ class State:
         # Strata that hold little of an effect are not freed of it: there it is no second one.
         pack.usable[self.members] = False
         looked = evidence(scan, pack, y, grand, self._aside())
-        self.scan, self.left = scan, pack.without_found(y)
+        self.scan, self.pack, self.left = scan, pack, pack.without_found(y)
         first = not self.p.size
         self.looked = looked
         if self.gate is not None:
@@ -100,8 +107,16 @@ class State:
         """
         columns = self.prepared.with_tangents(self.members)
         return [
-            tuple(where_it_counts(scan, column, weights) for column in member) for member in columns
+            tuple(self._hiding(scan, where_it_counts(scan, column, weights)) for column in member)
+            for member in columns
         ]
+
+    def _hiding(self, scan: Scan, column: Column) -> Column:
+        """The column less what is the same in all parts, where that has a size of its own."""
+        same = same_of(scan, column)
+        if self.apart is None or not same or not alike(scan, same, self.apart):
+            return column
+        return {index: values for index, values in column.items() if index not in same}
 
     def take_out(self, step: Step) -> None:
         """Takes an effect out of all that follows."""

@@ -1,0 +1,101 @@
+"""Effects that hide one another in the few means of an axis: found together, or not at all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from crossed_tables import Floats
+from effect_tables import table
+from loop_bench.folds import LIBRARY
+from scipy.stats import binom
+
+from mtu_cli.analyses.close_loop.added import added
+from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.scan import calibrated
+from mtu_cli.analyses.close_loop.search import Search, search
+from mtu_cli.model.effect_library import candidates
+from mtu_cli.stats.remainder import COMMON_SHAPE
+
+NOISE = 1.3e-3
+SCALE, ANGLE = 20e-6, 58e-6
+X, Y = np.meshgrid([20.0, 140.0, 265.0, 380.0], [15.0, 140.0, 290.0])
+PLACES = np.stack([X.ravel(), Y.ravel(), np.full(12, 10.0)], axis=1)
+
+
+def found(seed: int, scale: float, angle: float) -> tuple[Prepared, Search]:
+    """Twelve parts of twelve holes, x longer by `scale` and leaning by `angle` in y."""
+    rng = np.random.default_rng(seed)
+    own = table(12, 12, places=PLACES, covariates={})
+    own = replace(own, operations=("",), operation=np.zeros(12, np.int64))
+    errors = rng.normal(0.0, NOISE, own.errors.shape) + rng.normal(0.0, NOISE, (12, 1, 2))
+    errors[..., 0] += scale * PLACES[:, 0] + angle * PLACES[:, 1]
+    own = replace(own, errors=errors)
+    prepared = prepare(own, candidates(own, LIBRARY), own.pass_dof)
+    gate = calibrated(prepared.scan, 499, 1)
+    return prepared, search(prepared, gate, alpha=0.05, most=4)
+
+
+def names(prepared: Prepared, seen: Search) -> set[str]:
+    return {prepared.candidates[s.index].name for s in seen.steps if s.member >= 0}
+
+
+@pytest.mark.parametrize("factor", [1.0, 3.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_scale_and_a_squareness_of_one_axis_are_found_at_any_size(
+    seed: int, factor: float
+) -> None:
+    prepared, seen = found(seed, factor * SCALE, factor * ANGLE)
+    # Neither passes by itself.
+    index = [prepared.scan.names.index(name) for name in ("scale-x", "squareness-xy")]
+    assert (seen.p[index] > 0.05).any()
+    assert names(prepared, seen) >= {"scale-x", "squareness-xy"}
+    steps = [step for step in seen.steps if step.member >= 0]
+    effects = added(prepared, seen)
+    assert effects.fit is not None
+    sizes = {"scale-x": factor * SCALE, "squareness-xy": factor * ANGLE}
+    for place, step in enumerate(steps):
+        true = sizes.get(prepared.candidates[step.index].name)
+        if true is not None:
+            at = effects.coefficients(place)[0]
+            u = float(np.sqrt(effects.fit.covariance[at, at]))
+            assert abs(abs(float(effects.fit.beta[at])) - true) < 4.5 * u
+            assert u < 0.1 * true
+    assert not seen.fired(0.05)
+
+
+def test_one_effect_alone_brings_no_other_with_it() -> None:
+    others = 0
+    for seed in range(20):
+        prepared, seen = found(seed, 0.0, ANGLE)
+        assert names(prepared, seen) >= {"squareness-xy"} or seen.fired(0.05)
+        others += "scale-x" in names(prepared, seen)
+    assert others <= binom.ppf(1 - 1e-3, 20, 0.05)
+
+
+def test_what_hides_in_directions_of_no_effect_is_told_by_the_check_alone() -> None:
+    """With the squareness and what may stand for it left out of the search."""
+    prepared, _ = found(1, SCALE, ANGLE)
+    gate = calibrated(prepared.scan, 499, 1)
+    shapes = {"scale-x", "squareness-xy", "rotation-z", "radial"}
+    unsure = frozenset(i for i, name in enumerate(prepared.scan.names) if name in shapes)
+    seen = search(prepared, gate, alpha=0.05, most=4, unsure=unsure)
+    assert names(prepared, seen).isdisjoint(shapes)
+    assert COMMON_SHAPE in seen.fired(0.05)
+
+
+def test_nothing_is_found_as_often_as_stated() -> None:
+    hits = sum(bool(found(seed, 0.0, 0.0)[1].steps) for seed in range(100, 160))
+    assert hits <= binom.ppf(1 - 1e-3, 60, 0.05)
+
+
+def test_of_several_the_squares_that_are_left_decide() -> None:
+    """A pair along x, where along y nothing is: the axis is that of the errors."""
+    prepared, seen = found(3, SCALE, ANGLE)
+    axes: set[int] = set()
+    for step in seen.steps:
+        if step.member >= 0:
+            columns: list[dict[int, Floats]] = list(prepared.members[step.member].columns)
+            axes |= {axis for column in columns for axis in column}
+    assert axes == {0}
