@@ -36,6 +36,8 @@ ROUNDING = 1e-7
 """Share of the figure beside it below which an error is gone, but for the rounding of numbers."""
 NO_ERROR = 1e-12
 """Root mean square (mm, rad) below which errors are the rounding of coordinates."""
+MORE_LEFT = 1.3
+"""Times the held-out error from which on more left in all data is told."""
 HOPELESS = 100.0
 """Times the rms of the errors beyond which an effect would be found only in name."""
 STRONG, LONE = 5.0, 0.9
@@ -251,7 +253,13 @@ def _before_after(item: TableResult) -> str:
         item.held_out_by or "", "All data (none could be held out)"
     )
     said = f"{of}: rms {before} -> {after} {unit}"
-    return f"{said}; repeatability {floor} {unit}." if item.floor is not None else f"{said}."
+    said = f"{said}; repeatability {floor} {unit}." if item.floor is not None else f"{said}."
+    left = item.in_sample_after.rms
+    if item.held_out_by is None or left <= MORE_LEFT * item.after.rms:
+        return said
+    # The folds took out what the search of all data did not.
+    rest = _together(item, left)[0]
+    return f"{said} With all data less was found: what is told here leaves {rest} {unit} in them."
 
 
 def _together(item: TableResult, *values: float | None) -> list[str]:

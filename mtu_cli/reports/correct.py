@@ -14,11 +14,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
+
 from mtu_cli.analyses.correct.result import CorrectResult, Size
+from mtu_cli.analyses.correct.summary import SizeErrors
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.correct_figure import figure
-from mtu_cli.reports.correct_table import table
+from mtu_cli.reports.correct_table import ROUNDING_MM, table
 from mtu_cli.reports.document import finite, listed, um
 from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.least_squares import FloatArray
@@ -162,6 +165,10 @@ def _sides(before: float, after: float, shown: Any) -> dict[str, float | None]:
     return {"before": shown(before), "after": shown(after)}
 
 
+ROUNDER = 0.7
+"""Share of the form before that is left where a correction makes a circle rounder."""
+
+
 def warnings(result: CorrectResult) -> list[Warned]:
     """What cannot be had, and why."""
     exact = [f"{item.id} of {item.part}" for item in result.sizes if item.error[0] == 0]
@@ -169,22 +176,51 @@ def warnings(result: CorrectResult) -> list[Warned]:
     if exact:
         text = f"{listed(exact)} had no error before: there is nothing to reduce"
         found.append(Warned(code="no-error-before", message=text))
-    grown = [item for item in result.by_size() if item.grown]
-    if grown:
-        worst = max(grown, key=lambda item: item.rms[1] - item.rms[0])
-        before, after = (significant(value / UM) for value in worst.rms)
-        text = (
-            f"the correction makes the errors of {listed([item.id for item in grown])} larger "
-            f"({worst.id}: root mean square {before} um before, {after} um after), by more than "
-            "its uncertainty: the model does not describe these points; `mtu compare` and "
-            "`mtu close-loop` tell what it lacks"
-        )
-        found.append(Warned(code="errors-grown", message=text))
+    found += _grown(result)
     sure = [f"{i.id} of {i.part}" for i in result.sizes if i.u_error == 0]
     if sure:
         text = f"no uncertainty is known for {listed(sure)}: E_n cannot be had"
         found.append(Warned(code="no-uncertainty", message=text))
     return found
+
+
+def _grown(result: CorrectResult) -> list[Warned]:
+    """Of errors that the correction makes larger. Where it makes a circle rounder all the same, the
+    model describes the points, and the diameter it is held against is in doubt.
+    """
+    grown = [item for item in result.by_size() if item.grown]
+    forms = {item.id: _forms(result, item) for item in grown}
+    rounder = [item for item in grown if forms[item.id][1] < ROUNDER * forms[item.id][0]]
+    found = []
+    for items in (rounder, [item for item in grown if item not in rounder]):
+        if not items:
+            continue
+        worst = max(items, key=lambda item: item.rms[1] - item.rms[0])
+        before, after = (significant(value / UM) for value in worst.rms)
+        text = (
+            f"the correction makes the errors of {listed([item.id for item in items])} larger "
+            f"({worst.id}: root mean square {before} um before, {after} um after), by more than "
+            "its uncertainty: "
+        )
+        if items is rounder:
+            sides = (0.0 if side < ROUNDING_MM else side / UM for side in forms[worst.id])
+            first, last = map(significant, sides)
+            text += f"{worst.id} gets rounder (form {first} um before, {last} um after): "
+            text += "is calibrated_mm right?"
+        else:
+            text += (
+                "the model does not describe these points; `mtu compare` and `mtu close-loop` "
+                "tell what it lacks"
+            )
+        found.append(Warned(code="errors-grown", message=text))
+    return found
+
+
+def _forms(result: CorrectResult, item: SizeErrors) -> tuple[float, float]:
+    """Root mean square over the parts of the form before and after; nan of a length."""
+    own = [one.form for one in result.sizes if (one.kind, one.id) == (item.kind, item.id)]
+    before, after = np.sqrt(np.mean(np.square(own), axis=0))
+    return float(before), float(after)
 
 
 def csv_rows(result: CorrectResult) -> tuple[list[str], Iterable[list[object]]]:

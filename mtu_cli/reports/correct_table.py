@@ -86,18 +86,21 @@ def _sizes(title: str, items: tuple[Size, ...], digits: int) -> Sheet:
     columns += [Column(title="form\num")] if rounds else []
     rows = [_row(item, digits, rounds=rounds, warm=warm) for item in items[:SIZES]]
     against = "calibrated diameter" if rounds else "nominal length"
-    notes = [
-        f"before, after: measured minus {against}, after ± its u; "
-        "reduction: 100 (1 - |after|/|before|), where before is more than that u"
-    ]
-    if all(math.isnan(item.reference) for item in items):
+    unknown, notes = [math.isnan(item.reference) for item in items], list[str]()
+    if not all(unknown):
         notes = [
-            "before, after: the diameter, after ± its u; calibrated_mm of the part would tell "
-            "how far it is off"
+            f"before, after: measured minus {against}, after ± its u; "
+            "reduction: 100 (1 - |after|/|before|), where before is more than that u"
         ]
+    if any(unknown):
+        where = "" if all(unknown) else "where no diameter is calibrated, "
+        notes.append(
+            f"{where}before, after: the diameter, after ± its u; calibrated_mm of the part would "
+            "tell how far it is off"
+        )
     if rounds:
-        notes.append("u and 95 % with the calibration's; form: range of radial residuals")
-        notes += _exact(items)
+        with_it = "" if all(unknown) else "u and 95 % with the calibration's; "
+        notes += [f"{with_it}form: range of radial residuals", *_exact(items)]
     if any(len(item.repeats) > 1 for item in items):
         notes.append("means over the repeats of a part, which share what the machine did to it")
     if len(items) > SIZES:

@@ -90,20 +90,20 @@ def wanted_of(
 def _drawn(
     part: LoadedPart, kind: Kind, index: int, item: Circle | Sphere, points: Points
 ) -> Iterator[Problem]:
-    """Of features whose drawn places lie on no circle or sphere: what is measured of them bends by
-    chance.
+    """Of a circle or sphere that the drawn places of its features do not determine: what is
+    measured of them bends by chance. As it is measured, without z in the plane of x and y.
     """
     codes = [points.features.index(name) for name in item.features if name in points.features]
     places = points.nominal[[int(np.argmax(points.feature == code)) for code in codes]]
-    if kind == "circle" and np.isnan(places[:, 2]).any():
-        places = places[:, :2]
+    flat = np.isnan(points.measured[np.isin(points.feature, codes), 2]).any()
+    places = places[:, :2] if flat and kind == "circle" else places
     if len(codes) < len(item.features) or not np.isfinite(places).all():
         return
     try:
         (fit_sphere if kind == "sphere" else fit_circle)(places)
     except GeometryError as error:
         yield Problem(
-            what=f"the features of {kind} {item.id!r} are drawn on none: {error}",
+            what=f"no {kind} goes through the drawn places of {item.id!r}: {error}",
             file=part.source.shown,
             line=part.line_of(f"{kind}s", index),
             path=f"{kind}s[{index}].features",

@@ -100,8 +100,34 @@ def test_features_that_are_drawn_on_a_line_are_no_ring(tmp_path: Path) -> None:
     drawn[:, 1] = drawn[0, 1]
     (message,) = refused(model, part, replace(points, nominal=drawn, measured=drawn + 1e-3))
     assert message.startswith("part.yaml:")
-    assert "circles[0].features: the features of circle 'ring' are drawn on none: " in message
+    assert "circles[0].features: no circle goes through the drawn places of 'ring': " in message
     assert message.endswith("the points lie on a line; expected features all around it")
+
+
+def test_a_ring_is_looked_at_as_it_is_measured(tmp_path: Path) -> None:
+    """Of an upright ring z is needed: drawn without it the drawing tells nothing, measured without
+    it the ring is a line, however it bends by chance.
+    """
+    _, measured, temperature = rings(1)
+    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
+    model, part = machine(tmp_path), ring_part(tmp_path)
+    points = ring_points(measured, ["a"], None, own)
+    upright = np.stack(
+        [points.nominal[:, 0], np.full(11, 180.0), 100.0 + points.nominal[:, 1] - 180.0], axis=1
+    )
+    seen_by = upright + np.random.default_rng(3).normal(0.0, 1e-4, upright.shape)
+    drawn_flat, measured_flat = upright.copy(), seen_by + 0.1 * (np.arange(11)[:, None] % 2)
+    drawn_flat[:, 2] = measured_flat[:, 2] = np.nan
+    found = correct(model, part, replace(points, nominal=drawn_flat, measured=seen_by), SETTINGS)
+    assert found.sizes[0].size[0] == pytest.approx(180.0, abs=1e-3)
+    refusal = refused(model, part, replace(points, nominal=upright, measured=measured_flat))
+    assert "no circle goes through the drawn places of 'ring'" in refusal[0]
+    # With a feature that is not measured at all, or not drawn, nothing is said of the drawing.
+    line = np.where(np.isnan(drawn_flat), np.nan, drawn_flat)
+    line[0, 0] = np.nan
+    with pytest.raises(InputError) as bent:
+        correct(model, part, replace(points, nominal=line, measured=measured_flat), SETTINGS)
+    assert "goes through the drawn places" not in str(bent.value)
 
 
 def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:

@@ -135,3 +135,34 @@ def test_an_error_of_exactly_nothing_cannot_be_reduced(tmp_path: Path) -> None:
     assert document(shown)["circles"][0]["reduction_percent"] is None
     assert document(shown)["circles"][0]["E_n"] is None
     assert max(map(len, plain_text(table(shown)).splitlines())) <= 100
+
+
+def test_a_circle_that_gets_rounder_and_yet_further_off_asks_for_its_calibration(
+    tmp_path: Path,
+) -> None:
+    """The form falls from what the machine did to it to rounding."""
+    found = result(tmp_path, calibrated_mm="179.5134")
+    (size,) = (item for item in found.by_size() if item.id == "ring")
+    assert size.grown
+    (warned,) = (item for item in warnings(found) if item.code == "errors-grown")
+    assert warned.message.endswith("ring gets rounder (form 4.5 um before, 0 um after): is "
+                                   "calibrated_mm right?")  # fmt: skip
+    # Where it does not, the model is at fault.
+    same = tuple(replace(own, form=(own.form[0], own.form[0])) for own in found.sizes)
+    (other,) = (i for i in warnings(replace(found, sizes=same)) if i.code == "errors-grown")
+    assert "the model does not describe these points" in other.message
+
+
+def test_notes_are_of_the_circles_that_are_calibrated_and_of_those_that_are_not(
+    tmp_path: Path,
+) -> None:
+    known, none = result(tmp_path), result(tmp_path, calibrated_mm="")
+    both = replace(known, sizes=(known.sizes[0], none.sizes[1]))
+    notes = [" ".join(plain_text(table(own)).split()) for own in (known, none, both)]
+    minus, diameter = "measured minus calibrated diameter", "the diameter, after ± its u"
+    assert [minus in note for note in notes] == [True, False, True]
+    assert [diameter in note for note in notes] == [False, True, True]
+    assert ["u and 95 % with the calibration's" in note for note in notes] == [True, False, True]
+    assert ["where no diameter is calibrated, before" in note for note in notes] == [
+        False, False, True,
+    ]  # fmt: skip
