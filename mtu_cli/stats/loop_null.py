@@ -37,12 +37,13 @@ ROUNDING = 1e-20
 class KnownScatter:
     """What the model says of itself: `part` the covariance of a part's coordinates, `common` the
     factor of the coefficients' covariance in them, `dof` the degrees of freedom that both were
-    estimated with.
+    estimated with. `least` is the variance of one entry by rounding, by axis (or of all of them).
     """
 
     part: FloatArray
     common: FloatArray
     dof: float
+    least: FloatArray | float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +108,7 @@ def _components(strata: Strata, squares: MeanSquares, known: KnownScatter, told:
     if P == 1:
         # One part: its entries scatter as the columns do, and no two can be told apart.
         interaction = np.where(np.isfinite(squares.rest), squares.rest, 0.0)
+    interaction = np.maximum(interaction, known.least)
     noise = np.repeat(interaction, 1 + k)
     excess, part_dof = known.part, known.dof
     if P > 1:

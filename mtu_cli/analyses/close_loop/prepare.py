@@ -117,7 +117,7 @@ def prepare(
     strata = strata_of(P, smooth_directions(table), A, reversal_pairs(table))
     filling = completion(table.there, strata.smooth)
     frame = Frame(strata=strata, completion=filling, freeing=freeing(table))
-    known = KnownScatter(*_factors(table, strata), pass_dof)
+    known = KnownScatter(*_factors(table, strata), pass_dof, _of_rounding(table))
     chosen = _testable(table, candidates, strata)
     seen = _columns(table, frame, chosen)
     y, grand = _coordinates(frame, table)
@@ -182,20 +182,20 @@ def _scan(
         directions=directions,
         turns=frame.direction_noise(directions, known.part) if scatters else (),
         predicted_dof=known.dof,
-        least=_of_rounding(table, strata),
+        least=_of_rounding(table)[[stratum.axis for stratum in strata.all]],
         parts_scatter=not table.scatter_known,
     )
     return scan, ordered
 
 
-def _of_rounding(table: ResidualTable, strata: Strata) -> FloatArray:
-    """Variance (S,) that rounding alone gives the coordinates of a stratum: a twelfth of the
-    squared step, over the repeats of a cell (GUM, F.2.2.1).
+def _of_rounding(table: ResidualTable) -> FloatArray:
+    """Variance (A,) that rounding alone gives an entry: a twelfth of the squared step, over the
+    repeats of a cell (GUM, F.2.2.1).
     """
     steps = np.zeros(len(table.axes))
     steps[: len(table.resolution)] = table.resolution
-    repeats = float(table.repeats.max(initial=1))
-    return np.array([steps[s.axis] ** 2 / (12 * repeats) for s in strata.all])
+    found: FloatArray = steps**2 / (12 * float(table.repeats.max(initial=1)))
+    return found
 
 
 def scan_with_null(scan: Scan, null: NullModel) -> Scan:
