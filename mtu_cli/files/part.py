@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,6 +76,8 @@ class Orthogonality(_Identified):
 def _by_temperature(value: object) -> object:
     """A calibrated diameter as {degC: mm}; a plain number holds at every temperature."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
+        if not 0.0 < value < math.inf:
+            raise told("wrong value", "a number above 0, the diameter in mm")
         return {REFERENCE_TEMPERATURE: value}
     if not isinstance(value, dict):
         raise told("wrong value", "a diameter in mm, or {temperature in degC: diameter in mm}")

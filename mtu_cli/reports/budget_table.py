@@ -127,7 +127,7 @@ def _orders(output: OutputBudget, digits: int) -> list[list[str]]:
         ],
         [
             "second order",
-            with_u(first.second_value, _known(first.second_u), digits)[0],
+            with_u(first.second_value, _known(first.second_u) or first.u, digits)[0],
             significant(first.second_u, digits),
             *[MISSING] * 5,
         ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 from mtu_cli.analyses.close_loop.result import (
@@ -23,6 +24,8 @@ RIVALS = 3
 """Rivals that a sentence names."""
 WORTH, WORTH_AS_SCATTER = 0.9, 0.5
 """Shares of the held-out error below which a correction for each place is worth to be told."""
+REFERENCE = 20.0
+"""degC (ISO 1)."""
 LIKELY = 0.95
 """Posterior above which one name is told before what has none."""
 
@@ -141,6 +144,20 @@ def growth_alone_notes(item: TableResult) -> list[str]:
             where = f"{axis} = {plus_minus(point.at, point.u)} mm (95 %: {ends})"
             text += f": it may lie at {where}"
         notes.append(text)
+    return notes
+
+
+def mean_of_day_notes(item: TableResult) -> list[str]:
+    """Of a growth that is 0 at the mean temperature of the data and not at 20 degC (ISO 1)."""
+    notes = []
+    for effect in (e for e in item.effects if e.family in ("thermal-growth", "thermal-squareness")):
+        told = [re.search(rf"{effect.covariate} - ([\d.]+)", e) for e in effect.equations.values()]
+        zeros = {float(found[1]) for found in told if found} - {REFERENCE}
+        notes += [
+            f"{effect.name} is counted from {effect.covariate} = {significant(zero, 4)}, the mean "
+            f"of the data: that fits better than {REFERENCE:g} degC"
+            for zero in sorted(zeros)
+        ]
     return notes
 
 

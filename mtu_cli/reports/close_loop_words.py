@@ -14,7 +14,7 @@ from mtu_cli.analyses.close_loop.shown import (
     own_verdict,
     things,
 )
-from mtu_cli.analyses.close_loop.warnings import FREES
+from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
 from mtu_cli.reports.close_loop_class import class_lines, members
 from mtu_cli.reports.close_loop_effects import sum_texts
 from mtu_cli.reports.close_loop_notes import MEANINGS, of_p
@@ -211,10 +211,12 @@ def _none(item: TableResult, alpha: float) -> str:
 
 
 def _passes_for(item: TableResult) -> str:
-    """What stays is no scatter from part to part."""
-    if item.by_column is None or not stays(item):
-        return "passes for scatter"
+    """What stays is no scatter from part to part, which few parts say little of."""
     row, column = things(item)
+    if item.by_column is None or not stays(item):
+        count = len(item.table.parts)
+        few = f", of which {count} {plural(row)} say little" if 1 < count < FEW_PARTS else ""
+        return f"passes for scatter{few}"
     return f"passes for errors of single {plural(column)}, the same in every {row}"
 
 

@@ -197,9 +197,11 @@ def _first_order(
     shift = abs(first.second_value - first.value)
     apart = abs(first.second_u - first.u)
     if max(shift, apart) > item.validation.tolerance > 0.0:
+        known = math.isfinite(first.second_u)
+        u = f"u {first.second_u:.4g}" if known else "its variance below 0, so that there is no u"
         message = (
             f"{name}: the equation is not linear over the uncertainties of its inputs; to the "
-            f"second order the value is {first.second_value:.10g} and u {first.second_u:.4g}"
+            f"second order the value is {first.second_value:.10g} and {u}"
         )
         found.append(Warned(code="second-order", message=message))
     return found

@@ -122,3 +122,15 @@ def test_first_order_of_a_step_is_not_valid() -> None:
     # Where no trial differs there is nothing that first order misses.
     sure = evaluated(text.replace("10.0035", "11"), trials=10_000)
     assert sure.outputs[0].validation.passed is True
+
+
+def test_a_second_order_variance_below_0_is_said_to_give_no_u() -> None:
+    """Near 0 the root of a sum of squares has a value to the second order and no u."""
+    text = (
+        "equation: sqrt(x**2 + y**2)\ninputs:\n  x: {value: 0.002, u: 0.003}\n"
+        "  y: {value: 0.001, u: 0.003}\ncorrelations: [[x, y, 0.6]]\n"
+    )
+    result = evaluated(text)
+    assert math.isnan(single(result).first.second_u)
+    (told,) = (item.message for item in result.warnings if item.code == "second-order")
+    assert told.endswith("its variance below 0, so that there is no u")

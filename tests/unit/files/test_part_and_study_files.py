@@ -82,7 +82,7 @@ def test_a_part(tmp_path: Path) -> None:
         ),
         (
             "circles: [{id: c, features: [3, 9, a], calibrated_mm: -1}]",
-            "expected a number above 0",
+            "circles[0].calibrated_mm: wrong value: '-1'; expected a number above 0",
         ),
         ("lengths: [{from: 3, to: 9, id: ''}]", "lengths[0].id: no name for a table: ''; expected"),
         ('lengths: [{from: 3, to: 9, id: "a\\nb"}]', r"no name for a table: 'a\nb'; expected a t"),

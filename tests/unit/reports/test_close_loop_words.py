@@ -110,6 +110,13 @@ def grown(
     return replace(result(replace(item, fixed_points=points)), covariance=covariance)
 
 
+def test_a_growth_from_the_mean_of_the_day_says_so() -> None:
+    note = "thermal-growth-x is counted from T_spindle_degC = 21.88, the mean of the data"
+    mean = replace(GROWS, equations={"Ex": "growth*(x - 75)*(T_spindle_degC - 21.88) + level"})
+    shown = [" ".join(plain_text(table(grown(own))).split()) for own in (GROWS, mean)]
+    assert [note in text for text in shown] == [False, True]
+
+
 def test_growth_and_drift_are_one_cause_with_a_fixed_point() -> None:
     both = "X grows by 8.66 ± 0.40 um/m/K of T_spindle_degC from a fixed point at x = -137 ± 22 mm"
     names = " (thermal-growth-x and thermal-drift-x)"
@@ -499,6 +506,7 @@ def test_what_is_likely_but_not_proven_is_told_and_not_called_scatter() -> None:
         text = verdict_text(replace(base, table=own, candidates=weak), result(base))
         assert "passes for scatter" in text
         assert "cannot prove" not in text
+        assert ("of which 2 passes say little" in text) == (count == 2)
     one = replace(base.table, parts=("1",))
     text = verdict_text(replace(base, table=one, candidates=likely), result(base))
     assert "passes for scatter" in text
