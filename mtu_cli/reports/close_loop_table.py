@@ -119,11 +119,7 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
     ways = [(e.name, direction_text(e, item)) for item in result.tables for e in item.effects]
     notes += dict.fromkeys(f"{name}: {way}" for name, way in ways if way is not None)
     for item in result.tables:
-        notes += [
-            *one_cause_notes(item),
-            *growth_alone_notes(item),
-            *mean_of_day_notes(item),
-        ]
+        notes += [*one_cause_notes(item), *growth_alone_notes(item), *mean_of_day_notes(item)]
     if any(is_level(name) for effect in result.effects for name, _, _, _ in effect.parameters):
         notes.insert(0, LEVEL)
     return notes

@@ -194,17 +194,21 @@ def _first_order(
             f"uncertainty by Monte Carlo may not settle to the digits asked for, {remedy}"
         )
         found.append(Warned(code="heavy-tails", message=message))
-    shift = abs(first.second_value - first.value)
-    apart = abs(first.second_u - first.u)
-    if max(shift, apart) > item.validation.tolerance > 0.0:
-        known = math.isfinite(first.second_u)
-        u = f"u {first.second_u:.4g}" if known else "its variance below 0, so that there is no u"
-        message = (
-            f"{name}: the equation is not linear over the uncertainties of its inputs; to the "
-            f"second order the value is {first.second_value:.10g} and {u}"
-        )
-        found.append(Warned(code="second-order", message=message))
-    return found
+    return [*found, *_second_order(item)]
+
+
+def _second_order(item: OutputBudget) -> list[Warned]:
+    first = item.first
+    shift, apart = abs(first.second_value - first.value), abs(first.second_u - first.u)
+    if not max(shift, apart) > item.validation.tolerance > 0.0:
+        return []
+    known = math.isfinite(first.second_u)
+    u = f"u {first.second_u:.4g}" if known else "its variance below 0, so that there is no u"
+    message = (
+        f"{first.name}: the equation is not linear over the uncertainties of its inputs; to the "
+        f"second order the value is {first.second_value:.10g} and {u}"
+    )
+    return [Warned(code="second-order", message=message)]
 
 
 def _without_u(item: OutputBudget, inputs: Sequence[InputQuantity]) -> Warned:
