@@ -8,10 +8,11 @@ from mtu_cli.analyses.close_loop.result import (
     FixedPoint,
     FoundEffect,
     NeutralPoint,
+    Otherwise,
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import effect_rms, own_verdict
-from mtu_cli.reports.close_loop_shown import parameters_of, size_of
+from mtu_cli.reports.close_loop_shown import in_shown_unit, parameters_of, size_of
 from mtu_cli.reports.document import finite
 
 
@@ -29,6 +30,7 @@ def effect_of(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
         "chosen": effect.chosen,
         "equations": dict(effect.equations),
         "parameters": _parameters(effect),
+        "otherwise": [_otherwise(own) for own in effect.otherwise],
         "searched": _searched(effect),
         "alike": [finite(value) for value in effect.alike],
         "p_familywise": finite(effect.p_familywise),
@@ -82,6 +84,19 @@ def _parameters(effect: FoundEffect) -> dict[str, Any]:
             "dof_effective": finite(shown.dof),
         }
         for shown in parameters_of(effect)
+    }
+
+
+def _otherwise(own: Otherwise) -> dict[str, Any]:
+    both = {own.parameter[0]: own.parameter, f"{own.name}.{own.constant[0]}": own.constant}
+    shown = {name: in_shown_unit(found) for name, found in both.items()}
+    return {
+        "beside": own.name,
+        "p": finite(own.p),
+        "parameters": {
+            name: {"value": finite(value), "u": finite(u), "unit": unit}
+            for name, (value, u, unit) in shown.items()
+        },
     }
 
 

@@ -17,7 +17,7 @@ from mtu_cli.analyses.close_loop.result import (
 from mtu_cli.analyses.close_loop.shown import is_level, is_nameless, pitch_is_open
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.document import finite
-from mtu_cli.reports.numbers import interval, plus_minus, significant
+from mtu_cli.reports.numbers import interval, p_value, plus_minus, significant
 from mtu_cli.units import PARAMETER_UNITS, UNITS, Unit
 
 RIVALS = 3
@@ -57,6 +57,29 @@ def unit_of(item: TableResult) -> Unit:
 def size_of(item: TableResult, value: float | None) -> float | None:
     """An error in internal units (mm, rad) in the table's own; None where it is not finite."""
     return None if value is None else finite(value / unit_of(item).to_internal)
+
+
+def in_shown_unit(found: tuple[str, str, float, float]) -> tuple[float, float, str]:
+    """Value and u of (name, unit, value, u) in the unit, and the unit."""
+    _, unit, value, u = found
+    scale = PARAMETER_UNITS[unit].to_internal
+    return value / scale, u / scale, unit
+
+
+def _otherwise_notes(item: TableResult) -> list[str]:
+    """Of what was found, what it would be beside an effect of its kind that was not told."""
+    notes = []
+    for effect in item.effects:
+        for own in effect.otherwise:
+            (value, u, unit), (more, u_more, other) = map(
+                in_shown_unit, (own.parameter, own.constant)
+            )
+            notes.append(
+                f"{effect.name}: that {own.parameter[0]} and its u hold if there is no {own.name}; "
+                f"with one it is {plus_minus(value, u)} {unit}, beside a {own.constant[0]} of "
+                f"{plus_minus(more, u_more)} {other} (p {p_value(own.p)})"
+            )
+    return notes
 
 
 def parameters_of(effect: FoundEffect) -> tuple[Shown, ...]:
@@ -147,7 +170,12 @@ def growth_alone_notes(item: TableResult) -> list[str]:
     return notes
 
 
-def mean_of_day_notes(item: TableResult) -> list[str]:
+def held_notes(item: TableResult) -> list[str]:
+    """On what the figures of growths and the like depend."""
+    return [*_mean_of_day_notes(item), *_otherwise_notes(item)]
+
+
+def _mean_of_day_notes(item: TableResult) -> list[str]:
     """Of a growth that is 0 at the mean temperature of the data and not at 20 degC (ISO 1)."""
     notes = []
     for effect in (e for e in item.effects if e.family in ("thermal-growth", "thermal-squareness")):

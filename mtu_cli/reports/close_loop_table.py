@@ -30,8 +30,8 @@ from mtu_cli.reports.close_loop_shown import (
     class_of,
     first_table,
     growth_alone_notes,
+    held_notes,
     in_words,
-    mean_of_day_notes,
     one_cause_notes,
     parameters_of,
     plural,
@@ -119,7 +119,7 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
     ways = [(e.name, direction_text(e, item)) for item in result.tables for e in item.effects]
     notes += dict.fromkeys(f"{name}: {way}" for name, way in ways if way is not None)
     for item in result.tables:
-        notes += [*one_cause_notes(item), *growth_alone_notes(item), *mean_of_day_notes(item)]
+        notes += [*one_cause_notes(item), *growth_alone_notes(item), *held_notes(item)]
     if any(is_level(name) for effect in result.effects for name, _, _, _ in effect.parameters):
         notes.insert(0, LEVEL)
     return notes

@@ -15,7 +15,6 @@ from mtu_cli.analyses.close_loop.estimate import (
 )
 from mtu_cli.analyses.close_loop.jointly import jointly
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.same_in_all import with_disagreement
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.model.effect_library import Member
@@ -86,8 +85,6 @@ def added(
     left, fit = prepared, _no_fit(prepared)
     if columns:
         left, fit = jointly(prepared, columns, rough=rough)
-        if not rough:
-            fit = with_disagreement(prepared, columns, found.members, fit)
     joint = _joint_covariance(left, columns, fit, seed, rough)
     fit, levels = _with_levels(left, found.members, fit, _offsets(scan, found), joint, owners)
     if waves:

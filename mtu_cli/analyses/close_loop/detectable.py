@@ -34,28 +34,24 @@ def minimum_detectable(
     pack = scan.pack()
     y = _left(prepared, pack, found)
     freedom = np.repeat(pack.dof, [stratum.size for stratum in scan.frame.strata.all])
-    smallest = {}
-    first = 0
-    for f, members in enumerate(scan.columns):
-        T = gate.statistic_of(limit, f)
-        amplitudes: dict[object, list[float]] = {}
-        for i, member in enumerate(members):
-            X = pack.without_found(raw_design(scan, [member]).T).T
-            weights = _weights(scan, pack, y, X)
-            information = np.einsum("ni,n,nj->ij", X, weights, X)
-            squares = _mean_squares(prepared, first + i)
-            k = len(squares)
-            unit = np.full(k, 1 / np.sqrt(k)) / np.sqrt(np.maximum(squares, 1e-300))
-            z2 = float(unit @ information @ unit)
-            if z2 > 0 and pack.usable[first + i]:
-                n = float(np.einsum("ni,n,n->", X**2, weights, freedom))
-                n /= float(np.trace(information))
-                own = amplitudes.setdefault(_form(prepared.members[first + i]), [])
-                own.append(_needed(T, n, k) / np.sqrt(z2))
-        first += len(members)
-        if amplitudes:
-            smallest[scan.names[f]] = max(float(np.median(own)) for own in amplitudes.values())
-    return smallest
+    amplitudes: dict[int, dict[object, list[float]]] = {}
+    for f, m, member in scan.walk():
+        X = pack.without_found(raw_design(scan, [member]).T).T
+        weights = _weights(scan, pack, y, X)
+        information = np.einsum("ni,n,nj->ij", X, weights, X)
+        squares = _mean_squares(prepared, m)
+        k = len(squares)
+        unit = np.full(k, 1 / np.sqrt(k)) / np.sqrt(np.maximum(squares, 1e-300))
+        z2 = float(unit @ information @ unit)
+        if z2 > 0 and pack.usable[m]:
+            n = float(np.einsum("ni,n,n->", X**2, weights, freedom))
+            n /= float(np.trace(information))
+            own = amplitudes.setdefault(f, {}).setdefault(_form(prepared.members[m]), [])
+            own.append(_needed(gate.statistic_of(limit, f), n, k) / np.sqrt(z2))
+    return {
+        scan.names[f]: max(float(np.median(own)) for own in forms.values())
+        for f, forms in amplitudes.items()
+    }
 
 
 def _form(member: Member) -> object:

@@ -31,6 +31,7 @@ from mtu_cli.analyses.close_loop.held_out import (
 )
 from mtu_cli.analyses.close_loop.neutral_point import neutral_points
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
+from mtu_cli.analyses.close_loop.otherwise import with_otherwise
 from mtu_cli.analyses.close_loop.own_constant import owners_of, with_own_constants
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.refined import wave_members, with_refined_pitches
@@ -180,10 +181,9 @@ def _described(
 ) -> tuple[tuple[FoundEffect, ...], tuple[Instead, ...]]:
     """The effects found, with their rivals; and what each rival would be in their place."""
     planned = experiments(told.effects, told.found, library=library)
-    alone = found_effects(told, planned)
-    alone = with_other_pitches(told, alone, library)
+    alone = with_other_pitches(told, found_effects(told, planned), library)
     others = all_instead(told, alone, library, seed)
-    return with_rivals(alone, others), others
+    return with_otherwise(told, with_rivals(alone, others)), others
 
 
 def _searched(

@@ -31,6 +31,18 @@ class Experiment:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Otherwise:
+    """If candidate `name`, the same in all parts, stood beside an effect: the effect's `parameter`
+    and the `constant` of that, (name, unit, value, u) as in `FoundEffect`; `p` (t test) of none.
+    """
+
+    name: str
+    parameter: tuple[str, str, float, float]
+    constant: tuple[str, str, float, float]
+    p: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FoundEffect:
     """An effect that passed the gate, or that one which did cannot be told without (`same_in_all`).
 
@@ -45,6 +57,7 @@ class FoundEffect:
     the data. `rivals` are the other names of a small class, each estimated in its place. `apart`
     are those of `class_names` that a scatter cannot be mistaken for: as likely as it, but other
     findings. `unnamed` is the posterior of drifts and fields without a name in its place.
+    `otherwise`: it is told with its u if there is none of these beside it.
     `inseparable`: no further parts tell its class apart. `folds` counts the held-out folds that
     chose it, or another of its class, of `of_folds`.
     """
@@ -77,6 +90,7 @@ class FoundEffect:
     rivals: tuple[FoundEffect, ...] = ()
     apart: tuple[str, ...] = ()
     unnamed: float = 0.0
+    otherwise: tuple[Otherwise, ...] = ()
 
     @property
     def candidates(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What of a column is the same in all parts, and whether two columns are the same there."""
+"""What of a column is the same in all parts, and how far two columns are the same there."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from mtu_cli.stats.column_groups import Column, whiten
 from mtu_cli.stats.least_squares import FloatArray
 
 ALIAS = 1e-6
-"""Share of a column's square that others leave of it if they are the same."""
+"""Share of a column's square that others leave of it if they say the same."""
+NEARLY = 0.2
+"""The same from which on one column hides another: what is left tells too little of it."""
 SAME = ("column", "reversal")
 """The strata of what is the same in all parts."""
 
@@ -27,25 +29,26 @@ def is_same(scan: Scan, column: Column) -> bool:
     return len(same_of(scan, column)) == len(column) > 0
 
 
-def is_told_twice(scan: Scan, column: Column) -> bool:
-    """Whether some of a column is the same in all parts, and some is not."""
-    return 0 < len(same_of(scan, column)) < len(column)
-
-
-def alike(scan: Scan, one: Column, other: Column) -> bool:
-    """Whether two columns are the same but for their size."""
+def likeness(scan: Scan, one: Column, other: Column) -> float:
+    """The share of either column's square that is the other but for its size."""
     a, b = (whitened_column(scan, own, [*{**one, **other}]) for own in (one, other))
     size = float(a @ a) * float(b @ b)
-    return size > 0 and float(a @ b) ** 2 >= (1 - ALIAS) * size
+    return float(a @ b) ** 2 / size if size > 0 else 0.0
+
+
+def hides(scan: Scan, column: Column, other: Column) -> bool:
+    """Whether a column that is told twice hides `other`, which is the same in all parts."""
+    same = same_of(scan, column)
+    told_twice = 0 < len(same) < len(column)
+    return told_twice and likeness(scan, same, other) >= 1 - NEARLY
 
 
 def whitened_column(scan: Scan, column: Column, strata: Sequence[int]) -> FloatArray:
     """The whitened coordinates of a column in these strata, end to end; 0 where it has none."""
     found = []
     for index in strata:
-        own = (
-            column[index].copy() if index in column else np.zeros(scan.frame.strata.all[index].size)
-        )
+        size = scan.frame.strata.all[index].size
+        own = column[index].copy() if index in column else np.zeros(size)
         whiten(scan.frame.strata, scan.whitening, index, own)
         found.append(own)
     return np.concatenate(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,6 +56,14 @@ class Scan:
     def flat(self) -> list[MemberColumns]:
         """The members of all mean candidates, end to end."""
         return [member for members in self.columns for member in members]
+
+    def walk(self) -> Iterator[tuple[int, int, MemberColumns]]:
+        """Each of them with its candidate's index and its own."""
+        m = 0
+        for index, members in enumerate(self.columns):
+            for member in members:
+                yield index, m, member
+                m += 1
 
     def pack(self, found: Sequence[MemberColumns] = ()) -> Packed:
         """The mean candidates beside what was found."""

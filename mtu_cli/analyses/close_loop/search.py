@@ -10,8 +10,8 @@ import numpy as np
 from mtu_cli.analyses.close_loop.causes import causes, levels_of
 from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.same_in_all import with_constants
-from mtu_cli.analyses.close_loop.same_strata import alike, is_same, is_told_twice, same_of
+from mtu_cli.analyses.close_loop.same_in_all import with_constant
+from mtu_cli.analyses.close_loop.same_strata import hides, is_same
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.several import several
 from mtu_cli.analyses.close_loop.state import State, Step
@@ -93,7 +93,14 @@ def search(
         # An offset found before is the level of what explains it better.
         steps = [own for own in steps if own.index not in state.owned]
         looked = state.look()
-    steps = with_constants(prepared, gate, steps, unsure)
+    while True:
+        more = with_constant(prepared, gate, steps, alpha, unsure)
+        if len(more) == len(steps):
+            break
+        if causes(prepared, more) > most:
+            stopped = True
+            break
+        steps = more
     steps = _without_found(_beside_others(prepared, steps))
     return Search(
         steps=tuple(steps),
@@ -152,10 +159,7 @@ def _hidden(prepared: Prepared, step: Step, steps: Sequence[Step]) -> Column | N
     if len(own) != 1 or not is_same(scan, own[0]):
         return None
     others = [column for s in steps if s.member >= 0 and s is not step for column in flat[s.member]]
-    for column in others:
-        if is_told_twice(scan, column) and alike(scan, own[0], same_of(scan, column)):
-            return own[0]
-    return None
+    return own[0] if any(hides(scan, column, own[0]) for column in others) else None
 
 
 def _without_found(steps: list[Step]) -> list[Step]:

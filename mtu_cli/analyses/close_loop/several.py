@@ -63,19 +63,17 @@ def _left(told: tuple[float, list[Step]]) -> float:
 
 def _smooth(state: State, s: int, unsure: frozenset[int]) -> Iterator[_Smooth]:
     """Members of one column that lies in stratum `s` alone, most of it along smooth directions."""
-    scan, first = state.scan, 0
+    scan = state.scan
     k = len(scan.frame.strata.all[s].lead)
-    for index, members in enumerate(scan.columns):
-        for m, member in enumerate(members, first):
-            free = index not in state.done | unsure and m not in state.members
-            if free and len(member) == 1 and set(member[0]) == {s}:
-                own = whitened_column(scan, member[0], [s])
-                Q = state.pack.found.get(s, np.zeros((len(own), 0)))
-                left = own - Q @ (Q.T @ own)
-                smooth = own[:k] @ own[:k] > SMOOTH * (own @ own)
-                if smooth and left @ left > ALIAS * (own @ own):
-                    yield _Smooth(index, m, left)
-        first += len(members)
+    for index, m, member in scan.walk():
+        free = index not in state.done | unsure and m not in state.members
+        if free and len(member) == 1 and set(member[0]) == {s}:
+            own = whitened_column(scan, member[0], [s])
+            Q = state.pack.found.get(s, np.zeros((len(own), 0)))
+            left = own - Q @ (Q.T @ own)
+            smooth = own[:k] @ own[:k] > SMOOTH * (own @ own)
+            if smooth and left @ left > ALIAS * (own @ own):
+                yield _Smooth(index, m, left)
 
 
 def _told(

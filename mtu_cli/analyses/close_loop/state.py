@@ -9,7 +9,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
 from mtu_cli.analyses.close_loop.evidence import Evidence, evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared, without_rounding
-from mtu_cli.analyses.close_loop.same_strata import alike, same_of
+from mtu_cli.analyses.close_loop.same_strata import hides, same_of
 from mtu_cli.analyses.close_loop.scan import Scan, beside_found
 from mtu_cli.stats.column_groups import Column, MemberColumns, Packed, whiten
 from mtu_cli.stats.family_gate import Gate
@@ -107,15 +107,15 @@ class State:
         """
         columns = self.prepared.with_tangents(self.members)
         return [
-            tuple(self._hiding(scan, where_it_counts(scan, column, weights)) for column in member)
+            tuple(where_it_counts(scan, self._hiding(scan, column), weights) for column in member)
             for member in columns
         ]
 
     def _hiding(self, scan: Scan, column: Column) -> Column:
         """The column less what is the same in all parts, where that has a size of its own."""
-        same = same_of(scan, column)
-        if self.apart is None or not same or not alike(scan, same, self.apart):
+        if self.apart is None or not hides(scan, column, self.apart):
             return column
+        same = same_of(scan, column)
         return {index: values for index, values in column.items() if index not in same}
 
     def take_out(self, step: Step) -> None:
