@@ -15,6 +15,7 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import is_level, is_nameless, pitch_is_open
+from mtu_cli.files.part import REFERENCE_TEMPERATURE
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import interval, p_value, plus_minus, significant
@@ -24,8 +25,6 @@ RIVALS = 3
 """Rivals that a sentence names."""
 WORTH, WORTH_AS_SCATTER = 0.9, 0.5
 """Shares of the held-out error below which a correction for each place is worth to be told."""
-REFERENCE = 20.0
-"""degC (ISO 1)."""
 LIKELY = 0.95
 """Posterior above which one name is told before what has none."""
 
@@ -179,11 +178,12 @@ def _mean_of_day_notes(item: TableResult) -> list[str]:
     """Of a growth that is 0 at the mean temperature of the data and not at 20 degC (ISO 1)."""
     notes = []
     for effect in (e for e in item.effects if e.family in ("thermal-growth", "thermal-squareness")):
-        told = [re.search(rf"{effect.covariate} - ([\d.]+)", e) for e in effect.equations.values()]
-        zeros = {float(found[1]) for found in told if found} - {REFERENCE}
+        start = re.compile(rf"{re.escape(effect.covariate or '')} - ([\d.]+)")
+        told = [start.search(equation) for equation in effect.equations.values()]
+        zeros = {float(found[1]) for found in told if found} - {REFERENCE_TEMPERATURE}
         notes += [
             f"{effect.name} is counted from {effect.covariate} = {significant(zero, 4)}, the mean "
-            f"of the data: that fits better than {REFERENCE:g} degC"
+            f"of the data: that fits better than {REFERENCE_TEMPERATURE:g} degC"
             for zero in sorted(zeros)
         ]
     return notes

@@ -14,10 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-
 from mtu_cli.analyses.correct.result import CorrectResult, Size
-from mtu_cli.analyses.correct.summary import SizeErrors
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.correct_figure import figure
@@ -165,10 +162,6 @@ def _sides(before: float, after: float, shown: Any) -> dict[str, float | None]:
     return {"before": shown(before), "after": shown(after)}
 
 
-ROUNDER = 0.7
-"""Share of the form before that is left where a correction makes a circle rounder."""
-
-
 def warnings(result: CorrectResult) -> list[Warned]:
     """What cannot be had, and why."""
     exact = [f"{item.id} of {item.part}" for item in result.sizes if item.error[0] == 0]
@@ -185,14 +178,11 @@ def warnings(result: CorrectResult) -> list[Warned]:
 
 
 def _grown(result: CorrectResult) -> list[Warned]:
-    """Of errors that the correction makes larger. Where it makes a circle rounder all the same, the
-    model describes the points, and the diameter it is held against is in doubt.
-    """
+    """Of errors that the correction makes larger."""
     grown = [item for item in result.by_size() if item.grown]
-    forms = {item.id: _forms(result, item) for item in grown}
-    rounder = [item for item in grown if forms[item.id][1] < ROUNDER * forms[item.id][0]]
     found = []
-    for items in (rounder, [item for item in grown if item not in rounder]):
+    for rounder in (True, False):
+        items = [item for item in grown if item.rounder == rounder]
         if not items:
             continue
         worst = max(items, key=lambda item: item.rms[1] - item.rms[0])
@@ -202,11 +192,13 @@ def _grown(result: CorrectResult) -> list[Warned]:
             f"({worst.id}: root mean square {before} um before, {after} um after), by more than "
             "its uncertainty: "
         )
-        if items is rounder:
-            sides = (0.0 if side < ROUNDING_MM else side / UM for side in forms[worst.id])
+        if rounder:
+            sides = (0.0 if side < ROUNDING_MM else side / UM for side in worst.form)
             first, last = map(significant, sides)
-            text += f"{worst.id} gets rounder (form {first} um before, {last} um after): "
-            text += "is calibrated_mm right?"
+            text += (
+                f"{worst.id} gets rounder (form {first} um before, {last} um after): is "
+                "calibrated_mm right, or does the model lack a scale that its axes share?"
+            )
         else:
             text += (
                 "the model does not describe these points; `mtu compare` and `mtu close-loop` "
@@ -214,13 +206,6 @@ def _grown(result: CorrectResult) -> list[Warned]:
             )
         found.append(Warned(code="errors-grown", message=text))
     return found
-
-
-def _forms(result: CorrectResult, item: SizeErrors) -> tuple[float, float]:
-    """Root mean square over the parts of the form before and after; nan of a length."""
-    own = [one.form for one in result.sizes if (one.kind, one.id) == (item.kind, item.id)]
-    before, after = np.sqrt(np.mean(np.square(own), axis=0))
-    return float(before), float(after)
 
 
 def csv_rows(result: CorrectResult) -> tuple[list[str], Iterable[list[object]]]:

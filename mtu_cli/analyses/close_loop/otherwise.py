@@ -19,7 +19,7 @@ from mtu_cli.analyses.close_loop.same_in_all import Constant, constants
 def with_otherwise(told: Described, effects: Sequence[FoundEffect]) -> tuple[FoundEffect, ...]:
     """The effects of a search, each with what it hides (see `constants`)."""
     members = told.found.members
-    by_coefficient = {own.of: own for own in constants(told.prepared, members)}
+    by_coefficient = {own.of: own for own in constants(told.prepared, members) if own.hidden}
     found, first = [], 0
     for step, effect in zip(told.found.steps, effects, strict=True):
         count = len(told.prepared.members[step.member].columns) if step.member >= 0 else 0

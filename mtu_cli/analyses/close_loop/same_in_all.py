@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtr
 
+from mtu_cli.analyses.close_loop.causes import causes
 from mtu_cli.analyses.close_loop.jointly import jointly
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.same_strata import (
@@ -38,9 +39,9 @@ DISAGREES = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Constant:
-    """The candidate `index` and its `member` that coefficient `of` of all that was found hides:
+    """The candidate `index` and its `member` that coefficient `of` of all that was found has in it:
     its `value` and `u` beside that, with `dof` degrees of freedom, and what all coefficients are
-    then (`beta`, with `covariance`).
+    then (`beta`, with `covariance`). `hidden`: what was found takes up all that tells it.
     """
 
     of: int
@@ -49,6 +50,7 @@ class Constant:
     value: float
     u: float
     dof: float
+    hidden: bool
     beta: FloatArray
     covariance: FloatArray
 
@@ -63,51 +65,71 @@ class Constant:
         return float(2 * stdtr(self.dof, -abs(self.t)))
 
 
-def with_constant(
+def with_constants(
     prepared: Prepared,
     gate: Gate,
     steps: Sequence[Step],
     alpha: float,
+    most: int,
     unsure: frozenset[int] = frozenset(),
-) -> list[Step]:
-    """The steps with one more, the surest constant of which p is below `DISAGREES` and `alpha`, if
-    there is one. Its family-wise p is that of all tests; it may well be above alpha: the effect
-    that hides it cannot be told without it.
+) -> tuple[list[Step], bool]:
+    """The steps with what is the same in all parts beside them, the surest first; and whether more
+    of it is there than causes were asked for (`most`).
+    """
+    found = list(steps)
+    while True:
+        step = _surest(prepared, gate, found, alpha, unsure)
+        if step is None:
+            return found, False
+        if causes(prepared, [*found, step]) > most:
+            return found, True
+        found.append(step)
+
+
+def _surest(
+    prepared: Prepared, gate: Gate, steps: Sequence[Step], alpha: float, unsure: frozenset[int]
+) -> Step | None:
+    """The surest constant that an effect found hides, of which p is below `DISAGREES` and `alpha`:
+    that effect cannot be told without it. Its family-wise p is that of all tests, and may well be
+    above alpha. Of one that is not hidden this has to be below: all tests looked for it.
     """
     members = [own.member for own in steps if own.member >= 0]
     known = unsure | {own.index for own in steps}
-    told = [own for own in constants(prepared, members) if own.index not in known]
-    best = min(told, key=lambda own: own.p, default=None)
-    if best is None or best.p >= min(DISAGREES, alpha):
-        return list(steps)
-    p = gate.family_p(np.array([-np.log(max(best.p, 1e-300))]))
-    ratio = best.dof * np.log1p(best.t**2 / best.dof)
-    step = Step(
-        index=best.index,
-        member=best.member,
-        p=float(p[0]),
-        log_bayes=float(unit_information(ratio, best.dof + 1, 1)),
+    best = None
+    for own in constants(prepared, members):
+        family = float(gate.family_p(np.array([-np.log(max(own.p, 1e-300))]))[0])
+        passes = own.p < min(DISAGREES, alpha) if own.hidden else family < alpha
+        if passes and own.index not in known and (best is None or own.p < best[0].p):
+            best = own, family
+    if best is None:
+        return None
+    own, family = best
+    ratio = own.dof * np.log1p(own.t**2 / own.dof)
+    return Step(
+        index=own.index,
+        member=own.member,
+        p=family,
+        log_bayes=float(unit_information(ratio, own.dof + 1, 1)),
         posterior=1.0,
-        credible=(best.index,),
+        credible=(own.index,),
         constant=True,
     )
-    return [*steps, step]
 
 
 def constants(prepared: Prepared, members: Sequence[int]) -> Iterator[Constant]:
-    """What the effects found (`members`) hide of candidates that are the same in all parts."""
+    """Candidates that are the same in all parts and lie in the effects found (`members`)."""
     scan, columns = prepared.scan, prepared.whole(members)
     flat = [column for member in columns for column in member]
-    hidden = [(of, _hidden(scan, flat, column)) for of, column in enumerate(flat)]
-    if not any(own for _, own in hidden):
+    within = [(of, _within(scan, flat, column)) for of, column in enumerate(flat)]
+    if not any(own for _, own in within):
         return
     whole = [*columns, *(prepared.tangents[m] for m in members if m in prepared.tangents)]
     left, fit = jointly(prepared, whole)
-    for of, own in hidden:
-        counts = where_it_counts(left.scan, flat[of], fit.weights)
-        if own is None or not same_of(scan, counts):
+    for of, own in within:
+        if own is None:
             continue
         index, m, column = own
+        counts = where_it_counts(left.scan, flat[of], fit.weights)
         _, apart = jointly(prepared, [*whole, (column,)])
         u = float(np.sqrt(max(apart.covariance[-1, -1], 0.0)))
         if u > 0:
@@ -118,13 +140,14 @@ def constants(prepared: Prepared, members: Sequence[int]) -> Iterator[Constant]:
                 value=float(apart.beta[-1]),
                 u=u,
                 dof=max(float(apart.dof[-1]), 1.0),
+                hidden=bool(same_of(scan, counts)),
                 beta=apart.beta[: len(flat)],
                 covariance=apart.covariance[: len(flat), : len(flat)],
             )
 
 
-def _hidden(scan: Scan, found: Sequence[Column], column: Column) -> tuple[int, int, Column] | None:
-    """The candidate that a column hides most, its member and column: the first of exact aliases.
+def _within(scan: Scan, found: Sequence[Column], column: Column) -> tuple[int, int, Column] | None:
+    """The candidate that a column has most of, its member and column: the first of exact aliases.
 
     None where what was found, or the polynomial of the readings, says the same.
     """

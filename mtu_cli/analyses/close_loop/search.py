@@ -10,7 +10,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.causes import causes, levels_of
 from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.same_in_all import with_constant
+from mtu_cli.analyses.close_loop.same_in_all import with_constants
 from mtu_cli.analyses.close_loop.same_strata import hides, is_same
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.several import several
@@ -93,14 +93,7 @@ def search(
         # An offset found before is the level of what explains it better.
         steps = [own for own in steps if own.index not in state.owned]
         looked = state.look()
-    while True:
-        more = with_constant(prepared, gate, steps, alpha, unsure)
-        if len(more) == len(steps):
-            break
-        if causes(prepared, more) > most:
-            stopped = True
-            break
-        steps = more
+    steps, too_many = with_constants(prepared, gate, steps, alpha, most, unsure)
     steps = _without_found(_beside_others(prepared, steps))
     return Search(
         steps=tuple(steps),
@@ -109,7 +102,7 @@ def search(
         posterior=posterior_of(start.log_bayes),
         checks=tuple(zip(CHECKS, state.checks.tolist(), strict=True)),
         without_name=bool(steps) and _nameless(start, looked, steps),
-        stopped=stopped,
+        stopped=stopped or too_many,
     )
 
 

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from mtu_cli.analyses.correct.result import Size
 
 
+ROUNDER = 0.7
+"""Share of the form before that is left where a correction makes a circle rounder."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureErrors:
     """Measured features with the means (m, 3) mm over all their points: nominal places, and
@@ -45,8 +49,9 @@ class AxisCorrections:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SizeErrors:
     """The errors of one circle, sphere or length over all `parts` (of operations: each counts),
-    before and after the correction, mm; `half` is the median half-width of intervals that the
-    errors after of all circles and spheres are in together, in 95 % of all cases (Bonferroni).
+    before and after the correction, mm, with the root mean square `form`; `half` is the median
+    half-width of intervals that the errors after of all circles and spheres are in together, in
+    95 % of all cases (Bonferroni).
     """
 
     kind: str
@@ -54,6 +59,7 @@ class SizeErrors:
     parts: int
     mean: tuple[float, float]
     rms: tuple[float, float]
+    form: tuple[float, float]
     half: float
 
     @property
@@ -64,6 +70,13 @@ class SizeErrors:
         """
         larger = self.rms[1] > self.rms[0] and abs(self.mean[1]) > self.half
         return larger and self.kind != "length"
+
+    @property
+    def rounder(self) -> bool:
+        """Whether the correction has made it rounder all the same (`ROUNDER`): the model then
+        describes the points, and what the diameter is held against is in doubt.
+        """
+        return self.form[1] < ROUNDER * self.form[0]
 
 
 def size_errors(sizes: Sequence[Size]) -> tuple[SizeErrors, ...]:
@@ -78,6 +91,7 @@ def size_errors(sizes: Sequence[Size]) -> tuple[SizeErrors, ...]:
     for (kind, name), own in groups.items():
         errors = np.array([item.error for item in own])
         mean, rms = errors.mean(axis=0), np.sqrt((errors**2).mean(axis=0))
+        form = np.sqrt(np.mean(np.square([item.form for item in own]), axis=0))
         half = [coverage_factor(probability, item.dof_error) * item.u_error for item in own]
         found.append(
             SizeErrors(
@@ -86,6 +100,7 @@ def size_errors(sizes: Sequence[Size]) -> tuple[SizeErrors, ...]:
                 parts=len(own),
                 mean=(float(mean[0]), float(mean[1])),
                 rms=(float(rms[0]), float(rms[1])),
+                form=(float(form[0]), float(form[1])),
                 half=float(np.median(half)),
             )
         )

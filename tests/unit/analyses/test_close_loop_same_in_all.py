@@ -15,7 +15,12 @@ from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, found_effects
 from mtu_cli.analyses.close_loop.otherwise import with_otherwise
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.same_in_all import DISAGREES, Constant, constants, with_constant
+from mtu_cli.analyses.close_loop.same_in_all import (
+    DISAGREES,
+    Constant,
+    constants,
+    with_constants,
+)
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.analyses.close_loop.state import Step
@@ -92,7 +97,7 @@ def test_growth_and_constant_are_the_line_of_the_parts_slopes() -> None:
     assert own.dof == pytest.approx(6.0, abs=1.5)
 
 
-@pytest.mark.parametrize("scale", [0.0, 20e-6])
+@pytest.mark.parametrize("scale", [0.0, 20e-6, 60e-6])
 def test_the_growth_beside_a_constant_is_covered_as_often_as_stated(scale: float) -> None:
     runs, held = 100, np.zeros(2, int)
     for seed in range(runs):
@@ -111,7 +116,7 @@ def test_it_is_hidden_also_where_the_temperature_drifts_within_a_part(within: fl
     for scale in (0.0, 45e-6):
         prepared, step = day(4, scale, within=within)
         gate = calibrated(prepared.scan, 99, 1)
-        steps = with_constant(prepared, gate, [step], 0.05)
+        steps, _ = with_constants(prepared, gate, [step], 0.05, 4)
         found.append([prepared.candidates[own.index].name for own in steps])
     assert found == [["thermal-growth-x"], ["thermal-growth-x", "scale-x"]]
 
@@ -119,7 +124,7 @@ def test_it_is_hidden_also_where_the_temperature_drifts_within_a_part(within: fl
 def test_what_stands_beside_has_the_p_of_all_tests() -> None:
     prepared, step = day(2, 60e-6)
     gate = calibrated(prepared.scan, 199, 1)
-    (_, constant) = with_constant(prepared, gate, [step], 0.05)
+    (_, constant), _ = with_constants(prepared, gate, [step], 0.05, 4)
     own = told(prepared, step)
     assert own.p < constant.p == pytest.approx(gate.family_p(np.array([-np.log(own.p)]))[0])
     assert constant.constant
@@ -127,9 +132,12 @@ def test_what_stands_beside_has_the_p_of_all_tests() -> None:
     ratio = own.dof * np.log1p(own.t**2 / own.dof)
     assert constant.log_bayes == pytest.approx(0.5 * ratio * (n - 1) / n - 0.5 * np.log1p(n))
     # A candidate that is not looked for, or was found, is not taken; nor at a smaller rate.
-    assert with_constant(prepared, gate, [step], 0.05, frozenset({constant.index})) == [step]
-    assert with_constant(prepared, gate, [step, constant], 0.05) == [step, constant]
-    assert with_constant(prepared, gate, [step], 0.5 * own.p) == [step]
+    assert with_constants(prepared, gate, [step], 0.05, 4, frozenset({constant.index})) == (
+        [step],
+        False,
+    )
+    assert with_constants(prepared, gate, [step, constant], 0.05, 4) == ([step, constant], False)
+    assert with_constants(prepared, gate, [step], 0.5 * own.p, 4) == ([step], False)
     # Beside it there is nothing left that is hidden.
     assert not [*constants(prepared, [step.member, constant.member])]
 
@@ -139,11 +147,24 @@ def test_only_what_is_told_at_one_in_a_hundred_stands_beside() -> None:
     for seed in range(40):
         prepared, step = day(seed, 25e-6)
         gate = calibrated(prepared.scan, 99, 1)
-        taken[told(prepared, step).p] = len(with_constant(prepared, gate, [step], 0.05)) == 2
+        taken[told(prepared, step).p] = len(with_constants(prepared, gate, [step], 0.05, 4)[0]) == 2
     assert all(p < DISAGREES for p, own in taken.items() if own)
-    assert not any(p < DISAGREES for p, own in taken.items() if not own)
     assert any(0.01 < p < 0.03 for p in taken)
     assert any(p < 0.01 for p in taken)
+
+
+def test_what_is_not_hidden_has_to_pass_all_tests() -> None:
+    """A large scale is there for all tests to find: its own p is not enough."""
+    for scale, hidden in ((40e-6, True), (200e-6, False)):
+        prepared, step = day(5, scale)
+        gate = calibrated(prepared.scan, 199, 1)
+        own = told(prepared, step)
+        assert own.hidden == hidden
+        assert own.p < 0.01
+        (found, _) = with_constants(prepared, gate, [step], 1.5 * own.p, 4)
+        assert (len(found) == 2) == hidden
+        (found, _) = with_constants(prepared, gate, [step], 0.05, 4)
+        assert len(found) == 2
 
 
 def test_a_hidden_effect_keeps_its_own_class() -> None:

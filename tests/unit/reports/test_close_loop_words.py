@@ -13,6 +13,7 @@ from mtu_cli.analyses.close_loop.result import (
     CloseLoopResult,
     Experiment,
     FoundEffect,
+    Otherwise,
     Verdict,
 )
 from mtu_cli.model.datum import Datum
@@ -115,6 +116,45 @@ def test_a_growth_from_the_mean_of_the_day_says_so() -> None:
     mean = replace(GROWS, equations={"Ex": "growth*(x - 75)*(T_spindle_degC - 21.88) + level"})
     shown = [" ".join(plain_text(table(grown(own))).split()) for own in (GROWS, mean)]
     assert [note in text for text in shown] == [False, True]
+    assert "fits better than 20 degC" not in shown[0]
+
+
+def test_what_an_effect_would_be_beside_one_that_was_not_told_is_noted() -> None:
+    other = Otherwise(
+        name="scale-x",
+        parameter=("growth", "um/m/K", 7.1e-6, 0.9e-6),
+        constant=("scale", "um/m", 12.3e-6, 5.1e-6),
+        p=0.034,
+    )
+    shown = " ".join(plain_text(table(grown(replace(GROWS, otherwise=(other,))))).split())
+    assert (
+        "thermal-growth-x: that growth and its u hold if there is no scale-x; with one it is "
+        "7.10 ± 0.90 um/m/K, beside a scale of 12.3 ± 5.1 um/m (p 0.034)"
+    ) in shown
+    told = document(grown(replace(GROWS, otherwise=(other,))))["effects"][0]["otherwise"]
+    assert told == [
+        {
+            "beside": "scale-x",
+            "p": 0.034,
+            "parameters": {
+                "growth": {"value": pytest.approx(7.1), "u": pytest.approx(0.9), "unit": "um/m/K"},
+                "scale-x.scale": {
+                    "value": pytest.approx(12.3), "u": pytest.approx(5.1), "unit": "um/m",
+                },
+            },
+        }
+    ]  # fmt: skip
+
+
+def test_more_that_is_left_in_all_data_than_in_those_held_out_is_told() -> None:
+    item = on_table("named", (effect(),))
+    assert item.held_out_by is not None
+    said = "With all data less was found: what is told here leaves"
+    for factor, told in ((1.29, False), (1.31, True)):
+        left = replace(item.after, rms=factor * item.after.rms)
+        assert (said in words(result(replace(item, in_sample_after=left)))) == told
+        none = replace(item, in_sample_after=left, held_out_by=None)
+        assert said not in words(result(none))
 
 
 def test_growth_and_drift_are_one_cause_with_a_fixed_point() -> None:

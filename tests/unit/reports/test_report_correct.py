@@ -145,12 +145,17 @@ def test_a_circle_that_gets_rounder_and_yet_further_off_asks_for_its_calibration
     (size,) = (item for item in found.by_size() if item.id == "ring")
     assert size.grown
     (warned,) = (item for item in warnings(found) if item.code == "errors-grown")
-    assert warned.message.endswith("ring gets rounder (form 4.5 um before, 0 um after): is "
-                                   "calibrated_mm right?")  # fmt: skip
-    # Where it does not, the model is at fault.
-    same = tuple(replace(own, form=(own.form[0], own.form[0])) for own in found.sizes)
-    (other,) = (i for i in warnings(replace(found, sizes=same)) if i.code == "errors-grown")
-    assert "the model does not describe these points" in other.message
+    assert "ring gets rounder (form 4.5 um before, 0 um after): is calibrated_mm" in warned.message
+    # Where it does not, the model is at fault; a sphere of its name has a form of its own.
+    for share, right in ((0.69, True), (0.71, False)):
+        less = tuple(replace(own, form=(own.form[0], share * own.form[0])) for own in found.sizes)
+        right_one = found.sizes[0].size[1]
+        sphere = replace(found.sizes[0], kind="sphere", form=(1e-3, 5e-3), reference=right_one)
+        (other,) = (
+            i for i in warnings(replace(found, sizes=(*less, sphere))) if i.code == "errors-grown"
+        )
+        assert ("is calibrated_mm right" in other.message) == right
+        assert ("the model does not describe these points" in other.message) != right
 
 
 def test_notes_are_of_the_circles_that_are_calibrated_and_of_those_that_are_not(
