@@ -22,6 +22,7 @@ from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import axes_of
 from mtu_cli.stats.least_squares import FloatArray
 
+LEFT_OUT = "axis-left-out"
 SUSPICIOUS_MM = 0.5
 """A typical error beyond this is not one of a machine tool."""
 FAR = "error-of-millimetres"
@@ -137,7 +138,7 @@ def _left_out(points: Points, axes: tuple[int, ...]) -> list[Warned]:
     for axis in range(3):
         if axis not in axes and np.isfinite(points.measured[:, axis]).any():
             what = f"{AXES[axis]}_mm is left out: not every point has it with a nominal"
-            found.append(Warned(code="axis-left-out", message=what))
+            found.append(Warned(code=LEFT_OUT, message=what))
     return found
 
 

@@ -169,7 +169,7 @@ def warnings(result: CorrectResult) -> list[Warned]:
     if exact:
         text = f"{listed(exact)} had no error before: there is nothing to reduce"
         found.append(Warned(code="no-error-before", message=text))
-    found += _grown(result)
+    found += [*_grown(result), *_off(result)]
     sure = [f"{i.id} of {i.part}" for i in result.sizes if i.u_error == 0]
     if sure:
         text = f"no uncertainty is known for {listed(sure)}: E_n cannot be had"
@@ -206,6 +206,22 @@ def _grown(result: CorrectResult) -> list[Warned]:
             )
         found.append(Warned(code="errors-grown", message=text))
     return found
+
+
+def _off(result: CorrectResult) -> list[Warned]:
+    """Of errors that the correction makes smaller, and yet leaves."""
+    items = [item for item in result.by_size() if item.off and not item.grown]
+    if not items:
+        return []
+    worst = max(items, key=lambda item: abs(item.mean[1]) / item.half)
+    mean, half = (significant(value / UM) for value in (worst.mean[1], worst.half))
+    text = (
+        f"after the correction the mean errors of {listed([item.id for item in items])} are beyond "
+        f"their uncertainty ({worst.id}: {mean} um, 95 % within {half} um): the model does not "
+        "take out all of it (`mtu compare` and `mtu close-loop` tell what it lacks), or "
+        "calibrated_mm is not right"
+    )
+    return [Warned(code="errors-left", message=text)]
 
 
 def csv_rows(result: CorrectResult) -> tuple[list[str], Iterable[list[object]]]:

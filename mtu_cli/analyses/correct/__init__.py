@@ -17,7 +17,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured_checks import sound
+from mtu_cli.model.measured_checks import LEFT_OUT, sound
 from mtu_cli.model.residual_covariates import needed_covariates, point_columns
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
@@ -130,7 +130,8 @@ def _checked(model: MachineModel, points: Points) -> list[Warned]:
             column=f"{model.axes[0]}_mm",
             expected=f"a column {model.axes[0]}_mm, or an equation Ex or Ey",
         )
-    return checked
+    # Each point is corrected, and each circle fitted, by what is there of it.
+    return [told for told in checked if told.code != LEFT_OUT]
 
 
 def _axis_warnings(model: MachineModel, points: Points) -> list[Warned]:

@@ -68,8 +68,12 @@ class SizeErrors:
         mean error after is one that no part is predicted to have. Not of a length: what a part
         was made to be off its nominal length is no error of the machine.
         """
-        larger = self.rms[1] > self.rms[0] and abs(self.mean[1]) > self.half
-        return larger and self.kind != "length"
+        return self.off and self.rms[1] > self.rms[0]
+
+    @property
+    def off(self) -> bool:
+        """Whether the mean error after is beyond its uncertainty."""
+        return abs(self.mean[1]) > self.half and self.kind != "length"
 
     @property
     def rounder(self) -> bool:

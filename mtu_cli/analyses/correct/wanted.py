@@ -15,6 +15,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
 from mtu_cli.model.measured import IntArray, only_features, operations_of, visits_of
 from mtu_cli.model.settings import Warned
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
 
@@ -96,19 +97,33 @@ def _drawn(
     codes = [points.features.index(name) for name in item.features if name in points.features]
     places = points.nominal[[int(np.argmax(points.feature == code)) for code in codes]]
     flat = np.isnan(points.measured[np.isin(points.feature, codes), 2]).any()
-    places = places[:, :2] if flat and kind == "circle" else places
-    if len(codes) < len(item.features) or not np.isfinite(places).all():
+    seen = places[:, :2] if flat and kind == "circle" else places
+    if len(codes) < len(item.features) or not np.isfinite(seen).all():
         return
+    error = _undetermined(kind, seen)
+    if error is None:
+        return
+    what = f"no {kind} goes through the drawn places of {item.id!r}: {error}"
+    expected = "features all around it"
+    if seen is not places and np.isfinite(places).all() and _undetermined(kind, places) is None:
+        what = f"{kind} {item.id!r} stands upright, and its points were measured without z"
+        expected = "a column z_mm with all of its points"
+    yield Problem(
+        what=what,
+        file=part.source.shown,
+        line=part.line_of(f"{kind}s", index),
+        path=f"{kind}s[{index}].features",
+        expected=expected,
+    )
+
+
+def _undetermined(kind: Kind, places: FloatArray) -> str | None:
+    """Why places (n, 2 or 3) determine no circle or sphere; None where they do."""
     try:
         (fit_sphere if kind == "sphere" else fit_circle)(places)
     except GeometryError as error:
-        yield Problem(
-            what=f"no {kind} goes through the drawn places of {item.id!r}: {error}",
-            file=part.source.shown,
-            line=part.line_of(f"{kind}s", index),
-            path=f"{kind}s[{index}].features",
-            expected="features all around it",
-        )
+        return str(error)
+    return None
 
 
 def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list[Warned]]:

@@ -121,7 +121,8 @@ def test_a_ring_is_looked_at_as_it_is_measured(tmp_path: Path) -> None:
     found = correct(model, part, replace(points, nominal=drawn_flat, measured=seen_by), SETTINGS)
     assert found.sizes[0].size[0] == pytest.approx(180.0, abs=1e-3)
     refusal = refused(model, part, replace(points, nominal=upright, measured=measured_flat))
-    assert "no circle goes through the drawn places of 'ring'" in refusal[0]
+    assert "circle 'ring' stands upright, and its points were measured without z" in refusal[0]
+    assert refusal[0].endswith("expected a column z_mm with all of its points")
     # With a feature that is not measured at all, or not drawn, nothing is said of the drawing.
     line = np.where(np.isnan(drawn_flat), np.nan, drawn_flat)
     line[0, 0] = np.nan

@@ -158,6 +158,17 @@ def test_a_circle_that_gets_rounder_and_yet_further_off_asks_for_its_calibration
         assert ("the model does not describe these points" in other.message) != right
 
 
+def test_errors_that_the_correction_leaves_are_told(tmp_path: Path) -> None:
+    """A diameter calibrated 0.1 mm too large, of rings that the machine made too small."""
+    found = result(tmp_path, calibrated_mm="180.1134")
+    (warned,) = (item for item in warnings(found) if item.code.startswith("errors-"))
+    assert warned.code == "errors-left"
+    assert "(ring: -100 um, 95 % within 0.82 um)" in warned.message
+    assert warned.message.endswith("or calibrated_mm is not right")
+    right = result(tmp_path, calibrated_mm="180.0134")
+    assert not [item for item in warnings(right) if item.code.startswith("errors-")]
+
+
 def test_notes_are_of_the_circles_that_are_calibrated_and_of_those_that_are_not(
     tmp_path: Path,
 ) -> None:
