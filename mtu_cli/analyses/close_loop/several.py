@@ -38,23 +38,28 @@ class _Smooth:
 def several(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
     """The fewest effects along the smooth directions of an axis, each of which is told (p below
     `alpha`, F) beside the others, where the check of all of these passes `alpha` among all tests;
-    of as many those that leave the least. None where there are none.
+    of as many those that leave the least, of the axis that shows most. None where there are none.
     """
     p = float(state.checks[CHECKS.index(COMMON_SHAPE)])
-    if p >= alpha:
-        return []
-    found: list[tuple[float, list[Step]]] = []
-    for s, stratum in enumerate(state.scan.frame.strata.all):
-        if stratum.kind != "column" or len(stratum.lead) < 2:
-            continue
+    strata = state.scan.frame.strata.all
+    shown = {
+        s: _shown(state.left[stratum.slice], len(stratum.lead))
+        for s, stratum in enumerate(strata)
+        if p < alpha and stratum.kind == "column" and len(stratum.lead) > 1
+    }
+    for s in sorted(shown, key=lambda own: -shown[own]):
         known = list(_smooth(state, s, unsure))
-        for count in range(2, len(stratum.lead) + 1):
+        for count in range(2, len(strata[s].lead) + 1):
             told = [_told(state, s, own, p, alpha) for own in combinations(known, count)]
             best = min((own for own in told if own is not None), key=_left, default=None)
             if best is not None:
-                found.append(best)
-                break
-    return min(found, key=_left)[1] if found else []
+                return best[1]
+    return []
+
+
+def _shown(y: FloatArray, k: int) -> float:
+    """The squares of coordinates (n,) along k smooth directions over those beside."""
+    return float(y[:k] @ y[:k]) / max(float(y[k:] @ y[k:]), 1e-300)
 
 
 def _left(told: tuple[float, list[Step]]) -> float:

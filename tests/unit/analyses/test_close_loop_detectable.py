@@ -47,6 +47,21 @@ def test_what_is_there_does_not_hide_itself(seed: int) -> None:
     assert found[1]["scale-x"] == pytest.approx(found[0]["scale-x"], rel=1e-6)
 
 
+def test_an_effect_of_several_forms_is_told_by_the_one_that_shows_least() -> None:
+    """A squareness in x, which scatters ten times as much as y, is not found by what y shows."""
+    x, y = np.meshgrid([20.0, 140.0, 265.0, 380.0], [15.0, 140.0, 290.0])
+    places = np.stack([x.ravel(), y.ravel(), np.full(12, 10.0)], axis=1)
+    own = table(12, 12, places=places, covariates={})
+    own = replace(own, operations=("",), operation=np.zeros(12, np.int64))
+    errors = np.random.default_rng(3).normal(0.0, NOISE, own.errors.shape) * [10.0, 1.0]
+    own = replace(own, errors=errors)
+    prepared = prepare(own, candidates(own, LIBRARY), own.pass_dof)
+    gate = calibrated(prepared.scan, 499, 1)
+    found = minimum_detectable(prepared, gate, search(prepared, gate, alpha=1e-12, most=1), 0.05)
+    assert found["scale-x"] > 5 * found["scale-y"]
+    assert 0.5 < found["squareness-xy"] / found["scale-x"] < 2
+
+
 def power_of(prepared: Prepared, gate: Gate, places: Floats) -> Callable[[float], float]:
     """By Student's noncentral distribution, of a scale of a root mean square over the holes; its
     scatter is that of the two coordinates of columns beside it.

@@ -24,13 +24,13 @@ X, Y = np.meshgrid([20.0, 140.0, 265.0, 380.0], [15.0, 140.0, 290.0])
 PLACES = np.stack([X.ravel(), Y.ravel(), np.full(12, 10.0)], axis=1)
 
 
-def found(seed: int, scale: float, angle: float) -> tuple[Prepared, Search]:
-    """Twelve parts of twelve holes, x longer by `scale` and leaning by `angle` in y."""
+def found(seed: int, scale: float, angle: float, axis: int = 0) -> tuple[Prepared, Search]:
+    """Twelve parts of twelve holes, an axis longer by `scale` and leaning by `angle`."""
     rng = np.random.default_rng(seed)
     own = table(12, 12, places=PLACES, covariates={})
     own = replace(own, operations=("",), operation=np.zeros(12, np.int64))
     errors = rng.normal(0.0, NOISE, own.errors.shape) + rng.normal(0.0, NOISE, (12, 1, 2))
-    errors[..., 0] += scale * PLACES[:, 0] + angle * PLACES[:, 1]
+    errors[..., axis] += scale * PLACES[:, axis] + angle * PLACES[:, 1 - axis]
     own = replace(own, errors=errors)
     prepared = prepare(own, candidates(own, LIBRARY), own.pass_dof)
     gate = calibrated(prepared.scan, 499, 1)
@@ -90,12 +90,33 @@ def test_nothing_is_found_as_often_as_stated() -> None:
     assert hits <= binom.ppf(1 - 1e-3, 60, 0.05)
 
 
-def test_of_several_the_squares_that_are_left_decide() -> None:
-    """A pair along x, where along y nothing is: the axis is that of the errors."""
-    prepared, seen = found(3, SCALE, ANGLE)
-    axes: set[int] = set()
-    for step in seen.steps:
-        if step.member >= 0:
-            columns: list[dict[int, Floats]] = list(prepared.members[step.member].columns)
-            axes |= {axis for column in columns for axis in column}
-    assert axes == {0}
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_axis_is_that_of_the_errors(axis: int) -> None:
+    """Along the other one nothing is."""
+    for seed in range(3):
+        prepared, seen = found(seed, SCALE, ANGLE, axis)
+        axes: set[int] = set()
+        for step in seen.steps:
+            if step.member >= 0:
+                columns: list[dict[int, Floats]] = list(prepared.members[step.member].columns)
+                axes |= {own for column in columns for own in column}
+        assert axes == {axis}
+
+
+def test_three_effects_of_one_axis_are_found_together() -> None:
+    """A scale, and a squareness to y and to z, of holes at two heights."""
+    places = np.concatenate([PLACES, PLACES + np.array([7.0, 5.0, 80.0])])
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        own = table(12, 24, places=places, covariates={})
+        own = replace(own, operations=("",), operation=np.zeros(24, np.int64))
+        errors = rng.normal(0.0, NOISE, own.errors.shape) + rng.normal(0.0, NOISE, (12, 1, 2))
+        errors[..., 0] += places @ [3 * SCALE, 3 * ANGLE, 600e-6]
+        own = replace(own, errors=errors)
+        prepared = prepare(own, candidates(own, LIBRARY), own.pass_dof)
+        gate = calibrated(prepared.scan, 499, 1)
+        seen = search(prepared, gate, alpha=0.05, most=4)
+        first = {prepared.candidates[i].name for s in seen.steps for i in s.credible}
+        assert names(prepared, seen) >= {"scale-x", "squareness-xy"}
+        assert first & {"squareness-xz", "abbe-x"}
+        assert not seen.fired(0.05)

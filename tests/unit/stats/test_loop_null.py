@@ -257,3 +257,15 @@ def test_whitening_makes_the_column_coordinates_equally_uncertain() -> None:
         level = model.interaction[axis] + 12 * model.column[axis]
         white = whole @ own @ whole.T
         np.testing.assert_allclose(white, level * np.eye(stratum.size), rtol=0, atol=1e-10)
+
+
+def test_entries_scatter_no_less_than_their_rounding() -> None:
+    strata = made(6, 8, 2)
+    known = nothing_known(strata)
+    none = np.zeros(strata.size)
+    frame = whole_frame(strata)
+    rounded = KnownScatter(known.part, known.common, known.dof, np.array([0.3, 0.0]))
+    assert null_of(frame, none, sizes(strata), rounded).interaction.tolist() == [0.3, 0.0]
+    y = np.random.default_rng(1).normal(size=strata.size)
+    larger = null_of(frame, y, sizes(strata), rounded)
+    assert larger.interaction == pytest.approx(null_of(frame, y, sizes(strata), known).interaction)
