@@ -18,8 +18,9 @@ from mtu_cli.analyses.close_loop.same_in_all import Constant, constants
 
 def with_otherwise(told: Described, effects: Sequence[FoundEffect]) -> tuple[FoundEffect, ...]:
     """The effects of a search, each with what it hides (see `constants`)."""
-    members = told.found.members
-    by_coefficient = {own.of: own for own in constants(told.prepared, members) if own.hidden}
+    known = {step.index for step in told.found.steps}
+    every = constants(told.prepared, told.found.members)
+    by_coefficient = {own.of: own for own in every if own.hidden and own.index not in known}
     found, first = [], 0
     for step, effect in zip(told.found.steps, effects, strict=True):
         count = len(told.prepared.members[step.member].columns) if step.member >= 0 else 0
