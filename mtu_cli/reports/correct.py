@@ -201,8 +201,8 @@ def _grown(result: CorrectResult) -> list[Warned]:
             )
         else:
             text += (
-                "the model does not describe these points; `mtu compare` and `mtu close-loop` "
-                "tell what it lacks"
+                "the model does not describe these points (`mtu compare` and `mtu close-loop` "
+                "tell what it lacks), or calibrated_mm is not right"
             )
         found.append(Warned(code="errors-grown", message=text))
     return found

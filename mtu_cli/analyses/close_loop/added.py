@@ -220,12 +220,16 @@ def _owner(
     means: FloatArray,
     beta: FloatArray,
 ) -> int | None:
-    """The place of the effect whose mean over the data is the largest, None if none has one."""
-    if not (np.abs(means) > CENTRED * _sizes(prepared, members)).any():
-        return None
+    """The place of the effect whose mean over the data is the largest, None if none has one; of
+    those with an equation that it could complete.
+    """
     sizes = [len(prepared.members[m].columns) for m in members]
+    said = np.array([bool(prepared.members[m].equations) for m in members], bool)
+    written = np.repeat(said, sizes)
+    if not (written & (np.abs(means) > CENTRED * _sizes(prepared, members))).any():
+        return None
     owners = np.repeat(np.arange(len(members)), sizes)
-    return int(owners[int(np.argmax(np.abs(means * beta)))])
+    return int(owners[int(np.argmax(written * np.abs(means * beta)))])
 
 
 def _level_dof(prepared: Prepared, fit: StratifiedFit, m: FloatArray, axis: int) -> float:

@@ -20,6 +20,7 @@ from mtu_cli.analyses.close_loop.jointly import jointly
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.same_strata import (
     ALIAS,
+    NEARLY,
     hides,
     is_same,
     likeness,
@@ -74,9 +75,10 @@ def with_constants(
     unsure: frozenset[int] = frozenset(),
 ) -> tuple[list[Step], bool]:
     """The steps with what is the same in all parts beside them, the surest first; and whether more
-    of it is there than causes were asked for (`most`).
+    of it is there than causes were asked for (`most`). What was found in two forms that differ in
+    just that is one effect with a constant.
     """
-    found = list(steps)
+    found = _in_one_form(prepared, steps)
     while True:
         step = _surest(prepared, gate, found, alpha, unsure)
         if step is None:
@@ -84,6 +86,31 @@ def with_constants(
         if causes(prepared, [*found, step]) > most:
             return found, True
         found.append(step)
+
+
+def _in_one_form(prepared: Prepared, steps: Sequence[Step]) -> list[Step]:
+    """The steps without the second of two forms of one candidate that vary alike from part to part:
+    a growth from 20 degC beside one from the mean of the day is a growth and a scale.
+    """
+    scan, flat = prepared.scan, prepared.scan.flat()
+
+    def varying(step: Step) -> Column:
+        (column,) = flat[step.member]
+        same = same_of(scan, column)
+        return {index: values for index, values in column.items() if index not in same}
+
+    found: list[Step] = []
+    for step in steps:
+        one = step.member >= 0 and len(flat[step.member]) == 1
+        forms = [
+            varying(own)
+            for own in found
+            if one and own.index == step.index and len(flat[own.member]) == 1
+        ]
+        again = any(likeness(scan, varying(step), own) >= 1 - NEARLY for own in forms if own)
+        if not again:
+            found.append(step)
+    return found
 
 
 def _surest(

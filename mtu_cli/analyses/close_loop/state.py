@@ -133,9 +133,12 @@ class State:
     def _own_levels(self, member: int) -> None:
         """A level along an axis that the effect has a mean of belongs to the effect.
 
-        Not where it has that mean because some parts or columns of a table are left out.
+        Not where it has that mean because some parts or columns of a table are left out, nor of an
+        effect without an equation, as an outlier: what is not written would take the level along.
         """
         scan, own = self.prepared.scan, self.prepared.members[member]
+        if not own.equations:
+            return
         columns = own.columns
         means = self.prepared.means[member]
         for i, axis in enumerate(scan.offsets):

@@ -13,7 +13,7 @@ from scipy.stats import binom, t
 from mtu_cli.analyses.close_loop.added import Added, added, contribution, mean_variance
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search
-from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.analyses.close_loop.state import State, Step
 from mtu_cli.model.effect_candidate import Column
 
 SHAPE = (10, 9, 1)
@@ -124,6 +124,22 @@ def test_a_mean_that_disagrees_becomes_a_level(names: tuple[str, ...]) -> None:
 def test_an_effect_without_a_mean_has_no_level() -> None:
     own = prepared(noise(4) + 50.0)
     assert added(own, found(own, "cells")).levels == ()
+
+
+def test_what_no_equation_says_takes_no_level() -> None:
+    """As of an outlier: whoever writes the rest to a machine would lose it."""
+    own = prepared(noise(3) + 3.0 * whole_column(STEP, SHAPE) + 20.0)
+    silent = replace(own.members[0], equations={})
+    own = replace(own, members=(silent, *own.members[1:]))
+    assert added(own, found(own, "step")).levels == ()
+    state = State(own, None)
+    state.take_out(found(own, "offset-x").steps[0])
+    state.take_out(found(own, "step").steps[0])
+    assert state.offsets == {0}
+    told = State(prepared(own.table.errors), None)
+    told.take_out(found(own, "offset-x").steps[0])
+    told.take_out(found(own, "step").steps[0])
+    assert told.offsets == set()
 
 
 def test_the_null_is_that_of_what_is_left() -> None:

@@ -153,6 +153,18 @@ def test_only_what_is_told_at_one_in_a_hundred_stands_beside() -> None:
     assert any(p < 0.01 for p in taken)
 
 
+def test_two_forms_of_one_growth_are_a_growth_and_a_constant() -> None:
+    """One from 20 degC and one from the mean of the day: they differ in a scale alone."""
+    prepared, step = day(4, -60e-6)
+    gate = calibrated(prepared.scan, 199, 1)
+    start = sum(len(columns) for columns in prepared.scan.columns[: step.index])
+    forms = range(start, start + len(prepared.scan.columns[step.index]))
+    (other,) = (m for m in forms if m != step.member)
+    (found, _) = with_constants(prepared, gate, [step, replace(step, member=other)], 0.05, 4)
+    assert found[0] is step
+    assert [prepared.candidates[own.index].name for own in found[1:]] == ["scale-x"]
+
+
 def test_what_is_not_hidden_has_to_pass_all_tests() -> None:
     """A large scale is there for all tests to find: its own p is not enough."""
     for scale, hidden in ((40e-6, True), (200e-6, False)):
