@@ -41,16 +41,20 @@ def several(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
     of as many those that leave the least, of the axis that shows most. None where there are none.
     """
     p = float(state.checks[CHECKS.index(COMMON_SHAPE)])
+    if p >= alpha:
+        return []
+    left = state.pack.without_found(state.y)
     strata = state.scan.frame.strata.all
     shown = {
-        s: _shown(state.left[stratum.slice], len(stratum.lead))
+        s: _shown(left[stratum.slice], len(stratum.lead))
         for s, stratum in enumerate(strata)
-        if p < alpha and stratum.kind == "column" and len(stratum.lead) > 1
+        if stratum.kind == "column" and len(stratum.lead) > 1
     }
     for s in sorted(shown, key=lambda own: -shown[own]):
-        known = list(_smooth(state, s, unsure))
+        known, y = list(_smooth(state, s, unsure)), left[strata[s].slice]
+        n = float(state.pack.dof[s])
         for count in range(2, len(strata[s].lead) + 1):
-            told = [_told(state, s, own, p, alpha) for own in combinations(known, count)]
+            told = [_told(y, n, own, p, alpha) for own in combinations(known, count)]
             best = min((own for own in told if own is not None), key=_left, default=None)
             if best is not None:
                 return best[1]
@@ -82,15 +86,14 @@ def _smooth(state: State, s: int, unsure: frozenset[int]) -> Iterator[_Smooth]:
 
 
 def _told(
-    state: State, s: int, chosen: Sequence[_Smooth], p: float, alpha: float
+    y: FloatArray, n: float, chosen: Sequence[_Smooth], p: float, alpha: float
 ) -> tuple[float, list[Step]] | None:
-    """The squares that effects leave of what is left, and their steps; None where one of them is
-    not told beside the others.
+    """The squares that effects leave of y, with n degrees of freedom, and their steps; None where
+    one of them is not told beside the others.
     """
     if len({own.index for own in chosen}) < len(chosen):
         return None
-    y = state.left[state.scan.frame.strata.all[s].slice]
-    count, n = len(chosen), float(state.pack.dof[s])
+    count = len(chosen)
     dof = n - count
     rows = np.stack([own.column / np.linalg.norm(own.column) for own in chosen] + [y], axis=1)
     rest = float(beside(rows, count)[0, 0]) ** 2

@@ -55,8 +55,8 @@ class State:
     looked: Evidence
     scan: Scan
     pack: Packed
-    left: FloatArray
-    """Of what is left beside what was found, whitened coordinates (N,)."""
+    y: FloatArray
+    """Of what is left: coordinates (N,)."""
 
     def __init__(self, prepared: Prepared, gate: Gate | None, apart: Column | None = None) -> None:
         """`apart` is what is the same in all parts of an effect that was found and is not to hide
@@ -91,7 +91,7 @@ class State:
         # Strata that hold little of an effect are not freed of it: there it is no second one.
         pack.usable[self.members] = False
         looked = evidence(scan, pack, y, grand, self._aside())
-        self.scan, self.pack, self.left = scan, pack, pack.without_found(y)
+        self.scan, self.pack, self.y = scan, pack, y
         first = not self.p.size
         self.looked = looked
         if self.gate is not None:
