@@ -73,9 +73,10 @@ def _otherwise_notes(item: TableResult) -> list[str]:
             (value, u, unit), (more, u_more, other) = map(
                 in_shown_unit, (own.parameter, own.constant)
             )
+            at = f" at {REFERENCE_TEMPERATURE:g} degC" if effect.covariate is None else ""
             notes.append(
                 f"{effect.name}: that {own.parameter[0]} and its u hold if there is no {own.name}; "
-                f"with one it is {plus_minus(value, u)} {unit}, beside a {own.constant[0]} of "
+                f"with one it is {plus_minus(value, u)} {unit}{at}, beside a {own.constant[0]} of "
                 f"{plus_minus(more, u_more)} {other} (p {p_value(own.p)})"
             )
     return notes

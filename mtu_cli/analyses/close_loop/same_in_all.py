@@ -10,7 +10,7 @@ by Welch). It is not tested among all candidates, but as what an effect that was
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import stdtr
@@ -91,26 +91,41 @@ def with_constants(
 def _in_one_form(prepared: Prepared, steps: Sequence[Step]) -> list[Step]:
     """The steps without the second of two forms of one candidate that vary alike from part to part:
     a growth from 20 degC beside one from the mean of the day is a growth and a scale.
+
+    Where the first is the same in no part (it is counted from the mean of the data) nothing else
+    would tell that scale: it takes the place of the second.
     """
     scan, flat = prepared.scan, prepared.scan.flat()
-
-    def varying(step: Step) -> Column:
-        (column,) = flat[step.member]
-        same = same_of(scan, column)
-        return {index: values for index, values in column.items() if index not in same}
-
+    every = [column for step in steps if step.member >= 0 for column in flat[step.member]]
     found: list[Step] = []
     for step in steps:
         one = step.member >= 0 and len(flat[step.member]) == 1
         forms = [
-            varying(own)
+            flat[own.member][0]
             for own in found
             if one and own.index == step.index and len(flat[own.member]) == 1
         ]
-        again = any(likeness(scan, varying(step), own) >= 1 - NEARLY for own in forms if own)
-        if not again:
+        first = next((own for own in forms if vary_alike(scan, own, flat[step.member][0])), None)
+        if first is None:
             found.append(step)
+        elif not same_of(scan, first):
+            own = _within(scan, every, flat[step.member][0])
+            known = {told.index for told in steps}
+            if own is not None and own[0] not in known:
+                index, member, _ = own
+                found.append(
+                    replace(step, index=index, member=member, credible=(index,), constant=True)
+                )
     return found
+
+
+def vary_alike(scan: Scan, one: Column, other: Column) -> bool:
+    """Whether two columns do the same from part to part, but for their size."""
+    a, b = (
+        {index: values for index, values in own.items() if index not in same}
+        for own, same in ((one, same_of(scan, one)), (other, same_of(scan, other)))
+    )
+    return bool(a) and likeness(scan, a, b) >= 1 - NEARLY
 
 
 def _surest(
@@ -155,22 +170,37 @@ def constants(prepared: Prepared, members: Sequence[int]) -> Iterator[Constant]:
     for of, own in within:
         if own is None:
             continue
-        index, m, column = own
+        index, m, _ = own
         counts = where_it_counts(left.scan, flat[of], fit.weights)
-        _, apart = jointly(prepared, [*whole, (column,)])
-        u = float(np.sqrt(max(apart.covariance[-1, -1], 0.0)))
-        if u > 0:
-            yield Constant(
-                of=of,
-                index=index,
-                member=m,
-                value=float(apart.beta[-1]),
-                u=u,
-                dof=max(float(apart.dof[-1]), 1.0),
-                hidden=bool(same_of(scan, counts)),
-                beta=apart.beta[: len(flat)],
-                covariance=apart.covariance[: len(flat), : len(flat)],
-            )
+        found = beside_all(prepared, members, of, index, m)
+        if found is not None:
+            yield replace(found, hidden=bool(same_of(scan, counts)))
+
+
+def beside_all(
+    prepared: Prepared, members: Sequence[int], of: int, index: int, member: int
+) -> Constant | None:
+    """A `member` of one column of the candidate `index` beside all effects found (`members`), of
+    which coefficient `of` hides it; None where nothing is left to tell it by.
+    """
+    columns = prepared.whole(members)
+    whole = [*columns, *(prepared.tangents[m] for m in members if m in prepared.tangents)]
+    _, apart = jointly(prepared, [*whole, prepared.scan.flat()[member]])
+    u = float(np.sqrt(max(apart.covariance[-1, -1], 0.0)))
+    if u == 0:
+        return None
+    k = sum(map(len, columns))
+    return Constant(
+        of=of,
+        index=index,
+        member=member,
+        value=float(apart.beta[-1]),
+        u=u,
+        dof=max(float(apart.dof[-1]), 1.0),
+        hidden=True,
+        beta=apart.beta[:k],
+        covariance=apart.covariance[:k, :k],
+    )
 
 
 def _within(scan: Scan, found: Sequence[Column], column: Column) -> tuple[int, int, Column] | None:

@@ -8,19 +8,21 @@ import numpy as np
 import pytest
 from effect_tables import table
 from loop_bench.folds import LIBRARY
-from scipy.special import stdtrit
+from scipy.special import stdtr, stdtrit
 from scipy.stats import binom
 
 from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, found_effects
 from mtu_cli.analyses.close_loop.otherwise import with_otherwise
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.same_in_all import (
     DISAGREES,
     Constant,
     constants,
     with_constants,
 )
+from mtu_cli.analyses.close_loop.same_strata import same_of
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.analyses.close_loop.state import Step
@@ -36,14 +38,18 @@ FEW = replace(LIBRARY, families=tuple(
 
 
 def day(
-    seed: int, scale: float = 0.0, turn: float = 4e-6, within: float = 0.0
+    seed: int,
+    scale: float = 0.0,
+    turn: float = 4e-6,
+    within: float = 0.0,
+    ends: tuple[float, float] = (24.0, 28.0),
 ) -> tuple[Prepared, Step]:
-    """Eight parts at 24 to 28 degC: what grows by 6 K on the mean is near to a scale of 72 um/m.
-    The growth counted from 20 degC as it would be found; each part's scale is `turn` off, and it
-    gets warmer by `within` from its first hole to the last.
+    """Eight parts at 24 to 28 degC, or other `ends`: what grows by 6 K on the mean is near to a
+    scale of 72 um/m. The growth counted from 20 degC as it would be found; each part's scale is
+    `turn` off, and it gets warmer by `within` from its first hole to the last.
     """
     rng = np.random.default_rng(seed)
-    T = rng.permutation(np.linspace(24.0, 28.0, 8))[:, None]
+    T = rng.permutation(np.linspace(*ends, 8))[:, None]
     T = T + within * np.linspace(-0.5, 0.5, 12) if within else T
     own = table(8, 12, axes=("x",), places=PLACES, covariates={"T_scale_degC": T})
     own = replace(own, operations=("",), operation=np.zeros(12, np.int64))
@@ -53,10 +59,10 @@ def day(
     prepared = prepare(own, candidates(own, FEW), own.pass_dof)
     names = [c.name for c in prepared.candidates]
     index = names.index("thermal-growth-x")
-    first = sum(len(columns) for columns in prepared.scan.columns[:index])
+    start = sum(len(columns) for columns in prepared.scan.columns[:index])
     (member,) = (
         m
-        for m in range(first, first + len(prepared.scan.columns[index]))
+        for m in range(start, start + len(prepared.scan.columns[index]))
         if "(T_scale_degC - 20)" in prepared.members[m].equations["Ex"]
     )
     return prepared, Step(
@@ -165,6 +171,26 @@ def test_two_forms_of_one_growth_are_a_growth_and_a_constant() -> None:
     assert [prepared.candidates[own.index].name for own in found[1:]] == ["scale-x"]
 
 
+def test_the_second_form_is_a_constant_where_the_first_is_the_same_in_no_part() -> None:
+    """One from the mean of the day hides no scale: nothing but the second form has told it."""
+    prepared, step = day(4, -60e-6)
+    gate = calibrated(prepared.scan, 199, 1)
+    start = sum(len(columns) for columns in prepared.scan.columns[: step.index])
+    forms = range(start, start + len(prepared.scan.columns[step.index]))
+    (other,) = (m for m in forms if m != step.member)
+    (own,) = prepared.scan.flat()[other]
+    assert not same_of(prepared.scan, own)
+    mean = replace(step, member=other, p=2e-3)
+    ((first, scale), stopped) = with_constants(prepared, gate, [mean, step], 0.05, 4)
+    assert first is mean
+    assert (prepared.candidates[scale.index].name, scale.p) == ("scale-x", step.p)
+    assert scale.constant
+    assert not stopped
+    # One that was found by itself is not found twice.
+    again = replace(scale, constant=False)
+    assert with_constants(prepared, gate, [mean, again, step], 0.05, 4) == ([mean, again], False)
+
+
 def test_what_is_not_hidden_has_to_pass_all_tests() -> None:
     """A large scale is there for all tests to find: its own p is not enough."""
     for scale, hidden in ((40e-6, True), (200e-6, False)):
@@ -202,15 +228,46 @@ def test_no_more_causes_than_asked_for() -> None:
     assert not two.stopped
 
 
-def test_what_was_not_told_is_given_as_it_would_be() -> None:
-    prepared, step = day(6)
+def described(prepared: Prepared, step: Step) -> FoundEffect:
+    """One effect as the report has it, with what it would be beside another."""
     gate = calibrated(prepared.scan, 199, 1)
     nothing = search(prepared, gate, alpha=1e-300, most=1)
     found = replace(nothing, steps=(step,))
-    described = Described(
-        prepared=prepared, found=found, effects=added(prepared, found, 1), chosen=()
-    )
-    ((effect,),) = [with_otherwise(described, found_effects(described, [None]))]
+    told = Described(prepared=prepared, found=found, effects=added(prepared, found, 1), chosen=())
+    (effect,) = with_otherwise(told, found_effects(told, [None]))
+    return effect
+
+
+def scale_step(prepared: Prepared, step: Step) -> Step:
+    names = [own.name for own in prepared.candidates]
+    index = names.index("scale-x")
+    member = sum(len(columns) for columns in prepared.scan.columns[:index])
+    return replace(step, index=index, member=member, credible=(index,))
+
+
+def test_a_scale_is_given_as_it_would_be_beside_a_growth() -> None:
+    """The same estimate as a growth beside a scale, told of the scale."""
+    prepared, step = day(6, ends=(25.7, 26.3))
+    (other,) = described(prepared, scale_step(prepared, step)).otherwise
+    own = told(prepared, step)
+    assert other.name == "thermal-growth-x"
+    assert other.parameter[:2] == ("scale", "um/m")
+    assert other.parameter[2:] == pytest.approx((own.value, own.u))
+    assert other.constant[:2] == ("growth", "um/m/K")
+    assert other.constant[2:] == pytest.approx((own.beta[0], np.sqrt(own.covariance[0, 0])))
+    t = own.beta[0] / np.sqrt(own.covariance[0, 0])
+    assert 2 * stdtr(6.0, -abs(t)) == pytest.approx(other.p, rel=0.3)
+
+
+def test_no_growth_is_told_of_where_it_would_change_little() -> None:
+    """About 20 degC a scale is as certain beside a growth."""
+    prepared, step = day(6, scale=60e-6, ends=(18.5, 22.5))
+    assert described(prepared, scale_step(prepared, step)).otherwise == ()
+
+
+def test_what_was_not_told_is_given_as_it_would_be() -> None:
+    prepared, step = day(6)
+    effect = described(prepared, step)
     (other,) = effect.otherwise
     own = told(prepared, step)
     assert other.name == "scale-x"

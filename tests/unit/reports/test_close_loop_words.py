@@ -111,6 +111,24 @@ def grown(
     return replace(result(replace(item, fixed_points=points)), covariance=covariance)
 
 
+def test_a_scale_beside_a_growth_is_told_at_20_degc() -> None:
+    other = Otherwise(
+        name="thermal-growth-x",
+        parameter=("scale", "um/m", -2.3e-6, 32e-6),
+        constant=("growth", "um/m/K", 6.3e-6, 5.3e-6),
+        p=0.27,
+    )
+    scale = replace(
+        GROWS, name="scale-x", family="scale", covariate=None, equations={"Ex": "scale*x + level"},
+        otherwise=(other,),
+    )  # fmt: skip
+    shown = " ".join(plain_text(table(grown(scale))).split())
+    assert (
+        "scale-x: that scale and its u hold if there is no thermal-growth-x; with one it is "
+        "-2 ± 32 um/m at 20 degC, beside a growth of 6.3 ± 5.3 um/m/K (p 0.27)"
+    ) in shown
+
+
 def test_a_growth_from_the_mean_of_the_day_says_so() -> None:
     note = "thermal-growth-x is counted from T_spindle_degC = 21.88, the mean of the data"
     mean = replace(GROWS, equations={"Ex": "growth*(x - 75)*(T_spindle_degC - 21.88) + level"})
