@@ -22,7 +22,7 @@ from mtu_cli.reports.correct_table import ROUNDING_MM, table
 from mtu_cli.reports.document import finite, listed, um
 from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import UM
+from mtu_cli.units import PARAMETER_UNITS, UM
 
 __all__ = ["csv_rows", "document", "figure", "table", "warnings"]
 
@@ -169,7 +169,7 @@ def warnings(result: CorrectResult) -> list[Warned]:
     if exact:
         text = f"{listed(exact)} had no error before: there is nothing to reduce"
         found.append(Warned(code="no-error-before", message=text))
-    found += [*_grown(result), *_off(result)]
+    found += [*_grown(result), *_off(result), *_oval(result)]
     sure = [f"{i.id} of {i.part}" for i in result.sizes if i.u_error == 0]
     if sure:
         text = f"no uncertainty is known for {listed(sure)}: E_n cannot be had"
@@ -222,6 +222,30 @@ def _off(result: CorrectResult) -> list[Warned]:
         "calibrated_mm is not right"
     )
     return [Warned(code="errors-left", message=text)]
+
+
+def _oval(result: CorrectResult) -> list[Warned]:
+    """Of rings that an ellipse is left of: a squareness does not show in a diameter."""
+    if not result.ovals:
+        return []
+    worst = max(result.ovals, key=lambda own: own.longer)
+    a, b = worst.axes
+    if worst.shear:
+        signs = ("+", "-") if worst.size > 0 else ("-", "+")
+        longer, shorter = (f"{a} {sign} {b}" for sign in signs)
+        size = significant(abs(worst.size) / PARAMETER_UNITS["arcsec"].to_internal)
+        lacks = f"a squareness of {a} and {b} of {size} arcsec"
+    else:
+        longer, shorter = a, b
+        size = significant(abs(worst.size) / PARAMETER_UNITS["um/m"].to_internal)
+        lacks = f"a scale of {' or '.join(sorted(worst.axes))}, {size} um/m between them"
+    text = (
+        f"after the correction {listed([own.id for own in result.ovals])} stays oval, by more than "
+        f"its points scatter and the model is uncertain ({worst.id}: "
+        f"{significant(worst.longer / UM)} um longer along {longer} than along {shorter}): it "
+        f"is not round itself, or the model lacks {lacks} (`mtu close-loop` tells)"
+    )
+    return [Warned(code="oval-left", message=text)]
 
 
 def csv_rows(result: CorrectResult) -> tuple[list[str], Iterable[list[object]]]:

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from mtu_cli.analyses.correct.result import CorrectResult, Size, mean_size, with_scatter
+from mtu_cli.analyses.correct.roundness import ovals
 from mtu_cli.analyses.correct.rows import RowErrors
-from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, Squares, point_scatter
-from mtu_cli.analyses.correct.sizes import sizes_of
+from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, point_scatter
+from mtu_cli.analyses.correct.sizes import Rings, sizes_of
 from mtu_cli.analyses.correct.wanted import tasks_of, wanted_of
 from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
@@ -49,7 +50,7 @@ def correct(
     error, u, dof, sensors = rows.errors()
     corrected = points.measured - np.nan_to_num(error)
     sizes, rings, told = _sizes(part, rows, corrected, at)
-    scatter = point_scatter(points, corrected, sensors, rings)
+    scatter = point_scatter(points, corrected, sensors, rings.squares)
     sizes = [with_scatter(size, scatter) for size in sizes]
     warned = [*checked, *noted, *outside_warnings(rows.all_outside()), *told]
     return CorrectResult(
@@ -61,6 +62,7 @@ def correct(
         corrected=corrected,
         scatter=scatter,
         sizes=tuple(sizes),
+        ovals=ovals(rings.strains, sizes, scatter),
         coverage_factor=settings.coverage_factor,
         independent=settings.independent,
         warnings=(*warned, *_size_warnings(sizes, scatter)),
@@ -88,13 +90,13 @@ def _rows(
 
 def _sizes(
     part: LoadedPart | None, rows: RowErrors, corrected: FloatArray, at: Mapping[str, float]
-) -> tuple[list[Size], list[Squares], list[Warned]]:
-    """Diameters and lengths of the part file by the machine's u alone, the squares of its rings,
-    and what is to be said of them.
+) -> tuple[list[Size], Rings, list[Warned]]:
+    """Diameters and lengths of the part file by the machine's u alone, the form of its rings, and
+    what is to be said of them.
     """
     if part is None:
         text = "no part file: points are corrected, but no circle or length is known"
-        return [], [], [Warned(code="no-part", message=text)]
+        return [], Rings(squares=[], strains=[]), [Warned(code="no-part", message=text)]
     wanted, warned = wanted_of(part, rows.points, at)
     tasks, partial = tasks_of(wanted, rows.points)
     sizes, rings = sizes_of(tasks, rows, corrected)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import PROBABILITY, Warned
 from mtu_cli.stats.coverage import coverage_factor, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
+
+if TYPE_CHECKING:
+    from mtu_cli.analyses.correct.roundness import Oval
 
 Kind = Literal["circle", "sphere", "length"]
 Sides = tuple[float, float]
@@ -164,7 +167,7 @@ class CorrectResult:
     `error` (n, 3) is the modelled error of each point with standard uncertainty `u` and
     effective degrees of freedom `dof` (n, 3), mm; nan along axes that have no equation or were
     not measured. `corrected` (n, 3) = measured - error, along such axes measured as it is.
-    `axes` are those that were corrected.
+    `axes` are those that were corrected; `ovals` the calibrated rings that stay oval.
     """
 
     points: Points
@@ -175,6 +178,7 @@ class CorrectResult:
     corrected: FloatArray
     scatter: PointScatter | None
     sizes: tuple[Size, ...]
+    ovals: tuple[Oval, ...]
     coverage_factor: float
     independent: bool
     warnings: tuple[Warned, ...]

@@ -90,13 +90,18 @@ def point_scatter(
         return _estimate(repeats, "repeats")
     if not rings:
         return None
+    return pooled(rings, "form")
+
+
+def pooled(squares: Sequence[Squares], origin: Origin) -> PointScatter:
+    """The scatter that all these squares tell together."""
     return _estimate(
         Squares(
-            sums=np.concatenate([ring.sums for ring in rings]),
-            dof=np.concatenate([ring.dof for ring in rings]),
-            modelled=np.concatenate([ring.modelled for ring in rings]),
+            sums=np.concatenate([own.sums for own in squares]),
+            dof=np.concatenate([own.dof for own in squares]),
+            modelled=np.concatenate([own.modelled for own in squares]),
         ),
-        "form",
+        origin,
     )
 
 
@@ -132,6 +137,11 @@ def ring_squares(residuals: FloatArray, away: FloatArray, K: FloatArray, d: int)
         return None
     # A circle in space hardly spans its third dimension: it comes behind the others.
     Q = np.linalg.svd(np.column_stack([away, np.ones(n)]))[0][:, d + 1 :]
+    return squares_along(Q, residuals, K)
+
+
+def squares_along(Q: FloatArray, residuals: FloatArray, K: FloatArray) -> Squares:
+    """Squares of the residuals (n,) in the space of orthonormal Q (n, m), one a direction of K."""
     values, vectors = np.linalg.eigh(Q.T @ K @ Q)
     return Squares(
         sums=(vectors.T @ Q.T @ residuals) ** 2,

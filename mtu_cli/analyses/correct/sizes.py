@@ -10,6 +10,7 @@ from math import nan
 import numpy as np
 
 from mtu_cli.analyses.correct.result import Sides, Size, mean_size
+from mtu_cli.analyses.correct.roundness import Strain, strain_of
 from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import Squares, ring_squares
 from mtu_cli.analyses.correct.wanted import Task
@@ -36,11 +37,21 @@ class Measure:
     away: FloatArray | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rings:
+    """What the form of circles and spheres tells of the scatter of points, and how far those that
+    are calibrated are strained.
+    """
+
+    squares: list[Squares]
+    strains: list[Strain]
+
+
 def sizes_of(
     tasks: Sequence[Task], rows: RowErrors, corrected: FloatArray
-) -> tuple[list[Size], list[Squares]]:
-    """The sizes of every part: means over its repeats, in the order of the part file; and what
-    the form of its circles and spheres tells of the scatter of points.
+) -> tuple[list[Size], Rings]:
+    """The sizes of every part: means over its repeats, in the order of the part file; and the
+    form of its circles and spheres.
 
     Raises InputError for points that do not determine a circle or sphere, with their row.
     """
@@ -133,13 +144,13 @@ def _ends(ends: FloatArray, nominal: FloatArray) -> FloatArray:
 
 def _with_u(
     tasks: Sequence[Task], measures: Sequence[Measure], rows: RowErrors
-) -> tuple[list[Size], list[Squares]]:
+) -> tuple[list[Size], Rings]:
     """Every task as a size: its variance is that of gradient' E over the points of its visit."""
     visits = [list(group) for _, group in groupby(range(len(tasks)), lambda i: tasks[i].visit)]
     points = [np.unique(np.concatenate([tasks[i].rows for i in group])) for group in visits]
     columns = [AXES.index(axis) for axis in rows.model.axes]
     sizes: list[Size] = []
-    rings: list[Squares] = []
+    rings = Rings(squares=[], strains=[])
     for start, end in rows.together(points):
         chosen = np.concatenate(points[start:end])
         own = [i for group in visits[start:end] for i in group]
@@ -149,7 +160,7 @@ def _with_u(
         for line, i in enumerate(own):
             where = np.array([place[int(row)] for row in tasks[i].rows])
             A[line, where] = measures[i].gradient[:, columns]
-            rings += _squares(tasks[i], measures[i], where, rows, prediction)
+            _add(rings, tasks[i], measures[i], _along(measures[i], where, rows, prediction))
         variance, dof = rows.variances(prediction, A.reshape(len(own), -1))
         sizes += [
             _size(tasks[i], measures[i], float(variance[line]), float(dof[line]))
@@ -158,17 +169,29 @@ def _with_u(
     return sizes, rings
 
 
-def _squares(
-    task: Task, measure: Measure, where: np.ndarray, rows: RowErrors, prediction: Prediction
-) -> list[Squares]:
-    """What a ring tells of the scatter of points, `where` in the prediction its points are."""
-    if measure.residuals is None or measure.away is None:
-        return []
+def _along(
+    measure: Measure, where: np.ndarray, rows: RowErrors, prediction: Prediction
+) -> FloatArray | None:
+    """Modelled covariance of the points of a ring, `where` in the prediction, away from its centre;
+    None of what is no ring.
+    """
+    if measure.away is None:
+        return None
     columns = [AXES.index(axis) for axis in rows.model.axes]
-    K = rows.covariance(prediction, where, measure.away[:, columns])
-    d = 3 if task.wanted.kind == "sphere" else 2
-    found = ring_squares(measure.residuals, measure.away, K, d)
-    return [] if found is None else [found]
+    return rows.covariance(prediction, where, measure.away[:, columns])
+
+
+def _add(rings: Rings, task: Task, measure: Measure, K: FloatArray | None) -> None:
+    """Adds what the form of a ring tells."""
+    if measure.residuals is None or measure.away is None or K is None:
+        return
+    kind = task.wanted.kind
+    squares = ring_squares(measure.residuals, measure.away, K, 3 if kind == "sphere" else 2)
+    rings.squares.extend([] if squares is None else [squares])
+    if np.isfinite(measure.reference):
+        r = measure.size[1] / 2
+        strain = strain_of(kind, task.wanted.id, r, measure.residuals, measure.away, K)
+        rings.strains.extend([] if strain is None else [strain])
 
 
 def _size(task: Task, measure: Measure, variance: float, dof: float) -> Size:
