@@ -66,7 +66,7 @@ def diameter_coverage(
     fitted: FittedMachines, part: LoadedPart, rings: int, *, probing: float, repeats: int
 ) -> Floats:
     """Of each machine the shares of its rings whose intervals hold the diameter, and the length of
-    two points (machines, 2).
+    two points, and whether its round ring is called oval (machines, 3).
     """
     true = ring_places(CENTRE_OF_RING, DIAMETER)
     length = float(np.linalg.norm(true[0] - true[5]))
@@ -83,7 +83,8 @@ def diameter_coverage(
         result = correct(model, part, replace(points, nominal=nominal), Settings())
         circles, lengths = result.of_kind("circle"), result.of_kind("length")
         assert len(circles) == len(lengths) == rings
-        shares.append([_held(circles, DIAMETER), _held(lengths, length)])
+        oval = float(bool(result.ovals))
+        shares.append([_held(circles, DIAMETER), _held(lengths, length), oval])
     return np.array(shares)
 
 

@@ -11,6 +11,7 @@ import pytest
 from correct_examples import ring_part
 from correct_trials import FittedMachines, diameter_coverage, fitted_machines
 from machine_trials import Drift, machine
+from scipy.stats import binom
 
 MACHINES, RINGS = 60, 4
 """Rings of one machine have passes and noise of their own, and only its coefficients in common."""
@@ -45,7 +46,10 @@ def test_intervals_of_a_ring_cover(
     """A length between two points of the one ring that tells the scatter is held too often: a
     large error of it shows in the residuals, too. Less than one of a ring it is never."""
     part = ring_part(tmp_path, "lengths: [{from: r0, to: r5}]\n")
-    shares = diameter_coverage(fitted(drift), part, RINGS, probing=probing, repeats=repeats)
+    found = diameter_coverage(fitted(drift), part, RINGS, probing=probing, repeats=repeats)
+    # Parts that share no more than the coefficients of a machine are fewer than 5 %.
+    assert found[:, 2].sum() <= binom.ppf(1 - 1e-3, MACHINES, 0.05)
+    shares = found[:, :2]
     standard_error = np.sqrt(0.95 * 0.05 / (MACHINES * RINGS))
     # As if each ring had a machine of its own: what machines differ by is next to nothing.
     assert (shares.std(axis=0) / np.sqrt(MACHINES) < 1.3 * standard_error).all()
