@@ -26,7 +26,7 @@ class OrderedTails(threading.local):
 
     def __init__(self) -> None:
         self._cuts: FloatArray | None = None
-        self._beyond = np.empty(0, bool)
+        self._beyond = np.empty((2, 0), bool)
 
     def of(self, values: FloatArray, tail: int) -> tuple[FloatArray, FloatArray]:
         """The `tail` lowest values from the lowest up and the highest from the highest down.
@@ -40,12 +40,15 @@ class OrderedTails(threading.local):
         known = self._cuts is not None and len(self._cuts) == outputs
         cuts = self._cuts if known and self._cuts is not None else np.full((outputs, 2), np.nan)
         lower, upper = np.empty((outputs, tail)), np.empty((outputs, tail))
-        if len(self._beyond) != m:
-            self._beyond = np.empty(m, bool)
-        beyond = self._beyond
+        if self._beyond.shape[1] != m:
+            self._beyond = np.empty((2, m), bool)
         for row, low, high, (below, above) in zip(values, lower, upper, cuts, strict=True):
-            low[:] = _lowest(row, row[np.less(row, below, out=beyond)], tail)
-            high[:] = _highest(row, row[np.greater(row, above, out=beyond)], tail)
+            beyond = self._ordered_beyond(row, below, above)
+            few = int(np.searchsorted(beyond, below)) < tail
+            low[:] = np.sort(np.partition(row, tail - 1)[:tail]) if few else beyond[:tail]
+            few = len(beyond) - int(np.searchsorted(beyond, above, "right")) < tail
+            top = np.sort(np.partition(row, m - tail)[m - tail :]) if few else beyond[-tail:]
+            high[:] = top[::-1]
         inner = tail - 1 - int(MARGIN * tail)
         self._cuts = np.stack(
             [2.0 * end[:, -1] - end[:, inner] for end in (lower, upper)],
@@ -53,16 +56,13 @@ class OrderedTails(threading.local):
         )
         return lower, upper
 
-
-def _highest(row: FloatArray, beyond: FloatArray, tail: int) -> FloatArray:
-    if len(beyond) < tail:
-        beyond = np.partition(row, len(row) - tail)[len(row) - tail :]
-    beyond.sort()
-    return beyond[::-1][:tail]
-
-
-def _lowest(row: FloatArray, beyond: FloatArray, tail: int) -> FloatArray:
-    if len(beyond) < tail:
-        beyond = np.partition(row, tail - 1)[:tail]
-    beyond.sort()
-    return beyond[:tail]
+    def _ordered_beyond(self, row: FloatArray, below: float, above: float) -> FloatArray:
+        """The values of a row (m,) beyond either cut, in order."""
+        one, other = self._beyond
+        np.less(row, below, out=one)
+        np.greater(row, above, out=other)
+        np.logical_or(one, other, out=one)
+        # Three times as quick as row[one].
+        found: FloatArray = row.take(np.flatnonzero(one))
+        found.sort()
+        return found
