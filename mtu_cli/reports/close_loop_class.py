@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import is_nameless, pitch_is_open, should_be_told
 from mtu_cli.reports.close_loop_effects import effect_text
@@ -72,8 +74,10 @@ def members(item: TableResult, effect: FoundEffect) -> list[tuple[str, str, str 
     would make of the other effects.
     """
     place = _place(item, effect)
+    # A rival stands in its place: what it would be is told beside the others.
+    others = replace(item, effects=tuple(own for own in item.effects if own is not effect))
     return [
-        (own.name, effect_text(own, item), one_cause(item, place, own))
+        (own.name, effect_text(own, others), one_cause(item, place, own))
         for own in (effect, *effect.rivals)
     ]
 

@@ -352,6 +352,11 @@ def test_a_scale_beside_a_growth_is_that_of_one_temperature() -> None:
     assert "of travel where" not in words(result(on_table("named", (scale,))))
     of_y = replace(growth, axis="y", name="thermal-growth-y")
     assert "of travel where" not in words(result(on_table("named", (of_y, scale))))
+    # Not of a growth in the place of which it would stand.
+    either = ("thermal-growth-x", "scale-x")
+    one = replace(growth, class_names=either, rivals=(replace(scale, class_names=either),))
+    shared = words(result(on_table("class", (one,))))
+    assert "If scale-x: positioning of X grows by 7.80 ± 0.50 um/m of travel." in shared
 
 
 def test_a_pitch_that_is_one_of_several_makes_a_class() -> None:
