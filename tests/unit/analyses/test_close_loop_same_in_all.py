@@ -159,13 +159,19 @@ def test_only_what_is_told_at_one_in_a_hundred_stands_beside() -> None:
     assert any(p < 0.01 for p in taken)
 
 
+def other_form(prepared: Prepared, step: Step) -> int:
+    """The growth counted from the mean of the day."""
+    start = sum(len(columns) for columns in prepared.scan.columns[: step.index])
+    forms = range(start, start + len(prepared.scan.columns[step.index]))
+    (other,) = (m for m in forms if m != step.member)
+    return other
+
+
 def test_two_forms_of_one_growth_are_a_growth_and_a_constant() -> None:
     """One from 20 degC and one from the mean of the day: they differ in a scale alone."""
     prepared, step = day(4, -60e-6)
     gate = calibrated(prepared.scan, 199, 1)
-    start = sum(len(columns) for columns in prepared.scan.columns[: step.index])
-    forms = range(start, start + len(prepared.scan.columns[step.index]))
-    (other,) = (m for m in forms if m != step.member)
+    other = other_form(prepared, step)
     (found, _) = with_constants(prepared, gate, [step, replace(step, member=other)], 0.05, 4)
     assert found[0] is step
     assert [prepared.candidates[own.index].name for own in found[1:]] == ["scale-x"]
@@ -175,9 +181,7 @@ def test_the_second_form_is_a_constant_where_the_first_is_the_same_in_no_part() 
     """One from the mean of the day hides no scale: nothing but the second form has told it."""
     prepared, step = day(4, -60e-6)
     gate = calibrated(prepared.scan, 199, 1)
-    start = sum(len(columns) for columns in prepared.scan.columns[: step.index])
-    forms = range(start, start + len(prepared.scan.columns[step.index]))
-    (other,) = (m for m in forms if m != step.member)
+    other = other_form(prepared, step)
     (own,) = prepared.scan.flat()[other]
     assert not same_of(prepared.scan, own)
     mean = replace(step, member=other, p=2e-3)
