@@ -66,7 +66,7 @@ def diameter_coverage(
     fitted: FittedMachines, part: LoadedPart, rings: int, *, probing: float, repeats: int
 ) -> Floats:
     """Of each machine the shares of its rings whose intervals hold the diameter, and the length of
-    two points, and whether its round ring is called oval (machines, 3).
+    two points (machines, 2).
     """
     true = ring_places(CENTRE_OF_RING, DIAMETER)
     length = float(np.linalg.norm(true[0] - true[5]))
@@ -83,9 +83,23 @@ def diameter_coverage(
         result = correct(model, part, replace(points, nominal=nominal), Settings())
         circles, lengths = result.of_kind("circle"), result.of_kind("length")
         assert len(circles) == len(lengths) == rings
-        oval = float(bool(result.ovals))
-        shares.append([_held(circles, DIAMETER), _held(lengths, length), oval])
+        shares.append([_held(circles, DIAMETER), _held(lengths, length)])
     return np.array(shares)
+
+
+def called_oval(fitted: FittedMachines, part: LoadedPart, *, probing: float, repeats: int) -> int:
+    """How many machines call the one round ring that they measure oval."""
+    true = ring_places(CENTRE_OF_RING, DIAMETER)
+    nominal = np.tile(true, (repeats, 1))
+    nominal[:, 2] = np.nan
+    called = 0
+    for model, after_readings in fitted.machines:
+        rng = deepcopy(after_readings)
+        noise = probing * rng.standard_normal((repeats, *true.shape))
+        measured = (true + errors_at(rng, fitted.drift, true) + noise).reshape(-1, 3)
+        points = ring_points(measured, ["ring"] * repeats, list(range(1, repeats + 1)))
+        called += bool(correct(model, part, replace(points, nominal=nominal), Settings()).ovals)
+    return called
 
 
 def _held(found: Sequence[Size], size: float) -> float:

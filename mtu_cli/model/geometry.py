@@ -53,15 +53,17 @@ class PlaneFit:
 class RoundFit:
     """A least-squares circle or sphere of n points (n, d), mm.
 
-    `centre` (d,), `radius`, `residuals` (n,) = |p - c| - r (in the plane, for a circle in
-    space). `unscaled_covariance` (X'X)^-1 of centre and radius, X the Gauss-Newton design
-    (independent points of one scatter; in the plane's own directions for a circle in space).
+    `centre` (d,), `radius`, `residuals` (n,) = |p - c| - r and unit vectors `away` (n, d) from
+    the centre (in the plane, for a circle in space). `unscaled_covariance` (X'X)^-1 of centre and
+    radius, X the Gauss-Newton design (independent points of one scatter; in the plane's own
+    directions for a circle in space).
     `radius_gradient` (n, d), `centre_gradient` (d, n, d) with respect to every coordinate.
     """
 
     centre: FloatArray
     radius: float
     residuals: FloatArray
+    away: FloatArray
     unscaled_covariance: FloatArray
     radius_gradient: FloatArray
     centre_gradient: FloatArray
@@ -111,6 +113,7 @@ def _in_space(plane: PlaneFit, flat: RoundFit) -> RoundFit:
         centre=plane.centroid + flat.centre @ e,
         radius=flat.radius,
         residuals=flat.residuals,
+        away=flat.away @ e,
         unscaled_covariance=flat.unscaled_covariance,
         radius_gradient=of_radius,
         centre_gradient=of_centre,
@@ -166,6 +169,7 @@ def _round(points: FloatArray, kind: str) -> RoundFit:
         centre=centroid + scale * found[:d],
         radius=scale * float(found[d]),
         residuals=scale * residuals,
+        away=unit,
         unscaled_covariance=linear.unscaled_covariance,
         radius_gradient=gradient[d],
         centre_gradient=gradient[:d],

@@ -4,7 +4,8 @@
 2.53); null along an axis that is not corrected. Of a size, `u_um` and `interval95_mm` are of the
 corrected size; `u_error_um`, `interval95_um` and `E_n` of its error after, the calibration's
 uncertainty included. `u_um` of a mean over repeats is that of one part, which repeats share.
-`summary` has one entry for each size with a reference, over all parts (and operations).
+`summary` has one entry for each size with a reference, over all parts (and operations). `ovals` are
+the calibrated rings that stay oval, with the effect that the model may lack (null: none is told).
 `point_scatter` is the scatter of the measured points beyond the machine's model: part of
 `u_corrected_um` and of the sizes' u, not of `u_correction_um`, which the machine alone makes.
 """
@@ -18,11 +19,12 @@ from mtu_cli.analyses.correct.result import CorrectResult, Size
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.correct_figure import figure
+from mtu_cli.reports.correct_ovals import document_of, ovals_left
 from mtu_cli.reports.correct_table import ROUNDING_MM, table
 from mtu_cli.reports.document import finite, listed, um
 from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import PARAMETER_UNITS, UM
+from mtu_cli.units import UM
 
 __all__ = ["csv_rows", "document", "figure", "table", "warnings"]
 
@@ -47,6 +49,7 @@ def document(result: CorrectResult) -> dict[str, Any]:
             }
             for item in result.by_size()
         ],
+        "ovals": [document_of(own) for own in result.ovals],
     }
 
 
@@ -169,7 +172,7 @@ def warnings(result: CorrectResult) -> list[Warned]:
     if exact:
         text = f"{listed(exact)} had no error before: there is nothing to reduce"
         found.append(Warned(code="no-error-before", message=text))
-    found += [*_grown(result), *_off(result), *_oval(result)]
+    found += [*_grown(result), *_off(result), *ovals_left(result.ovals)]
     sure = [f"{i.id} of {i.part}" for i in result.sizes if i.u_error == 0]
     if sure:
         text = f"no uncertainty is known for {listed(sure)}: E_n cannot be had"
@@ -213,39 +216,16 @@ def _off(result: CorrectResult) -> list[Warned]:
     items = [item for item in result.by_size() if item.off and not item.grown]
     if not items:
         return []
-    worst = max(items, key=lambda item: abs(item.mean[1]) / item.half)
+    worst = max(items, key=lambda item: abs(item.mean[1]) - item.half)
     mean, half = (significant(value / UM) for value in (worst.mean[1], worst.half))
+    within = f"95 % within {half} um" if worst.half else "no uncertainty is known"
     text = (
         f"after the correction the mean errors of {listed([item.id for item in items])} are beyond "
-        f"their uncertainty ({worst.id}: {mean} um, 95 % within {half} um): the model does not "
+        f"their uncertainty ({worst.id}: {mean} um, {within}): the model does not "
         "take out all of it (`mtu compare` and `mtu close-loop` tell what it lacks), or "
         "calibrated_mm is not right"
     )
     return [Warned(code="errors-left", message=text)]
-
-
-def _oval(result: CorrectResult) -> list[Warned]:
-    """Of rings that an ellipse is left of: a squareness does not show in a diameter."""
-    if not result.ovals:
-        return []
-    worst = max(result.ovals, key=lambda own: own.longer)
-    a, b = worst.axes
-    if worst.shear:
-        signs = ("+", "-") if worst.size > 0 else ("-", "+")
-        longer, shorter = (f"{a} {sign} {b}" for sign in signs)
-        size = significant(abs(worst.size) / PARAMETER_UNITS["arcsec"].to_internal)
-        lacks = f"a squareness of {a} and {b} of {size} arcsec"
-    else:
-        longer, shorter = a, b
-        size = significant(abs(worst.size) / PARAMETER_UNITS["um/m"].to_internal)
-        lacks = f"a scale of {' or '.join(sorted(worst.axes))}, {size} um/m between them"
-    text = (
-        f"after the correction {listed([own.id for own in result.ovals])} stays oval, by more than "
-        f"its points scatter and the model is uncertain ({worst.id}: "
-        f"{significant(worst.longer / UM)} um longer along {longer} than along {shorter}): it "
-        f"is not round itself, or the model lacks {lacks} (`mtu close-loop` tells)"
-    )
-    return [Warned(code="oval-left", message=text)]
 
 
 def csv_rows(result: CorrectResult) -> tuple[list[str], Iterable[list[object]]]:

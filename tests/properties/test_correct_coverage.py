@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from correct_examples import ring_part
-from correct_trials import FittedMachines, diameter_coverage, fitted_machines
+from correct_trials import FittedMachines, called_oval, diameter_coverage, fitted_machines
 from machine_trials import Drift, machine
 from scipy.stats import binom
 
@@ -46,11 +46,18 @@ def test_intervals_of_a_ring_cover(
     """A length between two points of the one ring that tells the scatter is held too often: a
     large error of it shows in the residuals, too. Less than one of a ring it is never."""
     part = ring_part(tmp_path, "lengths: [{from: r0, to: r5}]\n")
-    found = diameter_coverage(fitted(drift), part, RINGS, probing=probing, repeats=repeats)
-    # Parts that share no more than the coefficients of a machine are fewer than 5 %.
-    assert found[:, 2].sum() <= binom.ppf(1 - 1e-3, MACHINES, 0.05)
-    shares = found[:, :2]
+    shares = diameter_coverage(fitted(drift), part, RINGS, probing=probing, repeats=repeats)
     standard_error = np.sqrt(0.95 * 0.05 / (MACHINES * RINGS))
     # As if each ring had a machine of its own: what machines differ by is next to nothing.
     assert (shares.std(axis=0) / np.sqrt(MACHINES) < 1.3 * standard_error).all()
     assert (np.abs(shares.mean(axis=0) - 0.95) < 3.5 * standard_error).all()
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+@pytest.mark.parametrize("probing", [0.3e-3, 1e-3])
+def test_a_round_ring_is_rarely_called_oval(
+    fitted: Callable[[Drift], FittedMachines], probing: float, repeats: int, tmp_path: Path
+) -> None:
+    called = called_oval(fitted(SOME), ring_part(tmp_path), probing=probing, repeats=repeats)
+    print("called", called)
+    assert called <= binom.ppf(1 - 1e-3, MACHINES, 0.05)

@@ -62,7 +62,7 @@ def correct(
         corrected=corrected,
         scatter=scatter,
         sizes=tuple(sizes),
-        ovals=ovals(rings.strains, sizes, scatter),
+        ovals=ovals(rings.shapes.values(), scatter),
         coverage_factor=settings.coverage_factor,
         independent=settings.independent,
         warnings=(*warned, *_size_warnings(sizes, scatter)),
@@ -96,7 +96,7 @@ def _sizes(
     """
     if part is None:
         text = "no part file: points are corrected, but no circle or length is known"
-        return [], Rings(squares=[], strains=[]), [Warned(code="no-part", message=text)]
+        return [], Rings(), [Warned(code="no-part", message=text)]
     wanted, warned = wanted_of(part, rows.points, at)
     tasks, partial = tasks_of(wanted, rows.points)
     sizes, rings = sizes_of(tasks, rows, corrected)

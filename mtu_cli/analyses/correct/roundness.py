@@ -2,48 +2,102 @@
 
 A squareness or a scale of one axis makes an ellipse of a circle and leaves its diameter. Points
 that are strained by a symmetric E (3, 3) lie r u'E u beyond a ring of radius r, u the unit vectors
-from its centre: least squares beside centre and radius gives E from the residuals, its covariance
-the machine's model and the points' scatter. That it is 0 is tested by F = e' V^-1 e / p, with p
-directions of strain that the ring shows (2 of a circle, 5 of a sphere).
+from its centre. Least squares beside centre and radius gives the strain f (p,) that a ring shows
+(2 of a circle, 5 of a sphere) from the residuals in the mean over its parts and repeats, with
+covariance V: the machine's model, what points scatter or the ring is out of true otherwise, and a
+plane through points of different heights, which cuts a round bore askew. Of no strain, with nu
+degrees of freedom of V, T^2 / p, T^2 = f' V^-1 f, is F(p, nu) where these are of the one variance
+of points, and (nu - p + 1) T^2 / (nu p) is F(p, nu - p + 1) where they are of the model, which may
+have each direction by itself (Hotelling 1931). What the machine did is taken to be in all parts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from scipy.special import fdtrc
 
-from mtu_cli.analyses.correct.result import Kind, Size
-from mtu_cli.analyses.correct.scatter import PointScatter, Squares, pooled, squares_along
+from mtu_cli.analyses.correct.result import Kind
+from mtu_cli.analyses.correct.scatter import (
+    NOTHING_MM,
+    PointScatter,
+    pooled,
+    ring_space,
+    squares_along,
+)
+from mtu_cli.model.geometry import DIMENSIONS
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import PROBABILITY
+from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 
 PAIRS = tuple(combinations(range(3), 2))
 SHOWN = 0.05
-"""Share of the largest singular value below which a ring does not show a direction of strain."""
+"""Root mean square over the points, of the lever of a strain of 1 along a direction over the
+radius, below which a ring does not show it."""
+TOLD = 0.2
+"""Share of a difference of diameters that a ring may not show where it is named."""
 ENDLESS = 1e9
 """Degrees of freedom beyond which F is chi^2 / p."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Strain:
-    """Of one ring: e = (E_xx, E_yy, E_zz, E_xy, E_xz, E_yz) (6,), its covariance (6, 6) by the
-    machine's model, and by a scatter of points of 1 mm^2; `shown` directions of strain, and the
-    squares that no strain makes.
+class Shape:
+    """A calibrated ring, summed over `count` visits of the same points: `radius` mm, `residuals`
+    (n,) mm, unit vectors `away` (n, 3) from the centre, in the plane of a circle, modelled
+    covariance `K` (n, n) along them, mm^2, with degrees of freedom `dof` (the fewest), and the
+    strain (6,) of a bore that the plane of the points cuts askew (`askew`).
     """
 
     kind: Kind
     id: str
+    operation: str
     radius: float
-    value: FloatArray
-    modelled: FloatArray
-    scattered: FloatArray
-    shown: int
-    rest: Squares | None
+    residuals: FloatArray
+    away: FloatArray
+    K: FloatArray
+    dof: float
+    oblique: FloatArray
+    count: int = 1
+
+    def and_another(self, other: Shape) -> Shape:
+        """Both together."""
+        return replace(
+            self,
+            radius=self.radius + other.radius,
+            residuals=self.residuals + other.residuals,
+            away=self.away + other.away,
+            K=self.K + other.K,
+            dof=min(self.dof, other.dof),
+            oblique=self.oblique + other.oblique,
+            count=self.count + other.count,
+        )
+
+    def mean(self) -> Shape:
+        """The mean over the visits."""
+        n = self.count
+        return replace(
+            self,
+            radius=self.radius / n,
+            residuals=self.residuals / n,
+            away=self.away / np.linalg.norm(self.away, axis=1, keepdims=True),
+            K=self.K / n,
+            oblique=self.oblique / n,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Levers:
+    """f = `estimator` (p, n) residuals is the strain along the orthonormal `basis` (6, p) of
+    (E_xx, E_yy, E_zz, E_xy, E_xz, E_yz); `rest` (n, k) orthonormal, what no strain makes.
+    """
+
+    estimator: FloatArray
+    basis: FloatArray
+    rest: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,103 +105,149 @@ class Oval:
     """A ring that is oval beyond its uncertainty: `longer` (mm, of diameters) along one direction
     than along another. With a `shear` these are the sum and the difference of the two `axes`, the
     other way round where its `size` (rad) is negative; else the first of them and the second.
+    Without `axes` none of these can be told: `longer` is of the longest and the shortest.
     """
 
     kind: Kind
     id: str
-    axes: tuple[str, str]
+    operation: str
+    axes: tuple[str, str] | None
     shear: bool
     longer: float
     size: float
 
 
-def strain_of(
-    kind: Kind, name: str, radius: float, residuals: FloatArray, away: FloatArray, K: FloatArray
-) -> Strain | None:
-    """The strain of a ring with `residuals` (n,) mm; `away` (n, 3) are unit vectors from the
-    centre, `K` (n, n) the modelled covariance of the points along them, mm^2. None where the
-    points show nothing of it.
-    """
-    n, d = len(residuals), 3 if kind == "sphere" else 2
-    if n <= d + 1:
+def levers_of(kind: Kind, radius: float, away: FloatArray) -> Levers | None:
+    """What a ring of `radius` mm tells of strain; None where the points show nothing of it."""
+    Q = ring_space(away, DIMENSIONS[kind])
+    if Q is None:
         return None
-    Q = np.linalg.svd(np.column_stack([away, np.ones(n)]))[0][:, d + 1 :]
     levers = [away[:, i] ** 2 for i in range(3)]
     levers += [2 * away[:, i] * away[:, j] for i, j in PAIRS]
     U, sizes, V = np.linalg.svd(Q.T @ (radius * np.column_stack(levers)))
-    p = int((sizes > SHOWN * radius).sum())
+    p = int((sizes > SHOWN * radius * np.sqrt(len(away))).sum())
     if p == 0:
         return None
-    B = (V[:p].T / sizes[:p]) @ U[:, :p].T @ Q.T
-    left = Q @ U[:, p:]
-    return Strain(
-        kind=kind,
-        id=name,
-        radius=radius,
-        value=B @ residuals,
-        modelled=B @ K @ B.T,
-        scattered=B @ B.T,
-        shown=p,
-        rest=squares_along(left, residuals, K) if left.shape[1] else None,
-    )
+    return Levers((U[:, :p] / sizes[:p]).T @ Q.T, V[:p].T, Q @ U[:, p:])
 
 
-def ovals(
-    strains: Sequence[Strain], sizes: Sequence[Size], scatter: PointScatter | None
-) -> tuple[Oval, ...]:
-    """The rings whose strain, in the mean over parts and repeats, is told from 0 at 95 % of all
-    together (Bonferroni). What the machine did is taken to be in all of them.
+def askew(normal: FloatArray, drawn: FloatArray) -> FloatArray:
+    """Strain (6,) of a round bore along `drawn` in a plane across `normal`, unit vectors (3,): it
+    is longer by theta^2 / 2 along the slope of the plane.
     """
-    groups: dict[tuple[Kind, str], list[Strain]] = {}
-    for own in strains:
-        groups.setdefault((own.kind, own.id), []).append(own)
-    found = []
-    for (kind, name), group in groups.items():
-        dof = min(size.dof for size in sizes if (size.kind, size.id) == (kind, name))
-        p = _p(group, dof, scatter)
-        if p < (1 - PROBABILITY) / len(groups):
-            e = np.mean([own.value for own in group], axis=0)
-            found.append(_oval(group[0], e))
-    return tuple(found)
+    slope = drawn - (drawn @ normal) * normal
+    return _entries(0.5 * np.outer(slope, slope))
 
 
-def _p(group: Sequence[Strain], dof: float, scatter: PointScatter | None) -> float:
-    """Of no strain; 1 where nothing tells how much the points scatter."""
-    variance = scatter.variance if scatter is not None else 0.0
-    count = len(group)
-    if scatter is None or scatter.origin == "form":
-        # What is left of a ring beside its strain is the ring's own, and in every repeat.
-        rests = [own.rest for own in group if own.rest is not None]
-        if not rests:
-            return 1.0
-        rest, count = pooled(rests, "form"), 1
-        variance, dof = rest.variance, min(dof, rest.dof)
-    e = np.mean([own.value for own in group], axis=0)
-    V = np.mean([own.modelled for own in group], axis=0)
-    V = V + variance / count * np.mean([own.scattered for own in group], axis=0)
-    shown = max(own.shown for own in group)
+def ovals(shapes: Iterable[Shape], scatter: PointScatter | None) -> tuple[Oval, ...]:
+    """The rings whose strain is told from 0 at 95 % of all together (Bonferroni). Of a ring that
+    lacks points in some visits those are taken that most visits have.
+    """
+    most: dict[tuple[Kind, str, str], Shape] = {}
+    for own in shapes:
+        known = most.get((own.kind, own.id, own.operation))
+        if known is None or (known.count, len(known.away)) < (own.count, len(own.away)):
+            most[own.kind, own.id, own.operation] = own
+    alpha = (1 - PROBABILITY) / max(len(most), 1)
+    judged = (_judged(own, scatter) for own in most.values())
+    return tuple(oval for p, oval in judged if p < alpha)
+
+
+def _judged(shape: Shape, scatter: PointScatter | None) -> tuple[float, Oval]:
+    """p of no strain, and what it is."""
+    mean = shape.mean()
+    nothing = Oval(
+        kind=shape.kind, id=shape.id, operation=shape.operation, axes=None, shear=False,
+        longer=0.0, size=0.0,
+    )  # fmt: skip
+    levers = levers_of(mean.kind, mean.radius, mean.away)
+    scattered = None if levers is None else _scatter_of(mean, levers, scatter)
+    if levers is None or scattered is None:
+        return 1.0, nothing
+    variance, scatter_dof = scattered
+    B = levers.estimator
+    by_points = variance * (B @ B.T)
+    oblique = levers.basis.T @ mean.oblique
+    by_model = B @ mean.K @ B.T
+    f, V = B @ mean.residuals, by_model + by_points + np.outer(oblique, oblique)
     values, vectors = np.linalg.eigh(V)
-    values, vectors = values[-shown:], vectors[:, -shown:]
-    if values[0] <= 0:
-        return 1.0
-    square = float(((vectors.T @ e) ** 2 / values).sum())
-    return float(fdtrc(shown, min(dof, ENDLESS), square / shown))
+    P = _p(
+        float(((vectors.T @ f) ** 2 / values).sum()),
+        np.maximum(np.diag(by_model), 0.0),
+        np.diag(by_points),
+        (mean.dof, scatter_dof),
+    )
+    return P, _named(nothing, mean.radius, levers.basis, f, V)
 
 
-def _oval(ring: Strain, e: FloatArray) -> Oval:
-    """The pair of axes with the largest difference of diameters."""
+def _p(square: float, model: FloatArray, points: FloatArray, dof: tuple[float, float]) -> float:
+    """Of T^2, with the variances (p,) of both kinds and their degrees of freedom."""
+    p = len(model)
+    each = [
+        welch_satterthwaite(np.array(v), np.array(dof)) for v in zip(model, points, strict=True)
+    ]
+    least = int(np.argmin(each))
+    nu = min(each[least], ENDLESS)
+    of_model = model[least] ** 2 / dof[0] > points[least] ** 2 / dof[1]
+    left = nu - p + 1 if of_model else nu
+    return float(fdtrc(p, left, square * left / (nu * p))) if left > 0 else 1.0
+
+
+def _scatter_of(
+    mean: Shape, levers: Levers, scatter: PointScatter | None
+) -> tuple[float, float] | None:
+    """Variance of the residuals of a mean over visits beside its strain, mm^2, and its degrees of
+    freedom: by what is left of them, or the repeats' scatter where that is more. None where
+    nothing tells it.
+    """
     found = []
-    for k, (i, j) in enumerate(PAIRS):
-        found += [(abs(2 * e[3 + k]), True, i, j, 2 * e[3 + k])]
-        found += [(abs(e[i] - e[j]), False, i, j, e[i] - e[j])]
-    _, shear, i, j, size = max(found)
+    if levers.rest.shape[1]:
+        rest = pooled([squares_along(levers.rest, mean.residuals, mean.K)], "form")
+        found.append((rest.variance, rest.dof))
+    if scatter is not None and scatter.origin == "repeats":
+        found.append((scatter.variance / mean.count, scatter.dof))
+    if not found:
+        return None
+    variance, dof = max(found)
+    return max(variance, NOTHING_MM**2), dof
+
+
+def _named(nothing: Oval, radius: float, basis: FloatArray, f: FloatArray, V: FloatArray) -> Oval:
+    """The surest of the differences of diameters that the ring shows."""
+    best, found = 0.0, None
+    for i, j, shear, contrast in _contrasts():
+        own = basis.T @ contrast
+        if contrast @ contrast - own @ own > TOLD**2 * (contrast @ contrast):
+            continue
+        size, u = float(own @ f), float(np.sqrt(own @ V @ own))
+        if abs(size) > best * u:
+            best, found = abs(size) / u, (i, j, shear, size)
+    if found is None:
+        E = _matrix(basis @ f)
+        return replace(nothing, longer=2 * radius * float(np.ptp(np.linalg.eigvalsh(E))))
+    i, j, shear, size = found
     if size < 0 and not shear:
         i, j, size = j, i, -size
-    return Oval(
-        kind=ring.kind,
-        id=ring.id,
-        axes=(AXES[i], AXES[j]),
-        shear=shear,
-        longer=2 * ring.radius * abs(float(size)),
-        size=float(size),
+    return replace(
+        nothing, axes=(AXES[i], AXES[j]), shear=shear, longer=2 * radius * abs(size), size=size
     )
+
+
+def _contrasts() -> Iterator[tuple[int, int, bool, FloatArray]]:
+    """2 E_ij and E_ii - E_jj of each pair of axes, as weights (6,) of a strain."""
+    for k, (i, j) in enumerate(PAIRS):
+        shear, stretch = np.zeros((2, 6))
+        shear[3 + k], stretch[i], stretch[j] = 2.0, 1.0, -1.0
+        yield i, j, True, shear
+        yield i, j, False, stretch
+
+
+def _entries(E: FloatArray) -> FloatArray:
+    return np.array([*np.diag(E), *(E[i, j] for i, j in PAIRS)])
+
+
+def _matrix(e: FloatArray) -> FloatArray:
+    E = np.diag(e[:3])
+    for k, (i, j) in enumerate(PAIRS):
+        E[i, j] = E[j, i] = e[3 + k]
+    return E

@@ -130,14 +130,22 @@ def ring_squares(residuals: FloatArray, away: FloatArray, K: FloatArray, d: int)
     """Squares of the residuals (n,) of a circle (d = 2) or sphere (3), one a direction of K.
 
     `away` (n, 3) are unit vectors from the centre, `K` (n, n) the modelled covariance of the
-    points along them, mm^2. The n - d - 1 directions are those that centre and radius leave.
+    points along them, mm^2.
     """
-    n = len(residuals)
+    Q = ring_space(away, d)
+    return None if Q is None else squares_along(Q, residuals, K)
+
+
+def ring_space(away: FloatArray, d: int) -> FloatArray | None:
+    """Orthonormal (n, n - d - 1): the directions of n residuals that centre and radius of a circle
+    (d = 2) or sphere (3) leave; None where they leave none. `away` (n, 3): see `ring_squares`.
+    """
+    n = len(away)
     if n <= d + 1:
         return None
-    # A circle in space hardly spans its third dimension: it comes behind the others.
-    Q = np.linalg.svd(np.column_stack([away, np.ones(n)]))[0][:, d + 1 :]
-    return squares_along(Q, residuals, K)
+    # Of a circle the vectors lie in its plane: two of the four columns and the ones tell.
+    found: FloatArray = np.linalg.svd(np.column_stack([away, np.ones(n)]))[0][:, d + 1 :]
+    return found
 
 
 def squares_along(Q: FloatArray, residuals: FloatArray, K: FloatArray) -> Squares:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 from math import nan
 
 import numpy as np
 
-from mtu_cli.analyses.correct.result import Sides, Size, mean_size
-from mtu_cli.analyses.correct.roundness import Strain, strain_of
+from mtu_cli.analyses.correct.result import Kind, Sides, Size, mean_size
+from mtu_cli.analyses.correct.roundness import Shape, askew, levers_of
 from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import Squares, ring_squares
 from mtu_cli.analyses.correct.wanted import Task
 from mtu_cli.errors import InputError, Problem
-from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
+from mtu_cli.model.geometry import DIMENSIONS, GeometryError, fit_circle, fit_plane, fit_sphere
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.stats.least_squares import FloatArray
@@ -26,7 +26,7 @@ class Measure:
     """A size before and after, and its gradient (m, 3) in the corrected points, mm.
 
     Of circles and spheres the `residuals` (m,) after, mm, and the unit vectors `away` (m, 3)
-    from the centre.
+    from the centre, in the plane of a circle.
     """
 
     size: Sides
@@ -37,14 +37,17 @@ class Measure:
     away: FloatArray | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+Key = tuple[Kind, str, str, tuple[str, ...]]
+
+
+@dataclass(frozen=True, slots=True)
 class Rings:
-    """What the form of circles and spheres tells of the scatter of points, and how far those that
-    are calibrated are strained.
+    """What the form of circles and spheres tells of the scatter of points, and the shapes of those
+    that are calibrated.
     """
 
-    squares: list[Squares]
-    strains: list[Strain]
+    squares: list[Squares] = field(default_factory=list)
+    shapes: dict[Key, Shape] = field(default_factory=dict)
 
 
 def sizes_of(
@@ -96,8 +99,7 @@ def _measure(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
     fit, d = fit_sphere if sphere else fit_circle, 2 if flat else 3
     first, last = fit(before[:, :d]), fit(after[:, :d])
     gradient, away = np.zeros((2, len(after), 3))
-    gradient[:, : last.radius_gradient.shape[1]] = 2 * last.radius_gradient
-    away[:, : len(last.centre)] = after[:, : len(last.centre)] - last.centre
+    gradient[:, :d], away[:, :d] = 2 * last.radius_gradient, last.away
     calibration = task.wanted.calibration
     return Measure(
         size=(2 * first.radius, 2 * last.radius),
@@ -105,7 +107,7 @@ def _measure(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
         reference=nan if calibration is None else calibration.at(_temperature(task)),
         gradient=gradient,
         residuals=last.residuals,
-        away=away / np.linalg.norm(away, axis=1, keepdims=True),
+        away=away,
     )
 
 
@@ -150,7 +152,7 @@ def _with_u(
     points = [np.unique(np.concatenate([tasks[i].rows for i in group])) for group in visits]
     columns = [AXES.index(axis) for axis in rows.model.axes]
     sizes: list[Size] = []
-    rings = Rings(squares=[], strains=[])
+    rings = Rings()
     for start, end in rows.together(points):
         chosen = np.concatenate(points[start:end])
         own = [i for group in visits[start:end] for i in group]
@@ -160,7 +162,7 @@ def _with_u(
         for line, i in enumerate(own):
             where = np.array([place[int(row)] for row in tasks[i].rows])
             A[line, where] = measures[i].gradient[:, columns]
-            _add(rings, tasks[i], measures[i], _along(measures[i], where, rows, prediction))
+            _add_form(rings, tasks[i], measures[i], where, rows, prediction)
         variance, dof = rows.variances(prediction, A.reshape(len(own), -1))
         sizes += [
             _size(tasks[i], measures[i], float(variance[line]), float(dof[line]))
@@ -169,29 +171,54 @@ def _with_u(
     return sizes, rings
 
 
-def _along(
-    measure: Measure, where: np.ndarray, rows: RowErrors, prediction: Prediction
-) -> FloatArray | None:
-    """Modelled covariance of the points of a ring, `where` in the prediction, away from its centre;
-    None of what is no ring.
-    """
-    if measure.away is None:
-        return None
-    columns = [AXES.index(axis) for axis in rows.model.axes]
-    return rows.covariance(prediction, where, measure.away[:, columns])
-
-
-def _add(rings: Rings, task: Task, measure: Measure, K: FloatArray | None) -> None:
-    """Adds what the form of a ring tells."""
-    if measure.residuals is None or measure.away is None or K is None:
+def _add_form(
+    rings: Rings,
+    task: Task,
+    measure: Measure,
+    where: np.ndarray,
+    rows: RowErrors,
+    prediction: Prediction,
+) -> None:
+    """Adds what the form of a ring tells, `where` in the prediction its points are."""
+    if measure.residuals is None or measure.away is None:
         return
-    kind = task.wanted.kind
-    squares = ring_squares(measure.residuals, measure.away, K, 3 if kind == "sphere" else 2)
+    columns = [AXES.index(axis) for axis in rows.model.axes]
+    along = measure.away[:, columns]
+    K = rows.covariance(prediction, where, along)
+    squares = ring_squares(measure.residuals, measure.away, K, DIMENSIONS[task.wanted.kind])
     rings.squares.extend([] if squares is None else [squares])
-    if np.isfinite(measure.reference):
-        r = measure.size[1] / 2
-        strain = strain_of(kind, task.wanted.id, r, measure.residuals, measure.away, K)
-        rings.strains.extend([] if strain is None else [strain])
+    r = measure.size[1] / 2
+    levers = levers_of(task.wanted.kind, r, measure.away)
+    if levers is None or not np.isfinite(measure.reference):
+        return
+    A = np.zeros((len(levers.estimator), len(prediction.points), len(columns)))
+    A[:, where] = levers.estimator[:, :, None] * along
+    _, dof = rows.variances(prediction, A.reshape(len(A), -1))
+    shape = Shape(
+        kind=task.wanted.kind,
+        id=task.wanted.id,
+        operation=task.operation,
+        radius=r,
+        residuals=measure.residuals,
+        away=measure.away,
+        K=K,
+        dof=float(dof.min()),
+        oblique=_oblique(task, measure.away, rows),
+    )
+    names = tuple(rows.points.features[code] for code in rows.points.feature[task.rows])
+    key = (shape.kind, shape.id, shape.operation, names)
+    known = rings.shapes.get(key)
+    rings.shapes[key] = shape if known is None else known.and_another(shape)
+
+
+def _oblique(task: Task, away: FloatArray, rows: RowErrors) -> FloatArray:
+    """What the plane of a circle cuts a bore along the drawn normal askew; 0 of spheres, and where
+    no heights are known.
+    """
+    drawn = rows.points.nominal[task.rows]
+    if task.wanted.kind == "sphere" or np.isnan(drawn).any():
+        return np.zeros(6)
+    return askew(np.linalg.svd(away)[2][-1], fit_plane(drawn).normal)
 
 
 def _size(task: Task, measure: Measure, variance: float, dof: float) -> Size:
