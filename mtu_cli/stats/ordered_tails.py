@@ -43,12 +43,10 @@ class OrderedTails(threading.local):
         if self._beyond.shape[1] != m:
             self._beyond = np.empty((2, m), bool)
         for row, low, high, (below, above) in zip(values, lower, upper, cuts, strict=True):
-            beyond = self._ordered_beyond(row, below, above)
-            few = int(np.searchsorted(beyond, below)) < tail
-            low[:] = np.sort(np.partition(row, tail - 1)[:tail]) if few else beyond[:tail]
-            few = len(beyond) - int(np.searchsorted(beyond, above, "right")) < tail
-            top = np.sort(np.partition(row, m - tail)[m - tail :]) if few else beyond[-tail:]
-            high[:] = top[::-1]
+            beyond, lows, highs = self._ordered_beyond(row, below, above)
+            few = np.sort(np.partition(row, tail - 1)[:tail]) if lows < tail else beyond[:tail]
+            top = np.sort(np.partition(row, m - tail)[m - tail :]) if highs < tail else beyond
+            low[:], high[:] = few, top[::-1][:tail]
         inner = tail - 1 - int(MARGIN * tail)
         self._cuts = np.stack(
             [2.0 * end[:, -1] - end[:, inner] for end in (lower, upper)],
@@ -56,13 +54,16 @@ class OrderedTails(threading.local):
         )
         return lower, upper
 
-    def _ordered_beyond(self, row: FloatArray, below: float, above: float) -> FloatArray:
-        """The values of a row (m,) beyond either cut, in order."""
+    def _ordered_beyond(
+        self, row: FloatArray, below: float, above: float
+    ) -> tuple[FloatArray, int, int]:
+        """The values of a row (m,) beyond either cut, in order, and how many are beyond each."""
         one, other = self._beyond
         np.less(row, below, out=one)
         np.greater(row, above, out=other)
+        lows, highs = int(np.count_nonzero(one)), int(np.count_nonzero(other))
         np.logical_or(one, other, out=one)
         # Three times as quick as row[one].
         found: FloatArray = row.take(np.flatnonzero(one))
         found.sort()
-        return found
+        return found, lows, highs
