@@ -7,14 +7,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.close_loop_choices import FOUND, UNEXPLAINED, Choices, read_choices
-from mtu_cli.cli.close_loop_files import Known, written
+from mtu_cli.cli.close_loop_files import FoundOn, Known, written
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import drift_estimates, modelled
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import fault
 from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
-from mtu_cli.model.effect_ranges import seen_ranges
+from mtu_cli.model.effect_ranges import column_ranges, seen_ranges
 from mtu_cli.model.fit import (
     estimates_from_fit,
     estimates_from_report,
@@ -58,8 +58,9 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     )
     results = report.document(result)
     worth = _worth(result, results)
-    seen = [seen_ranges(t.table, e.equations) for t in result.tables for e in t.effects]
-    files = written(inputs, found, settings, result.effects, result.covariance, worth, seen)
+    files = written(
+        inputs, found, settings, result.effects, result.covariance, worth, _found_on(result)
+    )
     return Outcome(
         results=lambda: results,
         tables=lambda: report.table(result),
@@ -74,6 +75,18 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         gate=report.gate_text(result) if _is_met(result.verdict, choices) else None,
         files=lambda: files.files,
     )
+
+
+def _found_on(result: CloseLoopResult) -> list[FoundOn]:
+    """Of each effect the ranges of the columns of its equations, and of others that it holds in."""
+    return [
+        FoundOn(
+            seen=seen_ranges(item.table, effect.equations),
+            within=column_ranges(item.table, effect.holds_within),
+        )
+        for item in result.tables
+        for effect in item.effects
+    ]
 
 
 def _doubts(result: CloseLoopResult, written: bool) -> list[Warned]:

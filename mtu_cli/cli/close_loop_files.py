@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -71,6 +71,14 @@ class Known:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FoundOn:
+    """Lowest and highest value of the columns of an effect's equations, and of others."""
+
+    seen: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    within: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
     """What is to be written, by path, and what to warn of."""
 
@@ -85,13 +93,13 @@ def written(
     effects: Sequence[Found],
     covariance: FloatArray | None,
     held_out: Sequence[Mapping[str, Any]] | None,
-    seen: Sequence[Mapping[str, Sequence[float]]] | None = None,
+    found_on: Sequence[FoundOn] | None = None,
 ) -> Written:
     """The files of --write-machine and --write-components, none where neither is asked for.
 
     `covariance` (K, K) is over the parameters of all `effects` in their order, in internal
     units; None leaves them uncorrelated between effects. `held_out` tells what each effect is
-    worth, in plain data, for the machine's `found`; `seen` the ranges that each was found on.
+    worth, in plain data, for the machine's `found`; `found_on` the ranges that each was found on.
 
     Raises InputError for effects that no machine file can hold.
     """
@@ -102,8 +110,8 @@ def written(
     kept = [i for i, equations in enumerate(stated) if equations]
     warnings = _left_out([effect for effect, own in zip(effects, stated, strict=True) if not own])
     worth = [held_out[i] if held_out is not None else None for i in range(len(effects))]
-    own = seen or [{}] * len(effects)
-    entries = [replace(_entry(inputs, effects[i], stated[i], worth[i]), seen=own[i]) for i in kept]
+    on = found_on or [FoundOn()] * len(effects)
+    entries = [_entry(inputs, effects[i], stated[i], worth[i], on[i]) for i in kept]
     extended = extended_machine(inputs.machine, entries)
     warnings += [Warned(code=item.code, message=item.message) for item in extended.warnings]
     if not kept:
@@ -128,7 +136,11 @@ def _left_out(effects: Sequence[Found]) -> list[Warned]:
 
 
 def _entry(
-    inputs: Inputs, effect: Found, equations: Mapping[str, str], held_out: Mapping[str, Any] | None
+    inputs: Inputs,
+    effect: Found,
+    equations: Mapping[str, str],
+    held_out: Mapping[str, Any] | None,
+    on: FoundOn,
 ) -> WrittenEffect:
     factors = np.array([PARAMETER_UNITS[unit].to_internal for _, unit, _, _ in effect.parameters])
     C = np.asarray(effect.covariance, float) / np.outer(factors, factors)
@@ -145,6 +157,8 @@ def _entry(
         covariance=((C + C.T) / 2).tolist(),
         equations=equations,
         alike={name: list(effect.alike) for name in effect.searched if effect.alike},
+        seen=on.seen,
+        within=on.within,
         found=_where(inputs, effect, held_out),
     )
 

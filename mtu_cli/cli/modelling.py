@@ -67,7 +67,9 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
         raise InputError(_shortened(error.problems, inputs)) from None
     warnings += _limits(inputs, fit, model)
     _expand(inputs.at, model.covariates())
-    unused = [name for name in inputs.at if name not in model.covariates()]
+    # Of a column that no equation has a declared effect may tell where it holds.
+    used = {*model.covariates(), *(name for effect in model.effects for name in effect.seen)}
+    unused = [name for name in inputs.at if name not in used]
     warnings += [
         Warned(code="covariate-not-needed", message=_not_needed(name, inputs, model), about=(name,))
         for name in unused

@@ -59,6 +59,9 @@ def _beside_the_time(effect: Effect) -> set[str]:
     return {name for name, timed in found.items() if all(timed)}
 
 
+LOWER_FIRST = "the lower end first"
+
+
 def check_effect_used(effect: Effect, index: int, findings: Findings) -> None:
     """Ranges of what its equations, which can be read, do not hold."""
     path: YamlPath = ("effects", index)
@@ -69,8 +72,14 @@ def check_effect_used(effect: Effect, index: int, findings: Findings) -> None:
             hint = did_you_mean(name, sorted(used - set(effect.parameters)))
             findings.add(here, "no column of its equations", value=name, expected=hint)
         elif low > high:
-            expected = "the lower end first"
-            findings.add(here, "wrong value", value=[low, high], expected=expected)
+            findings.add(here, "wrong value", value=[low, high], expected=LOWER_FIRST)
+    for name, (low, high) in effect.within.items():
+        here = (*path, "within", name)
+        if name in used:
+            expected = "the range of a column of its equations under `seen`"
+            findings.add(here, "a name of its equations", value=name, expected=expected)
+        elif low > high:
+            findings.add(here, "wrong value", value=[low, high], expected=LOWER_FIRST)
 
 
 def _used(effect: Effect) -> set[str]:

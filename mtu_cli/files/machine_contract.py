@@ -164,6 +164,11 @@ class Effect(Contract):
         description="Lowest and highest value, in what it was found on, of the positions and "
         "columns of its equations: beyond them it is a guess",
     )
+    within: dict[SearchedName, Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(
+        default={},
+        description="Lowest and highest value, in what it was found on, of columns that its "
+        "equations do not have: beyond them it may be of another size",
+    )
     found: dict[str, Any] = Field(default={}, description="Where it was found, free")
 
 

@@ -34,7 +34,8 @@ class WrittenEffect:
     `parameters` by name; `covariance` (k, k) over them in their order and units; `equations`
     by their name (Ex), linear in the parameters, evaluated in mm, rad, degC, min; `alike` holds
     other values of what was searched that fit as well, `seen` the lowest and highest value of the
-    columns of the equations, `found` says where the effect was found, in plain data.
+    columns of the equations, `within` of columns that these do not have, `found` says where the
+    effect was found, in plain data.
     """
 
     name: str
@@ -47,6 +48,7 @@ class WrittenEffect:
     covariance: Sequence[Sequence[float]] | None = None
     alike: Mapping[str, Sequence[float]] = field(default_factory=dict)
     seen: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    within: Mapping[str, Sequence[float]] = field(default_factory=dict)
     found: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -154,6 +156,8 @@ def _entry(effect: WrittenEffect) -> dict[str, Any]:
         entry["alike"] = effect.alike
     if effect.seen:
         entry["seen"] = effect.seen
+    if effect.within:
+        entry["within"] = effect.within
     if effect.found:
         entry["found"] = effect.found
     return entry

@@ -39,7 +39,10 @@ def declared_effects(machine: LoadedMachine) -> tuple[DeclaredEffect, ...]:
             name=effect.name,
             file=machine.source.shown,
             index=i,
-            seen={column: (low, high) for column, (low, high) in effect.seen.items()},
+            seen={
+                column: (low, high)
+                for column, (low, high) in {**effect.within, **effect.seen}.items()
+            },
         )
         for i, effect in enumerate(machine.machine.effects)
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -43,11 +43,18 @@ class _Left:
 
 
 def seen_ranges(table: ResidualTable, equations: Mapping[str, str]) -> dict[str, list[float]]:
-    """Lowest and highest value over the measured cells of the positions and columns that the
-    `equations` of an effect use, rounded outward to a millionth of the range.
+    """The `column_ranges` of the positions and columns that the `equations` of an effect use."""
+    return column_ranges(
+        table, [name for text in equations.values() for name in names(parse(text))]
+    )
+
+
+def column_ranges(table: ResidualTable, columns: Iterable[str]) -> dict[str, list[float]]:
+    """Lowest and highest value over the measured cells of positions and `columns`, those that the
+    table has, rounded outward to a millionth of the range.
     """
     found = {}
-    for name in dict.fromkeys(name for text in equations.values() for name in names(parse(text))):
+    for name in dict.fromkeys(columns):
         if name in AXES:
             values = table.places[..., AXES.index(name)]
         elif name in table.covariates:

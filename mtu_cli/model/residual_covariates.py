@@ -219,7 +219,7 @@ def numbers_of(
     no temperature of a machine in a sensor's column, become problems.
     """
     texts = column.tolist() if column.dtype == object else None
-    found = np.array([_number(text) for text in texts]) if texts else column.astype(np.float64)
+    found = np.array([number(text) for text in texts]) if texts else column.astype(np.float64)
     chosen = np.arange(len(found)) if rows is None else rows
     for i in chosen[~np.isfinite(found[chosen])][:MOST_TOLD].tolist():
         text = texts[i] if texts else ""
@@ -272,7 +272,7 @@ def _cell_problem(
     )
 
 
-def _number(text: str) -> float:
+def number(text: str) -> float:
     try:
         return float(text)
     except ValueError:

@@ -17,7 +17,7 @@ from mtu_cli.model.covariate_gaps import without_gaps
 from mtu_cli.model.covariate_texts import texts_told
 from mtu_cli.model.datum import Datum
 from mtu_cli.model.design import places as fixed_places
-from mtu_cli.model.effect_ranges import effect_warnings_at
+from mtu_cli.model.effect_columns import guess_warnings
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import axes_of, check_repeats
@@ -44,7 +44,6 @@ from mtu_cli.model.residual_layout import Layout, layout_of
 from mtu_cli.model.residual_visits import Visited, only_rows, visited_of
 from mtu_cli.model.resolution import resolution
 from mtu_cli.model.settings import Warned
-from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.visit_scatter import VisitScatter, visit_scatter
 from mtu_cli.model.written_errors import without_written_errors
 from mtu_cli.stats.least_squares import FloatArray
@@ -170,10 +169,10 @@ def _measured(
     cells, columns = layout.cells, point_columns(points)
     needed = needed_covariates(model, points, columns, at, at_nominal=True)
     shown, gaps = table_covariates(columns, cells, (points.file_index, points.sources))
-    shapes = {name: value.shape for name, value in shown.items()}
-    found = cell_model(model, points.nominal, needed.values, cells, shapes)
+    found = cell_model(model, points.nominal, needed.values, cells, _shapes(shown))
     at_once = _at_once(model, points, needed.values, layout)
-    warned += [*needed.warnings, *gaps, *_guesses(model, points, needed.values, at_once)]
+    warned += [*needed.warnings, *gaps, *outside_warnings(at_once)]
+    warned += guess_warnings(model, points.nominal, needed.values, columns, at)
     own = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - found.predicted[:, own]
     variance, dof = within(cells, errors)
@@ -246,21 +245,14 @@ def _axes(model: MachineModel, points: Points, warned: list[Warned]) -> tuple[in
     return axes
 
 
+def _shapes(shown: Mapping[str, FloatArray]) -> dict[str, tuple[int, ...]]:
+    return {name: value.shape for name, value in shown.items()}
+
+
 def _at_once(model: MachineModel, points: Points, values: Values, layout: Layout) -> Prediction:
     """The model at the first measurement of every column."""
     rows = first_of(layout.cells.column, len(layout.features))
     return predict(model, layout.features, points.nominal[rows], rows_of(values, rows))
-
-
-def _guesses(
-    model: MachineModel, points: Points, values: Values, at_once: Prediction
-) -> list[Warned]:
-    """Places and temperatures beyond those that the model was fitted at."""
-    return [
-        *outside_warnings(at_once),
-        *temperature_warnings(model, points.nominal, values),
-        *effect_warnings_at(model, points.nominal, values),
-    ]
 
 
 def _without_motions(

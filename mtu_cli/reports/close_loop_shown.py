@@ -65,6 +65,11 @@ def in_shown_unit(found: tuple[str, str, float, float]) -> tuple[float, float, s
     return value / scale, u / scale, unit
 
 
+def article(noun: str) -> str:
+    """Such as "a scale", "an angle"."""
+    return f"{'an' if noun[0] in 'aeio' else 'a'} {noun}"
+
+
 def _otherwise_notes(item: TableResult) -> list[str]:
     """Of what was found, what it would be beside an effect of its kind that was not told."""
     notes = []
@@ -73,10 +78,11 @@ def _otherwise_notes(item: TableResult) -> list[str]:
             (value, u, unit), (more, u_more, other) = map(
                 in_shown_unit, (own.parameter, own.constant)
             )
-            at = f" at {REFERENCE_TEMPERATURE:g} degC" if effect.covariate is None else ""
+            noun = article(own.constant[0])
+            at = f" at {REFERENCE_TEMPERATURE:g} degC" if own.at_reference else ""
             notes.append(
                 f"{effect.name}: that {own.parameter[0]} and its u hold if there is no {own.name}; "
-                f"with one it is {plus_minus(value, u)} {unit}{at}, beside a {own.constant[0]} of "
+                f"with one it is {plus_minus(value, u)} {unit}{at}, beside {noun} of "
                 f"{plus_minus(more, u_more)} {other} (p {p_value(own.p)})"
             )
     return notes

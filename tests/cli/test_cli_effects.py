@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.cli.close_loop import _tables as tables_of
 from mtu_cli.cli.close_loop_choices import read_choices
-from mtu_cli.cli.close_loop_files import Known, written
+from mtu_cli.cli.close_loop_files import FoundOn, Known, written
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
@@ -172,6 +172,38 @@ def test_a_pitch_that_was_not_told_is_told_of(
     assert told.count(beyond["message"]) == 1
 
 
+@pytest.mark.parametrize("command", [*PREDICTIONS, "correct", "compare"])
+def test_a_column_that_no_equation_has_may_tell_where_an_effect_holds(
+    command: str, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Parts at nearly one temperature: what was found may be of it. Nobody has to give that one."""
+    before = load_machine(work / "before.yaml")
+    held = replace(EFFECTS[1], within={"T_room_degC": [25.6, 26.4]})
+    (work / "machine.yaml").write_bytes(extended_machine(before, [held]).content)
+    rows = (work / "cmm.csv").read_text().splitlines()
+    warm = [f"{row},{own}" for row, own in zip(rows, ["T_room_degC", *["20"] * 99], strict=False)]
+    (work / "warm.csv").write_text("\n".join(warm) + "\n")
+    one = ("--at", "tool_parts=5")
+    if command in PREDICTIONS:
+        calls = [one, (*one, "--at", "T_room_degC=26"), (*one, "--at", "T_room_degC=20")]
+    else:
+        calls = [("--cmm", "cmm.csv"), ("--cmm", "cmm.csv", "--at", "T_room_degC=26.2")]
+        calls += [("--cmm", "warm.csv")]
+    found = []
+    for call in calls:
+        code, report, told = run_command(monkeypatch, work, command, *call)
+        assert code == 0, told
+        assert "covariate-not-needed" not in told
+        own = [w["message"] for w in report["warnings"] if w["code"] == "outside-effect-range"]
+        found.append(own)
+    assert found[:2] == [[], []]
+    (message,) = found[2]
+    assert message == (
+        "machine.yaml: effects[0] (trend-y) was found with T_room_degC from 25.6 to 26.4: what it "
+        "says at 20 is a guess"
+    )
+
+
 @dataclass(frozen=True)
 class Effect:
     """What close-loop finds, in internal units."""
@@ -226,14 +258,14 @@ def inputs_of(work: Path, monkeypatch: pytest.MonkeyPatch, **values: Any) -> Inp
 
 
 def made(
-    inputs: Inputs, effects: Sequence[Effect], covariance: Any = None, seen: Any = None
+    inputs: Inputs, effects: Sequence[Effect], covariance: Any = None, found_on: Any = None
 ) -> list[str]:
     """Writes what is asked for, and gives the codes of the warnings."""
     found = modelled(inputs)
     known = Known(estimates=found.estimates, fit=found.fit)
     held_out = {"before": {"rms_um": 5.0}, "after": {"rms_um": 3.5}}
     worth = [held_out] * len(effects)
-    result = written(inputs, known, Settings(), effects, covariance, worth, seen)
+    result = written(inputs, known, Settings(), effects, covariance, worth, found_on)
     for path, content in result.files.items():
         path.write_bytes(content)
     return [warning.code for warning in result.warnings]
@@ -282,9 +314,11 @@ def test_the_files_of_close_loop_predict_with_the_joint_covariance(
     inputs = inputs_of(work, monkeypatch, **given, **WRITE)
     assert len(inputs.points.parts) == 5
     joint = JOINT * np.outer(FACTORS, FACTORS)
-    assert made(inputs, FOUND, joint, [{"dir_x": [-1.0, 1.0]}, {}]) == []
+    on = [FoundOn(seen={"dir_x": [-1.0, 1.0]}), FoundOn(within={"T_room_degC": [25.6, 26.4]})]
+    assert made(inputs, FOUND, joint, on) == []
     entry, turn = load_machine(work / "new.yaml").machine.effects
     assert [entry.seen, turn.seen] == [{"dir_x": [-1.0, 1.0]}, {}]
+    assert [entry.within, turn.within] == [{}, {"T_room_degC": [25.6, 26.4]}]
     assert [entry.alike, turn.alike] == [{}, {"pitch_mm": [20.0, 4.0]}]
     assert entry.found["parts"] == 5
     assert [item["path"] for item in entry.found["files"]] == ["cmm.csv"]

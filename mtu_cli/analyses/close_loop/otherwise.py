@@ -15,52 +15,63 @@ import numpy as np
 from mtu_cli.analyses.close_loop.describe import Described
 from mtu_cli.analyses.close_loop.result import FoundEffect, Otherwise
 from mtu_cli.analyses.close_loop.same_in_all import Constant, constants
-from mtu_cli.analyses.close_loop.varying import varying
+from mtu_cli.analyses.close_loop.shown import is_level
+from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.analyses.close_loop.varying import at_reference
 
 MATTERS = 2.0
-"""Times its u from which on what a constant would be beside a growth is told."""
+"""Times its u at the mean temperature from which on what an effect would be at 20 degC is told."""
 
 
 def with_otherwise(told: Described, effects: Sequence[FoundEffect]) -> tuple[FoundEffect, ...]:
-    """The effects of a search, each with what it hides (see `constants`) or is hidden by
-    (`varying`).
+    """The effects of a search, each with what it hides (see `constants`), or with what it is at
+    20 degC beside an effect of a temperature (see `at_reference`).
     """
-    known = {step.index for step in told.found.steps}
-    members = told.found.members
-    every = [own for own in constants(told.prepared, members) if own.hidden]
-    every += varying(told.prepared, members)
-    by_coefficient = {own.of: own for own in every if own.index not in known}
+    steps = told.found.steps
+    known = {step.index for step in steps}
+    every = constants(told.prepared, told.found.members)
+    by_coefficient = {own.of: own for own in every if own.hidden and own.index not in known}
     found, first = [], 0
-    for step, effect in zip(told.found.steps, effects, strict=True):
+    for step, effect in zip(steps, effects, strict=True):
         count = len(told.prepared.members[step.member].columns) if step.member >= 0 else 0
         own = [
-            _otherwise(told, effect, place, by_coefficient[first + place])
+            _beside_constant(told, effect, place, by_coefficient[first + place])
             for place in range(count)
             if first + place in by_coefficient
         ]
         first += count
-        found.append(replace(effect, otherwise=tuple(o for o in own if _matters(effect, o))))
+        found.append(replace(effect, otherwise=(*own, *_beside_thermal(told, step, effect))))
     return tuple(found)
 
 
-def _matters(effect: FoundEffect, own: Otherwise) -> bool:
-    """A growth far from 20 degC always hides a scale; a scale is hidden where growth is not told
-    by what varies.
-    """
-    if effect.covariate is not None:
-        return True
-    (u,) = (u for name, _, _, u in effect.parameters if name == own.parameter[0])
-    return own.parameter[3] > MATTERS * u
+def _beside_constant(told: Described, effect: FoundEffect, place: int, own: Constant) -> Otherwise:
+    parameter, unit, _, _ = effect.parameters[place]
+    u = float(np.sqrt(max(own.covariance[own.of, own.of], 0.0)))
+    return _otherwise(told, own, (parameter, unit, float(own.beta[own.of]), u), own.p)
 
 
-def _otherwise(told: Described, effect: FoundEffect, place: int, own: Constant) -> Otherwise:
+def _beside_thermal(told: Described, step: Step, effect: FoundEffect) -> tuple[Otherwise, ...]:
+    """Where it would be much less certain at 20 degC (`MATTERS`) than it is at the mean."""
+    shown = [own for own in effect.parameters if not is_level(own[0])]
+    if len(shown) != 1 or effect.component is not None:
+        return ()
+    name, unit, value, u = shown[0]
+    own = at_reference(told.prepared, told.found.steps, step, (value, u))
+    if own is None or own.u <= MATTERS * u:
+        return ()
+    there = (name, unit, own.value, own.u)
+    return (replace(_otherwise(told, own.constant, there, own.p), at_reference=True),)
+
+
+def _otherwise(
+    told: Described, own: Constant, parameter: tuple[str, str, float, float], p: float
+) -> Otherwise:
     member = told.prepared.members[own.member]
     name, unit = member.parameters[0]
-    parameter, own_unit, _, _ = effect.parameters[place]
-    u = float(np.sqrt(max(own.covariance[own.of, own.of], 0.0)))
     return Otherwise(
         name=told.prepared.candidates[own.index].name,
-        parameter=(parameter, own_unit, float(own.beta[own.of]), u),
+        parameter=parameter,
         constant=(name, unit, own.value, own.u),
-        p=own.p,
+        covariate=member.covariate,
+        p=p,
     )

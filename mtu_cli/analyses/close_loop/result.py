@@ -32,14 +32,17 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Otherwise:
-    """If candidate `name`, the same in all parts, stood beside an effect: the effect's `parameter`
-    and the `constant` of that, (name, unit, value, u) as in `FoundEffect`; `p` (t test) of none.
+    """If candidate `name` stood beside an effect: the effect's `parameter` and the `constant` of
+    that, (name, unit, value, u) as in `FoundEffect`; `p` (t test) of none. `at_reference`: the
+    parameter is that at 20 degC, where the candidate, of a `covariate`, is not told.
     """
 
     name: str
     parameter: tuple[str, str, float, float]
     constant: tuple[str, str, float, float]
     p: float
+    covariate: str | None = None
+    at_reference: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +94,12 @@ class FoundEffect:
     apart: tuple[str, ...] = ()
     unnamed: float = 0.0
     otherwise: tuple[Otherwise, ...] = ()
+
+    @property
+    def holds_within(self) -> tuple[str, ...]:
+        """Columns that its equations do not have, and beyond whose range it is a guess."""
+        own = (o.covariate for o in self.otherwise if o.at_reference and o.covariate is not None)
+        return tuple(dict.fromkeys(own))
 
     @property
     def candidates(self) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ from mtu_cli.analyses.close_loop.same_strata import (
 )
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.state import Step, where_it_counts
-from mtu_cli.stats.column_groups import Column
+from mtu_cli.stats.column_groups import Column, MemberColumns
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray, beside
 from mtu_cli.stats.profile_ratio import unit_information
@@ -42,7 +42,8 @@ DISAGREES = 0.01
 class Constant:
     """The candidate `index` and its `member` that coefficient `of` of all that was found has in it:
     its `value` and `u` beside that, with `dof` degrees of freedom, and what all coefficients are
-    then (`beta`, with `covariance`). `hidden`: what was found takes up all that tells it.
+    then (`beta`, with `covariance`, and that with the value `together`). `hidden`: what was found
+    takes up all that tells it.
     """
 
     of: int
@@ -51,13 +52,14 @@ class Constant:
     value: float
     u: float
     dof: float
-    hidden: bool
     beta: FloatArray
     covariance: FloatArray
+    together: FloatArray
+    hidden: bool = False
 
     @property
     def t(self) -> float:
-        """Of Student's distribution where there is none."""
+        """Of Student's distribution with `dof` degrees of freedom if `value` is 0 in truth."""
         return self.value / self.u
 
     @property
@@ -78,7 +80,7 @@ def with_constants(
     of it is there than causes were asked for (`most`). What was found in two forms that differ in
     just that is one effect with a constant.
     """
-    found = _in_one_form(prepared, steps)
+    found = _in_one_form(prepared, steps, unsure)
     while True:
         step = _surest(prepared, gate, found, alpha, unsure)
         if step is None:
@@ -88,35 +90,46 @@ def with_constants(
         found.append(step)
 
 
-def _in_one_form(prepared: Prepared, steps: Sequence[Step]) -> list[Step]:
+def _in_one_form(prepared: Prepared, steps: Sequence[Step], unsure: frozenset[int]) -> list[Step]:
     """The steps without the second of two forms of one candidate that vary alike from part to part:
     a growth from 20 degC beside one from the mean of the day is a growth and a scale.
 
     Where the first is the same in no part (it is counted from the mean of the data) nothing else
-    would tell that scale: it takes the place of the second.
+    would tell that scale: it takes the place of the second. The second stays where none of the
+    candidates, less those that are `unsure`, is what it is the same in.
     """
     scan, flat = prepared.scan, prepared.scan.flat()
     every = [column for step in steps if step.member >= 0 for column in flat[step.member]]
+    known = {told.index for told in steps}
     found: list[Step] = []
     for step in steps:
-        one = step.member >= 0 and len(flat[step.member]) == 1
-        forms = [
-            flat[own.member][0]
-            for own in found
-            if one and own.index == step.index and len(flat[own.member]) == 1
-        ]
-        first = next((own for own in forms if vary_alike(scan, own, flat[step.member][0])), None)
-        if first is None:
+        first = _alike(prepared, step, found)
+        forms = [] if first is None else [flat[step.member][0], first]
+        own = next(filter(None, (_most_of(scan, form) for form in forms)), None)
+        if first is None or own is None or own.index in unsure:
             found.append(step)
-        elif not same_of(scan, first):
-            own = _within(scan, every, flat[step.member][0])
-            known = {told.index for told in steps}
-            if own is not None and own[0] not in known:
-                index, member, _ = own
-                found.append(
-                    replace(step, index=index, member=member, credible=(index,), constant=True)
-                )
+        elif not same_of(scan, first) and own.index not in known and not own.is_told(scan, every):
+            index = own.index
+            found.append(
+                replace(step, index=index, member=own.member, credible=(index,), constant=True)
+            )
     return found
+
+
+def _alike(prepared: Prepared, step: Step, found: Sequence[Step]) -> Column | None:
+    """The column of the first effect found that is another form of a step."""
+    scan, flat = prepared.scan, prepared.scan.flat()
+    if step.member < 0 or len(flat[step.member]) != 1:
+        return None
+    forms = (flat[own.member] for own in found if own.index == step.index)
+    return next(
+        (
+            own[0]
+            for own in forms
+            if len(own) == 1 and vary_alike(scan, own[0], flat[step.member][0])
+        ),
+        None,
+    )
 
 
 def vary_alike(scan: Scan, one: Column, other: Column) -> bool:
@@ -162,34 +175,36 @@ def constants(prepared: Prepared, members: Sequence[int]) -> Iterator[Constant]:
     """Candidates that are the same in all parts and lie in the effects found (`members`)."""
     scan, columns = prepared.scan, prepared.whole(members)
     flat = [column for member in columns for column in member]
-    within = [(of, _within(scan, flat, column)) for of, column in enumerate(flat)]
-    if not any(own for _, own in within):
+    within = [(of, _most_of(scan, column)) for of, column in enumerate(flat)]
+    told = [(of, own) for of, own in within if own is not None and not own.is_told(scan, flat)]
+    if not told:
         return
-    whole = [*columns, *(prepared.tangents[m] for m in members if m in prepared.tangents)]
-    left, fit = jointly(prepared, whole)
-    for of, own in within:
-        if own is None:
-            continue
-        index, m, _ = own
+    left, fit = jointly(prepared, whole_with_tangents(prepared, members))
+    for of, own in told:
         counts = where_it_counts(left.scan, flat[of], fit.weights)
-        found = beside_all(prepared, members, of, index, m)
+        found = beside_all(prepared, members, of, own.index, own.member)
         if found is not None:
             yield replace(found, hidden=bool(same_of(scan, counts)))
+
+
+def whole_with_tangents(prepared: Prepared, members: Sequence[int]) -> list[MemberColumns]:
+    """The whole coordinates of effects found, then their derivatives by what was searched."""
+    tangents = [prepared.tangents[m] for m in members if m in prepared.tangents]
+    return [*prepared.whole(members), *tangents]
 
 
 def beside_all(
     prepared: Prepared, members: Sequence[int], of: int, index: int, member: int
 ) -> Constant | None:
-    """A `member` of one column of the candidate `index` beside all effects found (`members`), of
-    which coefficient `of` hides it; None where nothing is left to tell it by.
+    """A `member` of one column of the candidate `index` beside all effects found (`members`), with
+    what coefficient `of` is then; None where nothing is left to tell it by.
     """
-    columns = prepared.whole(members)
-    whole = [*columns, *(prepared.tangents[m] for m in members if m in prepared.tangents)]
-    _, apart = jointly(prepared, [*whole, prepared.scan.flat()[member]])
+    whole = whole_with_tangents(prepared, members)
+    _, apart = jointly(prepared, [*whole, *prepared.whole([member])])
     u = float(np.sqrt(max(apart.covariance[-1, -1], 0.0)))
     if u == 0:
         return None
-    k = sum(map(len, columns))
+    k = sum(len(prepared.members[m].columns) for m in members)
     return Constant(
         of=of,
         index=index,
@@ -197,32 +212,40 @@ def beside_all(
         value=float(apart.beta[-1]),
         u=u,
         dof=max(float(apart.dof[-1]), 1.0),
-        hidden=True,
         beta=apart.beta[:k],
         covariance=apart.covariance[:k, :k],
+        together=apart.covariance[:k, -1],
     )
 
 
-def _within(scan: Scan, found: Sequence[Column], column: Column) -> tuple[int, int, Column] | None:
-    """The candidate that a column has most of, its member and column: the first of exact aliases.
+@dataclass(frozen=True, slots=True)
+class _Within:
+    """The candidate `index`, its `member` and its one `column`."""
 
-    None where what was found, or the polynomial of the readings, says the same.
+    index: int
+    member: int
+    column: Column
+
+    def is_told(self, scan: Scan, found: Sequence[Column]) -> bool:
+        """Whether effects found that are the same in all parts, or the readings' own polynomial,
+        make it already.
+        """
+        column = self.column
+        known = [*found, *(own for member in scan.base for own in member)]
+        alone = [own for own in known if is_same(scan, own) and not own.keys() - column.keys()]
+        rows = np.stack([whitened_column(scan, own, [*column]) for own in (*alone, column)], axis=1)
+        rows /= np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+        return bool(beside(rows, len(alone))[0, 0] ** 2 <= ALIAS)
+
+
+def _most_of(scan: Scan, column: Column) -> _Within | None:
+    """The candidate that is the same in all parts and that a column, which it hides in, has most
+    of: the first of exact aliases.
     """
     best, most = None, 0.0
     for index, m, member in scan.walk():
         if len(member) == 1 and is_same(scan, member[0]) and hides(scan, column, member[0]):
             like = likeness(scan, same_of(scan, column), member[0])
             if like > most + ALIAS:
-                best, most = (index, m, member[0]), like
-    return None if best is None or _is_told(scan, best[2], found) else best
-
-
-def _is_told(scan: Scan, column: Column, found: Sequence[Column]) -> bool:
-    """Whether effects found that are the same in all parts, or the readings' own polynomial, make
-    a column already.
-    """
-    known = [*found, *(own for member in scan.base for own in member)]
-    alone = [own for own in known if is_same(scan, own) and not own.keys() - column.keys()]
-    rows = np.stack([whitened_column(scan, own, [*column]) for own in (*alone, column)], axis=1)
-    rows /= np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    return bool(beside(rows, len(alone))[0, 0] ** 2 <= ALIAS)
+                best, most = _Within(index, m, member[0]), like
+    return best

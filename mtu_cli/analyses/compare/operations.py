@@ -13,7 +13,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.datum import Datum, projector
 from mtu_cli.model.design import design, theta
-from mtu_cli.model.effect_ranges import effect_warnings_at
+from mtu_cli.model.effect_columns import effect_warnings_beside
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.length_geometry import differences, length_gradient
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -57,7 +57,7 @@ def predict_operations(model: MachineModel, points: Points, given: Mapping[str, 
     places = _places(points)
     measured, along = points.measured.copy(), np.array([AXES.index(name) for name in model.axes])
     found: dict[str, Prediction] = {}
-    warnings = effect_warnings_at(model, points.nominal, values)
+    warnings = effect_warnings_beside(model, points.nominal, values, columns, given)
     warnings += _overruled([x for x in model.covariates() if x in given and x in own_columns])
     moving: set[str] = set()
     operations, operation = operations_of(points)

@@ -15,13 +15,12 @@ from mtu_cli.analyses.correct.wanted import tasks_of, wanted_of
 from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
-from mtu_cli.model.effect_ranges import effect_warnings_at
+from mtu_cli.model.effect_columns import guess_warnings
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured_checks import LEFT_OUT, sound
 from mtu_cli.model.residual_covariates import needed_covariates, point_columns
 from mtu_cli.model.settings import Settings, Warned
-from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
 
 __all__ = ["CorrectResult", "Size", "correct", "mean_size"]
@@ -73,7 +72,8 @@ def _rows(
     model: MachineModel, points: Points, at: Mapping[str, float], *, independent: bool
 ) -> tuple[RowErrors, list[Warned]]:
     """The machine at the measured places under the rows' covariates, and what these lack."""
-    found = needed_covariates(model, points, point_columns(points), at)
+    columns = point_columns(points)
+    found = needed_covariates(model, points, columns, at)
     rows = RowErrors(
         model=model,
         points=points,
@@ -81,10 +81,7 @@ def _rows(
         covariates=found.values,
         independent=independent,
     )
-    guesses = [
-        *temperature_warnings(model, rows.places, found.values),
-        *effect_warnings_at(model, rows.places, found.values),
-    ]
+    guesses = guess_warnings(model, rows.places, found.values, columns, at)
     return rows, [*found.warnings, *guesses, *_axis_warnings(model, points)]
 
 

@@ -11,6 +11,7 @@ from loop_bench.folds import LIBRARY
 from scipy.special import stdtr, stdtrit
 from scipy.stats import binom
 
+from mtu_cli.analyses.close_loop import varying
 from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, found_effects
 from mtu_cli.analyses.close_loop.otherwise import with_otherwise
@@ -26,6 +27,7 @@ from mtu_cli.analyses.close_loop.same_strata import same_of
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.analyses.close_loop.varying import _alike
 from mtu_cli.model.effect_library import candidates
 
 GROWTH, NOISE = 12e-6, 1.3e-3
@@ -190,9 +192,25 @@ def test_the_second_form_is_a_constant_where_the_first_is_the_same_in_no_part() 
     assert (prepared.candidates[scale.index].name, scale.p) == ("scale-x", step.p)
     assert scale.constant
     assert not stopped
+    # One that is not looked for does not take the place of it: nor is it lost then.
+    for order in ([mean, step], [step, mean]):
+        unsure = frozenset({scale.index})
+        assert with_constants(prepared, gate, order, 0.05, 4, unsure) == (order, False)
     # One that was found by itself is not found twice.
     again = replace(scale, constant=False)
     assert with_constants(prepared, gate, [mean, again, step], 0.05, 4) == ([mean, again], False)
+
+
+def test_a_second_form_stays_where_no_candidate_is_its_constant(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    growths = tuple(own for own in FEW.families if own.family.family == "thermal-growth")
+    monkeypatch.setitem(day.__globals__, "FEW", replace(FEW, families=growths))
+    prepared, step = day(4, -60e-6)
+    gate = calibrated(prepared.scan, 199, 1)
+    other = replace(step, member=other_form(prepared, step))
+    for order in ([other, step], [step, other]):
+        assert with_constants(prepared, gate, order, 0.05, 4) == (order, False)
 
 
 def test_what_is_not_hidden_has_to_pass_all_tests() -> None:
@@ -252,15 +270,64 @@ def scale_step(prepared: Prepared, step: Step) -> Step:
 def test_a_scale_is_given_as_it_would_be_beside_a_growth() -> None:
     """The same estimate as a growth beside a scale, told of the scale."""
     prepared, step = day(6, ends=(25.7, 26.3))
-    (other,) = described(prepared, scale_step(prepared, step)).otherwise
+    effect = described(prepared, scale_step(prepared, step))
+    (other,) = effect.otherwise
     own = told(prepared, step)
-    assert other.name == "thermal-growth-x"
+    assert (other.name, other.covariate) == ("thermal-growth-x", "T_scale_degC")
+    assert other.at_reference
     assert other.parameter[:2] == ("scale", "um/m")
     assert other.parameter[2:] == pytest.approx((own.value, own.u))
     assert other.constant[:2] == ("growth", "um/m/K")
     assert other.constant[2:] == pytest.approx((own.beta[0], np.sqrt(own.covariance[0, 0])))
     t = own.beta[0] / np.sqrt(own.covariance[0, 0])
     assert 2 * stdtr(6.0, -abs(t)) == pytest.approx(other.p, rel=0.3)
+    assert effect.holds_within == ("T_scale_degC",)
+
+
+def test_an_offset_is_given_as_it_would_be_beside_a_drift(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the line of the parts' means in the temperature: what it is at 20 degC."""
+    more = ("thermal-drift", "offset")
+    also = tuple(own for own in LIBRARY.families if own.family.family in more)
+    monkeypatch.setitem(day.__globals__, "FEW", replace(FEW, families=(*FEW.families, *also)))
+    prepared, step = day(6, ends=(25.7, 26.3))
+    index = len(prepared.scan.columns)
+    offset = replace(step, index=index, member=-1, credible=(index,))
+    effect = described(prepared, offset)
+    (other,) = effect.otherwise
+    means = prepared.table.errors[:, :, 0].mean(axis=1)
+    T = prepared.table.covariates["T_scale_degC"][:, 0]
+    line, (s2,), *_ = np.linalg.lstsq(np.stack([T - T.mean(), np.ones(8)], axis=1), means)
+    assert other.name == "thermal-drift-x"
+    assert other.constant[2] == pytest.approx(line[0])
+    assert other.constant[3] == pytest.approx(
+        np.sqrt(s2 / 6 / ((T - T.mean()) ** 2).sum()), rel=0.1
+    )
+    _, _, shift, u = effect.parameters[0]
+    assert other.parameter[2] == pytest.approx(shift - 6.0 * line[0])
+    assert other.parameter[3] == pytest.approx(np.hypot(u, 6.0 * other.constant[3]))
+    # At the temperature of ISO 1 nothing is to be told.
+    prepared, step = day(6, ends=(19.7, 20.3))
+    assert described(prepared, offset).otherwise == ()
+
+
+def test_the_surest_of_several_has_the_p_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scale of x beside a growth and a growth of all axes that is the same here."""
+    prepared, step = day(6, ends=(25.7, 26.3))
+    scale = scale_step(prepared, step)
+    (one,) = described(prepared, scale).otherwise
+    likes = list(_alike(prepared, [scale], scale))
+    assert len(likes) == 1
+    monkeypatch.setattr(varying, "_alike", lambda *_: iter(likes * 3))
+    (three,) = described(prepared, scale).otherwise
+    assert three.p == pytest.approx(1 - (1 - one.p) ** 3)
+
+
+def test_what_is_found_is_not_told_of_again() -> None:
+    """Neither beside itself, nor of what varies or is no effect of a temperature."""
+    prepared, step = day(6, ends=(25.7, 26.3))
+    scale = scale_step(prepared, step)
+    assert list(_alike(prepared, [scale, step], scale)) == []
+    assert list(_alike(prepared, [step], step)) == []
 
 
 def test_no_growth_is_told_of_where_it_would_change_little() -> None:

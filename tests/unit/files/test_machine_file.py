@@ -567,6 +567,16 @@ def test_a_temperature_or_time_too_many(
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, seen: {dir_x: [1]}",
             "effects[0].seen.dir_x: wrong value: '[1]'; expected at least 2 of them",
         ),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "
+            "within: {dir_x: [0, 1]}",
+            "effects[0].within.dir_x: a name of its equations: 'dir_x'; expected the range of a",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "
+            "within: {T_a_degC: [1, 0]}",
+            "effects[0].within.T_a_degC: wrong value: '[1.0, 0.0]'; expected the lower end first",
+        ),
         ("parameters: {a: {value: 1, unit: um}}, equations: {Ex: a}", "the name is taken: it is"),
         *(
             (

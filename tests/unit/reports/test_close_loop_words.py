@@ -117,6 +117,8 @@ def test_a_scale_beside_a_growth_is_told_at_20_degc() -> None:
         parameter=("scale", "um/m", -2.3e-6, 32e-6),
         constant=("growth", "um/m/K", 6.3e-6, 5.3e-6),
         p=0.27,
+        covariate="T_room_degC",
+        at_reference=True,
     )
     scale = replace(
         GROWS, name="scale-x", family="scale", covariate=None, equations={"Ex": "scale*x + level"},
@@ -127,6 +129,11 @@ def test_a_scale_beside_a_growth_is_told_at_20_degc() -> None:
         "scale-x: that scale and its u hold if there is no thermal-growth-x; with one it is "
         "-2 ± 32 um/m at 20 degC, beside a growth of 6.3 ± 5.3 um/m/K (p 0.27)"
     ) in shown
+    turned = replace(other, constant=("angle", "arcsec/K", 1e-6, 1e-6))
+    shown = " ".join(plain_text(table(grown(replace(scale, otherwise=(turned,))))).split())
+    assert "beside an angle of" in shown
+    assert replace(scale, otherwise=(turned, other)).holds_within == ("T_room_degC",)
+    assert replace(scale, otherwise=(replace(other, at_reference=False),)).holds_within == ()
 
 
 def test_a_growth_from_the_mean_of_the_day_says_so() -> None:

@@ -1,0 +1,60 @@
+"""Columns that no equation needs, but tell where a declared effect holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mtu_cli.model.effect_ranges import effect_warnings_at
+from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.residual_covariates import Columns, Values, number
+from mtu_cli.model.settings import Warned
+from mtu_cli.model.temperature_warnings import temperature_warnings
+from mtu_cli.stats.least_squares import FloatArray
+
+
+def with_effect_columns(
+    model: MachineModel, values: Values, columns: Columns, at: Mapping[str, float]
+) -> Values:
+    """The `values` that equations need (`needed_covariates`), and others by name of which declared
+    effects have a range that they were found in; nan in cells that are no number.
+    """
+    found: Values = {}
+    for name in dict.fromkeys(name for effect in model.effects for name in effect.seen):
+        if name in values:
+            continue
+        if name in columns:
+            column = columns[name]
+            own = map(number, column.tolist()) if column.dtype == object else column
+            found[name] = np.array(list(own), np.float64)
+        elif name in at:
+            found[name] = at[name]
+    return {**found, **values}
+
+
+def effect_warnings_beside(
+    model: MachineModel,
+    places: FloatArray,
+    values: Values,
+    columns: Columns,
+    at: Mapping[str, float],
+) -> list[Warned]:
+    """The `effect_warnings_at` places (n, 3) mm, also by columns that no equation needs."""
+    return effect_warnings_at(model, places, with_effect_columns(model, values, columns, at))
+
+
+def guess_warnings(
+    model: MachineModel,
+    places: FloatArray,
+    values: Values,
+    columns: Columns,
+    at: Mapping[str, float],
+) -> list[Warned]:
+    """Temperatures of points at `places` (n, 3) mm, and what declared effects were found in,
+    beyond what is known.
+    """
+    return [
+        *temperature_warnings(model, places, values),
+        *effect_warnings_beside(model, places, values, columns, at),
+    ]
