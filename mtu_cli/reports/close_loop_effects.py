@@ -21,11 +21,11 @@ from mtu_cli.reports.numbers import MISSING, interval, plus_minus, significant, 
 from mtu_cli.units import PARAMETER_UNITS
 
 SENTENCES = {
-    "offset": "everything is shifted along {A} by {value}",
+    "offset": "everything is shifted along {A} by {value}{where}",
     "scale": "{of}{A} {grows} by {size} of travel{where}",
     "curvature": "{of}{A} bends along the travel: {values}",
     "straightness": "{A} bends along {along}: {values}",
-    "squareness": "{A} and {B} are out of square by {size}, {angle} than 90 degrees",
+    "squareness": "{A} and {B} are out of square by {size}, {angle} than 90 degrees{where}",
     "rotation": "everything is turned about {A} by {value}",
     "backlash": "{A} {loses} {twice} at reversal{sides}",
     "cyclic": "{A} has a periodic error of {wave} amplitude, pitch {pitch_mm} mm",
@@ -45,6 +45,8 @@ SENTENCES = {
     "part-outlier": "{row} {chosen} stands out as a whole: {values}",
 }
 """By family; what is missing falls back to what the library says of the effect."""
+CHANGES = {"scale": "thermal-growth", "squareness": "thermal-squareness"}
+"""The family of what changes with a temperature, by that of what is the same in all parts."""
 SEARCHED_DIGITS = 3
 TWICE = 2.0
 """The reversal value is twice the parameter, which acts in both directions (ISO 230-2, 2.13)."""
@@ -151,14 +153,24 @@ def _size(value: float, u: float, unit: str) -> str:
 
 
 def _where(effect: FoundEffect, item: TableResult) -> str:
-    """The temperature at which a scale is meant, where a growth stands beside it."""
+    """The temperature at which a scale is meant, where a growth stands beside it, or a squareness,
+    where its change does; and an offset, which is the mean error of the data, where any effect of a
+    temperature does.
+    """
     found = []
     for other in item.effects:
-        if other.family == "thermal-growth" and other.axis in (None, effect.axis):
-            at = {re.search(rf"{other.covariate} - ([\d.]+)", e) for e in other.equations.values()}
-            found += [f"{other.covariate} is {float(m[1]):.4g}" for m in at if m]
+        known = other.covariate
+        if CHANGES.get(effect.family) == other.family:
+            if other.axis in (None, effect.axis):
+                at = {re.search(rf"{known} - ([\d.]+)", e) for e in other.equations.values()}
+                found += [f"{known} is {float(m[1]):.4g}" for m in at if m]
+        elif effect.family == "offset" and other.family.startswith("thermal-"):
+            own = item.table.covariates.get(known or "")
+            if own is not None and f"E{effect.axis}" in other.equations:
+                mean = np.broadcast_to(own, item.table.there.shape)[item.table.there].mean()
+                found.append(f"{known} is {mean:.4g}")
     told = " and ".join(dict.fromkeys(found))
-    return f" where {told}" if effect.family == "scale" and told else ""
+    return f" where {told}" if told else ""
 
 
 def _grows(effect: FoundEffect, item: TableResult, value: float) -> str:

@@ -16,11 +16,12 @@ from collections.abc import Iterable
 from typing import Any
 
 from mtu_cli.analyses.correct.result import CorrectResult, Size
+from mtu_cli.analyses.correct.summary import ROUNDING_MM
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.correct_figure import figure
 from mtu_cli.reports.correct_ovals import document_of, ovals_left
-from mtu_cli.reports.correct_table import ROUNDING_MM, table
+from mtu_cli.reports.correct_table import table
 from mtu_cli.reports.document import finite, listed, um
 from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.least_squares import FloatArray
@@ -183,9 +184,11 @@ def warnings(result: CorrectResult) -> list[Warned]:
 def _grown(result: CorrectResult) -> list[Warned]:
     """Of errors that the correction makes larger."""
     grown = [item for item in result.by_size() if item.grown]
+    # One that stays oval tells by itself that the model lacks something.
+    oval = {(own.kind, own.id) for own in result.ovals}
     found = []
     for rounder in (True, False):
-        items = [item for item in grown if item.rounder == rounder]
+        items = [i for i in grown if (i.rounder and (i.kind, i.id) not in oval) == rounder]
         if not items:
             continue
         worst = max(items, key=lambda item: item.rms[1] - item.rms[0])

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 from mtu_cli.analyses.correct.result import CorrectResult, Size
+from mtu_cli.analyses.correct.summary import ROUNDING_MM
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import (
@@ -23,7 +24,6 @@ SHOWN = 40
 """Points listed one by one; of more each axis is summed up."""
 SIZES = 60
 """Diameters or lengths listed."""
-ROUNDING_MM = 1e-7
 DETERMINED = {"circle": 3, "sphere": 4, "length": 2}
 """Points that determine a figure without any residual."""
 SIGN = "corrected = measured + correction; correction = minus the modelled error"

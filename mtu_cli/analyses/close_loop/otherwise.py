@@ -21,6 +21,8 @@ from mtu_cli.analyses.close_loop.varying import at_reference
 
 MATTERS = 2.0
 """Times its u at the mean temperature from which on what an effect would be at 20 degC is told."""
+DOUBTED = 0.05
+"""p of no effect of a temperature below which it is told if it would differ by more than its u."""
 
 
 def with_otherwise(told: Described, effects: Sequence[FoundEffect]) -> tuple[FoundEffect, ...]:
@@ -51,13 +53,18 @@ def _beside_constant(told: Described, effect: FoundEffect, place: int, own: Cons
 
 
 def _beside_thermal(told: Described, step: Step, effect: FoundEffect) -> tuple[Otherwise, ...]:
-    """Where it would be much less certain at 20 degC (`MATTERS`) than it is at the mean."""
+    """Where it would be much less certain at 20 degC (`MATTERS`) than it is at the mean, or
+    another (`DOUBTED`).
+    """
     shown = [own for own in effect.parameters if not is_level(own[0])]
     if len(shown) != 1 or effect.component is not None:
         return ()
     name, unit, value, u = shown[0]
     own = at_reference(told.prepared, told.found.steps, step, (value, u))
-    if own is None or own.u <= MATTERS * u:
+    if own is None:
+        return ()
+    differs = own.p < DOUBTED and abs(own.value - value) > u
+    if own.u <= MATTERS * u and not differs:
         return ()
     there = (name, unit, own.value, own.u)
     return (replace(_otherwise(told, own.constant, there, own.p), at_reference=True),)

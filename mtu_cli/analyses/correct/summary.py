@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from mtu_cli.analyses.correct.result import Size
 
 
+ROUNDING_MM = 1e-7
+"""What of a form is rounding: a tenth of a nanometre."""
 ROUNDER = 0.7
 """Share of the form before that is left where a correction makes a circle rounder."""
 
@@ -78,9 +80,10 @@ class SizeErrors:
     @property
     def rounder(self) -> bool:
         """Whether the correction has made it rounder all the same (`ROUNDER`): the model then
-        describes the points, and what the diameter is held against is in doubt.
+        describes the points, and what the diameter is held against is in doubt. A circle through
+        three points has no form.
         """
-        return self.form[1] < ROUNDER * self.form[0]
+        return self.form[0] > ROUNDING_MM and self.form[1] < ROUNDER * self.form[0]
 
 
 def size_errors(sizes: Sequence[Size]) -> tuple[SizeErrors, ...]:

@@ -11,10 +11,10 @@ from loop_bench.folds import LIBRARY
 from scipy.special import stdtr, stdtrit
 from scipy.stats import binom
 
-from mtu_cli.analyses.close_loop import varying
+from mtu_cli.analyses.close_loop import otherwise, varying
 from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, found_effects
-from mtu_cli.analyses.close_loop.otherwise import with_otherwise
+from mtu_cli.analyses.close_loop.otherwise import DOUBTED, MATTERS, with_otherwise
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.same_in_all import (
@@ -308,6 +308,20 @@ def test_an_offset_is_given_as_it_would_be_beside_a_drift(monkeypatch: pytest.Mo
     # At the temperature of ISO 1 nothing is to be told.
     prepared, step = day(6, ends=(19.7, 20.3))
     assert described(prepared, offset).otherwise == ()
+
+
+def test_what_would_differ_is_told_though_it_is_as_certain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts from 20 to 25 degC tell a scale at 20 degC nearly as well beside a growth."""
+    prepared, step = day(6, ends=(20.0, 25.0))
+    scale = scale_step(prepared, step)
+    effect = described(prepared, scale)
+    (other,) = effect.otherwise
+    _, _, value, u = effect.parameters[0]
+    assert other.p < DOUBTED
+    assert other.parameter[3] < MATTERS * u
+    assert abs(other.parameter[2] - value) > u
+    monkeypatch.setattr(otherwise, "DOUBTED", 0.5 * other.p)
+    assert described(prepared, scale).otherwise == ()
 
 
 def test_the_surest_of_several_has_the_p_of_all(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -340,6 +340,46 @@ def test_an_amplitude_that_is_not_told_from_0_is_called_unknown() -> None:
         assert text.startswith(f"X has a periodic error {told} amplitude, pitch 43")
 
 
+def test_offset_and_squareness_beside_what_changes_are_those_of_one_temperature() -> None:
+    growth = replace(
+        effect(
+            "thermal-growth-x",
+            parameters=(("growth", "um/m/K", 11.0, 0.5),),
+            equations={"Ex": "growth*(x - 172.2)*(T_room_degC - 22.677)"},
+        ),
+        covariate="T_room_degC",
+    )
+    offset = effect(
+        "offset-x",
+        kind="offset",
+        parameters=(("shift", "um", 4.2, 0.5),),
+        equations={"Ex": "shift"},
+    )
+    both = on_table("named", (growth, offset))
+    T = np.full(both.table.there.shape, 23.5)
+    both = replace(both, table=replace(both.table, covariates={"T_room_degC": T}))
+    assert "shifted along X by 4.20 ± 0.50 um where T_room_degC is 23.5 (" in words(result(both))
+    along_y = replace(growth, equations={"Ey": "growth*(y - 3)*(T_room_degC - 22)"})
+    other = replace(both, effects=(along_y, offset))
+    assert "by 4.20 ± 0.50 um (offset-x)" in words(result(other))
+    square = effect(
+        "squareness-xy",
+        parameters=(("angle", "arcsec", 5.4, 0.4),),
+        equations={"Ex": "angle*(y - 3)"},
+    )
+    leans = replace(
+        effect(
+            "thermal-squareness-xy",
+            parameters=(("angle", "arcsec/K", 1.4, 0.4),),
+            equations={"Ex": "angle*(y - 3)*(T_room_degC - 25.5)"},
+        ),
+        covariate="T_room_degC",
+    )
+    assert "than 90 degrees where T_room_degC is 25.5" in words(
+        result(on_table("named", (square, leans)))
+    )
+
+
 def test_a_scale_beside_a_growth_is_that_of_one_temperature() -> None:
     scale = effect(
         "scale-x",

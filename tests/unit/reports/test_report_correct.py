@@ -10,6 +10,7 @@ import pytest
 from correct_examples import error_at, machine, ring_part, ring_places, ring_points, seen
 
 from mtu_cli.analyses.correct import CorrectResult, correct
+from mtu_cli.analyses.correct.roundness import Oval
 from mtu_cli.analyses.correct.scatter import PointScatter
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.correct import csv_rows, document, figure, table, warnings
@@ -156,6 +157,30 @@ def test_a_circle_that_gets_rounder_and_yet_further_off_asks_for_its_calibration
         )
         assert ("is calibrated_mm right" in other.message) == right
         assert ("the model does not describe these points" in other.message) != right
+
+
+def test_what_stays_oval_or_has_no_form_is_not_called_rounder(tmp_path: Path) -> None:
+    found = result(tmp_path, calibrated_mm="179.5134")
+    oval = Oval(
+        kind="circle", id="ring", operation="", axes=("x", "y"), shear=False, longer=0.05, size=3e-4
+    )
+    flat = tuple(replace(own, form=(1e-12, 1e-13)) for own in found.sizes)
+    for other in (replace(found, ovals=(oval,)), replace(found, sizes=flat)):
+        (told,) = (item for item in warnings(other) if item.code == "errors-grown")
+        assert "rounder" not in told.message
+        assert "the model does not describe these points" in told.message
+    # A sphere of its name is another ring.
+    sphere = replace(found, ovals=(replace(oval, kind="sphere"),))
+    (told,) = (item for item in warnings(sphere) if item.code == "errors-grown")
+    assert "rounder" in told.message
+
+
+def test_errors_left_beyond_no_uncertainty_are_told(tmp_path: Path) -> None:
+    """Exactly known: whatever is left is beyond it, and nothing is divided by 0."""
+    found = result(tmp_path, calibrated_mm="180.1134")
+    sure = replace(found, sizes=tuple(replace(own, u=0.0) for own in found.sizes))
+    (told,) = (item for item in warnings(sure) if item.code == "errors-left")
+    assert "(ring: -100 um, no uncertainty is known)" in told.message
 
 
 def test_errors_that_the_correction_leaves_are_told(tmp_path: Path) -> None:
