@@ -24,6 +24,8 @@ FEWEST_PASTED = 8
 """Of fewer readings of a component each may have come twice by chance."""
 FEWEST_DIFFERENT = 4
 """Of fewer different ones, too."""
+PASTED = 0.5
+"""Share of repeated readings that are equal from which on they may have been pasted."""
 FEWEST_ERRORS = 8
 """Different errors of a component without passes: equal readings of two runs are no slip there."""
 
@@ -144,7 +146,13 @@ def check_equal_readings(table: Table, problems: ProblemList) -> list[tuple[int,
         _refuse(table, equal, problems)
     elif equal:
         _refuse_pasted(table, np.array(equal), problems)
-    return equal
+    return equal if len(equal) >= PASTED * _repeated(table) else []
+
+
+def _repeated(table: Table) -> int:
+    """How many rows repeat an earlier one in all but the reading."""
+    marks = row_marks([_key(table, name) for name in table.header if name != "error"])
+    return len(marks) - len(np.unique(marks))
 
 
 def equal_notes(

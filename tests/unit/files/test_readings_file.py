@@ -195,6 +195,17 @@ def test_equal_rows_are_one_reading_twice_where_passes_are_told_apart(tmp_path: 
     assert ["2 readings are equal" in note.message for note in found.notes] == [True]
 
 
+@pytest.mark.parametrize(("equal", "told"), [(1, False), (2, True)])
+def test_a_few_equal_repeats_among_others_are_chance(
+    equal: int, told: bool, tmp_path: Path
+) -> None:
+    """Of four readings that repeat an earlier one half may be pasted, fewer are a coarse display's."""
+    rows = "".join(f"dx_x,{x},{x + 1},um,1\n" for x in range(4))
+    again = "".join(f"dx_x,{x},{x + 1 + 9 * (x >= equal)},um,1\n" for x in range(4))
+    notes = read(tmp_path, f"{HEAD},pass\n{rows}{again}").notes
+    assert [note.code for note in notes] == ["readings-equal"] * told
+
+
 def test_a_table_that_was_pasted_twice_is_refused(tmp_path: Path) -> None:
     """Every row of a component stands equally often, whatever the others do."""
     own = "".join(f"dx_x,{x},{x % 3},um,1\n" for x in range(4))
