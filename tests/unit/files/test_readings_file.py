@@ -199,7 +199,7 @@ def test_equal_rows_are_one_reading_twice_where_passes_are_told_apart(tmp_path: 
 def test_a_few_equal_repeats_among_others_are_chance(
     equal: int, told: bool, tmp_path: Path
 ) -> None:
-    """Of four readings that repeat an earlier one half may be pasted, fewer are a coarse display's."""
+    """Of four that repeat an earlier one half may be pasted, fewer are a coarse display's."""
     rows = "".join(f"dx_x,{x},{x + 1},um,1\n" for x in range(4))
     again = "".join(f"dx_x,{x},{x + 1 + 9 * (x >= equal)},um,1\n" for x in range(4))
     notes = read(tmp_path, f"{HEAD},pass\n{rows}{again}").notes
