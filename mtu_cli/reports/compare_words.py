@@ -60,10 +60,12 @@ def set_up_text(result: CompareResult) -> str | None:
                 "--datum offset,rotation, takes that out."
             )
         if beside.bias_tested and not beside.biased and _most_are_off(result, item.operation):
+            guessed = any(own.code == "outside-effect-range" for own in result.warnings)
+            beyond = "an effect is used beyond what it was found on, or that " if guessed else ""
             return (
-                "Features are off and lengths are not: it may be that all parts lay shifted or "
-                "turned (on the machine or the CMM). --datum offset, or --datum offset,rotation, "
-                "takes that out."
+                f"Features are off and lengths are not: it may be that {beyond}all parts lay "
+                "shifted or turned (on the machine or the CMM). --datum offset, or --datum "
+                f"offset,rotation, takes {'the latter' if guessed else 'that'} out."
             )
     return None
 
