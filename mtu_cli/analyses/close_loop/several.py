@@ -4,6 +4,9 @@ A scale and a squareness of one axis lie in the few coordinates that the means o
 Looked for one by one, each has the other for scatter, and the larger both are, the more of it. All
 smooth directions together (the check `common-shape`) show that something is there; the fewest
 effects are taken that leave each other told.
+
+A step and a drift with temperature do the same to the means of parts: of all pairs the one that
+leaves least is taken where its F passes among all of them (Bonferroni).
 """
 
 from __future__ import annotations
@@ -27,8 +30,10 @@ SMOOTH = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class _Smooth:
-    """Candidate `index`, its `member`, and its column (n,), whitened."""
+class _Lone:
+    """Candidate `index`, its `member`, and its column (n,) in one stratum, whitened, freed of what
+    was found.
+    """
 
     index: int
     member: int
@@ -36,9 +41,16 @@ class _Smooth:
 
 
 def several(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
+    """Effects that are told beside each other where none passes by itself: along the smooth
+    directions of an axis, else in the means of parts. None where there are none.
+    """
+    return _of_shape(state, alpha, unsure) or _of_parts(state, alpha, unsure)
+
+
+def _of_shape(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
     """The fewest effects along the smooth directions of an axis, each of which is told (p below
     `alpha`, F) beside the others, where the check of all of these passes `alpha` among all tests;
-    of as many those that leave the least, of the axis that shows most. None where there are none.
+    of as many those that leave the least, of the axis that shows most.
     """
     p = float(state.checks[CHECKS.index(COMMON_SHAPE)])
     if p >= alpha:
@@ -51,7 +63,7 @@ def several(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
         if stratum.kind == "column" and len(stratum.lead) > 1
     }
     for s in sorted(shown, key=lambda own: -shown[own]):
-        known, y = list(_smooth(state, s, unsure)), left[strata[s].slice]
+        known, y = list(_lone(state, s, unsure, smooth=True)), left[strata[s].slice]
         n = float(state.pack.dof[s])
         for count in range(2, len(strata[s].lead) + 1):
             told = [_told(y, n, own, p, alpha) for own in combinations(known, count)]
@@ -59,6 +71,46 @@ def several(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
             if best is not None:
                 return best[1]
     return []
+
+
+def _of_parts(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
+    """The pair of effects in the means of parts along an axis that leaves least of them, where F
+    passes among all pairs, and of each beside the other among all effects.
+    """
+    left = state.pack.without_found(state.y)
+    strata = state.scan.frame.strata.all
+    places = [s for s, stratum in enumerate(strata) if stratum.kind == "part"]
+    known = {s: list(_lone(state, s, unsure)) for s in places}
+    pairs = sum(len(own) * (len(own) - 1) // 2 for own in known.values())
+    best: tuple[float, list[Step]] = (alpha, [])
+    for s in places:
+        y, n = left[strata[s].slice], float(state.pack.dof[s])
+        pair = _best_pair(y, known[s]) if n > 2 else None
+        if pair is None:
+            continue
+        share, chosen = pair
+        p = pairs * float(fdtrc(2, n - 2, share / max(1 - share, 1e-300) * (n - 2) / 2))
+        told = _told(y, n, chosen, p, alpha / len(known[s])) if p < best[0] else None
+        if told is not None:
+            best = p, told[1]
+    return best[1]
+
+
+def _best_pair(y: FloatArray, known: Sequence[_Lone]) -> tuple[float, tuple[_Lone, _Lone]] | None:
+    """The pair of two candidates that has most of y (n,), and its share of the squares."""
+    if len(known) < 2 or not y.any():
+        return None
+    X = np.stack([own.column / np.linalg.norm(own.column) for own in known], axis=1)
+    r, alike = X.T @ y / np.linalg.norm(y), X.T @ X
+    other = np.array([own.index for own in known])
+    apart = 1 - alike**2
+    share = r[:, None] ** 2 + r**2 - 2 * np.outer(r, r) * alike
+    usable = (apart > ALIAS) & (other[:, None] != other)
+    share = np.where(usable, share / np.where(usable, apart, 1.0), -np.inf)
+    i, j = sorted(divmod(int(np.argmax(share)), len(known)))
+    if not usable[i, j]:
+        return None
+    return min(float(share[i, j]), 1.0), (known[i], known[j])
 
 
 def _shown(y: FloatArray, k: int) -> float:
@@ -70,23 +122,25 @@ def _left(told: tuple[float, list[Step]]) -> float:
     return told[0]
 
 
-def _smooth(state: State, s: int, unsure: frozenset[int]) -> Iterator[_Smooth]:
-    """Members of one column that lies in stratum `s` alone, most of it along smooth directions."""
+def _lone(state: State, s: int, unsure: frozenset[int], *, smooth: bool = False) -> Iterator[_Lone]:
+    """Members of one column that lies in stratum `s` alone; if `smooth`, with most of it along
+    smooth directions.
+    """
     scan = state.scan
-    k = len(scan.frame.strata.all[s].lead)
+    k, Q = len(scan.frame.strata.all[s].lead), state.pack.found.get(s)
     for index, m, member in scan.walk():
         free = index not in state.done | unsure and m not in state.members
         if free and len(member) == 1 and set(member[0]) == {s}:
             own = whitened_column(scan, member[0], [s])
-            Q = state.pack.found.get(s, np.zeros((len(own), 0)))
-            left = own - Q @ (Q.T @ own)
-            smooth = own[:k] @ own[:k] > SMOOTH * (own @ own)
-            if smooth and left @ left > ALIAS * (own @ own):
-                yield _Smooth(index, m, left)
+            if smooth and own[:k] @ own[:k] <= SMOOTH * (own @ own):
+                continue
+            left = own if Q is None else own - Q @ (Q.T @ own)
+            if left @ left > ALIAS * (own @ own):
+                yield _Lone(index, m, left)
 
 
 def _told(
-    y: FloatArray, n: float, chosen: Sequence[_Smooth], p: float, alpha: float
+    y: FloatArray, n: float, chosen: Sequence[_Lone], p: float, alpha: float
 ) -> tuple[float, list[Step]] | None:
     """The squares that effects leave of y, with n degrees of freedom, and their steps; None where
     one of them is not told beside the others.
