@@ -12,8 +12,9 @@ from mtu_cli.analyses.close_loop.added import added, contribution
 from mtu_cli.analyses.close_loop.evidence import Evidence
 from mtu_cli.analyses.close_loop.folds import Identity, identity
 from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.ranking import posterior_of
 from mtu_cli.analyses.close_loop.scan import Scan
-from mtu_cli.analyses.close_loop.search import Search, posterior_of
+from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.state import State, Step
 from mtu_cli.model.effect_library import Member
 from mtu_cli.model.residual_table import ResidualTable

@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.causes import causes, levels_of
 from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence
+from mtu_cli.analyses.close_loop.needless import needless
 from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.ranking import posterior_of, ranked, scores_of
 from mtu_cli.analyses.close_loop.same_in_all import with_constants
 from mtu_cli.analyses.close_loop.same_strata import hides, is_same
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.several import several
 from mtu_cli.analyses.close_loop.state import State, Step
-from mtu_cli.stats.column_groups import Column, MemberColumns
+from mtu_cli.stats.column_groups import Column
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
 
-CREDIBLE = 0.95
 RIVAL = 0.1
 """Posterior of drifts and fields without a name from which on they are a likely rival."""
-EXCLUDED = 0.01
-"""Posterior below which a drift or field without a name is out: no list of the library is complete,
-so that a lone name asks for more than the 95 % among names.
-"""
 NONE: frozenset[int] = frozenset()
-HALF = 0.49
-"""Of a column that lies evenly in two axes each holds this share."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,13 +53,6 @@ class Search:
         return tuple(step.member for step in self.steps if step.member >= 0)
 
 
-def posterior_of(log_bayes: FloatArray) -> FloatArray:
-    """Posterior (F,) of candidates that are equally likely before."""
-    weight = np.exp(log_bayes - log_bayes.max(initial=-np.inf))
-    found: FloatArray = weight / weight.sum()
-    return found
-
-
 def search(
     prepared: Prepared, gate: Gate, *, alpha: float, most: int, unsure: frozenset[int] = NONE
 ) -> Search:
@@ -73,37 +61,61 @@ def search(
 
     What was found is projected out of data and candidates, with the derivative by what was
     searched: a grid value beside the true one must not look like a second effect. Where the next
-    one would be a cause too many, the levels of those found are still looked at.
+    one would be a cause too many, the levels of those found are still looked at. What is `needless`
+    beside those found after it is taken back.
     """
     state = State(prepared, gate)
-    start = state.look()
-    looked = start
-    steps: list[Step] = []
-    stopped = False
-    while more := _more(state, alpha, unsure):
-        if causes(prepared, [*steps, *more]) > most:
-            level = _next(state, alpha, unsure, levels_of(prepared, steps))
-            if level is None:
-                stopped = True
-                break
-            more = [level]
-        for step in more:
-            steps.append(step)
-            state.take_out(step)
-        # An offset found before is the level of what explains it better.
-        steps = [own for own in steps if own.index not in state.owned]
-        looked = state.look()
+    start, first_p = state.look(), state.first_p
+    steps, stopped = _forward(state, [], alpha, most, unsure)
+    left_out = unsure
+    while (gone := needless(prepared, steps, alpha)) is not None:
+        steps = [step for step in steps if step is not gone]
+        # What is not told beside the others is not found in their place again.
+        left_out = left_out | {gone.index}
+        state = _without(prepared, gate, steps)
+        steps, stopped = _forward(state, steps, alpha, most, left_out)
+    looked = state.looked
     steps, too_many = with_constants(prepared, gate, steps, alpha, most, unsure)
     steps = _without_found(_beside_others(prepared, steps))
     return Search(
         steps=tuple(steps),
-        p=state.first_p,
+        p=first_p,
         log_bayes=start.log_bayes,
         posterior=posterior_of(start.log_bayes),
         checks=tuple(zip(CHECKS, state.checks.tolist(), strict=True)),
         without_name=bool(steps) and _nameless(start, looked, steps),
         stopped=stopped or too_many,
     )
+
+
+def _forward(
+    state: State, steps: list[Step], alpha: float, most: int, unsure: frozenset[int]
+) -> tuple[list[Step], bool]:
+    """The steps with all that passes beside them, and whether causes were too many."""
+    prepared = state.prepared
+    while more := _more(state, alpha, unsure):
+        if causes(prepared, [*steps, *more]) > most:
+            level = _next(state, alpha, unsure, levels_of(prepared, steps))
+            if level is None:
+                return steps, True
+            more = [level]
+        for step in more:
+            steps.append(step)
+            state.take_out(step)
+        # An offset found before is the level of what explains it better.
+        steps = [own for own in steps if own.index not in state.owned]
+        state.look()
+    return steps, False
+
+
+def _without(prepared: Prepared, gate: Gate, steps: list[Step]) -> State:
+    """What is left beside these steps."""
+    state = State(prepared, gate)
+    state.look()
+    for step in steps:
+        state.take_out(step)
+    state.look()
+    return state
 
 
 def _nameless(start: Evidence, last: Evidence, steps: list[Step]) -> bool:
@@ -137,11 +149,11 @@ def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
                 state.take_out(step)
         # Another form of a cause that is there in any case is no rival.
         others = {step.index for step in steps if step is not own}
-        scores = _scores(state.look(), state.done | others)
+        scores = scores_of(state.look(), state.done | others)
         scores[prepared.scan.tested :] = -np.inf
-        ranked = _ranked(prepared.scan, own, scores, state.looked.unnamed)
+        beside = ranked(prepared.scan, own, scores, state.looked.unnamed)
         # Its own evidence is that of both sizes, of which one is uncertain.
-        found.append(replace(ranked, log_bayes=own.log_bayes) if own.constant else ranked)
+        found.append(replace(beside, log_bayes=own.log_bayes) if own.constant else beside)
     return found
 
 
@@ -165,78 +177,6 @@ def _without_found(steps: list[Step]) -> list[Step]:
         )
         for step in steps
     ]
-
-
-def _ranked(scan: Scan, step: Step, scores: FloatArray, unnamed: FloatArray) -> Step:
-    """The step with the posterior and the credible set that these scores give.
-
-    A drift or field without a name is a rival of effects that lie where it would, and in the
-    credible set until it is `EXCLUDED`. A mean error is no rival of an effect that was found
-    beside a free mean: either may act without the other. Nor is what acts along other axes alone:
-    it leaves the error that was found as it is.
-    """
-    scores = np.where(_along(scan, step), scores, -np.inf)
-    if step.member >= 0:
-        scores[len(scan.columns) : scan.tested] = -np.inf
-    rivals = np.where(same_place(scan, step), unnamed, -np.inf)
-    posterior = posterior_of(np.concatenate([scores, rivals]))
-    order = np.argsort(-posterior, kind="stable")
-    count = int(np.searchsorted(np.cumsum(posterior[order]), CREDIBLE)) + 1
-    credible = [
-        int(i)
-        for rank, i in enumerate(order)
-        if rank < count or (i >= len(scores) and posterior[i] >= EXCLUDED)
-    ]
-    if step.index not in credible:
-        credible.insert(0, step.index)
-    return replace(
-        step,
-        log_bayes=float(scores[step.index]),
-        posterior=float(posterior[step.index]),
-        credible=tuple(credible),
-        unnamed=float(posterior[len(scores) :].sum()),
-    )
-
-
-def _along(scan: Scan, step: Step) -> np.ndarray:
-    """Which candidates (F + S,) act along an axis of an effect; scatters do along all of them."""
-    strata, F = scan.frame.strata.all, len(scan.columns)
-
-    def axes(members: Iterable[MemberColumns]) -> set[int]:
-        return {strata[i].axis for member in members for column in member for i in column}
-
-    found = np.ones(scan.tested + len(scan.scatters), bool)
-    if step.index >= scan.tested:
-        return found
-    offset = step.member < 0
-    own = {scan.offsets[step.index - F]} if offset else axes([scan.flat()[step.member]])
-    found[:F] = [not own.isdisjoint(axes(members)) for members in scan.columns]
-    found[F : scan.tested] = [axis in own for axis in scan.offsets]
-    return found
-
-
-def same_place(scan: Scan, step: Step) -> np.ndarray:
-    """Whether an effect lies (by half of its columns at least) in the part stratum of each
-    axis, then in the column stratum of each.
-    """
-    A = scan.frame.strata.shape[2]
-    squares = {"part": np.zeros(A), "column": np.zeros(A)}
-    total = 0.0
-    if step.member >= 0:
-        for column in scan.flat()[step.member]:
-            for index, values in column.items():
-                stratum = scan.frame.strata.all[index]
-                size = float(values @ values)
-                total += size
-                if stratum.kind in squares:
-                    squares[stratum.kind][stratum.axis] += size
-    return np.concatenate([squares["part"], squares["column"]]) > HALF * total
-
-
-def _scores(looked: Evidence, done: set[int]) -> FloatArray:
-    scores = looked.log_bayes.copy()
-    scores[list(done)] = -np.inf
-    return scores
 
 
 def _more(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
@@ -264,7 +204,7 @@ def _step(
 ) -> Step | None:
     """The best of what passes, of `only` these where that is given; None if nothing does."""
     passing = [i for i in range(len(p)) if p[i] < alpha and i not in done]
-    scores = _scores(looked, done)
+    scores = scores_of(looked, done)
     if only is not None:
         # What passes beside them is another cause; what does not is a rival as ever.
         scores[[i for i in passing if i not in only]] = -np.inf
@@ -285,4 +225,4 @@ def _step(
         posterior=1.0,
         credible=(),
     )
-    return _ranked(scan, step, scores, looked.unnamed)
+    return ranked(scan, step, scores, looked.unnamed)

@@ -6,7 +6,7 @@ smooth directions together (the check `common-shape`) show that something is the
 effects are taken that leave each other told.
 
 A step and a drift with temperature do the same to the means of parts: of all pairs the one that
-leaves least is taken where its F passes among all of them (Bonferroni).
+leaves least is taken where its F passes among all of them (Bonferroni), at a rate of its own.
 """
 
 from __future__ import annotations
@@ -27,6 +27,10 @@ from mtu_cli.stats.remainder import COMMON_SHAPE
 
 SMOOTH = 0.5
 """Share of a column in the smooth directions from which on it is one of those that hide others."""
+
+
+OF_PAIRS = 0.2
+"""Share of the rate of false alarms that pairs may add to that of all tests by themselves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +79,14 @@ def _of_shape(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
 
 def _of_parts(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
     """The pair of effects in the means of parts along an axis that leaves least of them, where F
-    passes among all pairs, and of each beside the other among all effects.
+    passes among all pairs (`OF_PAIRS`), and of each beside the other among all effects.
     """
     left = state.pack.without_found(state.y)
     strata = state.scan.frame.strata.all
     places = [s for s, stratum in enumerate(strata) if stratum.kind == "part"]
     known = {s: list(_lone(state, s, unsure)) for s in places}
     pairs = sum(len(own) * (len(own) - 1) // 2 for own in known.values())
-    best: tuple[float, list[Step]] = (alpha, [])
+    best: tuple[float, list[Step]] = (OF_PAIRS * alpha, [])
     for s in places:
         y, n = left[strata[s].slice], float(state.pack.dof[s])
         pair = _best_pair(y, known[s]) if n > 2 else None

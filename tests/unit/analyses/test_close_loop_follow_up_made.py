@@ -12,7 +12,7 @@ from shop_day import SIGMA, ShopDay, measure
 from shop_day.day import Floats
 
 from mtu_cli.analyses.close_loop.evidence import evidence
-from mtu_cli.analyses.close_loop.search import CREDIBLE, posterior_of
+from mtu_cli.analyses.close_loop.ranking import CREDIBLE, posterior_of
 
 
 def reversed_after(day: ShopDay, parts: int) -> None:

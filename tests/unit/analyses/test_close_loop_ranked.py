@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from separation_examples import index, members_of, prepared_day
 
-from mtu_cli.analyses.close_loop.search import _ranked
+from mtu_cli.analyses.close_loop.ranking import ranked
 from mtu_cli.analyses.close_loop.state import Step
 
 
@@ -27,7 +27,7 @@ def test_what_acts_along_other_axes_alone_is_no_rival(name: str) -> None:
     step = Step(index=own, member=member, p=0.01, log_bayes=1.0, posterior=0.5, credible=(own,))
     along = {key[1:] for key in prepared.members[member].equations}
     unnamed = np.full(2 * len(prepared.table.axes), -np.inf)
-    found = _ranked(scan, step, np.zeros(len(prepared.candidates)), unnamed)
+    found = ranked(scan, step, np.zeros(len(prepared.candidates)), unnamed)
     offsets = set(range(len(scan.columns), scan.tested))
     rivals = {i for i in range(len(prepared.candidates)) if axes(i) & along} - offsets
     assert set(found.credible) <= rivals
@@ -35,7 +35,7 @@ def test_what_acts_along_other_axes_alone_is_no_rival(name: str) -> None:
     # Nor do they take from the posterior of a mean error.
     for first in sorted(offsets):
         level = replace(step, index=first, member=-1, credible=(first,))
-        found = _ranked(scan, level, np.zeros(len(prepared.candidates)), unnamed)
+        found = ranked(scan, level, np.zeros(len(prepared.candidates)), unnamed)
         of_axis = [i for i in range(len(prepared.candidates)) if axes(i) & axes(first)]
         assert found.posterior == pytest.approx(1 / len(of_axis))
 
@@ -48,6 +48,6 @@ def test_a_scatter_has_rivals_along_all_axes() -> None:
     scores = np.full(count, -np.inf)
     means = [index(prepared, name) for name in ("scale-x", "scale-y")]
     scores[[first, *means]] = 0.0
-    found = _ranked(prepared.scan, step, scores, unnamed)
+    found = ranked(prepared.scan, step, scores, unnamed)
     assert set(found.credible) == {first, *means}
     assert found.posterior == pytest.approx(1 / 3)

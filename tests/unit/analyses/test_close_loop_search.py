@@ -17,8 +17,9 @@ from mtu_cli.analyses.close_loop.classes import class_of
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.estimate import raw_design
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.ranking import posterior_of
 from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import Search, posterior_of, search
+from mtu_cli.analyses.close_loop.search import Search, search
 from mtu_cli.model.effect_candidate import Column
 from mtu_cli.stats.family_gate import Gate
 

@@ -1,0 +1,43 @@
+"""Effects that a search found and that nothing is left of beside those found after them.
+
+A trend may pass first where a drift and a step are there; beside both of them it is not told. The
+same of a step at one part, found before that at the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import fdtrc
+
+from mtu_cli.analyses.close_loop.jointly import jointly
+from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.state import Step
+
+
+def needless(prepared: Prepared, steps: Sequence[Step], alpha: float) -> Step | None:
+    """The effect with columns whose p (F, beside all the others) is the largest, where that is
+    not below `alpha`; None of one effect alone.
+    """
+    own = [step for step in steps if step.member >= 0]
+    if len(own) < 2:
+        return None
+    members = [step.member for step in own]
+    columns = prepared.whole(members)
+    tangents = [prepared.tangents[m] for m in members if m in prepared.tangents]
+    _, fit = jointly(prepared, [*columns, *tangents])
+    worst, largest, start = None, alpha, 0
+    for step, member in zip(own, columns, strict=True):
+        place = slice(start, start + len(member))
+        start += len(member)
+        beta, covariance = fit.beta[place], fit.covariance[place, place]
+        values, vectors = np.linalg.eigh(covariance)
+        if values[0] <= 0:
+            continue
+        square = float(((vectors.T @ beta) ** 2 / values).sum())
+        dof = max(float(fit.dof[place].min()), 1.0)
+        p = float(fdtrc(len(beta), dof, square / len(beta)))
+        if p >= largest:
+            worst, largest = step, p
+    return worst
