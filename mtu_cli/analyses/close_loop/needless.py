@@ -18,15 +18,14 @@ from mtu_cli.analyses.close_loop.state import Step
 
 def needless(prepared: Prepared, steps: Sequence[Step], alpha: float) -> Step | None:
     """The effect with columns whose p (F, beside all the others) is the largest, where that is
-    not below `alpha`; None of one effect alone.
+    not below `alpha`; None of one effect alone. What was searched is taken as it was found: beside
+    its derivative by the pitch a wave of few cycles is not told.
     """
     own = [step for step in steps if step.member >= 0]
     if len(own) < 2:
         return None
-    members = [step.member for step in own]
-    columns = prepared.whole(members)
-    tangents = [prepared.tangents[m] for m in members if m in prepared.tangents]
-    _, fit = jointly(prepared, [*columns, *tangents])
+    columns = prepared.whole([step.member for step in own])
+    _, fit = jointly(prepared, columns)
     worst, largest, start = None, alpha, 0
     for step, member in zip(own, columns, strict=True):
         place = slice(start, start + len(member))
