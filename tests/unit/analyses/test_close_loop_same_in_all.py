@@ -227,6 +227,14 @@ def test_what_is_not_hidden_has_to_pass_all_tests() -> None:
         assert len(found) == 2
 
 
+def test_constants_are_causes_that_may_be_too_many() -> None:
+    prepared, step = day(4, 120e-6)
+    gate = calibrated(prepared.scan, 199, 1)
+    assert with_constants(prepared, gate, [step], 0.05, 1) == ([step], True)
+    (found, stopped) = with_constants(prepared, gate, [step], 0.05, 2)
+    assert (len(found), stopped) == (2, False)
+
+
 def test_a_hidden_effect_keeps_its_own_class() -> None:
     """Beside the growth that hides it what fits the means is looked at, not what is left of them:
     all that might be there instead would be as likely.

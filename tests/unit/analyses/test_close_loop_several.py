@@ -16,7 +16,7 @@ from mtu_cli.analyses.close_loop.needless import needless
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search, search
-from mtu_cli.analyses.close_loop.several import _best_pair, _Lone, _of_parts
+from mtu_cli.analyses.close_loop.several import _best_pair, _Lone, _of_parts, several
 from mtu_cli.analyses.close_loop.state import State
 from mtu_cli.model.effect_library import candidates
 from mtu_cli.stats.remainder import COMMON_SHAPE
@@ -123,6 +123,24 @@ def test_three_effects_of_one_axis_are_found_together() -> None:
         assert names(prepared, seen) >= {"scale-x", "squareness-xy"}
         assert first & {"squareness-xz", "abbe-x"}
         assert not seen.fired(0.05)
+
+
+def test_the_axis_that_shows_most_is_looked_at_first() -> None:
+    """Both axes hide a pair: the first step is of the larger."""
+    for more, less in ((0, 1), (1, 0)):
+        rng = np.random.default_rng(5)
+        own = table(12, 12, places=PLACES, covariates={})
+        own = replace(own, operations=("",), operation=np.zeros(12, np.int64))
+        errors = rng.normal(0.0, NOISE, own.errors.shape) + rng.normal(0.0, NOISE, (12, 1, 2))
+        for axis, factor in ((more, 3.0), (less, 1.0)):
+            shape = SCALE * PLACES[:, axis] + ANGLE * PLACES[:, 1 - axis]
+            errors[..., axis] += factor * shape
+        prepared = prepare(replace(own, errors=errors), candidates(own, LIBRARY), own.pass_dof)
+        state = State(prepared, calibrated(prepared.scan, 299, 1))
+        state.look()
+        chosen = several(state, 0.05, frozenset())
+        axes = {a for s in chosen for c in prepared.members[s.member].columns for a in c}
+        assert axes == {more}
 
 
 LATE = 8
