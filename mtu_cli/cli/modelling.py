@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -66,9 +66,9 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
     except InputError as error:
         raise InputError(_shortened(error.problems, inputs)) from None
     warnings += _limits(inputs, fit, model)
-    _expand(inputs.at, model.covariates())
     # Of a column that no equation has a declared effect may tell where it holds.
-    used = {*model.covariates(), *(name for effect in model.effects for name in effect.seen)}
+    used = (*model.covariates(), *(name for effect in model.effects for name in effect.seen))
+    _expand(inputs.at, dict.fromkeys(used))
     unused = [name for name in inputs.at if name not in used]
     warnings += [
         Warned(code="covariate-not-needed", message=_not_needed(name, inputs, model), about=(name,))
@@ -199,7 +199,7 @@ def one_direction(inputs: Inputs, model: MachineModel) -> list[Warned]:
     return [Warned(code="one-direction", message=text)]
 
 
-def _expand(at: dict[str, float], needed: Sequence[str]) -> None:
+def _expand(at: dict[str, float], needed: Iterable[str]) -> None:
     """Names with * and ? stand for all covariates they match that are not given by themselves."""
     for pattern in [name for name in at if "*" in name or "?" in name]:
         matched = fnmatch.filter(needed, pattern)

@@ -78,6 +78,9 @@ def check_effect_used(effect: Effect, index: int, findings: Findings) -> None:
         if name in used:
             expected = "the range of a column of its equations under `seen`"
             findings.add(here, "a name of its equations", value=name, expected=expected)
+        elif not is_temperature(name):
+            expected = "the column of a sensor: T_<name>_degC"
+            findings.add(here, "no temperature", value=name, expected=expected)
         elif low > high:
             findings.add(here, "wrong value", value=[low, high], expected=LOWER_FIRST)
 

@@ -23,13 +23,14 @@ SAME_VALUE = 1e-9
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeclaredEffect:
     """An effect of a machine file: its place among the effects of `file`, and by column the lowest
-    and highest value that it was found on.
+    and highest value that it was found on; `within` those of them that no equation has.
     """
 
     name: str
     file: str
     index: int
     seen: Mapping[str, tuple[float, float]]
+    within: tuple[str, ...] = ()
 
 
 def declared_effects(machine: LoadedMachine) -> tuple[DeclaredEffect, ...]:
@@ -43,6 +44,7 @@ def declared_effects(machine: LoadedMachine) -> tuple[DeclaredEffect, ...]:
                 column: (low, high)
                 for column, (low, high) in {**effect.within, **effect.seen}.items()
             },
+            within=tuple(effect.within),
         )
         for i, effect in enumerate(machine.machine.effects)
     )

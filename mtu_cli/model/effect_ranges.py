@@ -94,7 +94,32 @@ def effect_warnings_at(
         return []
     values = {**places(model, points), **covariates}
     known = {name: value for name, value in values.items() if name not in model.constants}
-    return [*outside_seen(model.effects, known), *_too_large(model, points, covariates)]
+    return [
+        *outside_seen(model.effects, known),
+        *_not_given(model.effects, known),
+        *_too_large(model, points, covariates),
+    ]
+
+
+def _not_given(
+    effects: Sequence[DeclaredEffect], values: Mapping[str, FloatArray | float]
+) -> list[Warned]:
+    """One warning for all effects that hold within a range of a column of which nothing is known:
+    no equation asks for it.
+    """
+    found: dict[tuple[str, float, float], list[DeclaredEffect]] = {}
+    for effect in effects:
+        for column in effect.within:
+            if not np.isfinite(np.asarray(values.get(column, np.nan), float)).any():
+                found.setdefault((column, *effect.seen[column]), []).append(effect)
+    return [
+        Warned(
+            code="effect-range-unknown",
+            message=f"{_listed(own)} {'holds' if len(own) == 1 else 'hold'} with {column} "
+            f"{_between(low, high, high - low)}, of which no value is given (--at {column})",
+        )
+        for (column, low, high), own in found.items()
+    ]
 
 
 def outside_seen(
@@ -118,13 +143,17 @@ def _left(left: _Left, effects: Sequence[DeclaredEffect]) -> str:
     were, say = ("was", "it says") if len(effects) == 1 else ("were", "they say")
     unit = " mm" if left.column in AXES else ""
     beyond = max(left.low - left.value, left.value - left.high)
-    size = left.high - left.low or beyond
-    ends = dict.fromkeys(_shown(end, size) for end in (left.low, left.high))
-    where = f"from {' to '.join(ends)}" if len(ends) == 2 else f"at {next(iter(ends))}"
+    where = _between(left.low, left.high, left.high - left.low or beyond)
     return (
         f"{_listed(effects)} {were} found with {left.column} {where}{unit}: what {say} at "
         f"{_shown(left.value, beyond)}{unit} is a guess"
     )
+
+
+def _between(low: float, high: float, size: float) -> str:
+    """Ends to digits that tell `size`."""
+    ends = dict.fromkeys(_shown(end, size or 1.0) for end in (low, high))
+    return f"from {' to '.join(ends)}" if len(ends) == 2 else f"at {next(iter(ends))}"
 
 
 def _shown(value: float, size: float) -> str:

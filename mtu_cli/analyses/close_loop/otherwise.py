@@ -17,7 +17,12 @@ from mtu_cli.analyses.close_loop.result import FoundEffect, Otherwise
 from mtu_cli.analyses.close_loop.same_in_all import Constant, constants
 from mtu_cli.analyses.close_loop.shown import is_level
 from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.analyses.close_loop.varying import at_reference
+from mtu_cli.analyses.close_loop.varying import (
+    THERMAL,
+    AtReference,
+    at_reference,
+    level_at_reference,
+)
 
 MATTERS = 2.0
 """Times its u at the mean temperature from which on what an effect would be at 20 degC is told."""
@@ -53,21 +58,41 @@ def _beside_constant(told: Described, effect: FoundEffect, place: int, own: Cons
 
 
 def _beside_thermal(told: Described, step: Step, effect: FoundEffect) -> tuple[Otherwise, ...]:
-    """Where it would be much less certain at 20 degC (`MATTERS`) than it is at the mean, or
-    another (`DOUBTED`).
+    """Where it, or a level that it owns, would be much less certain at 20 degC (`MATTERS`) than it
+    is at the mean, or another (`DOUBTED`).
     """
+    prepared, steps = told.prepared, told.found.steps
+    if effect.component is not None:
+        return ()
+    found = []
     shown = [own for own in effect.parameters if not is_level(own[0])]
-    if len(shown) != 1 or effect.component is not None:
-        return ()
-    name, unit, value, u = shown[0]
-    own = at_reference(told.prepared, told.found.steps, step, (value, u))
-    if own is None:
-        return ()
+    if len(shown) == 1:
+        found.append((shown[0], at_reference(prepared, steps, step, shown[0][2:])))
+    if effect.covariate is None or not effect.family.startswith(THERMAL):
+        levels = [own for own in effect.parameters if is_level(own[0])]
+        axes = [i for i, a in enumerate(prepared.table.axes) if _has_level(effect, a, levels)]
+        for level, axis in zip(levels, axes, strict=True):
+            found.append((level, level_at_reference(prepared, steps, axis, level[2:])))
+    return tuple(
+        replace(
+            _otherwise(told, own.constant, (name, unit, own.value, own.u), own.p),
+            at_reference=True,
+        )
+        for (name, unit, value, u), own in found
+        if own is not None and _matters(own, value, u)
+    )
+
+
+def _matters(own: AtReference, value: float, u: float) -> bool:
     differs = own.p < DOUBTED and abs(own.value - value) > u
-    if own.u <= MATTERS * u and not differs:
-        return ()
-    there = (name, unit, own.value, own.u)
-    return (replace(_otherwise(told, own.constant, there, own.p), at_reference=True),)
+    return own.u > MATTERS * u or differs
+
+
+def _has_level(
+    effect: FoundEffect, axis: str, levels: Sequence[tuple[str, str, float, float]]
+) -> bool:
+    """Whether the equation along an axis ends in one of the levels."""
+    return any(effect.equations.get(f"E{axis}", "").endswith(f" + {name}") for name, *_ in levels)
 
 
 def _otherwise(

@@ -58,8 +58,27 @@ def at_reference(
     """
     members = [own.member for own in steps if own.member >= 0]
     of = _coefficient(prepared, members, step)
+    return _at_reference(prepared, steps, _shape(prepared, step), of, found)
+
+
+def level_at_reference(
+    prepared: Prepared, steps: Sequence[Step], axis: int, found: tuple[float, float]
+) -> AtReference | None:
+    """The same of the level along an axis that an effect owns: the constant of its equation."""
+    shape = {axis: np.ones(prepared.table.there.shape[1])}
+    return _at_reference(prepared, steps, shape, -1, found)
+
+
+def _at_reference(
+    prepared: Prepared,
+    steps: Sequence[Step],
+    shape: dict[int, FloatArray] | None,
+    of: int,
+    found: tuple[float, float],
+) -> AtReference | None:
+    members = [own.member for own in steps if own.member >= 0]
     beside = []
-    for like in _alike(prepared, steps, step):
+    for like in _alike(prepared, steps, shape):
         own = beside_all(prepared, members, max(of, 0), like.index, like.member)
         if own is not None:
             beside.append((own, like))
@@ -86,12 +105,13 @@ def _coefficient(prepared: Prepared, members: Sequence[int], step: Step) -> int:
     return sum(len(prepared.members[m].columns) for m in members[:place])
 
 
-def _alike(prepared: Prepared, steps: Sequence[Step], step: Step) -> Iterator[_Like]:
-    """The members of temperatures, one of a candidate, that have the shape of a step."""
+def _alike(
+    prepared: Prepared, steps: Sequence[Step], shape: dict[int, FloatArray] | None
+) -> Iterator[_Like]:
+    """The members of temperatures, one of a candidate, that have a shape (`_shape`)."""
     scan, known = prepared.scan, {own.index for own in steps}
     flat = scan.flat()
     every = [c for own in steps if own.member >= 0 for c in flat[own.member]]
-    shape = _shape(prepared, step)
     done: set[int] = set()
     for index, m, member in scan.walk():
         own = prepared.members[m]

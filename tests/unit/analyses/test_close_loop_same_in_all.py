@@ -27,7 +27,7 @@ from mtu_cli.analyses.close_loop.same_strata import same_of
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.analyses.close_loop.varying import _alike
+from mtu_cli.analyses.close_loop.varying import _alike, _shape
 from mtu_cli.model.effect_library import candidates
 
 GROWTH, NOISE = 12e-6, 1.3e-3
@@ -45,17 +45,25 @@ def day(
     turn: float = 4e-6,
     within: float = 0.0,
     ends: tuple[float, float] = (24.0, 28.0),
+    shift: float = 0.0,
 ) -> tuple[Prepared, Step]:
     """Eight parts at 24 to 28 degC, or other `ends`: what grows by 6 K on the mean is near to a
     scale of 72 um/m. The growth counted from 20 degC as it would be found; each part's scale is
-    `turn` off, and it gets warmer by `within` from its first hole to the last.
+    `turn` off, and it gets warmer by `within` from its first hole to the last. All lie off by
+    `shift`.
     """
     rng = np.random.default_rng(seed)
     T = rng.permutation(np.linspace(*ends, 8))[:, None]
     T = T + within * np.linspace(-0.5, 0.5, 12) if within else T
-    own = table(8, 12, axes=("x",), places=PLACES, covariates={"T_scale_degC": T})
+    own = table(
+        8,
+        12,
+        axes=("x",),
+        places=PLACES,
+        covariates={"T_scale_degC": T, "sequence": np.arange(1.0, 9.0)[:, None]},
+    )
     own = replace(own, operations=("",), operation=np.zeros(12, np.int64))
-    errors = rng.normal(0.0, NOISE, (8, 12)) + rng.normal(0.0, 2e-3, (8, 1))
+    errors = shift + rng.normal(0.0, NOISE, (8, 12)) + rng.normal(0.0, 2e-3, (8, 1))
     errors += (scale + GROWTH * (T - 20.0) + rng.normal(0.0, turn, (8, 1))) * (X.ravel() - 200.0)
     own = replace(own, errors=errors[..., None])
     prepared = prepare(own, candidates(own, FEW), own.pass_dof)
@@ -318,6 +326,26 @@ def test_an_offset_is_given_as_it_would_be_beside_a_drift(monkeypatch: pytest.Mo
     assert described(prepared, offset).otherwise == ()
 
 
+def test_a_level_is_told_as_an_offset_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The constant of a step's equation, which takes an offset up, is that of the temperature."""
+    more = ("thermal-drift", "offset", "step")
+    also = tuple(own for own in LIBRARY.families if own.family.family in more)
+    monkeypatch.setitem(day.__globals__, "FEW", replace(FEW, families=(*FEW.families, *also)))
+    prepared, step = day(6, ends=(25.7, 26.3), shift=12e-3)
+    names = [own.name for own in prepared.candidates]
+    index = names.index("step-x")
+    first = sum(len(columns) for columns in prepared.scan.columns[:index])
+    jump = replace(step, index=index, member=first + 3, credible=(index,))
+    effect = described(prepared, jump)
+    (other,) = effect.otherwise
+    name, _, value, u = effect.parameters[-1]
+    assert (other.parameter[0], name) == ("level", "level")
+    assert other.name == "thermal-drift-x"
+    assert other.parameter[2] == pytest.approx(value - 6.0 * other.constant[2])
+    assert other.parameter[3] == pytest.approx(np.hypot(u, 6.0 * other.constant[3]))
+    assert effect.holds_within == ("T_scale_degC",)
+
+
 def test_what_would_differ_is_told_though_it_is_as_certain(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts from 20 to 25 degC tell a scale at 20 degC nearly as well beside a growth."""
     prepared, step = day(6, ends=(20.0, 25.0))
@@ -337,7 +365,7 @@ def test_the_surest_of_several_has_the_p_of_all(monkeypatch: pytest.MonkeyPatch)
     prepared, step = day(6, ends=(25.7, 26.3))
     scale = scale_step(prepared, step)
     (one,) = described(prepared, scale).otherwise
-    likes = list(_alike(prepared, [scale], scale))
+    likes = list(_alike(prepared, [scale], _shape(prepared, scale)))
     assert len(likes) == 1
     monkeypatch.setattr(varying, "_alike", lambda *_: iter(likes * 3))
     (three,) = described(prepared, scale).otherwise
@@ -348,8 +376,8 @@ def test_what_is_found_is_not_told_of_again() -> None:
     """Neither beside itself, nor of what varies or is no effect of a temperature."""
     prepared, step = day(6, ends=(25.7, 26.3))
     scale = scale_step(prepared, step)
-    assert list(_alike(prepared, [scale, step], scale)) == []
-    assert list(_alike(prepared, [step], step)) == []
+    assert list(_alike(prepared, [scale, step], _shape(prepared, scale))) == []
+    assert list(_alike(prepared, [step], _shape(prepared, step))) == []
 
 
 def test_no_growth_is_told_of_where_it_would_change_little() -> None:

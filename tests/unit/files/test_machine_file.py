@@ -574,6 +574,11 @@ def test_a_temperature_or_time_too_many(
         ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "
+            "within: {T_oil_C: [1, 2]}",
+            "effects[0].within.T_oil_C: no temperature: 'T_oil_C'; expected the column of a sensor",
+        ),
+        (
+            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "
             "within: {T_a_degC: [1, 0]}",
             "effects[0].within.T_a_degC: wrong value: '[1.0, 0.0]'; expected the lower end first",
         ),
