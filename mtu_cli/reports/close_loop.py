@@ -14,6 +14,7 @@ whole cancel; one is `told` where its 95 % interval is no longer than the machin
 `given` the effect it depends on where the data cannot tell that from others. `neutral_points` are
 the values of a `covariate` (a temperature, the place along another axis in mm) at which what
 changes with it and an offset cancel, `given` as there; `seen` is the range of the data.
+`left_means` are mean errors along axes of effects that are no finding among all tests.
 `rivals` are the others of a class of three at most, each estimated in the place of the effect. An
 effect that is one of several `alike` pitches makes the verdict `class`, though its `class` has one
 name.
@@ -41,7 +42,12 @@ from mtu_cli.analyses.close_loop.result import (
 )
 from mtu_cli.analyses.close_loop.shown import improvement_percent
 from mtu_cli.reports.close_loop_figure import figure
-from mtu_cli.reports.close_loop_found import effect_of, fixed_point_of, neutral_point_of
+from mtu_cli.reports.close_loop_found import (
+    effect_of,
+    fixed_point_of,
+    left_mean_of,
+    neutral_point_of,
+)
 from mtu_cli.reports.close_loop_gate import gate_text
 from mtu_cli.reports.close_loop_shown import (
     class_of,
@@ -74,6 +80,7 @@ def document(result: CloseLoopResult) -> dict[str, Any]:
         "effects": [effect_of(e, t) for t in result.tables for e in t.effects],
         "fixed_points": [fixed_point_of(p, t) for t in result.tables for p in t.fixed_points],
         "neutral_points": [neutral_point_of(p, t) for t in result.tables for p in t.neutral_points],
+        "left_means": [left_mean_of(m) for t in result.tables for m in t.left_means],
         "candidates": [_candidate(c, t) for t in result.tables for c in t.candidates],
         "unexplained": {
             "found": any(something_left(item) for item in result.tables),

@@ -7,13 +7,14 @@ from typing import Any
 from mtu_cli.analyses.close_loop.result import (
     FixedPoint,
     FoundEffect,
+    LeftMean,
     NeutralPoint,
     Otherwise,
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import effect_rms, own_verdict
 from mtu_cli.reports.close_loop_shown import in_shown_unit, parameters_of, size_of
-from mtu_cli.reports.document import finite
+from mtu_cli.reports.document import finite, um
 
 
 def effect_of(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
@@ -117,6 +118,16 @@ def fixed_point_of(point: FixedPoint, item: TableResult) -> dict[str, Any]:
             "interval95": None if ends is None else [finite(end) for end in ends],
         },
         "told": point.told,
+    }
+
+
+def left_mean_of(mean: LeftMean) -> dict[str, Any]:
+    """A mean error beside the effects of an axis, which is no finding."""
+    return {
+        "axis": mean.axis,
+        "value_um": um(mean.value),
+        "u_um": um(mean.u),
+        "p": finite(mean.p),
     }
 
 

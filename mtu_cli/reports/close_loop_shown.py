@@ -178,7 +178,18 @@ def growth_alone_notes(item: TableResult) -> list[str]:
 
 def held_notes(item: TableResult) -> list[str]:
     """On what the figures of growths and the like depend."""
-    return [*_mean_of_day_notes(item), *_otherwise_notes(item)]
+    return [*_mean_of_day_notes(item), *_otherwise_notes(item), *_left_notes(item)]
+
+
+def _left_notes(item: TableResult) -> list[str]:
+    """Of a mean error beside the effects of an axis, which is not written."""
+    scale = unit_of(item).to_internal
+    return [
+        f"beside these effects {own.axis.upper()} is off by "
+        f"{plus_minus(own.value / scale, own.u / scale)} {item.table.unit} on the mean (p "
+        f"{p_value(own.p)} by itself, no finding among all tests): that is not written"
+        for own in item.left_means
+    ]
 
 
 def _mean_of_day_notes(item: TableResult) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from mtu_cli.analyses.close_loop.describe import (
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.fitted import refitted
 from mtu_cli.analyses.close_loop.fixed_point import fixed_points
-from mtu_cli.analyses.close_loop.growth_alone import growths_alone
 from mtu_cli.analyses.close_loop.held_out import (
     HeldOut,
     OfFold,
@@ -29,6 +28,7 @@ from mtu_cli.analyses.close_loop.held_out import (
     scores,
     splits_of,
 )
+from mtu_cli.analyses.close_loop.left_mean import with_left
 from mtu_cli.analyses.close_loop.neutral_point import neutral_points
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.otherwise import with_otherwise
@@ -111,12 +111,7 @@ def loop_on(
         fixed_points=_fixed_points(table, described, covariance, others),
         neutral_points=_neutral_points(table, described, covariance, others),
     )
-    return LoopResult(result=_with_growths_alone(result, told, seed), covariance=covariance)
-
-
-def _with_growths_alone(result: TableResult, told: Described, seed: int) -> TableResult:
-    alone = growths_alone(told, result.effects, result.fixed_points, seed)
-    return replace(result, growths_alone=alone)
+    return LoopResult(result=with_left(result, told, seed), covariance=covariance)
 
 
 def _all_searched(

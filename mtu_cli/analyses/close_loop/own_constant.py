@@ -63,7 +63,7 @@ def _joined(prepared: Prepared, found: Search) -> tuple[Prepared, Search]:
     """The drifts with the constants that are theirs, which the search is then without."""
     for index, axis in enumerate(prepared.scan.offsets, len(prepared.scan.columns)):
         pairs = tuple(_pairs(prepared, found, axis))
-        beside = _with_offset(prepared, found, index, axis) if pairs else None
+        beside = with_offset(prepared, found, index, axis) if pairs else None
         if beside is None:
             continue
         whole = added(prepared, beside)
@@ -75,7 +75,7 @@ def _joined(prepared: Prepared, found: Search) -> tuple[Prepared, Search]:
     return prepared, found
 
 
-def _with_offset(prepared: Prepared, found: Search, index: int, axis: int) -> Search | None:
+def with_offset(prepared: Prepared, found: Search, index: int, axis: int) -> Search | None:
     """The search with the offset `index` along an axis, found or not; None where it is the level
     of an effect that has a mean along that axis.
     """

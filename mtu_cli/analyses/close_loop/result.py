@@ -46,6 +46,16 @@ class Otherwise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LeftMean:
+    """The mean error `value` (mm) with `u` along an axis beside the effects found; `p` of none."""
+
+    axis: str
+    value: float
+    u: float
+    p: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FoundEffect:
     """An effect that passed the gate, or that one which did cannot be told without (`same_in_all`).
 
@@ -193,7 +203,8 @@ class TableResult:
     """One table (all points, or one component): its residuals (P, H, A) before and after the
     effects, the effects' contribution `explained` (P, H, A), scores held out and in sample.
     `fixed_points` are the places where its effects cancel, `neutral_points` the temperatures;
-    `growths_alone` growths that were found without a drift, with where the axis may be fixed.
+    `growths_alone` growths that were found without a drift, with where the axis may be fixed;
+    `left_means` mean errors beside the effects that were not found.
 
     `without_name`: a smooth drift or field explained more than any name. `twofold` are names
     that were found twice, in forms that one cause cannot have at once. `stopped`: the search
@@ -226,6 +237,7 @@ class TableResult:
     fixed_points: tuple[FixedPoint, ...]
     neutral_points: tuple[NeutralPoint, ...] = ()
     growths_alone: tuple[FixedPoint, ...] = ()
+    left_means: tuple[LeftMean, ...] = ()
     twofold: tuple[str, ...] = ()
     stopped: bool = False
     held_out_with_gross: tuple[Scores, Scores] | None = None

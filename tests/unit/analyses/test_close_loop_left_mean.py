@@ -1,0 +1,107 @@
+"""A mean error that no test finds, beside an effect of its axis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from close_loop_examples import effect, on_table, result
+from effect_tables import table
+from loop_bench.folds import LIBRARY
+from scipy.stats import binom
+
+from mtu_cli.analyses.close_loop import left_mean
+from mtu_cli.analyses.close_loop.added import added
+from mtu_cli.analyses.close_loop.describe import Described
+from mtu_cli.analyses.close_loop.left_mean import LIKELY, left_means
+from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.result import LeftMean
+from mtu_cli.analyses.close_loop.scan import calibrated
+from mtu_cli.analyses.close_loop.search import Search, search
+from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.model.effect_library import candidates
+from mtu_cli.reports.close_loop import document
+from mtu_cli.reports.close_loop import table as sheets
+from mtu_cli.reports.tables import plain_text
+
+X, Y = np.meshgrid([20.0, 140.0, 265.0, 380.0], [15.0, 140.0, 290.0])
+PLACES = np.stack([X.ravel(), Y.ravel(), np.full(12, 10.0)], axis=1)
+FEW = replace(LIBRARY, families=tuple(
+    own for own in LIBRARY.families if own.family.family in ("squareness", "offset")
+))  # fmt: skip
+
+
+def day(seed: int, mean: float) -> tuple[Prepared, Search]:
+    """Ten parts, leaning by 6 arcsec, off along both axes by `mean`; no search has been made."""
+    rng = np.random.default_rng(seed)
+    own = table(10, 12, places=PLACES, covariates={})
+    own = replace(own, operations=("",), operation=np.zeros(12, np.int64))
+    errors = mean + rng.normal(0.0, 1.3e-3, own.errors.shape) + rng.normal(0.0, 2e-3, (10, 1, 2))
+    errors[..., 0] += 30e-6 * PLACES[:, 1]
+    prepared = prepare(replace(own, errors=errors), candidates(own, FEW), own.pass_dof)
+    nothing = search(prepared, calibrated(prepared.scan, 99, 1), alpha=1e-300, most=1)
+    return prepared, nothing
+
+
+def told(prepared: Prepared, nothing: Search, *steps: Step) -> Described:
+    found = replace(nothing, steps=steps)
+    return Described(prepared=prepared, found=found, effects=added(prepared, found, 1), chosen=())
+
+
+def squareness(prepared: Prepared) -> Step:
+    """That of the error along x."""
+    index = prepared.scan.names.index("squareness-xy")
+    (member,) = (
+        m
+        for i, m, _ in prepared.scan.walk()
+        if i == index and set(prepared.members[m].equations) == {"Ex"}
+    )
+    return Step(index=index, member=member, p=0.0, log_bayes=9.0, posterior=1.0, credible=(index,))
+
+
+def test_the_mean_is_that_of_the_parts_means(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(left_mean, "LIKELY", 1.1)
+    prepared, nothing = day(3, 4e-3)
+    (own,) = left_means(told(prepared, nothing, squareness(prepared)))
+    means = prepared.table.errors[..., 0].mean(axis=1)
+    assert own.axis == "x"
+    assert own.value == pytest.approx(means.mean())
+    # Of the parts' means, of the columns' and of what readings leave: of the first at least.
+    assert own.u >= 0.9 * means.std(ddof=1) / np.sqrt(10)
+    assert own.u < 2 * means.std(ddof=1) / np.sqrt(10)
+
+
+def test_only_axes_of_effects_without_an_offset_are_looked_at(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(left_mean, "LIKELY", 1.1)
+    prepared, nothing = day(3, 4e-3)
+    own = squareness(prepared)
+    index = len(prepared.scan.columns) + prepared.scan.offsets.index(0)
+    offset = replace(own, index=index, member=-1, credible=(index,))
+    assert left_means(told(prepared, nothing)) == ()
+    assert left_means(told(prepared, nothing, own, offset)) == ()
+
+
+def test_it_is_told_by_chance_as_rarely_as_stated() -> None:
+    runs, hits = 200, 0
+    for seed in range(runs):
+        prepared, nothing = day(seed, 0.0)
+        # The leaning axis is off on the mean by what it leans.
+        prepared = replace(prepared, grand=0 * prepared.grand)
+        hits += bool(left_means(told(prepared, nothing, squareness(prepared))))
+    assert hits <= binom.ppf(1 - 1e-3, runs, LIKELY)
+
+
+def test_it_is_noted_below_the_effects() -> None:
+    own = LeftMean(axis="x", value=-4.45e-3, u=0.75e-3, p=0.0012)
+    item = replace(on_table("named", (effect(),)), left_means=(own,))
+    shown = " ".join(plain_text(sheets(result(item))).split())
+    assert (
+        "beside these effects X is off by -4.45 ± 0.75 um on the mean (p 0.001 by itself, no "
+        "finding among all tests): that is not written"
+    ) in shown
+    assert document(result(item))["left_means"] == [
+        {"axis": "x", "value_um": pytest.approx(-4.45), "u_um": pytest.approx(0.75), "p": 0.0012}
+    ]
