@@ -39,7 +39,7 @@ def ovals_left(ovals: Sequence[Oval]) -> list[Warned]:
     """The warning of rings that an ellipse is left of: a squareness does not show in a diameter."""
     if not ovals:
         return []
-    names = [" ".join(filter(None, [own.operation, own.id])) for own in ovals]
+    names = [_label(own) for own in ovals]
     worst = max(ovals, key=lambda own: own.longer)
     longer = f"{significant(worst.longer / UM)} um"
     told = _directions(worst)
@@ -47,13 +47,17 @@ def ovals_left(ovals: Sequence[Oval]) -> list[Warned]:
         how = f"its longest diameter is {longer} more than its shortest"
     else:
         how = f"{longer} longer along {told[0]} than along {told[1]}"
-    verb = "stays" if len(names) == 1 else "stay"
+    verb, its = ("stays", "its") if len(names) == 1 else ("stay", "their")
     text = (
-        f"after the correction {listed(names)} {verb} oval, by more than its points scatter and "
-        f"the model is uncertain ({worst.id}: {how}): it is not round itself, or the model lacks "
-        f"{_lacks(worst)} (`mtu close-loop` tells)"
+        f"after the correction {listed(names)} {verb} oval, by more than {its} points scatter and "
+        f"the model is uncertain ({_label(worst)}: {how}): it is not round itself, or the model "
+        f"lacks {_lacks(worst)} (`mtu close-loop` tells)"
     )
     return [Warned(code="oval-left", message=text)]
+
+
+def _label(own: Oval) -> str:
+    return " ".join(filter(None, [own.operation, own.id]))
 
 
 def _directions(own: Oval) -> tuple[str, str] | None:

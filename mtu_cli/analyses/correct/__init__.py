@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mtu_cli.analyses.correct.result import CorrectResult, Size, mean_size, with_scatter
-from mtu_cli.analyses.correct.roundness import ovals
+from mtu_cli.analyses.correct.roundness import Leaning, leaning, ovals
 from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, point_scatter
 from mtu_cli.analyses.correct.sizes import Rings, sizes_of
@@ -22,6 +22,7 @@ from mtu_cli.model.measured_checks import LEFT_OUT, sound
 from mtu_cli.model.residual_covariates import needed_covariates, point_columns
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import UM
 
 __all__ = ["CorrectResult", "Size", "correct", "mean_size"]
 
@@ -102,6 +103,7 @@ def _sizes(
         own = [size for size in sizes if (size.kind, size.id) == (item.kind, item.id)]
         if item.calibration is not None and own:
             warned += item.calibration.warnings([one for size in own for one in size.repeats])
+    warned += _leaning_warnings(leaning(rings.shapes.values(), sizes))
     return sizes, rings, warned
 
 
@@ -116,6 +118,19 @@ def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> list[Warn
         )
         found = [*found, Warned(code="no-point-scatter", message=text)]
     return found
+
+
+def _leaning_warnings(found: tuple[Leaning, ...]) -> list[Warned]:
+    if not found:
+        return []
+    worst = max(found, key=lambda own: own.larger)
+    text = (
+        f"the points of {', '.join(own.id for own in found)} lie at different heights "
+        f"({worst.id}: the plane through them leans by {np.degrees(worst.angle):.2g} degrees): a "
+        f"bore that does not lean is oval in it, and {worst.larger / UM:.2g} um larger: touch it "
+        "at one height, or leave out z_mm"
+    )
+    return [Warned(code="heights-differ", message=text)]
 
 
 def _checked(model: MachineModel, points: Points) -> list[Warned]:

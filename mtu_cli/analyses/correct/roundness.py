@@ -13,14 +13,14 @@ have each direction by itself (Hotelling 1931). What the machine did is taken to
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from scipy.special import fdtrc
 
-from mtu_cli.analyses.correct.result import Kind
+from mtu_cli.analyses.correct.result import Kind, Size
 from mtu_cli.analyses.correct.scatter import (
     NOTHING_MM,
     PointScatter,
@@ -40,6 +40,10 @@ SHOWN = 0.05
 radius, below which a ring does not show it."""
 TOLD = 0.2
 """Share of a difference of diameters that a ring may not show where it is named."""
+PLACE_DIGITS = 2
+"""Of a unit vector: points that agree in these stand at one place."""
+FEWEST_PLACES = 9
+"""Of a sphere: centre, radius and five strains."""
 ENDLESS = 1e9
 """Degrees of freedom beyond which F is chi^2 / p."""
 
@@ -117,6 +121,15 @@ class Oval:
     size: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leaning:
+    """A circle in a plane that leans by `angle` (rad), in which a round bore is `larger` (mm)."""
+
+    id: str
+    angle: float
+    larger: float
+
+
 def levers_of(kind: Kind, radius: float, away: FloatArray) -> Levers | None:
     """What a ring of `radius` mm tells of strain; None where the points show nothing of it."""
     Q = ring_space(away, DIMENSIONS[kind])
@@ -153,6 +166,24 @@ def ovals(shapes: Iterable[Shape], scatter: PointScatter | None) -> tuple[Oval, 
     return tuple(oval for p, oval in judged if p < alpha)
 
 
+def leaning(shapes: Iterable[Shape], sizes: Sequence[Size]) -> tuple[Leaning, ...]:
+    """Circles whose points lie at heights through which a plane leans, in which a round bore would
+    be larger by more than the u of its diameter, one of `sizes`.
+    """
+    found = []
+    for shape in shapes:
+        own = [
+            s
+            for s in sizes
+            if (s.kind, s.id, s.operation) == (shape.kind, shape.id, shape.operation)
+        ]
+        trace = float(shape.mean().oblique[:3].sum())
+        larger = shape.mean().radius * trace
+        if own and larger > min(size.u for size in own):
+            found.append(Leaning(id=shape.id, angle=float(np.sqrt(2 * trace)), larger=larger))
+    return tuple(found)
+
+
 def _judged(shape: Shape, scatter: PointScatter | None) -> tuple[float, Oval]:
     """p of no strain, and what it is."""
     mean = shape.mean()
@@ -162,7 +193,7 @@ def _judged(shape: Shape, scatter: PointScatter | None) -> tuple[float, Oval]:
     )  # fmt: skip
     levers = levers_of(mean.kind, mean.radius, mean.away)
     scattered = None if levers is None else _scatter_of(mean, levers, scatter)
-    if levers is None or scattered is None:
+    if levers is None or scattered is None or _is_bare(mean):
         return 1.0, nothing
     variance, scatter_dof = scattered
     B = levers.estimator
@@ -178,6 +209,14 @@ def _judged(shape: Shape, scatter: PointScatter | None) -> tuple[float, Oval]:
         (mean.dof, scatter_dof),
     )
     return P, _named(nothing, mean.radius, levers.basis, f, V)
+
+
+def _is_bare(mean: Shape) -> bool:
+    """Whether the places of a sphere leave nothing beside its strain to tell its form by: what
+    nobody can hold it against is named by chance.
+    """
+    places = len(np.unique(np.round(mean.away, PLACE_DIGITS), axis=0))
+    return mean.kind == "sphere" and places <= FEWEST_PLACES
 
 
 def _p(square: float, model: FloatArray, points: FloatArray, dof: tuple[float, float]) -> float:

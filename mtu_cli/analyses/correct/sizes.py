@@ -20,6 +20,9 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.stats.least_squares import FloatArray
 
+ONE_PLANE_MM = 1e-3
+"""Points that are drawn no farther off their plane are drawn in it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
@@ -218,7 +221,12 @@ def _oblique(task: Task, away: FloatArray, rows: RowErrors) -> FloatArray:
     drawn = rows.points.nominal[task.rows]
     if task.wanted.kind == "sphere" or np.isnan(drawn).any():
         return np.zeros(6)
-    return askew(np.linalg.svd(away)[2][-1], fit_plane(drawn).normal)
+    plane = fit_plane(drawn)
+    normal = plane.normal
+    if np.abs(plane.heights).max() > ONE_PLANE_MM:
+        # Drawn at heights of their own the points tell no axis: it is that of the machine's.
+        normal = np.eye(3)[np.argmax(np.abs(normal))]
+    return askew(np.linalg.svd(away)[2][-1], normal)
 
 
 def _size(task: Task, measure: Measure, variance: float, dof: float) -> Size:

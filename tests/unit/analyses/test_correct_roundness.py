@@ -13,7 +13,7 @@ from scipy.stats import binom
 
 from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.result import Kind
-from mtu_cli.analyses.correct.roundness import Oval, Shape, askew, levers_of, ovals
+from mtu_cli.analyses.correct.roundness import Oval, Shape, askew, leaning, levers_of, ovals
 from mtu_cli.analyses.correct.scatter import Origin, PointScatter
 from mtu_cli.model.geometry import fit_circle, fit_plane, fit_sphere
 from mtu_cli.model.settings import Settings
@@ -241,6 +241,56 @@ def test_the_surest_cause_of_a_sphere_is_named() -> None:
     assert right >= 95
 
 
+@pytest.mark.parametrize("touches", [1, 3])
+def test_a_sphere_that_its_places_hardly_determine_is_not_judged(touches: int) -> None:
+    """Nine places leave nothing beside centre, radius and strain, touched as often as may be."""
+    rng = np.random.default_rng(18)
+    nine = np.repeat(ball(9, rng, -0.2), touches, axis=0)
+    assert ovals([shape(noisy(sheared(nine, 1e-3), rng), "sphere")], known()) == ()
+    ten = ball(10, rng, -0.2)
+    assert len(ovals([shape(noisy(sheared(ten, 1e-2), rng), "sphere")], known(s=1e-4))) == 1
+
+
+def test_a_plane_that_leans_makes_a_bore_larger(tmp_path: Path) -> None:
+    """Touched alternately half a millimetre higher and lower on one side."""
+    found = lacking(tmp_path, np.zeros((3, 3)))
+    size = replace(found.sizes[0], kind="circle", id="a", operation="", u=1e-3)
+    flat, tilted = ring(12), np.column_stack([ring(12), 0.02 * ring(12)[:, 0]])
+    own = shape(tilted)
+    (told,) = leaning([own], [size])
+    assert told.angle == pytest.approx(0.02, rel=1e-3)
+    assert told.larger == pytest.approx(2 * (fit_circle(tilted).radius - RADIUS), rel=0.02)
+    assert leaning([own], [replace(size, u=1.1 * told.larger)]) == ()
+    assert leaning([shape(flat)], [size]) == ()
+
+
+@pytest.mark.parametrize(
+    ("drawn", "told"), [("flat", True), ("as it leans", False), ("at heights of their own", True)]
+)
+def test_a_ring_is_along_what_it_is_drawn_along(drawn: str, told: bool, tmp_path: Path) -> None:
+    true = ring_places(diameter=DIAMETER)
+    slope = 0.02 * (true[:, 0] - 200.0)
+    heights = {
+        "flat": np.zeros(11),
+        "as it leans": slope,
+        "at heights of their own": slope + 0.3 * (true[:, 1] > 200),
+    }[drawn]
+    T = np.full(11, 21.0)
+    measured = seen(true, error_at, T)
+    measured[:, 2] = slope
+    points = ring_points(measured, ["p"], covariates={"T_scale_degC": T}, z=True)
+    nominal = points.nominal.copy()
+    nominal[:, 2] = heights
+    found = correct(
+        machine(tmp_path), ring_part(tmp_path), replace(points, nominal=nominal), Settings()
+    )
+    messages = [w.message for w in found.warnings if w.code == "heights-differ"]
+    assert bool(messages) == told
+    if told:
+        assert "the plane through them leans by 1.1 degrees" in messages[0]
+        assert "and 18 um larger" in messages[0]
+
+
 def test_operations_and_rings_are_judged_apart() -> None:
     rng = np.random.default_rng(15)
     one, other = (shape(noisy(sheared(ring(12), a), rng)) for a in (3e-4, -3e-4))
@@ -342,6 +392,6 @@ def test_an_oval_of_no_axes_is_told_without_a_cause(tmp_path: Path) -> None:
     other = replace(plain, id="c", longer=0.02)
     (told,) = (w for w in warnings(replace(found, ovals=(other, plain))) if w.code == "oval-left")
     assert "milled c, milled b stay oval" in told.message
-    assert "(b: its longest diameter is 70 um more than its shortest)" in told.message
+    assert "(milled b: its longest diameter is 70 um more than its shortest)" in told.message
     assert "the model lacks a squareness or a scale (" in told.message
     assert document(replace(found, ovals=(plain,)))["ovals"][0]["may_lack"] is None
