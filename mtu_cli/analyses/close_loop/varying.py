@@ -17,6 +17,7 @@ from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.same_in_all import Constant, beside_all, vary_alike
 from mtu_cli.analyses.close_loop.same_strata import NEARLY
 from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
 from mtu_cli.model.effect_library import Member
 from mtu_cli.model.residual_table import ResidualTable
@@ -115,7 +116,8 @@ def _alike(
     done: set[int] = set()
     for index, m, member in scan.walk():
         own = prepared.members[m]
-        thermal = prepared.candidates[index].family.startswith(THERMAL) and own.covariate
+        family = prepared.candidates[index].family
+        thermal = family.startswith(THERMAL) and is_temperature(own.covariate or "")
         if not thermal or index in known | done or len(member) != 1 or own.searched:
             continue
         if shape is None or any(vary_alike(scan, member[0], column) for column in every):
