@@ -47,8 +47,14 @@ def with_otherwise(told: Described, effects: Sequence[FoundEffect]) -> tuple[Fou
             if first + place in by_coefficient
         ]
         first += count
-        found.append(replace(effect, otherwise=(*own, *_beside_thermal(told, step, effect))))
+        news = [o for o in own if o.p < DOUBTED or o.parameter[3] > _u_of(effect, o.parameter[0])]
+        found.append(replace(effect, otherwise=(*news, *_beside_thermal(told, step, effect))))
     return tuple(found)
+
+
+def _u_of(effect: FoundEffect, parameter: str) -> float:
+    """Where it is no less certain beside a constant that is not likely there is nothing to tell."""
+    return next(u for name, _, _, u in effect.parameters if name == parameter)
 
 
 def _beside_constant(told: Described, effect: FoundEffect, place: int, own: Constant) -> Otherwise:

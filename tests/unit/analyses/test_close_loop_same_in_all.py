@@ -399,3 +399,15 @@ def test_what_was_not_told_is_given_as_it_would_be() -> None:
     assert other.p == pytest.approx(own.p)
     # By itself it is more certain: if there is no scale.
     assert effect.parameters[0][3] < other.parameter[3]
+
+
+def test_nothing_is_told_where_it_would_be_no_less_certain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the scatter that is left of a table happens to be less beside it."""
+    prepared, step = day(6, ends=(18.0, 26.0))
+    (other,) = described(prepared, step).otherwise
+    assert other.p > DOUBTED
+    monkeypatch.setattr(otherwise, "_u_of", lambda *_: other.parameter[3])
+    assert described(prepared, step).otherwise == ()
+    # What is likely is told in any case.
+    monkeypatch.setattr(otherwise, "DOUBTED", 1.0)
+    assert described(prepared, step).otherwise == (other,)
