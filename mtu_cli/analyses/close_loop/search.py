@@ -10,6 +10,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.causes import causes, levels_of
 from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence
 from mtu_cli.analyses.close_loop.needless import needless
+from mtu_cli.analyses.close_loop.one_size import is_one_size
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.ranking import posterior_of, ranked, scores_of
 from mtu_cli.analyses.close_loop.same_in_all import with_constants
@@ -188,10 +189,16 @@ def _more(state: State, alpha: float, unsure: frozenset[int]) -> list[Step]:
 def _next(
     state: State, alpha: float, unsure: frozenset[int], only: frozenset[int] | None = None
 ) -> Step | None:
-    """The best of what passes and is not `unsure`: those do not, and are rivals as ever."""
+    """The best of what passes, is of one size, and is not `unsure`: those do not, and are rivals as
+    ever.
+    """
     p = state.p.copy()
     p[list(unsure)] = 1.0
-    return _step(state.prepared.scan, state.looked, p, alpha, state.done, only)
+    while True:
+        step = _step(state.prepared.scan, state.looked, p, alpha, state.done, only)
+        if step is None or is_one_size(state, step):
+            return step
+        p[step.index] = 1.0
 
 
 def _step(
