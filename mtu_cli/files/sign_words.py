@@ -12,9 +12,15 @@ EXPECTED = "forward or reverse, + or -, 1 or -1"
 
 
 def direction_sign(label: str) -> int | None:
-    """+1 for forward, -1 for reverse, None for anything else."""
+    """+1 for forward, -1 for reverse, None for anything else; a number as its value."""
     plain = label.strip().casefold().translate(_MINUS).replace(",", ".")
-    return SIGN_WORDS.get(plain.removesuffix(".0"))
+    if plain in SIGN_WORDS:
+        return SIGN_WORDS[plain]
+    try:
+        value = float(plain)
+    except ValueError:
+        return None
+    return int(value) if abs(value) == 1.0 and "_" not in plain else None
 
 
 def direction_hint(label: str) -> str | None:
