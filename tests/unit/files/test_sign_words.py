@@ -6,7 +6,6 @@ import pytest
 
 from mtu_cli.files.sign_words import direction_hint, direction_sign
 
-
 FORWARD = ("forward", " Forward ", "+", "1", "+1", "1.0", "1,0", "01", "1.00")
 REVERSE = ("reverse", "-", "-1", "-1.0", "-01", "\u22121", "-1e0")
 NEITHER = ("", "0", "2", "-10", "1_", "nan", "inf", "forwards", "1 1", "--")
