@@ -67,7 +67,7 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
         raise InputError(_shortened(error.problems, inputs)) from None
     warnings += _limits(inputs, fit, model)
     # Of a column that no equation has a declared effect may tell where it holds.
-    used = (*model.covariates(), *(name for effect in model.effects for name in effect.seen))
+    used = (*model.covariates(), *(name for effect in model.effects for name in effect.within))
     _expand(inputs.at, dict.fromkeys(used))
     unused = [name for name in inputs.at if name not in used]
     warnings += [

@@ -21,7 +21,7 @@ def with_effect_columns(
     effects have a range that they were found in; nan in cells that are no number.
     """
     found: Values = {}
-    for name in dict.fromkeys(name for effect in model.effects for name in effect.seen):
+    for name in dict.fromkeys(name for effect in model.effects for name in effect.within):
         if name in values:
             continue
         if name in columns:

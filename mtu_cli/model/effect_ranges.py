@@ -92,7 +92,7 @@ def effect_warnings_at(
     """
     if not model.effects:
         return []
-    values = {**places(model, points), **covariates}
+    values = {**covariates, **places(model, points)}
     known = {name: value for name, value in values.items() if name not in model.constants}
     return [
         *outside_seen(model.effects, known),

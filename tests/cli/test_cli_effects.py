@@ -208,6 +208,29 @@ def test_a_column_that_no_equation_has_may_tell_where_an_effect_holds(
     )
 
 
+@pytest.mark.parametrize("command", [*PREDICTIONS, "compare"])
+def test_a_position_given_by_at_takes_no_place_of_the_points(
+    command: str, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A range of positions is that of the points, whatever --at says, or a pattern in it."""
+    before = load_machine(work / "before.yaml")
+    slope = replace(
+        EFFECTS[1],
+        parameters={"slope": (1.0, 0.1, "um/m")},
+        equations={"Ey": "slope*y"},
+        seen={"y": [1.0, 2.0]},
+        covariate=None,
+    )
+    (work / "machine.yaml").write_bytes(extended_machine(before, [slope]).content)
+    call = () if command in PREDICTIONS else ("--cmm", "cmm.csv")
+    for at in ((), ("--at", "*=1.5"), ("--at", "y=1.5")):
+        code, report, told = run_command(monkeypatch, work, command, *call, *at)
+        assert code == 0, told
+        codes = [w["code"] for w in report["warnings"]]
+        assert "outside-effect-range" in codes
+        assert ("covariate-not-needed" in codes) == bool(at)
+
+
 @dataclass(frozen=True)
 class Effect:
     """What close-loop finds, in internal units."""

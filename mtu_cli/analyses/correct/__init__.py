@@ -125,10 +125,10 @@ def _leaning_warnings(found: tuple[Leaning, ...]) -> list[Warned]:
         return []
     worst = max(found, key=lambda own: own.larger)
     text = (
-        f"the points of {', '.join(own.id for own in found)} lie at different heights "
-        f"({worst.id}: the plane through them leans by {np.degrees(worst.angle):.2g} degrees): a "
-        f"bore that does not lean is oval in it, and {worst.larger / UM:.2g} um larger: touch it "
-        "at one height, or leave out z_mm"
+        f"the points of {', '.join(dict.fromkeys(own.id for own in found))} lie at different "
+        f"heights ({worst.id}: the plane through them leans by {np.degrees(worst.angle):.2g} "
+        f"degrees): a bore that does not lean is oval in it, and {worst.larger / UM:.2g} um "
+        "larger: touch it at one height, or leave out z_mm"
     )
     return [Warned(code="heights-differ", message=text)]
 

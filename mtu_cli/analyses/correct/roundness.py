@@ -42,6 +42,8 @@ TOLD = 0.2
 """Share of a difference of diameters that a ring may not show where it is named."""
 PLACE_DIGITS = 2
 """Of a unit vector: points that agree in these stand at one place."""
+LEAST_MM = 1e-5
+"""A bore that is larger by less is no larger to anybody."""
 FEWEST_PLACES = 9
 """Of a sphere: centre, radius and five strains."""
 ENDLESS = 1e9
@@ -172,15 +174,13 @@ def leaning(shapes: Iterable[Shape], sizes: Sequence[Size]) -> tuple[Leaning, ..
     """
     found = []
     for shape in shapes:
-        own = [
-            s
-            for s in sizes
-            if (s.kind, s.id, s.operation) == (shape.kind, shape.id, shape.operation)
-        ]
-        trace = float(shape.mean().oblique[:3].sum())
-        larger = shape.mean().radius * trace
-        if own and larger > min(size.u for size in own):
-            found.append(Leaning(id=shape.id, angle=float(np.sqrt(2 * trace)), larger=larger))
+        key, mean = (shape.kind, shape.id, shape.operation), shape.mean()
+        u = [size.u for size in sizes if (size.kind, size.id, size.operation) == key]
+        trace = float(mean.oblique[:3].sum())
+        larger = mean.radius * trace
+        if u and larger > max(min(u), LEAST_MM):
+            label = f"{shape.operation} {shape.id}".strip()
+            found.append(Leaning(id=label, angle=float(np.sqrt(2 * trace)), larger=larger))
     return tuple(found)
 
 

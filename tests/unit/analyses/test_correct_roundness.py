@@ -262,6 +262,11 @@ def test_a_plane_that_leans_makes_a_bore_larger(tmp_path: Path) -> None:
     assert told.larger == pytest.approx(2 * (fit_circle(tilted).radius - RADIUS), rel=0.02)
     assert leaning([own], [replace(size, u=1.1 * told.larger)]) == ()
     assert leaning([shape(flat)], [size]) == ()
+    drilled = (replace(own, operation="drilled"), replace(size, operation="drilled"))
+    assert [x.id for x in leaning([drilled[0]], [drilled[1]])] == ["drilled a"]
+    # Where nothing is uncertain rounding leans, too.
+    level = np.column_stack([ring(12), 1e-6 * ring(12)[:, 0]])
+    assert leaning([shape(level)], [replace(size, u=0.0)]) == ()
 
 
 @pytest.mark.parametrize(
