@@ -29,8 +29,8 @@ THERMAL = "thermal-"
 
 @dataclass(frozen=True, slots=True)
 class AtReference:
-    """What a step is at 20 degC: `value` and `u`, beside `constant`, the surest of `among`; `p` is
-    that of all of these (Sidak).
+    """What a step is at 20 degC: `value` and `u`, beside `constant`, the surest of those that
+    have its shape; `p` is that of all of these (Sidak).
     """
 
     value: float
