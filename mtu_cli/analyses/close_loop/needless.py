@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from scipy.special import fdtrc
-
 from mtu_cli.analyses.close_loop.jointly import jointly
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.stats.joint_test import p_of_none
 
 
 def needless(prepared: Prepared, steps: Sequence[Step], alpha: float) -> Step | None:
@@ -30,13 +28,8 @@ def needless(prepared: Prepared, steps: Sequence[Step], alpha: float) -> Step | 
     for step, member in zip(own, columns, strict=True):
         place = slice(start, start + len(member))
         start += len(member)
-        beta, covariance = fit.beta[place], fit.covariance[place, place]
-        values, vectors = np.linalg.eigh(covariance)
-        if values[0] <= 0:
-            continue
-        square = float(((vectors.T @ beta) ** 2 / values).sum())
-        dof = max(float(fit.dof[place].min()), 1.0)
-        p = float(fdtrc(len(beta), dof, square / len(beta)))
-        if p >= largest:
+        dof = float(fit.dof[place].min())
+        p = p_of_none(fit.beta[place], fit.covariance[place, place], dof)
+        if p is not None and p >= largest:
             worst, largest = step, p
     return worst

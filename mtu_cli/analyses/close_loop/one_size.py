@@ -7,12 +7,12 @@ would then be said to grow, and a scale that takes it off again be found beside 
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import fdtrc
 
 from mtu_cli.analyses.close_loop.jointly import jointly
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.state import State, Step
 from mtu_cli.stats.column_groups import MemberColumns
+from mtu_cli.stats.joint_test import p_of_none
 from mtu_cli.stats.least_squares import FloatArray
 
 FAMILIES = ("thermal-growth",)
@@ -32,13 +32,9 @@ def is_one_size(state: State, step: Step) -> bool:
     _, fit = jointly(prepared, [*split, *prepared.whole(state.members)])
     k = len(split)
     contrasts = np.column_stack([np.ones(k - 1), -np.eye(k - 1)])
-    d = contrasts @ fit.beta[:k]
-    values, vectors = np.linalg.eigh(contrasts @ fit.covariance[:k, :k] @ contrasts.T)
-    if values[0] <= 0:
-        return True
-    square = float(((vectors.T @ d) ** 2 / values).sum())
-    dof = max(float(fit.dof[:k].min()), 1.0)
-    return float(fdtrc(k - 1, dof, square / (k - 1))) >= DISAGREES
+    d, V = contrasts @ fit.beta[:k], contrasts @ fit.covariance[:k, :k] @ contrasts.T
+    p = p_of_none(d, V, float(fit.dof[:k].min()))
+    return p is None or p >= DISAGREES
 
 
 def _by_axis(prepared: Prepared, member: int) -> list[MemberColumns]:

@@ -32,6 +32,7 @@ from mtu_cli.model.geometry import DIMENSIONS
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.stats.coverage import welch_satterthwaite
+from mtu_cli.stats.joint_test import squared_distance
 from mtu_cli.stats.least_squares import FloatArray
 
 PAIRS = tuple(combinations(range(3), 2))
@@ -201,13 +202,11 @@ def _judged(shape: Shape, scatter: PointScatter | None) -> tuple[float, Oval]:
     oblique = levers.basis.T @ mean.oblique
     by_model = B @ mean.K @ B.T
     f, V = B @ mean.residuals, by_model + by_points + np.outer(oblique, oblique)
-    values, vectors = np.linalg.eigh(V)
-    P = _p(
-        float(((vectors.T @ f) ** 2 / values).sum()),
-        np.maximum(np.diag(by_model), 0.0),
-        np.diag(by_points),
-        (mean.dof, scatter_dof),
-    )
+    square = squared_distance(f, V)
+    if square is None:
+        return 1.0, nothing
+    of_model = np.maximum(np.diag(by_model), 0.0)
+    P = _p(square, of_model, np.diag(by_points), (mean.dof, scatter_dof))
     return P, _named(nothing, mean.radius, levers.basis, f, V)
 
 

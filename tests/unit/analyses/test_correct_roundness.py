@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from correct_examples import DIAMETER, error_at, machine, ring_part, ring_places, ring_points, seen
 from numpy.typing import NDArray
-from scipy.stats import binom
+from scipy.stats import binom, f
 
 from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.result import Kind
@@ -39,6 +40,45 @@ def shape(
         K=np.zeros((n, n)) if K is None else K, dof=dof,
         oblique=askew(fit_plane(points).normal, UPRIGHT) if askance else np.zeros(6),
     )  # fmt: skip
+
+
+def three_lobed(n: int, oval: float) -> Floats:
+    """A ring of n points with an ellipse of amplitude `oval`, and NOISE of three lobes."""
+    angle = 2 * np.pi * np.arange(n) / n
+    away = oval * np.cos(2 * angle) + NOISE * np.cos(3 * angle)
+    return ring(n) * (1 + away / RADIUS)[:, None]
+
+
+def just_told(n: int, oval: float, scatter: PointScatter | None, **model: Any) -> tuple[bool, bool]:
+    """Whether a ring is called oval with 0.2 % less than `oval`, and with 0.2 % more."""
+    less, more = (
+        bool(ovals([shape(three_lobed(n, share * oval), **model)], scatter))
+        for share in (0.998, 1.002)
+    )
+    return less, more
+
+
+@pytest.mark.parametrize("n", [9, 16])
+def test_by_its_own_form_it_is_told_from_the_F_of_fits_on(n: int) -> None:
+    # Sums of squares of n cos^2: F = (n A^2 / 2 / 2) / (n NOISE^2 / 2 / (n - 5)).
+    A = NOISE * np.sqrt(2 * f.isf(ALPHA, 2, n - 5) / (n - 5))
+    assert just_told(n, A, None) == (False, True)
+
+
+@pytest.mark.parametrize("dof", [4.0, 11.0])
+def test_by_repeats_it_is_told_from_the_F_of_their_scatter_on(dof: float) -> None:
+    n, s = 12, 5 * NOISE
+    A = s * np.sqrt(4 * f.isf(ALPHA, 2, dof) / n)
+    scatter = PointScatter(variance=s**2, spread=0.0, dof=dof, origin="repeats")
+    assert just_told(n, A, scatter) == (False, True)
+
+
+@pytest.mark.parametrize("dof", [5.0, 20.0])
+def test_by_the_model_it_is_told_from_hotellings_T_on(dof: float) -> None:
+    n, s = 12, 1000 * NOISE
+    square = f.isf(ALPHA, 2, dof - 1) * 2 * dof / (dof - 1)
+    A = s * np.sqrt(2 * square / n)
+    assert just_told(n, A, None, K=s**2 * np.eye(n), dof=dof) == (False, True)
 
 
 def together(visits: list[Shape]) -> Shape:

@@ -1,0 +1,57 @@
+"""All of several estimates 0: against least squares of statsmodels, Student's t, and draws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import statsmodels.api as sm  # type: ignore[import-untyped]
+from scipy.stats import binom, chi2, t
+
+from mtu_cli.stats.joint_test import p_of_none, squared_distance
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("k", [1, 2, 4])
+def test_it_is_the_F_of_least_squares(seed: int, k: int) -> None:
+    rng = np.random.default_rng(seed)
+    X = np.column_stack([np.ones(15), rng.normal(size=(15, 4))])
+    fit = sm.OLS(X @ [1.0, 0.4, 0.0, -0.3, 0.1] + rng.normal(size=15), X).fit()
+    own = fit.f_test(np.eye(5)[1 : 1 + k])
+    place = slice(1, 1 + k)
+    p = p_of_none(fit.params[place], fit.cov_params()[place, place], fit.df_resid)
+    assert p == pytest.approx(float(own.pvalue), rel=1e-9)
+
+
+@pytest.mark.parametrize("dof", [1, 3, 12.5])
+def test_of_one_estimate_it_is_students_t(dof: float) -> None:
+    p = p_of_none(np.array([3.0]), np.array([[2.0]]), dof)
+    assert p == pytest.approx(2 * t.sf(3 / np.sqrt(2), dof), rel=1e-9)
+
+
+def test_fewer_than_one_degree_of_freedom_count_as_one() -> None:
+    b, V = np.array([3.0]), np.array([[2.0]])
+    assert p_of_none(b, V, 0.2) == p_of_none(b, V, 1.0)
+
+
+def test_units_do_not_matter() -> None:
+    rng = np.random.default_rng(1)
+    A = rng.normal(size=(3, 3))
+    b, V, unit = rng.normal(size=3), A @ A.T, np.array([1e-9, 1.0, 1e6])
+    assert squared_distance(b, V) == pytest.approx(float(b @ np.linalg.solve(V, b)), rel=1e-9)
+    scaled = squared_distance(b * unit, V * np.outer(unit, unit))
+    assert scaled == pytest.approx(squared_distance(b, V), rel=1e-9)
+
+
+def test_nothing_is_told_by_a_singular_covariance() -> None:
+    assert squared_distance(np.ones(2), np.ones((2, 2))) is None
+    assert squared_distance(np.ones(2), np.diag([1.0, 0.0])) is None
+    assert p_of_none(np.ones(2), np.ones((2, 2)), 5.0) is None
+
+
+def test_distances_of_draws_are_of_chi_squared() -> None:
+    rng = np.random.default_rng(7)
+    V = np.array([[4.0, 1.5], [1.5, 1.0]])
+    draws = rng.multivariate_normal([0, 0], V, size=4000)
+    beyond = sum((squared_distance(own, V) or 0.0) > chi2.isf(0.05, 2) for own in draws)
+    low, high = binom.interval(0.999, 4000, 0.05)
+    assert low <= beyond <= high
