@@ -33,17 +33,6 @@ def with_effect_columns(
     return {**found, **values}
 
 
-def effect_warnings_beside(
-    model: MachineModel,
-    places: FloatArray,
-    values: Values,
-    columns: Columns,
-    at: Mapping[str, float],
-) -> list[Warned]:
-    """The `effect_warnings_at` places (n, 3) mm, also by columns that no equation needs."""
-    return effect_warnings_at(model, places, with_effect_columns(model, values, columns, at))
-
-
 def guess_warnings(
     model: MachineModel,
     places: FloatArray,
@@ -56,5 +45,5 @@ def guess_warnings(
     """
     return [
         *temperature_warnings(model, places, values),
-        *effect_warnings_beside(model, places, values, columns, at),
+        *effect_warnings_at(model, places, with_effect_columns(model, values, columns, at)),
     ]

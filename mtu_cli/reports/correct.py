@@ -23,7 +23,7 @@ from mtu_cli.reports.correct_figure import figure
 from mtu_cli.reports.correct_ovals import document_of, ovals_left
 from mtu_cli.reports.correct_table import table
 from mtu_cli.reports.document import finite, listed, um
-from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.numbers import significant, told_apart
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
@@ -192,7 +192,7 @@ def _grown(result: CorrectResult) -> list[Warned]:
         if not items:
             continue
         worst = max(items, key=lambda item: item.rms[1] - item.rms[0])
-        before, after = (significant(value / UM) for value in worst.rms)
+        before, after = told_apart(worst.rms[0] / UM, worst.rms[1] / UM)
         text = (
             f"the correction makes the errors of {listed([item.id for item in items])} larger "
             f"({worst.id}: root mean square {before} um before, {after} um after), by more than "

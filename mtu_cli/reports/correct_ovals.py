@@ -8,7 +8,7 @@ from typing import Any
 from mtu_cli.analyses.correct.roundness import Oval
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import listed, um
-from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.numbers import plus_minus
 from mtu_cli.units import PARAMETER_UNITS, UM
 
 
@@ -16,12 +16,13 @@ def document_of(own: Oval) -> dict[str, Any]:
     """An oval ring of the report."""
     told = _directions(own)
     longer, shorter = (None, None) if told is None else told
-    value, unit = _size(own)
+    value, u, unit = _size(own)
     return {
         "kind": own.kind,
         "id": own.id,
         "operation": own.operation or None,
         "longer_um": um(own.longer),
+        "u_longer_um": um(own.u),
         "along": longer,
         "than_along": shorter,
         "may_lack": None
@@ -30,6 +31,7 @@ def document_of(own: Oval) -> dict[str, Any]:
             "effect": "squareness" if own.shear else "scale",
             "axes": sorted(own.axes),
             "value": value,
+            "u": u,
             "unit": unit,
         },
     }
@@ -41,7 +43,7 @@ def ovals_left(ovals: Sequence[Oval]) -> list[Warned]:
         return []
     names = [_label(own) for own in ovals]
     worst = max(ovals, key=lambda own: own.longer)
-    longer = f"{significant(worst.longer / UM)} um"
+    longer = f"{plus_minus(worst.longer / UM, worst.u / UM)} um"
     told = _directions(worst)
     if told is None:
         how = f"its longest diameter is {longer} more than its shortest"
@@ -70,17 +72,19 @@ def _directions(own: Oval) -> tuple[str, str] | None:
     return (plus, minus) if own.size > 0 else (minus, plus)
 
 
-def _size(own: Oval) -> tuple[float, str]:
-    """Squareness or difference of scales, without a sign: `_directions` has it."""
+def _size(own: Oval) -> tuple[float, float, str]:
+    """Squareness or difference of scales, without a sign (`_directions` has it), and its u."""
     unit = "arcsec" if own.shear else "um/m"
-    return abs(own.size) / PARAMETER_UNITS[unit].to_internal, unit
+    value = abs(own.size) / PARAMETER_UNITS[unit].to_internal
+    return value, value * own.u / own.longer if own.longer else 0.0, unit
 
 
 def _lacks(own: Oval) -> str:
     if own.axes is None:
         return "a squareness or a scale"
-    value, unit = _size(own)
+    value, u, unit = _size(own)
     a, b = sorted(own.axes)
+    size = f"{plus_minus(value, u)} {unit}"
     if own.shear:
-        return f"a squareness of {a} and {b} of {significant(value)} {unit}"
-    return f"a scale of {a} or {b}, {significant(value)} {unit} between them"
+        return f"a squareness of {a} and {b} of {size}"
+    return f"a scale of {a} or {b}, {size} between them"

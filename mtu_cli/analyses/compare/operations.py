@@ -13,7 +13,8 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.datum import Datum, projector
 from mtu_cli.model.design import design, theta
-from mtu_cli.model.effect_columns import effect_warnings_beside
+from mtu_cli.model.effect_columns import with_effect_columns
+from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.length_geometry import differences, length_gradient
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -57,7 +58,8 @@ def predict_operations(model: MachineModel, points: Points, given: Mapping[str, 
     places = _places(points)
     measured, along = points.measured.copy(), np.array([AXES.index(name) for name in model.axes])
     found: dict[str, Prediction] = {}
-    warnings = effect_warnings_beside(model, points.nominal, values, columns, given)
+    known = with_effect_columns(model, values, columns, given)
+    warnings = effect_warnings_at(model, points.nominal, known)
     warnings += _overruled([x for x in model.covariates() if x in given and x in own_columns])
     moving: set[str] = set()
     operations, operation = operations_of(points)
@@ -78,8 +80,7 @@ def predict_operations(model: MachineModel, points: Points, given: Mapping[str, 
             measured[rows[:, None], along] -= errors - mean[place]
             shift = mean - _errors(model, places[seen], own)
             found[name] = replace(found[name], mean=found[name].mean + shift.ravel())
-    if moving:
-        warnings.append(_averaged(sorted(moving)))
+    warnings += _averaged(sorted(moving))
     moved = replace(points, measured=measured) if moving else points
     return Foreseen(predictions=found, points=moved, warnings=tuple(warnings))
 
@@ -158,12 +159,15 @@ def _named(names: list[str]) -> str:
     return ", ".join(names[:MOST_NAMED]) + more
 
 
-def _averaged(names: list[str]) -> Warned:
-    return Warned(
-        code="covariate-averaged",
-        message=f"{', '.join(names)} differs from part to part: what the model says of it is taken "
-        "out of the measured parts, beyond its mean; u is that at the mean",
+def _averaged(names: list[str]) -> list[Warned]:
+    """Covariates that differ from part to part."""
+    if not names:
+        return []
+    text = (
+        f"{', '.join(names)} differs from part to part: what the model says of it is taken out of "
+        "the measured parts, beyond its mean; u is that at the mean"
     )
+    return [Warned(code="covariate-averaged", message=text)]
 
 
 def foretold_features(

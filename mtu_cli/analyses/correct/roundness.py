@@ -13,9 +13,8 @@ have each direction by itself (Hotelling 1931). What the machine did is taken to
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from scipy.special import fdtrc
@@ -25,20 +24,15 @@ from mtu_cli.analyses.correct.scatter import (
     NOTHING_MM,
     PointScatter,
     pooled,
-    ring_space,
     squares_along,
 )
-from mtu_cli.model.geometry import DIMENSIONS
+from mtu_cli.analyses.correct.strain import Levers, along, contrasts, levers_of, matrix, with_u
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.joint_test import squared_distance
 from mtu_cli.stats.least_squares import FloatArray
 
-PAIRS = tuple(combinations(range(3), 2))
-SHOWN = 0.05
-"""Root mean square over the points, of the lever of a strain of 1 along a direction over the
-radius, below which a ring does not show it."""
 TOLD = 0.2
 """Share of a difference of diameters that a ring may not show where it is named."""
 PLACE_DIGITS = 2
@@ -96,23 +90,13 @@ class Shape:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Levers:
-    """f = `estimator` (p, n) residuals is the strain along the orthonormal `basis` (6, p) of
-    (E_xx, E_yy, E_zz, E_xy, E_xz, E_yz); `rest` (n, k) orthonormal, what no strain makes.
-    """
-
-    estimator: FloatArray
-    basis: FloatArray
-    rest: FloatArray
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Oval:
-    """A ring that is oval beyond its uncertainty: `longer` (mm, of diameters) along one direction
-    than along another. With a `shear` these are the sum and the difference of the two `axes`, the
-    other way round where its `size` (rad) is negative; else the first of them and the second.
-    Without `axes` none of these can be told: `longer` is of the longest and the shortest.
+    """A ring that is oval beyond its uncertainty: `longer` (mm, of diameters, standard uncertainty
+    `u`) along one direction than along another. With a `shear` these are the sum and the difference
+    of the two `axes`, the other way round where its `size` (rad) is negative; else the first of
+    them and the second. Without `axes` none of these can be told: `longer` is of the longest and
+    the shortest.
     """
 
     kind: Kind
@@ -121,6 +105,7 @@ class Oval:
     axes: tuple[str, str] | None
     shear: bool
     longer: float
+    u: float
     size: float
 
 
@@ -131,28 +116,6 @@ class Leaning:
     id: str
     angle: float
     larger: float
-
-
-def levers_of(kind: Kind, radius: float, away: FloatArray) -> Levers | None:
-    """What a ring of `radius` mm tells of strain; None where the points show nothing of it."""
-    Q = ring_space(away, DIMENSIONS[kind])
-    if Q is None:
-        return None
-    levers = [away[:, i] ** 2 for i in range(3)]
-    levers += [2 * away[:, i] * away[:, j] for i, j in PAIRS]
-    U, sizes, V = np.linalg.svd(Q.T @ (radius * np.column_stack(levers)))
-    p = int((sizes > SHOWN * radius * np.sqrt(len(away))).sum())
-    if p == 0:
-        return None
-    return Levers((U[:, :p] / sizes[:p]).T @ Q.T, V[:p].T, Q @ U[:, p:])
-
-
-def askew(normal: FloatArray, drawn: FloatArray) -> FloatArray:
-    """Strain (6,) of a round bore along `drawn` in a plane across `normal`, unit vectors (3,): it
-    is longer by theta^2 / 2 along the slope of the plane.
-    """
-    slope = drawn - (drawn @ normal) * normal
-    return _entries(0.5 * np.outer(slope, slope))
 
 
 def ovals(shapes: Iterable[Shape], scatter: PointScatter | None) -> tuple[Oval, ...]:
@@ -190,7 +153,7 @@ def _judged(shape: Shape, scatter: PointScatter | None) -> tuple[float, Oval]:
     mean = shape.mean()
     nothing = Oval(
         kind=shape.kind, id=shape.id, operation=shape.operation, axes=None, shear=False,
-        longer=0.0, size=0.0,
+        longer=0.0, u=0.0, size=0.0,
     )  # fmt: skip
     levers = levers_of(mean.kind, mean.radius, mean.away)
     scattered = None if levers is None else _scatter_of(mean, levers, scatter)
@@ -253,39 +216,21 @@ def _scatter_of(
 def _named(nothing: Oval, radius: float, basis: FloatArray, f: FloatArray, V: FloatArray) -> Oval:
     """The surest of the differences of diameters that the ring shows."""
     best, found = 0.0, None
-    for i, j, shear, contrast in _contrasts():
+    for i, j, shear, contrast in contrasts():
         own = basis.T @ contrast
         if contrast @ contrast - own @ own > TOLD**2 * (contrast @ contrast):
             continue
-        size, u = float(own @ f), float(np.sqrt(own @ V @ own))
+        size, u = with_u(contrast, basis, f, V)
         if abs(size) > best * u:
-            best, found = abs(size) / u, (i, j, shear, size)
+            best, found = abs(size) / u, (i, j, shear, size, u)
     if found is None:
-        E = _matrix(basis @ f)
-        return replace(nothing, longer=2 * radius * float(np.ptp(np.linalg.eigvalsh(E))))
-    i, j, shear, size = found
+        _, e = np.linalg.eigh(matrix(basis @ f))
+        size, u = with_u(along(e[:, 2]) - along(e[:, 0]), basis, f, V)
+        return replace(nothing, longer=2 * radius * size, u=2 * radius * u)
+    i, j, shear, size, u = found
     if size < 0 and not shear:
         i, j, size = j, i, -size
     return replace(
-        nothing, axes=(AXES[i], AXES[j]), shear=shear, longer=2 * radius * abs(size), size=size
-    )
-
-
-def _contrasts() -> Iterator[tuple[int, int, bool, FloatArray]]:
-    """2 E_ij and E_ii - E_jj of each pair of axes, as weights (6,) of a strain."""
-    for k, (i, j) in enumerate(PAIRS):
-        shear, stretch = np.zeros((2, 6))
-        shear[3 + k], stretch[i], stretch[j] = 2.0, 1.0, -1.0
-        yield i, j, True, shear
-        yield i, j, False, stretch
-
-
-def _entries(E: FloatArray) -> FloatArray:
-    return np.array([*np.diag(E), *(E[i, j] for i, j in PAIRS)])
-
-
-def _matrix(e: FloatArray) -> FloatArray:
-    E = np.diag(e[:3])
-    for k, (i, j) in enumerate(PAIRS):
-        E[i, j] = E[j, i] = e[3 + k]
-    return E
+        nothing, axes=(AXES[i], AXES[j]), shear=shear, longer=2 * radius * abs(size),
+        u=2 * radius * u, size=size,
+    )  # fmt: skip

@@ -10,9 +10,10 @@ from math import nan
 import numpy as np
 
 from mtu_cli.analyses.correct.result import Kind, Sides, Size, mean_size
-from mtu_cli.analyses.correct.roundness import Shape, askew, levers_of
+from mtu_cli.analyses.correct.roundness import Shape
 from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import Squares, ring_squares
+from mtu_cli.analyses.correct.strain import askew, levers_of
 from mtu_cli.analyses.correct.wanted import Task
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.model.geometry import DIMENSIONS, GeometryError, fit_circle, fit_plane, fit_sphere

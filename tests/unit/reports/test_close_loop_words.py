@@ -340,8 +340,9 @@ def test_an_amplitude_that_is_not_told_from_0_is_called_unknown() -> None:
         assert text.startswith(f"X has a periodic error {told} amplitude, pitch 43")
 
 
-def test_offset_and_squareness_beside_what_changes_are_those_of_one_temperature() -> None:
-    growth = replace(
+def growth_of_x() -> FoundEffect:
+    """From the mean place and the mean temperature of the day on."""
+    return replace(
         effect(
             "thermal-growth-x",
             parameters=(("growth", "um/m/K", 11.0, 0.5),),
@@ -349,6 +350,10 @@ def test_offset_and_squareness_beside_what_changes_are_those_of_one_temperature(
         ),
         covariate="T_room_degC",
     )
+
+
+def test_offset_and_squareness_beside_what_changes_are_those_of_one_temperature() -> None:
+    growth = growth_of_x()
     offset = effect(
         "offset-x",
         kind="offset",
@@ -386,14 +391,7 @@ def test_a_scale_beside_a_growth_is_that_of_one_temperature() -> None:
         parameters=(("scale", "um/m", 7.8, 0.5),),
         equations={"Ex": "scale*(x - 172.2)"},
     )
-    growth = replace(
-        effect(
-            "thermal-growth-x",
-            parameters=(("growth", "um/m/K", 11.0, 0.5),),
-            equations={"Ex": "growth*(x - 172.2)*(T_room_degC - 22.677)"},
-        ),
-        covariate="T_room_degC",
-    )
+    growth = growth_of_x()
     text = words(result(on_table("named", (growth, scale))))
     assert "grows by 7.80 ± 0.50 um/m of travel where T_room_degC is 22.68" in text
     assert "of travel where" not in words(result(on_table("named", (scale,))))

@@ -162,7 +162,14 @@ def test_a_circle_that_gets_rounder_and_yet_further_off_asks_for_its_calibration
 def test_what_stays_oval_or_has_no_form_is_not_called_rounder(tmp_path: Path) -> None:
     found = result(tmp_path, calibrated_mm="179.5134")
     oval = Oval(
-        kind="circle", id="ring", operation="", axes=("x", "y"), shear=False, longer=0.05, size=3e-4
+        kind="circle",
+        id="ring",
+        operation="",
+        axes=("x", "y"),
+        shear=False,
+        longer=0.05,
+        u=2e-3,
+        size=3e-4,
     )
     flat = tuple(replace(own, form=(1e-12, 1e-13)) for own in found.sizes)
     for other in (replace(found, ovals=(oval,)), replace(found, sizes=flat)):
