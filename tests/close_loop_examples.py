@@ -31,7 +31,9 @@ def effect(
     equations: dict[str, str] | None = None,
     **changed: object,
 ) -> FoundEffect:
-    """An effect with parameters in the units they are shown in."""
+    """An effect with parameters in the units they are shown in; the last of them named `level` are
+    those of its equations.
+    """
     known = tuple(_internal(*item) for item in parameters)
     family, _, axis = name.rpartition("-")
     found = FoundEffect(
@@ -58,6 +60,7 @@ def effect(
         experiment=None,
         folds=5,
         of_folds=5,
+        levels=sum(own.startswith("level") for own, *_ in parameters),
     )
     return replace(found, **changed)  # type: ignore[arg-type]  # the fields of the effect
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.one_phase import least_amplitude
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
-from mtu_cli.analyses.close_loop.shown import amplitude, is_level, pitch_is_open, things
+from mtu_cli.analyses.close_loop.shown import amplitude, pitch_is_open, things
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_shown import (
     Shown,
@@ -58,7 +58,7 @@ def effect_text(effect: FoundEffect, item: TableResult) -> str:
 
 
 def _sentence(effect: FoundEffect, item: TableResult) -> str:
-    shown = tuple(p for p in parameters_of(effect) if not is_level(p.name))
+    shown = parameters_of(effect)[: len(effect.sizes)]
     sentence = SENTENCES.get(effect.family)
     if sentence is None or not shown:
         return _says(effect, shown)

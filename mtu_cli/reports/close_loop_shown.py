@@ -14,7 +14,7 @@ from mtu_cli.analyses.close_loop.result import (
     Judged,
     TableResult,
 )
-from mtu_cli.analyses.close_loop.shown import is_level, is_nameless, pitch_is_open
+from mtu_cli.analyses.close_loop.shown import is_nameless, pitch_is_open
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.document import finite
@@ -160,7 +160,7 @@ def growth_alone_notes(item: TableResult) -> list[str]:
     for point in item.growths_alone:
         effect, axis, known = item.effects[point.growth[0]], point.axis, point.covariate
         place = f"{axis} = {significant(point.counted_from, 4)} mm"
-        own = ["its level"] if any(is_level(name) for name, *_ in effect.parameters) else []
+        own = ["its level"] if effect.levels else []
         own += [e.name for e in item.effects if e.kind == "offset" and e.axis == axis]
         middle = f", and {own[0]} is the mean error there over these {known}" if own else ""
         text = (

@@ -19,7 +19,6 @@ from mtu_cli.analyses.close_loop.shown import (
     effect_rms,
     entry_text,
     improvement_percent,
-    is_level,
     pitch_is_open,
     things,
 )
@@ -120,7 +119,7 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
     notes += dict.fromkeys(f"{name}: {way}" for name, way in ways if way is not None)
     for item in result.tables:
         notes += [*one_cause_notes(item), *growth_alone_notes(item), *held_notes(item)]
-    if any(is_level(name) for effect in result.effects for name, _, _, _ in effect.parameters):
+    if any(effect.levels for effect in result.effects):
         notes.insert(0, LEVEL)
     return notes
 

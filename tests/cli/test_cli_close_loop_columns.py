@@ -136,3 +136,23 @@ def test_own_effects_of_the_readme(rows: list[dict[str, str]], tmp_path: Path) -
     assert tested["screw-heat-x"] is tested["screw-heat-y"] is None
     assert found["results"]["effects"][0]["name"] == "backlash-x"
     assert "effects" in [item["role"] for item in found["inputs"]]
+
+
+@pytest.mark.parametrize("name", ["level", "level_gain", "level_x"])
+def test_own_parameters_may_have_the_name_of_a_level(
+    name: str, rows: list[dict[str, str]], tmp_path: Path
+) -> None:
+    """Only what the tool adds to an equation is the constant of it."""
+    text = (
+        "schema: mtu/effects/1\neffects:\n  - family: step-over\n    says: it changes\n"
+        f"    separates: reverse\n    parameters: {{{name}: um}}\n"
+        f"    equations:\n      E{{a}}: {name}*dir_{{a}}\n"
+    )
+    (tmp_path / "mine.yaml").write_text(text, "utf-8")
+    points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
+    options = ("--effects", tmp_path / "mine.yaml", "--exclude", "backlash")
+    found, result = few(tmp_path, points, *options)
+    assert f"It changes: {name} 3.84 ± 0.20 um" in " ".join(done(result).stdout.split())
+    first = found["results"]["effects"][0]
+    assert first["name"] == "step-over-x"
+    assert first["parameters"][0]["name"] == name

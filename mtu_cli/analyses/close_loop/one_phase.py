@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.analyses.close_loop.shown import is_level
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.model.effect_data import POSITIONS
 from mtu_cli.model.residual_table import ResidualTable
@@ -22,10 +21,9 @@ def least_amplitude(effect: FoundEffect, table: ResidualTable) -> tuple[float, f
     pitch. The smallest wave that has them has its crests at the places: half of what they differ
     by. The parameter is that of the one phase that was written, which may be far from the crests.
     """
-    own = [i for i, (name, *_) in enumerate(effect.parameters) if not is_level(name)]
-    if len(own) != 1:
+    if len(effect.sizes) != 1:
         return None
-    name, _, value, u = effect.parameters[own[0]]
+    ((name, _, value, u),) = effect.sizes
     known = {name: 0.0 for name, *_ in effect.parameters}
     places = {axis: table.places[..., i] for i, axis in enumerate(POSITIONS)}
     found = None

@@ -15,7 +15,6 @@ import numpy as np
 from mtu_cli.analyses.close_loop.describe import Described
 from mtu_cli.analyses.close_loop.result import FoundEffect, Otherwise
 from mtu_cli.analyses.close_loop.same_in_all import Constant, constants
-from mtu_cli.analyses.close_loop.shown import is_level
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.analyses.close_loop.varying import (
     THERMAL,
@@ -71,13 +70,13 @@ def _beside_thermal(told: Described, step: Step, effect: FoundEffect) -> tuple[O
     if effect.component is not None:
         return ()
     found = []
-    shown = [own for own in effect.parameters if not is_level(own[0])]
-    if len(shown) == 1:
-        found.append((shown[0], at_reference(prepared, steps, step, shown[0][2:])))
-    if effect.covariate is None or not effect.family.startswith(THERMAL):
-        levels = [own for own in effect.parameters if is_level(own[0])]
-        axes = [i for i, a in enumerate(prepared.table.axes) if _has_level(effect, a, levels)]
-        for level, axis in zip(levels, axes, strict=True):
+    if len(effect.sizes) == 1:
+        (size,) = effect.sizes
+        found.append((size, at_reference(prepared, steps, step, size[2:])))
+    if effect.levels and (effect.covariate is None or not effect.family.startswith(THERMAL)):
+        place = [own.member for own in steps if own.member >= 0].index(step.member)
+        axes = [level.axis for level in told.effects.levels if level.owner == place]
+        for level, axis in zip(effect.parameters[-effect.levels :], axes, strict=True):
             found.append((level, level_at_reference(prepared, steps, axis, level[2:])))
     return tuple(
         replace(
@@ -92,13 +91,6 @@ def _beside_thermal(told: Described, step: Step, effect: FoundEffect) -> tuple[O
 def _matters(own: AtReference, value: float, u: float) -> bool:
     differs = own.p < DOUBTED and abs(own.value - value) > u
     return own.u > MATTERS * u or differs
-
-
-def _has_level(
-    effect: FoundEffect, axis: str, levels: Sequence[tuple[str, str, float, float]]
-) -> bool:
-    """Whether the equation along an axis ends in one of the levels."""
-    return any(effect.equations.get(f"E{axis}", "").endswith(f" + {name}") for name, *_ in levels)
 
 
 def _otherwise(

@@ -61,7 +61,8 @@ class FoundEffect:
 
     `parameters` are (name, unit, value, u), value and standard uncertainty in internal units,
     `unit` to show them in; `intervals` (low, high, effective degrees of freedom) at 95 %;
-    `covariance` (k, k) of the parameters, internal units. `equations` are empty where the
+    `covariance` (k, k) of the parameters, internal units. The last `levels` of them are only the
+    constants that equations need beside what they say. `equations` are empty where the
     equation language cannot say it: `chosen` is then the feature, part or operation.
     `searched` holds the value and 95 % interval of what was searched, `alike` other values that
     are the same on these points, or fit them as well. `class_names` are the
@@ -104,6 +105,12 @@ class FoundEffect:
     apart: tuple[str, ...] = ()
     unnamed: float = 0.0
     otherwise: tuple[Otherwise, ...] = ()
+    levels: int = 0
+
+    @property
+    def sizes(self) -> tuple[tuple[str, str, float, float], ...]:
+        """The parameters without the levels."""
+        return self.parameters[: len(self.parameters) - self.levels]
 
     @property
     def holds_within(self) -> tuple[str, ...]:

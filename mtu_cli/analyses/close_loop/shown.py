@@ -11,7 +11,6 @@ import numpy as np
 from mtu_cli.analyses.close_loop.gross import Gross
 from mtu_cli.analyses.close_loop.result import DRIFT, FIELD, FoundEffect, TableResult, Verdict
 
-LEVEL = "level"
 SURE = 1e-3
 """Posterior of what has no name below which a lone name stands beside drifts or fields without one:
 of 528 sets with an effect outside the library it let 2 wrong names pass, at 1e-2 5.
@@ -23,16 +22,12 @@ a 95 % class, in 3 % of cases.
 """
 
 
-def is_level(name: str) -> bool:
-    """Whether a parameter is only the constant that an equation needs beside what it says."""
-    return name == LEVEL or name.startswith(f"{LEVEL}_")
-
-
 def amplitude(effect: FoundEffect) -> tuple[float, float]:
     """Length sqrt(sum p_i^2) of the parameters as a vector, levels left out, and its
     u = sqrt(g' C g) with g = p/length (JCGM 100:2008, 5.2.2); internal units.
     """
-    p = np.array([0.0 if is_level(name) else value for name, _, value, _ in effect.parameters])
+    p = np.zeros(len(effect.parameters))
+    p[: len(effect.sizes)] = [value for _, _, value, _ in effect.sizes]
     length = float(np.linalg.norm(p))
     if length == 0:
         return 0.0, math.nan
