@@ -155,4 +155,4 @@ def test_own_parameters_may_have_the_name_of_a_level(
     assert f"It changes: {name} 3.84 ± 0.20 um" in " ".join(done(result).stdout.split())
     first = found["results"]["effects"][0]
     assert first["name"] == "step-over-x"
-    assert first["parameters"][0]["name"] == name
+    assert name in first["parameters"]
