@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mtu_cli.analyses.correct.leaning import Leaning, leaning
 from mtu_cli.analyses.correct.result import CorrectResult, Size, mean_size, with_scatter
-from mtu_cli.analyses.correct.roundness import Leaning, leaning, ovals
+from mtu_cli.analyses.correct.roundness import ovals
 from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, point_scatter
 from mtu_cli.analyses.correct.sizes import Rings, sizes_of

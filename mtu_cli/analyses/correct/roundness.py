@@ -13,13 +13,13 @@ have each direction by itself (Hotelling 1931). What the machine did is taken to
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import fdtrc
 
-from mtu_cli.analyses.correct.result import Kind, Size
+from mtu_cli.analyses.correct.result import Kind
 from mtu_cli.analyses.correct.scatter import (
     NOTHING_MM,
     PointScatter,
@@ -37,8 +37,6 @@ TOLD = 0.2
 """Share of a difference of diameters that a ring may not show where it is named."""
 PLACE_DIGITS = 2
 """Of a unit vector: points that agree in these stand at one place."""
-LEAST_MM = 1e-5
-"""A bore that is larger by less is no larger to anybody."""
 FEWEST_PLACES = 9
 """Of a sphere: centre, radius and five strains."""
 ENDLESS = 1e9
@@ -109,15 +107,6 @@ class Oval:
     size: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Leaning:
-    """A circle in a plane that leans by `angle` (rad), in which a round bore is `larger` (mm)."""
-
-    id: str
-    angle: float
-    larger: float
-
-
 def ovals(shapes: Iterable[Shape], scatter: PointScatter | None) -> tuple[Oval, ...]:
     """The rings whose strain is told from 0 at 95 % of all together (Bonferroni). Of a ring that
     lacks points in some visits those are taken that most visits have.
@@ -130,22 +119,6 @@ def ovals(shapes: Iterable[Shape], scatter: PointScatter | None) -> tuple[Oval, 
     alpha = (1 - PROBABILITY) / max(len(most), 1)
     judged = (_judged(own, scatter) for own in most.values())
     return tuple(oval for p, oval in judged if p < alpha)
-
-
-def leaning(shapes: Iterable[Shape], sizes: Sequence[Size]) -> tuple[Leaning, ...]:
-    """Circles whose points lie at heights through which a plane leans, in which a round bore would
-    be larger by more than the u of its diameter, one of `sizes`.
-    """
-    found = []
-    for shape in shapes:
-        key, mean = (shape.kind, shape.id, shape.operation), shape.mean()
-        u = [size.u for size in sizes if (size.kind, size.id, size.operation) == key]
-        trace = float(mean.oblique[:3].sum())
-        larger = mean.radius * trace
-        if u and larger > max(min(u), LEAST_MM):
-            label = f"{shape.operation} {shape.id}".strip()
-            found.append(Leaning(id=label, angle=float(np.sqrt(2 * trace)), larger=larger))
-    return tuple(found)
 
 
 def _judged(shape: Shape, scatter: PointScatter | None) -> tuple[float, Oval]:

@@ -9,20 +9,18 @@ from math import nan
 
 import numpy as np
 
+from mtu_cli.analyses.correct.leaning import oblique
 from mtu_cli.analyses.correct.result import Kind, Sides, Size, mean_size
 from mtu_cli.analyses.correct.roundness import Shape
 from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import Squares, ring_squares
-from mtu_cli.analyses.correct.strain import askew, levers_of
+from mtu_cli.analyses.correct.strain import levers_of
 from mtu_cli.analyses.correct.wanted import Task
 from mtu_cli.errors import InputError, Problem
-from mtu_cli.model.geometry import DIMENSIONS, GeometryError, fit_circle, fit_plane, fit_sphere
+from mtu_cli.model.geometry import DIMENSIONS, GeometryError, fit_circle, fit_sphere
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.stats.least_squares import FloatArray
-
-ONE_PLANE_MM = 1e-3
-"""Points that are drawn no farther off their plane are drawn in it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,27 +205,12 @@ def _add_form(
         away=measure.away,
         K=K,
         dof=float(dof.min()),
-        oblique=_oblique(task, measure.away, rows),
+        oblique=oblique(task.wanted.kind, rows.points.nominal[task.rows], measure.away),
     )
     names = tuple(rows.points.features[code] for code in rows.points.feature[task.rows])
     key = (shape.kind, shape.id, shape.operation, names)
     known = rings.shapes.get(key)
     rings.shapes[key] = shape if known is None else known.and_another(shape)
-
-
-def _oblique(task: Task, away: FloatArray, rows: RowErrors) -> FloatArray:
-    """What the plane of a circle cuts a bore along the drawn normal askew; 0 of spheres, and where
-    no heights are known.
-    """
-    drawn = rows.points.nominal[task.rows]
-    if task.wanted.kind == "sphere" or np.isnan(drawn).any():
-        return np.zeros(6)
-    plane = fit_plane(drawn)
-    normal = plane.normal
-    if np.abs(plane.heights).max() > ONE_PLANE_MM:
-        # Drawn at heights of their own the points tell no axis: it is that of the machine's.
-        normal = np.eye(3)[np.argmax(np.abs(normal))]
-    return askew(np.linalg.svd(away)[2][-1], normal)
 
 
 def _size(task: Task, measure: Measure, variance: float, dof: float) -> Size:

@@ -44,14 +44,6 @@ def levers_of(kind: Kind, radius: float, away: FloatArray) -> Levers | None:
     return Levers((U[:, :p] / sizes[:p]).T @ Q.T, V[:p].T, Q @ U[:, p:])
 
 
-def askew(normal: FloatArray, drawn: FloatArray) -> FloatArray:
-    """Strain (6,) of a round bore along `drawn` in a plane across `normal`, unit vectors (3,): it
-    is longer by theta^2 / 2 along the slope of the plane.
-    """
-    slope = drawn - (drawn @ normal) * normal
-    return entries(0.5 * np.outer(slope, slope))
-
-
 def with_u(
     weights: FloatArray, basis: FloatArray, f: FloatArray, V: FloatArray
 ) -> tuple[float, float]:

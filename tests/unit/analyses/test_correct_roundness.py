@@ -10,38 +10,29 @@ from typing import Any
 import numpy as np
 import pytest
 from correct_examples import DIAMETER, error_at, machine, ring_part, ring_places, ring_points, seen
-from numpy.typing import NDArray
+from correct_shapes import (
+    NOISE,
+    RADIUS,
+    Floats,
+    ball,
+    known,
+    lacking,
+    noisy,
+    ring,
+    shape,
+    sheared,
+    together,
+)
 from scipy.stats import binom, f
 
-from mtu_cli.analyses.correct import CorrectResult, correct
-from mtu_cli.analyses.correct.result import Kind
-from mtu_cli.analyses.correct.roundness import Oval, Shape, leaning, ovals
+from mtu_cli.analyses.correct import correct
+from mtu_cli.analyses.correct.roundness import Oval, ovals
 from mtu_cli.analyses.correct.scatter import Origin, PointScatter
-from mtu_cli.analyses.correct.strain import askew, levers_of
-from mtu_cli.model.geometry import fit_circle, fit_plane, fit_sphere
+from mtu_cli.analyses.correct.strain import levers_of
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.correct import document, warnings
 
-Floats = NDArray[np.float64]
-NOISE, RADIUS = 1e-3, 40.0
 RUNS, ALPHA = 400, 0.05
-UPRIGHT = np.array([0.0, 0.0, 1.0])
-
-
-def shape(
-    points: Floats, kind: Kind = "circle", K: Floats | None = None, dof: float = np.inf
-) -> Shape:
-    """Of one visit of points (n, 2) or (n, 3)."""
-    fit = (fit_sphere if kind == "sphere" else fit_circle)(points)
-    n, d = points.shape
-    away = np.zeros((n, 3))
-    away[:, :d] = fit.away
-    askance = d == 3 and kind == "circle"
-    return Shape(
-        kind=kind, id="a", operation="", radius=fit.radius, residuals=fit.residuals, away=away,
-        K=np.zeros((n, n)) if K is None else K, dof=dof,
-        oblique=askew(fit_plane(points).normal, UPRIGHT) if askance else np.zeros(6),
-    )  # fmt: skip
 
 
 def three_lobed(n: int, oval: float) -> Floats:
@@ -83,40 +74,6 @@ def test_by_the_model_it_is_told_from_hotellings_T_on(dof: float) -> None:
     assert just_told(n, A, None, K=s**2 * np.eye(n), dof=dof) == (False, True)
 
 
-def together(visits: list[Shape]) -> Shape:
-    found = visits[0]
-    for own in visits[1:]:
-        found = found.and_another(own)
-    return found
-
-
-def known(origin: Origin = "repeats", s: float = NOISE) -> PointScatter:
-    return PointScatter(variance=s**2, spread=0.0, dof=np.inf, origin=origin)
-
-
-def ring(n: int) -> Floats:
-    angle = 2 * np.pi * np.arange(n) / n
-    return RADIUS * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def ball(n: int, rng: np.random.Generator, above: float = -1.0) -> Floats:
-    """Points on a sphere, no lower than `above` radii."""
-    z, angle = rng.uniform(above, 1.0, n), rng.uniform(0, 2 * np.pi, n)
-    flat = np.sqrt(1 - z**2)
-    return RADIUS * np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
-
-
-def noisy(points: Floats, rng: np.random.Generator) -> Floats:
-    return points + NOISE * rng.standard_normal(points.shape)
-
-
-def sheared(points: Floats, angle: float) -> Floats:
-    """With a right angle of x and y that is off."""
-    return points + angle * np.column_stack(
-        [points[:, 1], *np.zeros((points.shape[1] - 1, len(points)))]
-    )
-
-
 def at_most(called: int, runs: int = RUNS) -> bool:
     return called <= binom.ppf(1 - 1e-3, runs, ALPHA)
 
@@ -146,17 +103,6 @@ def test_a_strain_is_that_put_in(d: int) -> None:
     left = own.residuals - levers.rest @ (levers.rest.T @ own.residuals)
     assert np.abs(levers.rest.T @ own.residuals).max() < 1e-3 * np.abs(left).max()
     assert levers.estimator @ levers.rest == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_bore_cut_askew_is_the_ellipse_of_the_cut() -> None:
-    """Touched at heights that rise along a slope of 0.02: r (1/cos - 1) longer."""
-    flat = ring(24)
-    tilted = np.column_stack([flat, 0.02 * flat @ [0.6, 0.8]])
-    own = shape(tilted)
-    levers = levers_of("circle", own.radius, own.away)
-    assert levers is not None
-    seen_strain = levers.estimator @ own.residuals
-    assert levers.basis.T @ own.oblique == pytest.approx(seen_strain, rel=1e-3)
 
 
 @pytest.mark.parametrize("n", [6, 12])
@@ -315,51 +261,6 @@ def test_a_sphere_that_its_places_hardly_determine_is_not_judged(touches: int) -
     assert len(ovals([shape(noisy(sheared(ten, 1e-2), rng), "sphere")], known(s=1e-4))) == 1
 
 
-def test_a_plane_that_leans_makes_a_bore_larger(tmp_path: Path) -> None:
-    """Touched alternately half a millimetre higher and lower on one side."""
-    found = lacking(tmp_path, np.zeros((3, 3)))
-    size = replace(found.sizes[0], kind="circle", id="a", operation="", u=1e-3)
-    flat, tilted = ring(12), np.column_stack([ring(12), 0.02 * ring(12)[:, 0]])
-    own = shape(tilted)
-    (told,) = leaning([own], [size])
-    assert told.angle == pytest.approx(0.02, rel=1e-3)
-    assert told.larger == pytest.approx(2 * (fit_circle(tilted).radius - RADIUS), rel=0.02)
-    assert leaning([own], [replace(size, u=1.1 * told.larger)]) == ()
-    assert leaning([shape(flat)], [size]) == ()
-    drilled = (replace(own, operation="drilled"), replace(size, operation="drilled"))
-    assert [x.id for x in leaning([drilled[0]], [drilled[1]])] == ["drilled a"]
-    # Where nothing is uncertain rounding leans, too.
-    level = np.column_stack([ring(12), 1e-6 * ring(12)[:, 0]])
-    assert leaning([shape(level)], [replace(size, u=0.0)]) == ()
-
-
-@pytest.mark.parametrize(
-    ("drawn", "told"), [("flat", True), ("as it leans", False), ("at heights of their own", True)]
-)
-def test_a_ring_is_along_what_it_is_drawn_along(drawn: str, told: bool, tmp_path: Path) -> None:
-    true = ring_places(diameter=DIAMETER)
-    slope = 0.005 * (true[:, 0] - 200.0)
-    heights = {
-        "flat": np.zeros(11),
-        "as it leans": slope,
-        "at heights of their own": slope + 0.3 * (true[:, 1] > 200),
-    }[drawn]
-    T = np.full(11, 21.0)
-    measured = seen(true, error_at, T)
-    measured[:, 2] = slope
-    points = ring_points(measured, ["p"], covariates={"T_scale_degC": T}, z=True)
-    nominal = points.nominal.copy()
-    nominal[:, 2] = heights
-    found = correct(
-        machine(tmp_path), ring_part(tmp_path), replace(points, nominal=nominal), Settings()
-    )
-    messages = [w.message for w in found.warnings if w.code == "heights-differ"]
-    assert bool(messages) == told
-    if told:
-        assert "the plane through them leans by 0.29 degrees" in messages[0]
-        assert "and 1.1 um larger" in messages[0]
-
-
 def test_operations_and_rings_are_judged_apart() -> None:
     rng = np.random.default_rng(15)
     one, other = (shape(noisy(sheared(ring(12), a), rng)) for a in (3e-4, -3e-4))
@@ -385,19 +286,6 @@ def test_the_points_that_most_visits_have_are_taken() -> None:
 def test_a_certain_oval_is_told_where_nothing_is_uncertain() -> None:
     (found,) = ovals([shape(sheared(ring(12), 1e-4))], known(s=0.0))
     assert found.size == pytest.approx(1e-4, rel=1e-3)
-
-
-def lacking(folder: Path, strain_at: Floats) -> CorrectResult:
-    """Two parts on a machine with an error that its model lacks, read twice each."""
-    rng = np.random.default_rng(1)
-    true = np.tile(ring_places(diameter=DIAMETER), (4, 1))
-    T = np.full(44, 21.0)
-    measured = seen(true, lambda p, t: error_at(p, t) + p @ strain_at, T)
-    measured[:, :2] += 5e-4 * rng.standard_normal((44, 2))
-    points = ring_points(
-        measured, ["p", "p", "q", "q"], [1, 2, 1, 2], covariates={"T_scale_degC": T}
-    )
-    return correct(machine(folder), ring_part(folder), points, Settings())
 
 
 @pytest.mark.parametrize(

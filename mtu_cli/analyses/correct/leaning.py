@@ -1,0 +1,83 @@
+"""Circles in planes that lean: points of different heights cut a round bore askew.
+
+A plane whose normal is at theta from a bore's axis cuts it in an ellipse, longer by the share
+theta^2 / 2 along the slope. That is no error of the machine: it goes into the covariance that an
+oval is held against (`roundness`), and what the diameter gains is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.analyses.correct.result import Kind, Size
+from mtu_cli.analyses.correct.roundness import Shape
+from mtu_cli.analyses.correct.strain import entries
+from mtu_cli.model.geometry import fit_plane
+from mtu_cli.stats.least_squares import FloatArray
+
+OWN_HEIGHTS = 0.05
+"""Share of the squares of heights along an axis that a plane through them leaves, from which on
+it leans by heights of the points' own: of any two heights of five or more points evenly around it
+leaves a ninth at least (three high and three low of six), of points at other angles less."""
+LEAST_MM = 1e-5
+"""A bore that is larger by less is no larger to anybody."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leaning:
+    """A circle in a plane that leans by `angle` (rad), in which a round bore is `larger` (mm)."""
+
+    id: str
+    angle: float
+    larger: float
+
+
+def askew(normal: FloatArray, drawn: FloatArray) -> FloatArray:
+    """Strain (6,) of a round bore along `drawn` in a plane across `normal`, unit vectors (3,): it
+    is longer by theta^2 / 2 along the slope of the plane.
+    """
+    slope = drawn - (drawn @ normal) * normal
+    return entries(0.5 * np.outer(slope, slope))
+
+
+def oblique(kind: Kind, drawn: FloatArray, away: FloatArray) -> FloatArray:
+    """What the plane of a circle, of unit vectors `away` (n, 3) from its centre, cuts the bore of
+    its `drawn` points (n, 3), mm, askew; 0 of spheres, and where no heights are known.
+    """
+    if kind == "sphere" or np.isnan(drawn).any():
+        return np.zeros(6)
+    return askew(np.linalg.svd(away)[2][-1], bore(drawn))
+
+
+def bore(drawn: FloatArray) -> FloatArray:
+    """Unit vector (3,) along the bore of a circle's `drawn` points (n, 3), mm.
+
+    Across their plane. Points that are drawn at heights of their own make a plane lean that is
+    none of the bore's: its axis is then that of the machine's. Of a bore that leans itself the
+    points lie about their plane by far less than it is inclined (`OWN_HEIGHTS`).
+    """
+    plane = fit_plane(drawn)
+    axis = np.eye(3)[np.argmax(np.abs(plane.normal))]
+    heights = (drawn - plane.centroid) @ axis
+    left = plane.heights / (plane.normal @ axis)
+    own = left @ left >= OWN_HEIGHTS * (heights @ heights)
+    return axis if own else plane.normal
+
+
+def leaning(shapes: Iterable[Shape], sizes: Sequence[Size]) -> tuple[Leaning, ...]:
+    """Circles whose points lie at heights through which a plane leans, in which a round bore would
+    be larger by more than the u of its diameter, one of `sizes`.
+    """
+    found = []
+    for shape in shapes:
+        key, mean = (shape.kind, shape.id, shape.operation), shape.mean()
+        u = [size.u for size in sizes if (size.kind, size.id, size.operation) == key]
+        trace = float(mean.oblique[:3].sum())
+        larger = mean.radius * trace
+        if u and larger > max(min(u), LEAST_MM):
+            label = f"{shape.operation} {shape.id}".strip()
+            found.append(Leaning(id=label, angle=float(np.sqrt(2 * trace)), larger=larger))
+    return tuple(found)
