@@ -13,6 +13,7 @@ from mtu_cli.analyses.correct.leaning import askew
 from mtu_cli.analyses.correct.result import Kind
 from mtu_cli.analyses.correct.roundness import Shape
 from mtu_cli.analyses.correct.scatter import Origin, PointScatter
+from mtu_cli.analyses.correct.strain import levers_of
 from mtu_cli.model.geometry import fit_circle, fit_plane, fit_sphere
 from mtu_cli.model.settings import Settings
 
@@ -30,9 +31,11 @@ def shape(
     away = np.zeros((n, 3))
     away[:, :d] = fit.away
     askance = d == 3 and kind == "circle"
+    levers = levers_of(kind, fit.radius, away)
     return Shape(
         kind=kind, id="a", operation="", radius=fit.radius, residuals=fit.residuals, away=away,
         K=np.zeros((n, n)) if K is None else K, dof=dof,
+        bore=UPRIGHT if askance else np.zeros(3), judged=levers is not None,
         oblique=askew(fit_plane(points).normal, UPRIGHT) if askance else np.zeros(6),
     )  # fmt: skip
 

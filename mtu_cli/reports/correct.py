@@ -16,16 +16,15 @@ from collections.abc import Iterable
 from typing import Any
 
 from mtu_cli.analyses.correct.result import CorrectResult, Size
-from mtu_cli.analyses.correct.summary import ROUNDING_MM
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import Warned
+from mtu_cli.reports.correct_errors import errors_after
 from mtu_cli.reports.correct_figure import figure
+from mtu_cli.reports.correct_leaning import heights_differ
 from mtu_cli.reports.correct_ovals import document_of, ovals_left
 from mtu_cli.reports.correct_table import table
 from mtu_cli.reports.document import finite, listed, um
-from mtu_cli.reports.numbers import significant, told_apart
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import UM
 
 __all__ = ["csv_rows", "document", "figure", "table", "warnings"]
 
@@ -173,62 +172,12 @@ def warnings(result: CorrectResult) -> list[Warned]:
     if exact:
         text = f"{listed(exact)} had no error before: there is nothing to reduce"
         found.append(Warned(code="no-error-before", message=text))
-    found += [*_grown(result), *_off(result), *ovals_left(result.ovals)]
+    found += [*heights_differ(result.leaning), *errors_after(result), *ovals_left(result.ovals)]
     sure = [f"{i.id} of {i.part}" for i in result.sizes if i.u_error == 0]
     if sure:
         text = f"no uncertainty is known for {listed(sure)}: E_n cannot be had"
         found.append(Warned(code="no-uncertainty", message=text))
     return found
-
-
-def _grown(result: CorrectResult) -> list[Warned]:
-    """Of errors that the correction makes larger."""
-    grown = [item for item in result.by_size() if item.grown]
-    # One that stays oval tells by itself that the model lacks something.
-    oval = {(own.kind, own.id) for own in result.ovals}
-    found = []
-    for rounder in (True, False):
-        items = [i for i in grown if (i.rounder and (i.kind, i.id) not in oval) == rounder]
-        if not items:
-            continue
-        worst = max(items, key=lambda item: item.rms[1] - item.rms[0])
-        before, after = told_apart(worst.rms[0] / UM, worst.rms[1] / UM)
-        text = (
-            f"the correction makes the errors of {listed([item.id for item in items])} larger "
-            f"({worst.id}: root mean square {before} um before, {after} um after), by more than "
-            "its uncertainty: "
-        )
-        if rounder:
-            sides = (0.0 if side < ROUNDING_MM else side / UM for side in worst.form)
-            first, last = map(significant, sides)
-            text += (
-                f"{worst.id} gets rounder (form {first} um before, {last} um after): is "
-                "calibrated_mm right, or does the model lack a scale that its axes share?"
-            )
-        else:
-            text += (
-                "the model does not describe these points (`mtu compare` and `mtu close-loop` "
-                "tell what it lacks), or calibrated_mm is not right"
-            )
-        found.append(Warned(code="errors-grown", message=text))
-    return found
-
-
-def _off(result: CorrectResult) -> list[Warned]:
-    """Of errors that the correction makes smaller, and yet leaves."""
-    items = [item for item in result.by_size() if item.off and not item.grown]
-    if not items:
-        return []
-    worst = max(items, key=lambda item: abs(item.mean[1]) - item.half)
-    mean, half = (significant(value / UM) for value in (worst.mean[1], worst.half))
-    within = f"95 % within {half} um" if worst.half else "no uncertainty is known"
-    text = (
-        f"after the correction the mean errors of {listed([item.id for item in items])} are beyond "
-        f"their uncertainty ({worst.id}: {mean} um, {within}): the model does not "
-        "take out all of it (`mtu compare` and `mtu close-loop` tell what it lacks), or "
-        "calibrated_mm is not right"
-    )
-    return [Warned(code="errors-left", message=text)]
 
 
 def csv_rows(result: CorrectResult) -> tuple[list[str], Iterable[list[object]]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mtu_cli.analyses.correct.leaning import Leaning, leaning
+from mtu_cli.analyses.correct.leaning import leaning
 from mtu_cli.analyses.correct.result import CorrectResult, Size, mean_size, with_scatter
 from mtu_cli.analyses.correct.roundness import ovals
 from mtu_cli.analyses.correct.rows import RowErrors
@@ -23,7 +23,6 @@ from mtu_cli.model.measured_checks import LEFT_OUT, sound
 from mtu_cli.model.residual_covariates import needed_covariates, point_columns
 from mtu_cli.model.settings import Settings, Warned
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import UM
 
 __all__ = ["CorrectResult", "Size", "correct", "mean_size"]
 
@@ -46,13 +45,12 @@ def correct(
     claim or that no equation is for, or a circle that its points do not determine.
     """
     checked = _checked(model, points)
-    at = dict(covariates or {})
-    rows, noted = _rows(model, points, at, independent=settings.independent)
+    rows, noted = _rows(model, points, covariates or {}, independent=settings.independent)
     error, u, dof, sensors = rows.errors()
     corrected = points.measured - np.nan_to_num(error)
-    sizes, rings, told = _sizes(part, rows, corrected, at)
+    by_machine, rings, told = _sizes(part, rows, corrected, covariates or {})
     scatter = point_scatter(points, corrected, sensors, rings.squares)
-    sizes = [with_scatter(size, scatter) for size in sizes]
+    sizes = [with_scatter(size, scatter) for size in by_machine]
     warned = [*checked, *noted, *outside_warnings(rows.all_outside()), *told]
     return CorrectResult(
         points=points,
@@ -64,6 +62,7 @@ def correct(
         scatter=scatter,
         sizes=tuple(sizes),
         ovals=ovals(rings.shapes.values(), scatter),
+        leaning=leaning(rings.shapes.values(), by_machine),
         coverage_factor=settings.coverage_factor,
         independent=settings.independent,
         warnings=(*warned, *_size_warnings(sizes, scatter)),
@@ -104,7 +103,6 @@ def _sizes(
         own = [size for size in sizes if (size.kind, size.id) == (item.kind, item.id)]
         if item.calibration is not None and own:
             warned += item.calibration.warnings([one for size in own for one in size.repeats])
-    warned += _leaning_warnings(leaning(rings.shapes.values(), sizes))
     return sizes, rings, warned
 
 
@@ -119,19 +117,6 @@ def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> list[Warn
         )
         found = [*found, Warned(code="no-point-scatter", message=text)]
     return found
-
-
-def _leaning_warnings(found: tuple[Leaning, ...]) -> list[Warned]:
-    if not found:
-        return []
-    worst = max(found, key=lambda own: own.larger)
-    text = (
-        f"the points of {', '.join(dict.fromkeys(own.id for own in found))} lie at different "
-        f"heights ({worst.id}: the plane through them leans by {np.degrees(worst.angle):.2g} "
-        f"degrees): a bore that does not lean is oval in it, and {worst.larger / UM:.2g} um "
-        "larger: touch it at one height, or leave out z_mm"
-    )
-    return [Warned(code="heights-differ", message=text)]
 
 
 def _checked(model: MachineModel, points: Points) -> list[Warned]:

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.correct.result import Kind, Size
+from mtu_cli.analyses.correct.result import Size
 from mtu_cli.analyses.correct.roundness import Shape
 from mtu_cli.analyses.correct.strain import entries
-from mtu_cli.model.geometry import fit_plane
+from mtu_cli.model.geometry import GeometryError, fit_plane
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.stats.least_squares import FloatArray
 
 OWN_HEIGHTS = 0.05
@@ -26,40 +27,45 @@ LEAST_MM = 1e-5
 """A bore that is larger by less is no larger to anybody."""
 
 
+ALONG = np.radians(1.0)
+"""A bore that is inclined by less is along an axis of the machine."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leaning:
-    """A circle in a plane that leans by `angle` (rad), in which a round bore is `larger` (mm)."""
+    """A circle in a plane that leans by `angle` (rad), in which a round bore is `larger` (mm);
+    the bore is along `axis`, None: along none of the machine.
+    """
 
     id: str
+    operation: str
+    axis: str | None
     angle: float
     larger: float
 
 
 def askew(normal: FloatArray, drawn: FloatArray) -> FloatArray:
     """Strain (6,) of a round bore along `drawn` in a plane across `normal`, unit vectors (3,): it
-    is longer by theta^2 / 2 along the slope of the plane.
+    is longer by theta^2 / 2 along the slope of the plane. 0 where nothing is `drawn` (0).
     """
     slope = drawn - (drawn @ normal) * normal
     return entries(0.5 * np.outer(slope, slope))
 
 
-def oblique(kind: Kind, drawn: FloatArray, away: FloatArray) -> FloatArray:
-    """What the plane of a circle, of unit vectors `away` (n, 3) from its centre, cuts the bore of
-    its `drawn` points (n, 3), mm, askew; 0 of spheres, and where no heights are known.
-    """
-    if kind == "sphere" or np.isnan(drawn).any():
-        return np.zeros(6)
-    return askew(np.linalg.svd(away)[2][-1], bore(drawn))
-
-
 def bore(drawn: FloatArray) -> FloatArray:
-    """Unit vector (3,) along the bore of a circle's `drawn` points (n, 3), mm.
+    """Unit vector (3,) along the bore of a circle's `drawn` points (n, 3), mm; 0 where these have
+    no heights, or make no plane.
 
     Across their plane. Points that are drawn at heights of their own make a plane lean that is
     none of the bore's: its axis is then that of the machine's. Of a bore that leans itself the
     points lie about their plane by far less than it is inclined (`OWN_HEIGHTS`).
     """
-    plane = fit_plane(drawn)
+    if np.isnan(drawn).any():
+        return np.zeros(3)
+    try:
+        plane = fit_plane(drawn)
+    except GeometryError:
+        return np.zeros(3)
     axis = np.eye(3)[np.argmax(np.abs(plane.normal))]
     heights = (drawn - plane.centroid) @ axis
     left = plane.heights / (plane.normal @ axis)
@@ -78,6 +84,14 @@ def leaning(shapes: Iterable[Shape], sizes: Sequence[Size]) -> tuple[Leaning, ..
         trace = float(mean.oblique[:3].sum())
         larger = mean.radius * trace
         if u and larger > max(min(u), LEAST_MM):
-            label = f"{shape.operation} {shape.id}".strip()
-            found.append(Leaning(id=label, angle=float(np.sqrt(2 * trace)), larger=larger))
+            own = Leaning(
+                id=shape.id, operation=shape.operation, axis=_axis(mean.bore),
+                angle=float(np.sqrt(2 * trace)), larger=larger,
+            )  # fmt: skip
+            found.append(own)
     return tuple(found)
+
+
+def _axis(along: FloatArray) -> str | None:
+    k = int(np.argmax(np.abs(along)))
+    return AXES[k] if abs(along[k]) > np.cos(ALONG) else None

@@ -24,6 +24,7 @@ from mtu_cli.stats.coverage import coverage_factor, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
+    from mtu_cli.analyses.correct.leaning import Leaning
     from mtu_cli.analyses.correct.roundness import Oval
 
 Kind = Literal["circle", "sphere", "length"]
@@ -167,7 +168,8 @@ class CorrectResult:
     `error` (n, 3) is the modelled error of each point with standard uncertainty `u` and
     effective degrees of freedom `dof` (n, 3), mm; nan along axes that have no equation or were
     not measured. `corrected` (n, 3) = measured - error, along such axes measured as it is.
-    `axes` are those that were corrected; `ovals` the calibrated rings that stay oval.
+    `axes` are those that were corrected; `ovals` the calibrated rings that stay oval, `leaning`
+    the circles whose points lie at different heights.
     """
 
     points: Points
@@ -179,6 +181,7 @@ class CorrectResult:
     scatter: PointScatter | None
     sizes: tuple[Size, ...]
     ovals: tuple[Oval, ...]
+    leaning: tuple[Leaning, ...]
     coverage_factor: float
     independent: bool
     warnings: tuple[Warned, ...]

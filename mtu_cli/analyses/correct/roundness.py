@@ -45,10 +45,12 @@ ENDLESS = 1e9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """A calibrated ring, summed over `count` visits of the same points: `radius` mm, `residuals`
-    (n,) mm, unit vectors `away` (n, 3) from the centre, in the plane of a circle, modelled
-    covariance `K` (n, n) along them, mm^2, with degrees of freedom `dof` (the fewest), and the
-    strain (6,) of a bore that the plane of the points cuts askew (`askew`).
+    """A ring, summed over `count` visits of the same points: `radius` mm, `residuals` (n,) mm, unit
+    vectors `away` (n, 3) from the centre, in the plane of a circle, modelled covariance `K` (n, n)
+    along them, mm^2, with degrees of freedom `dof` (the fewest); the unit vector `bore` (3,) along
+    which a circle is taken to be bored (0: not known), and the strain `oblique` (6,) of that where
+    the plane of the points cuts it askew. It is `judged` where it is calibrated, and its points
+    show a strain: a ring of no calibration may be as oval as it was made.
     """
 
     kind: Kind
@@ -59,7 +61,9 @@ class Shape:
     away: FloatArray
     K: FloatArray
     dof: float
+    bore: FloatArray
     oblique: FloatArray
+    judged: bool
     count: int = 1
 
     def and_another(self, other: Shape) -> Shape:
@@ -72,6 +76,7 @@ class Shape:
             K=self.K + other.K,
             dof=min(self.dof, other.dof),
             oblique=self.oblique + other.oblique,
+            judged=self.judged or other.judged,
             count=self.count + other.count,
         )
 
@@ -112,7 +117,7 @@ def ovals(shapes: Iterable[Shape], scatter: PointScatter | None) -> tuple[Oval, 
     lacks points in some visits those are taken that most visits have.
     """
     most: dict[tuple[Kind, str, str], Shape] = {}
-    for own in shapes:
+    for own in (shape for shape in shapes if shape.judged):
         known = most.get((own.kind, own.id, own.operation))
         if known is None or (known.count, len(known.away)) < (own.count, len(own.away)):
             most[own.kind, own.id, own.operation] = own

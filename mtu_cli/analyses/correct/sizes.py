@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from math import nan
 
 import numpy as np
 
-from mtu_cli.analyses.correct.leaning import oblique
+from mtu_cli.analyses.correct.leaning import askew, bore
 from mtu_cli.analyses.correct.result import Kind, Sides, Size, mean_size
 from mtu_cli.analyses.correct.roundness import Shape
 from mtu_cli.analyses.correct.rows import RowErrors
@@ -44,9 +44,7 @@ Key = tuple[Kind, str, str, tuple[str, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Rings:
-    """What the form of circles and spheres tells of the scatter of points, and the shapes of those
-    that are calibrated.
-    """
+    """What the form of circles and spheres tells of the scatter of points, and their shapes."""
 
     squares: list[Squares] = field(default_factory=list)
     shapes: dict[Key, Shape] = field(default_factory=dict)
@@ -185,32 +183,56 @@ def _add_form(
     if measure.residuals is None or measure.away is None:
         return
     columns = [AXES.index(axis) for axis in rows.model.axes]
-    along = measure.away[:, columns]
-    K = rows.covariance(prediction, where, along)
+    K = rows.covariance(prediction, where, measure.away[:, columns])
     squares = ring_squares(measure.residuals, measure.away, K, DIMENSIONS[task.wanted.kind])
     rings.squares.extend([] if squares is None else [squares])
-    r = measure.size[1] / 2
-    levers = levers_of(task.wanted.kind, r, measure.away)
-    if levers is None or not np.isfinite(measure.reference):
-        return
-    A = np.zeros((len(levers.estimator), len(prediction.points), len(columns)))
-    A[:, where] = levers.estimator[:, :, None] * along
-    _, dof = rows.variances(prediction, A.reshape(len(A), -1))
-    shape = Shape(
-        kind=task.wanted.kind,
-        id=task.wanted.id,
-        operation=task.operation,
-        radius=r,
-        residuals=measure.residuals,
-        away=measure.away,
-        K=K,
-        dof=float(dof.min()),
-        oblique=oblique(task.wanted.kind, rows.points.nominal[task.rows], measure.away),
-    )
+    shape = _shape(task, measure.size[1] / 2, (measure.residuals, measure.away, K), rows)
+    calibrated = np.isfinite(measure.reference)
+    dof = _dof_of_strain(shape, where, rows, prediction) if calibrated else None
+    if dof is not None:
+        shape = replace(shape, dof=dof, judged=True)
     names = tuple(rows.points.features[code] for code in rows.points.feature[task.rows])
     key = (shape.kind, shape.id, shape.operation, names)
     known = rings.shapes.get(key)
     rings.shapes[key] = shape if known is None else known.and_another(shape)
+
+
+def _shape(
+    task: Task, radius: float, ring: tuple[FloatArray, FloatArray, FloatArray], rows: RowErrors
+) -> Shape:
+    """The ring of one visit, not judged, by residuals, directions from its centre and K."""
+    residuals, away, K = ring
+    drawn = rows.points.nominal[task.rows]
+    bored = np.zeros(3) if task.wanted.kind == "sphere" else bore(drawn)
+    return Shape(
+        kind=task.wanted.kind,
+        id=task.wanted.id,
+        operation=task.operation,
+        radius=radius,
+        residuals=residuals,
+        away=away,
+        K=K,
+        dof=np.inf,
+        bore=bored,
+        oblique=askew(np.linalg.svd(away)[2][-1], bored),
+        judged=False,
+    )
+
+
+def _dof_of_strain(
+    shape: Shape, where: np.ndarray, rows: RowErrors, prediction: Prediction
+) -> float | None:
+    """The fewest degrees of freedom of the strains that a ring shows, whose points are `where` in
+    the prediction; None where it shows none.
+    """
+    levers = levers_of(shape.kind, shape.radius, shape.away)
+    if levers is None:
+        return None
+    columns = [AXES.index(axis) for axis in rows.model.axes]
+    A = np.zeros((len(levers.estimator), len(prediction.points), len(columns)))
+    A[:, where] = levers.estimator[:, :, None] * shape.away[:, columns]
+    _, dof = rows.variances(prediction, A.reshape(len(A), -1))
+    return float(dof.min())
 
 
 def _size(task: Task, measure: Measure, variance: float, dof: float) -> Size:

@@ -11,11 +11,13 @@ import pytest
 from correct_examples import DIAMETER, error_at, machine, ring_part, ring_places, ring_points, seen
 from correct_shapes import RADIUS, Floats, lacking, ring, shape
 
-from mtu_cli.analyses.correct import correct
+from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.leaning import bore, leaning
 from mtu_cli.analyses.correct.strain import levers_of
 from mtu_cli.model.geometry import fit_circle
 from mtu_cli.model.settings import Settings
+from mtu_cli.reports.correct import warnings
+from mtu_cli.reports.correct_leaning import heights_differ
 
 
 def test_a_bore_cut_askew_is_the_ellipse_of_the_cut() -> None:
@@ -41,8 +43,14 @@ def test_a_plane_that_leans_makes_a_bore_larger(tmp_path: Path) -> None:
     assert leaning([own], [replace(size, u=1.1 * told.larger)]) == ()
     assert leaning([shape(flat)], [size]) == ()
     drilled = (replace(own, operation="drilled"), replace(size, operation="drilled"))
-    assert [x.id for x in leaning([drilled[0]], [drilled[1]])] == ["drilled a"]
-    # Where nothing is uncertain rounding leans, too.
+    assert [x.operation for x in leaning([drilled[0]], [drilled[1]])] == ["drilled"]
+    # Of several parts the surest diameter counts.
+    several = [replace(size, u=share * told.larger) for share in (0.9, 1.1)]
+    assert leaning([own], several) == leaning([own], several[::-1]) == (told,)
+    # Where nothing is uncertain a tenth of a um is told; rounding leans, too.
+    slight = np.column_stack([ring(12), 0.00225 * ring(12)[:, 0]])
+    (least,) = leaning([shape(slight)], [replace(size, u=0.0)])
+    assert least.larger == pytest.approx(RADIUS * (1 / np.cos(0.00225) - 1), rel=1e-3)
     level = np.column_stack([ring(12), 1e-6 * ring(12)[:, 0]])
     assert leaning([shape(level)], [replace(size, u=0.0)]) == ()
 
@@ -80,6 +88,32 @@ def test_a_bore_at_45_degrees_may_be_touched_at_two_heights() -> None:
     assert np.arccos(abs(bore(points) @ axis)) < 2 / np.pi * 0.5 / RADIUS * 1.1
 
 
+def two_heights(axis: str, step: float) -> Floats:
+    """The ring about an axis, five points of eleven higher than the others."""
+    own = ring_places(centre=(200.0, 200.0), diameter=DIAMETER)
+    own[:, 2] = 200.0 + step * (own[:, 0] < 200.0 - 10.0)
+    return np.roll(own, "xyz".index(axis) + 1, axis=1)
+
+
+def at_two_heights(
+    folder: Path, axis: str, *, calibrated: bool, three: list[int] | None = None
+) -> CorrectResult:
+    """What correct says of a ring about an axis that is touched as it is drawn; three points of it
+    are drawn at one height: else they tell where it is drawn to lean.
+    """
+    T, true = np.full(11, 21.0), two_heights(axis, 2.0 if three is None else 0.9)
+    drawn = true if three is None else np.where(axis == np.array(list("xyz")), 200.45, true)
+    measured = seen(true, error_at, T)
+    points = ring_points(measured, ["p"], covariates={"T_scale_degC": T}, z=True)
+    points = replace(points, nominal=drawn)
+    part = ring_part(folder, calibrated_mm=str(DIAMETER) if calibrated else "")
+    if three is not None:
+        (circle,) = part.part.circles
+        own = circle.model_copy(update={"features": [f"r{i}" for i in three]})
+        part = replace(part, part=part.part.model_copy(update={"circles": [own]}))
+    return correct(machine(folder), part, points, Settings())
+
+
 @pytest.mark.parametrize(
     ("drawn", "told"), [("flat", True), ("as it leans", False), ("at two heights", True)]
 )
@@ -100,8 +134,72 @@ def test_a_ring_is_along_what_it_is_drawn_along(drawn: str, told: bool, tmp_path
     found = correct(
         machine(tmp_path), ring_part(tmp_path), replace(points, nominal=nominal), Settings()
     )
-    messages = [w.message for w in found.warnings if w.code == "heights-differ"]
+    messages = [w.message for w in warnings(found) if w.code == "heights-differ"]
     assert bool(messages) == told
     if told:
         assert "the plane through them leans by 0.29 degrees" in messages[0]
         assert "and 1.1 um larger" in messages[0]
+
+
+@pytest.mark.parametrize(("axis", "clause"), [("x", False), ("y", False), ("z", True)])
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_heights_are_told_along_the_axis_of_the_bore(
+    tmp_path: Path, axis: str, clause: bool, calibrated: bool
+) -> None:
+    """Of any circle; without z only one about z is left."""
+    found = at_two_heights(tmp_path, axis, calibrated=calibrated)
+    (told,) = (w.message for w in warnings(found) if w.code == "heights-differ")
+    assert f"ring lie at different heights along {axis} (ring: the plane" in told
+    assert ("leave out z_mm" in told) == clause
+    assert found.ovals == ()
+
+
+def test_three_points_of_a_circle_lie_at_heights_too(tmp_path: Path) -> None:
+    """Which no oval can be told of."""
+    three = [0, 4, 7]
+    found = at_two_heights(tmp_path, "z", calibrated=True, three=three)
+    (lean,) = found.leaning
+    true = two_heights("z", 0.9)[three]
+    normal = np.cross(true[1] - true[0], true[2] - true[0])
+    assert lean.angle == pytest.approx(np.arccos(abs(normal[2]) / np.linalg.norm(normal)), rel=1e-2)
+
+
+def test_of_a_bore_that_is_inclined_no_axis_is_told(tmp_path: Path) -> None:
+    found = at_two_heights(tmp_path, "z", calibrated=True)
+    own = replace(found.leaning[0], axis=None, operation="milled", larger=0.4142, angle=0.5)
+    first, second = heights_differ([found.leaning[0], own])
+    assert "along z (ring: " in first.message
+    assert "milled ring lie at different heights along the bore, which is " in second.message
+    assert "leans by 29 degrees" in second.message
+    assert "410 um larger: touch it at one height" in second.message
+    assert "z_mm" not in second.message
+
+
+@pytest.mark.parametrize(("degrees", "axis"), [(0.5, "z"), (2.0, None), (89.5, "x")])
+def test_a_bore_is_along_an_axis_to_a_degree(
+    degrees: float, axis: str | None, tmp_path: Path
+) -> None:
+    points, _ = tilted(degrees)
+    size = replace(lacking(tmp_path, np.zeros((3, 3))).sizes[0], kind="circle", id="a", u=1e-6)
+    own = shape(np.column_stack([ring(12), 0.02 * ring(12)[:, 0]]))
+    (told,) = leaning([replace(own, bore=bore(points))], [size])
+    assert told.axis == axis
+
+
+def test_what_heights_make_is_laid_to_them(tmp_path: Path) -> None:
+    """A bore of the calibrated diameter is larger by what its heights make; where it is larger by
+    twice that and more the model or the calibration is at fault.
+    """
+    found = at_two_heights(tmp_path, "z", calibrated=True)
+    larger = found.leaning[0].larger
+    for off, heights in ((1.1 * larger, True), (2.2 * larger, False), (-1.1 * larger, False)):
+        for before, code in ((0.5 * off, "errors-grown"), (2 * off, "errors-left")):
+            sizes = tuple(
+                replace(own, u=1e-6, size=(own.reference + before, own.reference + off))
+                for own in found.sizes
+            )
+            told = [w for w in warnings(replace(found, sizes=sizes)) if w.code.startswith("errors")]
+            assert [w.code for w in told] == [code]
+            message = told[0].message
+            assert ("points of ring lie at different heights: a bore is" in message) == heights
+            assert ("calibrated_mm" in message) != heights

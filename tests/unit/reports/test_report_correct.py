@@ -201,6 +201,19 @@ def test_errors_that_the_correction_leaves_are_told(tmp_path: Path) -> None:
     assert not [item for item in warnings(right) if item.code.startswith("errors-")]
 
 
+def test_the_worst_of_what_is_left_is_farthest_beyond_its_uncertainty(tmp_path: Path) -> None:
+    """Not the one that is farthest off."""
+    found = result(tmp_path, calibrated_mm="180.1134")
+    first = found.sizes[0]
+    far, sure = (
+        replace(first, id=id, u=u, dof=np.inf, size=(first.reference + 0.1, first.reference + off))
+        for id, off, u in (("far", 0.05, 0.02), ("sure", 0.04, 0.001))
+    )
+    (told,) = (w for w in warnings(replace(found, sizes=(far, sure))) if w.code == "errors-left")
+    assert "the mean errors of far, sure are" in told.message
+    assert "(sure: 40 um" in told.message
+
+
 def test_notes_are_of_the_circles_that_are_calibrated_and_of_those_that_are_not(
     tmp_path: Path,
 ) -> None:

@@ -1,0 +1,36 @@
+"""What correct says of circles whose points lie at different heights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mtu_cli.analyses.correct.leaning import Leaning
+from mtu_cli.model.settings import Warned
+from mtu_cli.reports.document import listed
+from mtu_cli.reports.numbers import significant
+from mtu_cli.units import UM
+
+
+def heights_differ(leaning: Sequence[Leaning]) -> list[Warned]:
+    """A warning for each direction that heights differ along."""
+    found = []
+    for axis in dict.fromkeys(own.axis for own in leaning):
+        items = [own for own in leaning if own.axis == axis]
+        worst = max(items, key=lambda own: own.larger)
+        where = "the bore, which is inclined" if axis is None else axis
+        # Without z a circle is that of x and y: of another direction it is none.
+        mend = "touch it at one height" + (", or leave out z_mm" if axis == "z" else "")
+        text = (
+            f"the points of {listed(map(_label, items))} lie at different heights along {where} "
+            f"({_label(worst)}: the plane through them leans by "
+            f"{significant(float(np.degrees(worst.angle)))} degrees): a bore that does not lean is "
+            f"oval in it, and {significant(worst.larger / UM)} um larger: {mend}"
+        )
+        found.append(Warned(code="heights-differ", message=text))
+    return found
+
+
+def _label(own: Leaning) -> str:
+    return f"{own.operation} {own.id}".strip()
