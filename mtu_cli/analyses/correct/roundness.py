@@ -27,6 +27,7 @@ from mtu_cli.analyses.correct.scatter import (
     squares_along,
 )
 from mtu_cli.analyses.correct.strain import Levers, along, contrasts, levers_of, matrix, with_u
+from mtu_cli.model.geometry import DIMENSIONS
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.stats.coverage import welch_satterthwaite
@@ -35,6 +36,10 @@ from mtu_cli.stats.least_squares import FloatArray
 
 TOLD = 0.2
 """Share of a difference of diameters that a ring may not show where it is named."""
+MOST = 0.5
+"""Share of T^2 that a cause must take away where it is named: what a ring shows of it by chance is
+not what makes it oval. Of causes at right angles no other takes more.
+"""
 PLACE_DIGITS = 2
 """Of a unit vector: points that agree in these stand at one place."""
 FEWEST_PLACES = 9
@@ -148,7 +153,7 @@ def _judged(shape: Shape, scatter: PointScatter | None) -> tuple[float, Oval]:
         return 1.0, nothing
     of_model = np.maximum(np.diag(by_model), 0.0)
     P = _p(square, of_model, np.diag(by_points), (mean.dof, scatter_dof))
-    return P, _named(nothing, mean.radius, levers.basis, f, V)
+    return P, _named(nothing, mean, levers.basis, f, V)
 
 
 def _is_bare(mean: Shape) -> bool:
@@ -191,24 +196,38 @@ def _scatter_of(
     return max(variance, NOTHING_MM**2), dof
 
 
-def _named(nothing: Oval, radius: float, basis: FloatArray, f: FloatArray, V: FloatArray) -> Oval:
-    """The surest of the differences of diameters that the ring shows."""
-    best, found = 0.0, None
+def _named(nothing: Oval, mean: Shape, basis: FloatArray, f: FloatArray, V: FloatArray) -> Oval:
+    """The surest of the differences of diameters that the ring shows, and that are most of what
+    there is (`MOST`).
+    """
+    best, found, d = 0.0, None, 2 * mean.radius
     for i, j, shear, contrast in contrasts():
         own = basis.T @ contrast
         if contrast @ contrast - own @ own > TOLD**2 * (contrast @ contrast):
             continue
         size, u = with_u(contrast, basis, f, V)
-        if abs(size) > best * u:
+        if abs(size) > best * u and _share(own, f, V) >= MOST:
             best, found = abs(size) / u, (i, j, shear, size, u)
     if found is None:
-        _, e = np.linalg.eigh(matrix(basis @ f))
-        size, u = with_u(along(e[:, 2]) - along(e[:, 0]), basis, f, V)
-        return replace(nothing, longer=2 * radius * size, u=2 * radius * u)
+        # Of the diameters that there are: a circle's lie in its plane.
+        own = np.linalg.svd(mean.away)[2][: DIMENSIONS[mean.kind]]
+        e = np.linalg.eigh(own @ matrix(basis @ f) @ own.T)[1].T @ own
+        size, u = with_u(along(e[-1]) - along(e[0]), basis, f, V)
+        return replace(nothing, longer=d * size, u=d * u)
     i, j, shear, size, u = found
     if size < 0 and not shear:
         i, j, size = j, i, -size
     return replace(
-        nothing, axes=(AXES[i], AXES[j]), shear=shear, longer=2 * radius * abs(size),
-        u=2 * radius * u, size=size,
+        nothing, axes=(AXES[i], AXES[j]), shear=shear, longer=d * abs(size), u=d * u, size=size,
     )  # fmt: skip
+
+
+def _share(g: FloatArray, f: FloatArray, V: FloatArray) -> float:
+    """Share of T^2 of a strain f (p,) that a multiple of g (p,), which one cause alone makes, takes
+    away at most: (g'V^-1 f)^2 / (g'V^-1 g f'V^-1 f).
+    """
+    # By correlations, as T^2 itself is had (`squared_distance`), which is had of V here.
+    unit = np.sqrt(np.diag(V))
+    values, vectors = np.linalg.eigh(V / np.outer(unit, unit))
+    a, b = (vectors.T @ (x / unit) / np.sqrt(values) for x in (g, f))
+    return float((a @ b) ** 2 / ((a @ a) * (b @ b)))
