@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from mtu_cli.analyses.correct.roundness import Oval
@@ -10,6 +10,9 @@ from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import listed, um
 from mtu_cli.reports.numbers import plus_minus
 from mtu_cli.units import PARAMETER_UNITS, UM
+
+SHOWN = 6
+"""Rings that contradict each other, named one by one."""
 
 
 def document_of(own: Oval) -> dict[str, Any]:
@@ -41,21 +44,63 @@ def ovals_left(ovals: Sequence[Oval]) -> list[Warned]:
     """The warning of rings that an ellipse is left of: a squareness does not show in a diameter."""
     if not ovals:
         return []
-    names = [_label(own) for own in ovals]
-    worst = max(ovals, key=lambda own: own.longer)
-    longer = f"{plus_minus(worst.longer / UM, worst.u / UM)} um"
-    told = _directions(worst)
-    if told is None:
-        how = f"its longest diameter is {longer} more than its shortest"
-    else:
-        how = f"{longer} longer along {told[0]} than along {told[1]}"
+    names = list(dict.fromkeys(map(_label, ovals)))
     verb, its = ("stays", "its") if len(names) == 1 else ("stay", "their")
     text = (
         f"after the correction {listed(names)} {verb} oval, by more than {its} points scatter and "
-        f"the model is uncertain ({_label(worst)}: {how}): it is not round itself, or the model "
-        f"lacks {_lacks(worst)} (`mtu close-loop` tells)"
+        "the model is uncertain"
     )
-    return [Warned(code="oval-left", message=text)]
+    if _contradict(ovals):
+        # One of each direction at least, then the others.
+        worst = _worst_of_each(_directions, ovals)
+        worst = [*worst, *(own for own in ovals if own not in worst)][:SHOWN]
+        text += (
+            f", and not alike ({'; '.join(map(_longer, worst))}): what the model lacks "
+            "everywhere would be of one sign: they are not round themselves, or it lacks what "
+            "differs from place to place"
+        )
+    else:
+        worst = _worst_of_each(_cause, ovals)
+        itself = "it is not round itself" if len(names) == 1 else "they are not round themselves"
+        text += f" ({'; '.join(map(_longer, worst))}): {itself}, or the model lacks {_lack(worst)}"
+    return [Warned(code="oval-left", message=f"{text} (`mtu close-loop` tells)")]
+
+
+def _cause(own: Oval) -> tuple[tuple[str, ...], bool]:
+    """The axes of a squareness or scale, () where none is told, and whether it is a squareness."""
+    return tuple(sorted(own.axes or ())), own.shear
+
+
+def _contradict(ovals: Sequence[Oval]) -> bool:
+    """Whether rings show one cause with both signs: what a machine does everywhere has one."""
+    named = [own for own in ovals if own.axes is not None]
+    return len({(_cause(own), _directions(own)) for own in named}) > len(set(map(_cause, named)))
+
+
+def _worst_of_each(key: Callable[[Oval], object], ovals: Sequence[Oval]) -> list[Oval]:
+    """The rings that are the longest of their key, the longest first."""
+    found: dict[object, Oval] = {}
+    for own in sorted(ovals, key=lambda own: -own.longer):
+        found.setdefault(key(own), own)
+    return list(found.values())
+
+
+def _longer(own: Oval) -> str:
+    """By what a ring is oval."""
+    longer, told = f"{plus_minus(own.longer / UM, own.u / UM)} um", _directions(own)
+    if told is None:
+        return f"{_label(own)}: its longest diameter is {longer} more than its shortest"
+    return f"{_label(own)}: {longer} longer along {told[0]} than along {told[1]}"
+
+
+def _lack(worst: Sequence[Oval]) -> str:
+    """What the model may lack, of the worst ring of each cause."""
+    named = [own for own in worst if own.axes is not None]
+    if not named:
+        return "a squareness or a scale"
+    if len(worst) == 1:
+        return _lacks(worst[0])
+    return " and ".join(f"{_lacks(own)} ({_label(own)})" for own in named)
 
 
 def _label(own: Oval) -> str:
@@ -80,10 +125,8 @@ def _size(own: Oval) -> tuple[float, float, str]:
 
 
 def _lacks(own: Oval) -> str:
-    if own.axes is None:
-        return "a squareness or a scale"
     value, u, unit = _size(own)
-    a, b = sorted(own.axes)
+    a, b = _cause(own)[0]
     size = f"{plus_minus(value, u)} {unit}"
     if own.shear:
         return f"a squareness of {a} and {b} of {size}"

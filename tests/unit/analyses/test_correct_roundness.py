@@ -23,12 +23,16 @@ from correct_shapes import (
     sheared,
     together,
 )
+from model_examples import stated
 from scipy.stats import binom, f
 
-from mtu_cli.analyses.correct import correct
+from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.roundness import Oval, ovals
+from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import Origin, PointScatter
+from mtu_cli.analyses.correct.sizes import sizes_of
 from mtu_cli.analyses.correct.strain import levers_of
+from mtu_cli.analyses.correct.wanted import tasks_of, wanted_of
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.correct import document, warnings
 
@@ -150,6 +154,35 @@ def test_the_fewest_degrees_of_freedom_of_any_direction_count() -> None:
     square = f.isf(ALPHA, 2, dof - 1) * 2 * dof / (dof - 1)
     K = s**2 * np.outer(wave, wave)
     assert just_told(n, s * np.sqrt(square), known(), K=K, dof=dof) == (False, True)
+
+
+STRAINING = """\
+components:
+  px: {of: x, unit: um, coefficients: [0, 0], covariance: [[0.04, 0], [0, 1e-4]], dof: 8}
+  sq: {unit: urad, coefficients: [50], covariance: [[9]], dof: 3}
+equations:
+  Ex: px + y*sq
+  Ey: 0*px
+"""
+
+
+def test_of_a_ring_the_strain_of_fewest_degrees_of_freedom_counts(tmp_path: Path) -> None:
+    """A scale of x with eight and a squareness with three (Welch-Satterthwaite of both)."""
+    model, true = stated(tmp_path, STRAINING), ring_places()
+    points = ring_points(true, ["p"])
+    tasks, _ = tasks_of(wanted_of(ring_part(tmp_path), points, {})[0], points)
+    places = np.nan_to_num(points.measured)
+    rows = RowErrors(model=model, points=points, places=places, covariates={}, independent=False)
+    _, rings = sizes_of(tasks, rows, points.measured)
+    (own,) = rings.shapes.values()
+    levers = levers_of("circle", own.radius, own.away)
+    assert levers is not None
+    along = levers.estimator * own.away[:, 0]
+    scale = along.sum(axis=1) ** 2 * 0.04 + (along @ true[:, 0]) ** 2 * 1e-4
+    square = (along @ true[:, 1]) ** 2 * 9e-6
+    each = (scale + square) ** 2 / (scale**2 / 8 + square**2 / 3)
+    assert each.max() > 1.5 * each.min()
+    assert own.dof == pytest.approx(each.min(), rel=1e-9)
 
 
 def test_of_several_visits_the_fewest_degrees_of_freedom_count() -> None:
@@ -448,3 +481,48 @@ def test_an_oval_of_no_axes_is_told_without_a_cause(tmp_path: Path) -> None:
     )
     assert "the model lacks a squareness or a scale (" in told.message
     assert document(replace(found, ovals=(plain,)))["ovals"][0]["may_lack"] is None
+
+
+def named(id: str, **own: Any) -> Oval:
+    """A ring, 8 um longer along x + y than along x - y."""
+    one = Oval(
+        kind="circle", id=id, operation="", axes=("x", "y"), shear=True, longer=8e-3, u=5e-4,
+        size=8e-5,
+    )  # fmt: skip
+    return replace(one, **own)
+
+
+def left(found: CorrectResult, *rings: Oval) -> str:
+    (told,) = (w for w in warnings(replace(found, ovals=rings)) if w.code == "oval-left")
+    return told.message
+
+
+def test_rings_that_contradict_each_other_are_laid_to_no_one_cause(tmp_path: Path) -> None:
+    found = lacking(tmp_path, np.zeros((3, 3)))
+    one, other = named("b"), named("c", longer=7e-3, size=-7e-5)
+    message = left(found, one, other)
+    assert "b: 8.00 ± 0.50 um longer along x + y than along x - y" in message
+    assert "c: 7.00 ± 0.50 um longer along x - y than along x + y" in message
+    assert "not alike" in message
+    assert "arcsec" not in message
+    # Of many rings both directions are shown.
+    many = [named(f"b{i}") for i in range(9)]
+    message = left(found, *many, other)
+    assert "c: 7.00 ± 0.50 um longer along x - y" in message
+    assert message.count("longer along") == 6
+    # Of one scale, too; rings of one sign have one cause, whatever is not named beside them.
+    scale = named("b", shear=False)
+    assert "not alike" in left(found, scale, named("c", shear=False, axes=("y", "x")))
+    alike = left(found, one, named("c", longer=6e-3), named("d", axes=None, size=0.0))
+    assert "not alike" not in alike
+    assert "a squareness of x and y of 16.5 ± 1.0 arcsec (b)" in alike
+
+
+def test_rings_of_several_causes_name_each(tmp_path: Path) -> None:
+    """Rings about other axes show other squarenesses: they do not contradict each other."""
+    found = lacking(tmp_path, np.zeros((3, 3)))
+    message = left(found, named("b"), named("c", axes=("x", "z"), size=-8e-5))
+    assert "not alike" not in message
+    assert "c: 8.00 ± 0.50 um longer along x - z than along x + z" in message
+    assert "a squareness of x and y of 16.5 ± 1.0 arcsec (b)" in message
+    assert "a squareness of x and z of 16.5 ± 1.0 arcsec (c)" in message
