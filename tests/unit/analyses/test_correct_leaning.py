@@ -81,6 +81,12 @@ def test_a_bore_that_is_drawn_inclined_is_along_its_drawing(degrees: float, digi
     assert abs(bore(points) @ axis) == pytest.approx(1.0, abs=(4 * off) ** 2)
 
 
+def test_points_on_a_line_or_without_heights_tell_no_bore() -> None:
+    line = np.outer(np.arange(4.0), [1.0, 2.0, 3.0])
+    unknown = np.column_stack([ring(6), np.full(6, np.nan)])
+    assert bore(line).tolist() == bore(unknown).tolist() == [0.0, 0.0, 0.0]
+
+
 def test_a_bore_at_45_degrees_may_be_touched_at_two_heights() -> None:
     """Half a millimetre apart along it: its plane leans by no more than their first harmonic."""
     points, axis = tilted(45.0)
