@@ -25,8 +25,6 @@ it leans by heights of the points' own: of any two heights of five or more point
 leaves a ninth at least (three high and three low of six), of points at other angles less."""
 LEAST_MM = 1e-5
 """A bore that is larger by less is no larger to anybody."""
-
-
 ALONG = np.radians(1.0)
 """A bore that is inclined by less is along an axis of the machine."""
 
