@@ -10,6 +10,7 @@ from mtu_cli.errors import did_you_mean
 from mtu_cli.files.budget_checks import check_coverage, check_inputs, check_joint
 from mtu_cli.files.budget_contract import Budget, Contribution, Correlation, Coverage, Input
 from mtu_cli.files.budget_fahrenheit import unconverted
+from mtu_cli.files.budget_ones import beside_ones
 from mtu_cli.files.budget_readings import reading_notices
 from mtu_cli.files.budget_sizes import check_sizes
 from mtu_cli.files.budget_units import BudgetUnits
@@ -172,10 +173,13 @@ def _check_tree_units(
 ) -> None:
     """What is at fault whichever of its `units` a g is."""
     first, *others = units
-    columns = [{error.column for error in own.faults(tree)} for own in others]
-    for error in first.faults(tree):
-        if all(error.column in own for own in columns):
-            _add(findings, place, error)
+    found, *also = ([*beside_ones(own, tree)] or [*own.faults(tree)] for own in units)
+    columns = [{error.column for error in own} for own in also]
+    shared = [error for error in found if all(error.column in own for own in columns)]
+    for error in shared:
+        _add(findings, place, error)
+    if shared:
+        return
     if place == ("equation",):
         stated, path = (budget.quantity.unit if budget.quantity else None), ("quantity", "unit")
     else:

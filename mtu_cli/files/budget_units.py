@@ -130,7 +130,7 @@ class BudgetUnits:
             found = self.of(tree, sure)
             if found is None:
                 continue
-            if _differ(found, wanted) if sure else _sizes_differ(found, wanted):
+            if _differ(found, wanted) if sure else sizes_differ(found, wanted):
                 return self._given(tree, found, stated, wanted)
         return None
 
@@ -139,11 +139,11 @@ class BudgetUnits:
             one, other = self.of(left, sure), self.of(right, sure)
             if one is None or other is None:
                 continue
-            if _differ(one, other) if sure else _sizes_differ(one, other):
+            if _differ(one, other) if sure else sizes_differ(one, other):
                 first, second = self.text(one), self.text(other)
                 hint = "terms of one unit"
                 if not _differ(one, other):
-                    factor = _times(other[SIZE] - one[SIZE])
+                    factor = times(other[SIZE] - one[SIZE])
                     hint = f"one unit: what is in {second} {factor}"
                 yield EquationError(f"{first} and {second} {verb}", column, hint)
                 return
@@ -156,10 +156,10 @@ class BudgetUnits:
             found = self.of(argument, sure)
             if found is None:
                 continue
-            if _differ(found, {}) if sure else _sizes_differ(found, {SIZE: 0.0}):
+            if _differ(found, {}) if sure else sizes_differ(found, {SIZE: 0.0}):
                 hint = "a plain number, or an angle in rad"
                 if not _differ(found, {}):
-                    hint += f": what is inside {_times(found[SIZE])}"
+                    hint += f": what is inside {times(found[SIZE])}"
                 column = first_column(argument)
                 yield EquationError(f"{of} {self.text(found)}", column, hint, shown(argument))
                 return
@@ -172,7 +172,7 @@ class BudgetUnits:
             angle = stated.casefold().rstrip("s").endswith(ANGLES)
             told = told.replace("plain numbers", "rad" if angle else "plain numbers")
             off = found[SIZE] - wanted[SIZE]
-            ways = [] if self._has_shift(tree) else [f"the equation {_times(off)}"]
+            ways = [] if self._has_shift(tree) else [f"the equation {times(off)}"]
             if told.startswith(BARE):
                 told, *others = self._like(stated, found) or (f"{BARE} {10.0**off:.6g} {stated}",)
                 ways += others
@@ -203,7 +203,7 @@ class BudgetUnits:
         sums = [item for item in walk(tree) if isinstance(item, Binary) and item.operator in "+-"]
         sides = [pair for item in sums for pair in permutations((item.left, item.right))]
         beside = [self.of(other, sure=False) for side, other in sides if isinstance(side, Number)]
-        return any(found is None or _sizes_differ(found, {SIZE: 0.0}) for found in beside)
+        return any(found is None or sizes_differ(found, {SIZE: 0.0}) for found in beside)
 
     def of(self, node: Node, sure: bool) -> dict[str, float] | None:
         """Exponents of what a term gives; None where they are not known, or disagree within it.
@@ -280,15 +280,15 @@ def _differ(one: Exponents, other: Exponents) -> bool:
 
 
 def _same(one: Exponents, other: Exponents) -> bool:
-    return not _differ(one, other) and not _sizes_differ(one, other)
+    return not _differ(one, other) and not sizes_differ(one, other)
 
 
-def _sizes_differ(one: Exponents, other: Exponents) -> bool:
+def sizes_differ(one: Exponents, other: Exponents) -> bool:
     """Whether two units of one dimension are not the same; of several dimensions they may be."""
     return not _differ(one, other) and abs(one[SIZE] - other[SIZE]) > SAME
 
 
-def _times(logarithm: float) -> str:
+def times(logarithm: float) -> str:
     """A factor in words: times 0.0254, times pi/180, divided by 1000."""
     ratio = 10.0**logarithm
     for text, value in (("180/pi", 180 / math.pi), ("pi/180", math.pi / 180)):

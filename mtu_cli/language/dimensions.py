@@ -150,7 +150,7 @@ def exponent(node: Node, scale: Scale) -> Exponent:
             return scale.times(own[0], 0.5 if function == "sqrt" else 1)
         case Binary("+" | "-", left, right, column):
             return _of_sum(left, right, column, scale)
-        case Binary("**", base, power) if (value := _literal(power)) is not None:
+        case Binary("**", base, power) if (value := literal_value(power)) is not None:
             return scale.times(exponent(base, scale), value)
         case Binary("*" | "/" as operator, left, right):
             return _of_product(left, right, operator, scale)
@@ -166,17 +166,17 @@ def _of_product(left: Node, right: Node, operator: str, scale: Scale) -> Exponen
 
 
 def _of_factor(node: Node, scale: Scale) -> Exponent:
-    value = _literal(node)
+    value = literal_value(node)
     return exponent(node, scale) if value is None else scale.literal(value)
 
 
-def _literal(node: Node) -> float | None:
+def literal_value(node: Node) -> float | None:
     """The value of a number, which a template that was filled in may have negated."""
     match node:
         case Number(value):
             return value
         case Negative(operand):
-            inner = _literal(operand)
+            inner = literal_value(operand)
             return None if inner is None else -inner
     return None
 
@@ -185,7 +185,7 @@ def _of_sum(left: Node, right: Node, column: int, scale: Scale) -> Exponent:
     first, second = exponent(left, scale), exponent(right, scale)
     # What is added to 1 is a plain number: in 1 + x/500 the 500 may be mm.
     for literal, other in ((left, right), (right, left)):
-        if _literal(literal) in (1.0, -1.0) and _has_literal_factor(other):
+        if literal_value(literal) in (1.0, -1.0) and _has_literal_factor(other):
             return UNKNOWN
     return _sum(first, second, column, scale)
 
@@ -196,7 +196,7 @@ def _has_literal_factor(node: Node) -> bool:
             return _has_literal_factor(operand)
         case Binary("*" | "/", left, right):
             factors = (left, right)
-            return any(_literal(f) is not None or _has_literal_factor(f) for f in factors)
+            return any(literal_value(f) is not None or _has_literal_factor(f) for f in factors)
     return False
 
 

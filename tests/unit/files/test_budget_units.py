@@ -231,8 +231,23 @@ MM = {"h": "mm", "L": "mm"}
             {"F": "N", "b": "mm", "h": "mm"},
             "gives MPa: 'kN/m\u00b2'; expected the equation times 1000, or MPa here",
         ),
-        # 1 + 12 ppm is no 1.000012, and no factor mends that.
-        ("L*(1 + a*t)", "mm", {"L": "mm", "a": "ppm/K", "t": "K"}, "gives nm: 'mm'; expected nm"),
+        # 1 + 12 ppm is no 1.000012, and no other unit of the result mends that.
+        *(
+            (
+                equation,
+                unit,
+                {"L": "mm", "h": "mm", "a": ratio, "t": "K"},
+                f"the plain number 1 and {told} are added at column {column}: '{term}'; expected "
+                f"plain numbers: what is in {told} divided by {by}",
+            )
+            for equation, unit, ratio, told, column, term, by in (
+                ("L*(1 + a*t)", "mm", "ppm/K", "ppm", 8, "a*t", 1000000),
+                ("L*(1 + a*t)", "nm", "um/m/K", "ppm", 8, "a*t", 1000000),
+                ("L*(a*t - 1)", "mm", "um/m/K", "ppm", 4, "a*t", 1000000),
+                ("L*sqrt(1 - 2*a) + h", "mm", "%", "%", 12, "2*a", 100),
+                ("L*(1 + a)", "m", "mm/m", "mm/m", 8, "a", 1000),
+            )
+        ),
     ],
 )
 def test_what_disagrees_is_refused(
@@ -252,6 +267,13 @@ def test_what_disagrees_is_refused(
         ("h + L/1000", "mm", {"h": "mm", "L": "um"}),
         ("1000*V/I", "ohm", {"V": "V", "I": "mA"}),
         ("L*(1 + a*(t - 20))", "mm", {"L": "mm", "a": "1/K", "t": "degC"}),
+        ("L*(1 + a*t/1000000)", "mm", {"L": "mm", "a": "um/m/K", "t": "K"}),
+        ("L*(1 + a/100)", "mm", {"L": "mm", "a": "%"}),
+        ("100*(1 + a)", "%", {"a": "1"}),
+        # 1 deg, 1 mrad, and 99 %: whatever they are, they are no 100 %.
+        ("a - 1", "deg", {"a": "deg"}),
+        ("1 + a", "mrad", {"a": "mrad"}),
+        ("100 - a", "%", {"a": "%"}),
         ("(h - L)*a*(t - 20)", "nm", MM | {"a": "um/(m K)", "t": "degC"}),
         ("(h - L)*(a - 11.5/1000000)*(t - 20)", "mm", MM | {"a": "1/degC", "t": "degC"}),
         ("L/(1 + a*(t - 20)) + 0.003", "mm", {"L": "mm", "a": "1/K", "t": "degC"}),
