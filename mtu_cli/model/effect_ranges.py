@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.files.covariates import is_temperature
 from mtu_cli.language import names, parse
 from mtu_cli.model.design import design, places, theta
 from mtu_cli.model.effect_parameters import EFFECT_MARK, DeclaredEffect
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
 
 SLACK = 0.1
 """Share of the range seen that may be exceeded without a word."""
+SLACK_K = 0.5
+"""A thermometer reads another temperature by as much, and nothing is said: of parts that were all
+made at one."""
 SAME = 1e-9
 """Relative; a column that did not change is told from another value by more."""
 LARGE_MM = 1.0
@@ -132,7 +136,11 @@ def outside_seen(
             given = np.atleast_1d(np.asarray(values.get(column, np.nan), float))
             given = given[np.isfinite(given)]
             beyond = np.maximum(low - given, given - high)
-            slack = max(SLACK * (high - low), SAME * max(abs(low), abs(high)))
+            slack = max(
+                SLACK * (high - low),
+                SAME * max(abs(low), abs(high)),
+                SLACK_K if column in effect.within and is_temperature(column) else 0.0,
+            )
             if len(given) and beyond.max() > slack:
                 worst = float(given[int(np.argmax(beyond))])
                 found.setdefault(_Left(column, low, high, worst), []).append(effect)

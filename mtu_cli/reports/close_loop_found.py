@@ -32,6 +32,7 @@ def effect_of(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
         "equations": dict(effect.equations),
         "parameters": _parameters(effect),
         "otherwise": [_otherwise(own) for own in effect.otherwise],
+        "found_at_degC": dict(effect.found_at),
         "searched": _searched(effect),
         "alike": [finite(value) for value in effect.alike],
         "p_familywise": finite(effect.p_familywise),

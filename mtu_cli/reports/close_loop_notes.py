@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import TableResult
 from mtu_cli.analyses.close_loop.shown import things
+from mtu_cli.files.part import REFERENCE_TEMPERATURE
 from mtu_cli.reports.close_loop_shown import plural, something_left, stays
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import p_value
@@ -25,6 +26,24 @@ MEANINGS = {
 COPY = " is a copy of "
 COPIED = ": the two cannot be told apart"
 """What the note of a candidate says of a column that is, and how it ends."""
+
+
+def found_at_notes(item: TableResult) -> list[str]:
+    """Of effects that may be those of a temperature that did not change."""
+    found: dict[tuple[tuple[str, float], ...], list[str]] = {}
+    for effect in item.effects:
+        if effect.found_at:
+            found.setdefault(effect.found_at, []).append(effect.name)
+    notes = []
+    for at, names in found.items():
+        where = listed([f"{name} = {T:g}" for name, T in at])
+        what, those = ("is that", "it is") if len(names) == 1 else ("are those", "they are")
+        notes.append(
+            f"{listed(names)} {what} of {where}, the temperature of all this data: what {those} at "
+            f"{REFERENCE_TEMPERATURE:g} degC, and how much of it comes with the temperature, only "
+            "parts made at another one tell"
+        )
+    return notes
 
 
 def of_p(p: float) -> str:

@@ -30,6 +30,7 @@ from mtu_cli.analyses.close_loop.held_out import (
 )
 from mtu_cli.analyses.close_loop.left_mean import with_left
 from mtu_cli.analyses.close_loop.neutral_point import neutral_points
+from mtu_cli.analyses.close_loop.one_temperature import with_temperature
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.otherwise import with_otherwise
 from mtu_cli.analyses.close_loop.own_constant import owners_of, with_own_constants
@@ -85,7 +86,7 @@ def loop_on(
     first, out = _all_searched(given, candidates, library, alpha=alpha, most=most, seed=seed)
     told, table, found = _told(first, out, library, seed), first.prepared.table, first.found
     scored, fired, twice = _scored(told, out, given), found.fired(alpha), twofold(told)
-    (described, others), covariance = _described(told, library, seed), joint_covariance(told)
+    described, others, covariance = _described(told, candidates, library, seed)
     result = TableResult(
         table=table,
         verdict=verdict_of(found, described, (*fired, *twice)),
@@ -172,13 +173,16 @@ def _told(first: Searched, out: HeldOut | None, library: EffectLibrary, seed: in
 
 
 def _described(
-    told: Described, library: EffectLibrary, seed: int
-) -> tuple[tuple[FoundEffect, ...], tuple[Instead, ...]]:
-    """The effects found, with their rivals; and what each rival would be in their place."""
+    told: Described, candidates: Sequence[Candidate], library: EffectLibrary, seed: int
+) -> tuple[tuple[FoundEffect, ...], tuple[Instead, ...], FloatArray]:
+    """The effects found, with their rivals; what each rival would be in their place; and the
+    joint covariance.
+    """
     planned = experiments(told.effects, told.found, library=library)
     alone = with_other_pitches(told, found_effects(told, planned), library)
     others = all_instead(told, alone, library, seed)
-    return with_otherwise(told, with_rivals(alone, others)), others
+    found = with_otherwise(told, with_rivals(alone, others))
+    return with_temperature(told, found, candidates), others, joint_covariance(told)
 
 
 def _searched(

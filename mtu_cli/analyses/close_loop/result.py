@@ -72,6 +72,7 @@ class FoundEffect:
     are those of `class_names` that a scatter cannot be mistaken for: as likely as it, but other
     findings. `unnamed` is the posterior of drifts and fields without a name in its place.
     `otherwise`: it is told with its u if there is none of these beside it.
+    `found_at` are temperatures (name, degC) that it may be an effect of and that did not change.
     `inseparable`: no further parts tell its class apart. `folds` counts the held-out folds that
     chose it, or another of its class, of `of_folds`.
     """
@@ -106,6 +107,7 @@ class FoundEffect:
     unnamed: float = 0.0
     otherwise: tuple[Otherwise, ...] = ()
     levels: int = 0
+    found_at: tuple[tuple[str, float], ...] = ()
 
     @property
     def sizes(self) -> tuple[tuple[str, str, float, float], ...]:
@@ -116,7 +118,7 @@ class FoundEffect:
     def holds_within(self) -> tuple[str, ...]:
         """Columns that its equations do not have, and beyond whose range it is a guess."""
         own = (o.covariate for o in self.otherwise if o.at_reference and o.covariate is not None)
-        return tuple(dict.fromkeys(own))
+        return tuple(dict.fromkeys([*own, *(name for name, _ in self.found_at)]))
 
     @property
     def candidates(self) -> tuple[str, ...]:

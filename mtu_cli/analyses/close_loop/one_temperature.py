@@ -1,0 +1,60 @@
+"""Effects of parts that were all made at one temperature, which is not that of ISO 1.
+
+Where no temperature changes none of its effects can be tested: a growth is a scale then, a drift an
+offset, a change of an angle a squareness, and how large these are at 20 degC nobody knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.describe import Described
+from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.files.covariates import is_temperature
+from mtu_cli.files.part import REFERENCE_TEMPERATURE
+from mtu_cli.model.effect_candidate import Candidate
+from mtu_cli.model.residual_table import ResidualTable
+
+LOOKS_LIKE = {
+    "scale": "thermal-growth",
+    "squareness": "thermal-squareness",
+    "offset": "thermal-drift",
+}
+"""The family of a temperature that is the same as another where the temperature does not change."""
+FAR_K = 0.5
+"""A thermometer's own matter: parts made as near to 20 degC are of 20 degC."""
+
+
+def with_temperature(
+    told: Described, effects: Sequence[FoundEffect], candidates: Sequence[Candidate]
+) -> tuple[FoundEffect, ...]:
+    """The effects, each with the temperatures `found_at` that it may be an effect of by one of the
+    `candidates`, and that did not change.
+    """
+    untested = {(own.family, own.axis) for own in candidates if own.unavailable is not None}
+    at = tuple(_constant(told.prepared.table))
+    axes = told.prepared.table.axes
+    found, place = [], 0
+    for step, effect in zip(told.found.steps, effects, strict=True):
+        levels = [axes[own.axis] for own in told.effects.levels if own.owner == place]
+        place += step.member >= 0
+        families = {(LOOKS_LIKE.get(effect.family, ""), effect.axis)}
+        families |= {(LOOKS_LIKE["offset"], axis) for axis in levels}
+        shared = effect.component is None and not untested.isdisjoint(families)
+        found.append(replace(effect, found_at=at) if shared else effect)
+    return tuple(found)
+
+
+def _constant(table: ResidualTable) -> list[tuple[str, float]]:
+    """The temperatures that did not change and are far from 20 degC."""
+    found = []
+    for name, column in table.covariates.items():
+        values = np.broadcast_to(column, table.there.shape)[table.there]
+        if is_temperature(name) and len(values) and np.isfinite(values).all():
+            T = float(values[0])
+            if np.ptp(values) == 0 and abs(T - REFERENCE_TEMPERATURE) > FAR_K:
+                found.append((name, T))
+    return found

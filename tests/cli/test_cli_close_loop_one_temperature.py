@@ -1,0 +1,107 @@
+"""`mtu close-loop` on parts of one temperature, and what is foretold at another."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli_runner import done, mtu
+
+MACHINE = """schema: mtu/machine/1
+name: mill
+components:
+  px: {of: x, unit: um, coefficients: [0]}
+  py: {of: y, unit: um, coefficients: [0]}
+equations: {Ex: px, Ey: py}
+"""
+PLACES = [(20, 15), (140, 140), (265, 290), (380, 30), (35, 270), (150, 20), (270, 150), (390, 280)]
+SCALE, ANGLE, SHIFT = 60.0, 40.0, 15.0
+"""um/m, um/m and um."""
+
+
+def study(folder: Path, T: tuple[float, float], lacks: str, name: str = "T_room_degC") -> None:
+    """Twelve parts made at temperatures between two, on a machine that lacks one effect."""
+    rng = np.random.default_rng(5)
+    (folder / "machine.yaml").write_text(MACHINE, "utf-8")
+    features = "".join(f"  h{i}: {{x_mm: {x}, y_mm: {y}}}\n" for i, (x, y) in enumerate(PLACES))
+    part = "schema: mtu/part/1\nname: plate\nfeatures:\n" + features
+    (folder / "part.yaml").write_text(part + "lengths:\n  - {from: h0, to: h3}\n", "utf-8")
+    rows = [f"part,feature,x_mm,y_mm,{name}"]
+    for number, degrees in enumerate(rng.permutation(np.linspace(*T, 12)), 1):
+        for i, (x, y) in enumerate(PLACES):
+            ex, ey = rng.normal(0, 1.3, 2)
+            ex += SCALE * 1e-3 * (x - 200) if lacks == "scale" else 0.0
+            ex += SHIFT if lacks in ("offset", "step") else 0.0
+            ex += SHIFT if lacks == "step" and number > 6 else 0.0
+            ex += ANGLE * 1e-3 * (y - 150) if lacks == "squareness" else 0.0
+            rows.append(f"{number},h{i},{x + ex / 1e3:.5f},{y + ey / 1e3:.5f},{degrees:.2f}")
+    (folder / "cmm.csv").write_text("\n".join(rows) + "\n", "utf-8")
+
+
+def closed(folder: Path, *more: str) -> tuple[dict[str, Any], str]:
+    """The results of the loop, which wrote m.yaml, and what it printed, in one line."""
+    result = mtu(
+        "close-loop", "-m", "machine.yaml", "--part", "part.yaml", "--cmm", "cmm.csv", *more,
+        "--write-machine", "m.yaml", "-o", "o.json", cwd=folder,
+    )  # fmt: skip
+    text = " ".join(done(result).stdout.split())
+    return json.loads((folder / "o.json").read_text("utf-8"))["results"], text
+
+
+def warned(folder: Path, *at: str) -> list[tuple[str, str]]:
+    """Codes and words of the warnings of lengths by the machine written."""
+    command = ("lengths", "-m", "m.yaml", "--part", "part.yaml", "-o", "l.json")
+    done(mtu(*command, *(word for own in at for word in ("--at", own)), cwd=folder))
+    told = json.loads((folder / "l.json").read_text("utf-8"))["warnings"]
+    return [(w["code"], w["message"]) for w in told if "effect" in w["code"]]
+
+
+@pytest.mark.parametrize("lacks", ["scale", "offset", "squareness", "step"])
+def test_what_parts_of_one_temperature_show_is_that_of_it(lacks: str, tmp_path: Path) -> None:
+    study(tmp_path, (26.0, 26.0), lacks)
+    found, text = closed(tmp_path)
+    (effect,) = found["effects"]
+    assert effect["family"] == lacks
+    # The step itself is of no temperature: its level is.
+    assert ("level" in effect["parameters"]) == (lacks == "step")
+    assert effect["found_at_degC"] == {"T_room_degC": 26.0}
+    said = f"{effect['name']} is that of T_room_degC = 26, the temperature of all this data: what "
+    assert f"{said}it is at 20 degC" in text
+    assert "T_room_degC: [26.0, 26.0]" in (tmp_path / "m.yaml").read_text("utf-8")
+    # Half a kelvin is a thermometer's matter.
+    last = ["sequence=12"] if lacks == "step" else []
+    assert warned(tmp_path, "T_room_degC=26.4", *last) == []
+    ((code, words),) = warned(tmp_path, "T_room_degC=20", *last)
+    assert code == "outside-effect-range"
+    assert f"({effect['name']}) was found with T_room_degC at 26: what it says at 20" in words
+    ((code, words),) = warned(tmp_path, *last)
+    assert code == "effect-range-unknown"
+    assert "holds with T_room_degC at 26, of which no value is given" in words
+
+
+@pytest.mark.parametrize(
+    ("T", "name"), [((20.4, 20.4), "T_room_degC"), ((26.0, 26.0), "pressure_bar")]
+)
+def test_at_20_degC_and_of_other_columns_nothing_is_told(
+    T: tuple[float, float], name: str, tmp_path: Path
+) -> None:
+    study(tmp_path, T, "scale", name)
+    found, text = closed(tmp_path)
+    assert found["effects"][0]["found_at_degC"] == {}
+    assert "the temperature of all this data" not in text
+    assert "within" not in (tmp_path / "m.yaml").read_text("utf-8")
+    assert warned(tmp_path) == []
+
+
+def test_what_cannot_be_of_a_temperature_is_of_none(tmp_path: Path) -> None:
+    """A growth that is excluded, and a temperature that changes, which tells the growth."""
+    study(tmp_path, (26.0, 26.0), "scale")
+    found, _ = closed(tmp_path, "--exclude", "thermal-growth")
+    assert found["effects"][0]["found_at_degC"] == {}
+    study(tmp_path, (24.0, 28.0), "scale")
+    found, text = closed(tmp_path)
+    assert all(effect["found_at_degC"] == {} for effect in found["effects"])
+    assert "the temperature of all this data" not in text
