@@ -93,7 +93,7 @@ def _doubts(result: CloseLoopResult, written: bool) -> list[Warned]:
     """Of a machine that holds an effect which is one of several, or only a hint."""
     doubts = {
         CLASS: "of effects that this data cannot tell apart, the likeliest is written",
-        UNEXPLAINED: "what is written is a hint: something is there that no effect describes",
+        UNEXPLAINED: "what is written is a hint: something may be there that no effect describes",
     }
     if not written or result.verdict not in doubts or not result.effects:
         return []

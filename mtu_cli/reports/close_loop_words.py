@@ -103,7 +103,10 @@ def _unexplained(item: TableResult) -> str:
     p = dict(item.checks)
     fired = [f"{MEANINGS[n].format(**mass)} ({n}, p {of_p(p[n])})" for n in item.fired]
     if item.without_name:
-        fired.append("a smooth drift or field explains as much as a named effect does")
+        fired.append(
+            "smooth drifts or fields without a name explain as much as the names do, or are likely "
+            "in the place of one or beside them"
+        )
     fired += [
         f"{name} fits only twice over, in two forms that no one cause has at once, and together "
         "they are a shape without a name"
@@ -119,7 +122,9 @@ def _unexplained(item: TableResult) -> str:
     sure, rest_of = _sure(item)
     known = "; ".join(said.named for said in sure)
     beside = "Beside that something" if sure else "Something"
-    text = f"{beside} is there that no effect of the library describes: {'; '.join(fired)}."
+    # What only might have no name is no more than that.
+    is_there = "is there" if item.fired or item.twofold else "may be there"
+    text = f"{beside} {is_there} that no effect of the library describes: {'; '.join(fired)}."
     first = [f"{capital(known, item)}."] if sure else []
     return " ".join([*first, text, *_hint(item, rest_of), *_set_up(item), left, *_by_column(item)])
 
