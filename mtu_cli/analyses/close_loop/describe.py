@@ -232,10 +232,8 @@ def _aliases(told: Described, step: Step) -> tuple[str, ...]:
     """Other candidates that hold the found columns."""
     prepared = told.effects.prepared
     beside = tuple(m for m in told.effects.members if m != step.member)
-    owners = np.repeat(
-        np.arange(len(prepared.scan.columns)), [len(own) for own in prepared.scan.columns]
-    )
-    found = sorted({int(owners[m]) for m in aliases_of(prepared, step, beside)})
+    owners = prepared.scan.owners()
+    found = sorted({owners[m] for m in aliases_of(prepared, step, beside)})
     return tuple(prepared.candidates[i].name for i in found)
 
 

@@ -1,15 +1,20 @@
 """Whether an effect of several axes is of one size along all of them.
 
 A growth of all axes is found before those of single ones where two of three grow alike: the third
-would then be said to grow, and a scale that takes it off again be found beside it.
+would then be said to grow, and a scale that takes it off again be found beside it. Sizes b (k,) of
+the axes, with covariance V, agree by d = C b, C the k - 1 contrasts b_1 - b_i:
+F = d' (C V C')^-1 d / (k - 1), the general linear hypothesis (Rao 1973, 4b.2).
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.jointly import jointly
 from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.same_in_all import vary_alike
 from mtu_cli.analyses.close_loop.state import State, Step
 from mtu_cli.stats.column_groups import MemberColumns
 from mtu_cli.stats.joint_test import p_of_none
@@ -22,19 +27,39 @@ DISAGREES = 0.01
 
 
 def is_one_size(state: State, step: Step) -> bool:
-    """Whether the axes of a step agree in its size, beside what was found; True of one axis."""
+    """Whether the axes of a step agree in its size, beside what was found; True of one axis. Where
+    one of them was found by itself, in whatever form, they do not: what is left of it is no size.
+    """
     prepared = state.prepared
     if step.member < 0 or prepared.candidates[step.index].family not in FAMILIES:
         return True
     split = _by_axis(prepared, step.member)
     if len(split) < 2:
         return True
+    scan, flat = prepared.scan, prepared.scan.flat()
+    found = [column for member in state.members for column in flat[member]]
+    if any(vary_alike(scan, own, column) for (own,) in split for column in found):
+        return False
     _, fit = jointly(prepared, [*split, *prepared.whole(state.members)])
     k = len(split)
     contrasts = np.column_stack([np.ones(k - 1), -np.eye(k - 1)])
     d, V = contrasts @ fit.beta[:k], contrasts @ fit.covariance[:k, :k] @ contrasts.T
     p = p_of_none(d, V, float(fit.dof[:k].min()))
     return p is None or p >= DISAGREES
+
+
+def of_all_axes(prepared: Prepared, index: int, others: Sequence[int]) -> frozenset[int]:
+    """Candidates of all axes that do not stand for a candidate found (`index`), as the growth of
+    one axis is among those found beside it (`others`): each axis has its own size then. Beside
+    that one they are the growth of the other axes, but with a size that nobody has.
+    """
+    known = [prepared.candidates[i] for i in others if i < len(prepared.candidates)]
+    alone = {one.family for one in known if one.family in FAMILIES and one.axis is not None}
+    return frozenset(
+        i
+        for i, one in enumerate(prepared.candidates)
+        if i != index and one.family in alone and one.axis is None
+    )
 
 
 def _by_axis(prepared: Prepared, member: int) -> list[MemberColumns]:

@@ -65,6 +65,10 @@ class Scan:
                 yield index, m, member
                 m += 1
 
+    def owners(self) -> list[int]:
+        """The candidate's index of each of them."""
+        return [index for index, _, _ in self.walk()]
+
     def pack(self, found: Sequence[MemberColumns] = ()) -> Packed:
         """The mean candidates beside what was found."""
         return packed(

@@ -10,7 +10,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.causes import causes, levels_of
 from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence
 from mtu_cli.analyses.close_loop.needless import needless
-from mtu_cli.analyses.close_loop.one_size import is_one_size
+from mtu_cli.analyses.close_loop.one_size import is_one_size, of_all_axes
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.ranking import posterior_of, ranked, scores_of
 from mtu_cli.analyses.close_loop.same_in_all import with_constants
@@ -77,7 +77,7 @@ def search(
         steps, stopped = _forward(state, steps, alpha, most, left_out)
     looked = state.looked
     steps, too_many = with_constants(prepared, gate, steps, alpha, most, unsure)
-    steps = _without_found(_beside_others(prepared, steps))
+    steps = _without_found(prepared, _beside_others(prepared, steps))
     return Search(
         steps=tuple(steps),
         p=first_p,
@@ -150,6 +150,7 @@ def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
                 state.take_out(step)
         # Another form of a cause that is there in any case is no rival.
         others = {step.index for step in steps if step is not own}
+        others |= of_all_axes(prepared, own.index, [*others])
         scores = scores_of(state.look(), state.done | others)
         scores[prepared.scan.tested :] = -np.inf
         beside = ranked(prepared.scan, own, scores, state.looked.unnamed)
@@ -168,15 +169,15 @@ def _hidden(prepared: Prepared, step: Step, steps: Sequence[Step]) -> Column | N
     return own[0] if any(hides(scan, column, own[0]) for column in others) else None
 
 
-def _without_found(steps: list[Step]) -> list[Step]:
-    """The steps without the others in their classes: what was found itself is no rival."""
+def _without_found(prepared: Prepared, steps: list[Step]) -> list[Step]:
+    """The steps without the others in their classes: what was found itself is no rival, nor is what
+    it rules out (`of_all_axes`).
+    """
     found = {step.index for step in steps}
+    out = [found | of_all_axes(prepared, step.index, [*found]) for step in steps]
     return [
-        replace(
-            step,
-            credible=tuple(i for i in step.credible if i == step.index or i not in found),
-        )
-        for step in steps
+        replace(step, credible=tuple(i for i in step.credible if i == step.index or i not in own))
+        for step, own in zip(steps, out, strict=True)
     ]
 
 

@@ -9,8 +9,12 @@ import pytest
 from effect_tables import table
 from loop_bench.folds import LIBRARY
 from scipy.stats import binom
+from scipy.stats import t as student
 
-from mtu_cli.analyses.close_loop.one_size import DISAGREES, is_one_size
+from mtu_cli.analyses.close_loop.added import added
+from mtu_cli.analyses.close_loop.classes import class_of
+from mtu_cli.analyses.close_loop.jointly import jointly
+from mtu_cli.analyses.close_loop.one_size import DISAGREES, _by_axis, is_one_size, of_all_axes
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
@@ -86,3 +90,66 @@ def test_effects_of_one_axis_and_offsets_are_of_one_size() -> None:
     first = sum(len(columns) for columns in prepared.scan.columns[:index])
     assert is_one_size(looked(prepared), replace(own, index=index, member=first))
     assert is_one_size(looked(prepared), replace(own, member=-1))
+
+
+@pytest.mark.parametrize("form", ["- 20)", "- 23)"])
+@pytest.mark.parametrize("seed", range(3))
+def test_beside_the_growth_of_one_axis_there_is_no_growth_of_all(seed: int, form: str) -> None:
+    """Of X that grows twice as much as Y half stays when X was found: that is no size."""
+    prepared = day(seed, (22e-6, 11e-6))
+    own, state = common(prepared), looked(prepared)
+    index = prepared.scan.names.index("thermal-growth-x")
+    (member,) = (
+        m
+        for i, m, _ in prepared.scan.walk()
+        if i == index and form in prepared.members[m].equations["Ex"]
+    )
+    state.take_out(replace(own, index=index, member=member))
+    assert not is_one_size(state, own)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_where_each_axis_grows_by_itself_a_growth_of_all_is_no_rival(seed: int) -> None:
+    prepared = day(seed, (24e-6, 12e-6))
+    seen = search(prepared, calibrated(prepared.scan, 299, 1), alpha=0.05, most=5)
+    names = [prepared.candidates[own.index].name for own in seen.steps]
+    assert {"thermal-growth-x", "thermal-growth-y"} <= set(names)
+    every = {prepared.candidates[i].name for own in seen.steps for i in own.credible}
+    assert "thermal-growth" not in every
+    found = added(prepared, seen, 1)
+    for step in seen.steps:
+        if step.member >= 0:
+            assert (
+                prepared.scan.names.index("thermal-growth")
+                not in class_of(found.prepared, seen, step).members
+            )
+
+
+def test_what_rules_out_a_growth_of_all_axes() -> None:
+    """The growth of one axis beside it; it does not where it was found itself, or stands alone."""
+    prepared = day(1, (11e-6, 11e-6))
+    every, x, y, drift = (
+        prepared.scan.names.index(name)
+        for name in ("thermal-growth", "thermal-growth-x", "thermal-growth-y", "thermal-drift-x")
+    )
+    assert of_all_axes(prepared, x, [y]) == {every}
+    assert of_all_axes(prepared, drift, [x, len(prepared.candidates) + 1]) == {every}
+    assert of_all_axes(prepared, every, [x, y]) == set()
+    assert of_all_axes(prepared, x, [drift, every]) == set()
+
+
+def test_sizes_agree_by_the_F_of_their_difference() -> None:
+    """Of two axes it is the square of Student's t of what their slopes differ by."""
+    seen = set()
+    for seed in range(20):
+        prepared = day(seed, (11e-6, 12.2e-6))
+        state, own = looked(prepared), common(prepared)
+        split = _by_axis(prepared, own.member)
+        _, fit = jointly(prepared, split)
+        d = fit.beta[0] - fit.beta[1]
+        C = fit.covariance
+        t = abs(d) / np.sqrt(C[0, 0] + C[1, 1] - 2 * C[0, 1])
+        p = 2 * student.sf(t, fit.dof.min())
+        assert is_one_size(state, own) == (p >= DISAGREES)
+        seen.add(bool(p >= DISAGREES))
+    assert seen == {True, False}
