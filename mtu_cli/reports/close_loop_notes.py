@@ -5,14 +5,25 @@ from __future__ import annotations
 from mtu_cli.analyses.close_loop.result import TableResult
 from mtu_cli.analyses.close_loop.shown import things
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
-from mtu_cli.reports.close_loop_shown import plural, something_left, stays
+from mtu_cli.reports.close_loop_shown import (
+    OF_TEMPERATURES,
+    growth_alone_notes,
+    held_notes,
+    one_cause_notes,
+    parameters_of,
+    plural,
+    something_left,
+    stays,
+)
 from mtu_cli.reports.document import listed
-from mtu_cli.reports.numbers import p_value
+from mtu_cli.reports.numbers import p_value, plus_minus
 
 LEVEL = (
     "level: the constant of an equation and no effect of its own: the error where the effects of "
     "its axis are 0. Beside a growth or a drift it holds their constant part and any offset"
 )
+SURE_LEVEL = 3.0
+"""Times its u from which on a level is told from 0."""
 MEANINGS = {
     "interaction-pattern": "the {columns} share a pattern that some {rows} have more of",
     "serial-correlation": "{rows} follow one another too smoothly to be scatter",
@@ -28,7 +39,33 @@ COPIED = ": the two cannot be told apart"
 """What the note of a candidate says of a column that is, and how it ends."""
 
 
-def found_at_notes(item: TableResult) -> list[str]:
+def effect_notes(item: TableResult) -> list[str]:
+    """What the effects are counted from, and on what their figures depend."""
+    return [
+        *one_cause_notes(item),
+        *growth_alone_notes(item),
+        *held_notes(item),
+        *_level_notes(item),
+        *_found_at_notes(item),
+    ]
+
+
+def _level_notes(item: TableResult) -> list[str]:
+    """Of levels that are told from 0, of effects that have no constant part: they are offsets."""
+    notes = []
+    for effect in item.effects:
+        for own in parameters_of(effect)[len(effect.sizes) :]:
+            axis = next((e for e, text in effect.equations.items() if text.endswith(own.name)), "")
+            if effect.family in OF_TEMPERATURES or abs(own.value) < SURE_LEVEL * own.u:
+                continue
+            notes.append(
+                f"{effect.name}: its {own.name} is an offset of {axis[1:].upper()}, "
+                f"{plus_minus(own.value, own.u)} {own.unit}, which is written with it"
+            )
+    return notes
+
+
+def _found_at_notes(item: TableResult) -> list[str]:
     """Of effects that may be those of a temperature that did not change."""
     found: dict[tuple[tuple[str, float], ...], list[str]] = {}
     for effect in item.effects:

@@ -29,6 +29,11 @@ LIKELY = 0.95
 """Posterior above which one name is told before what has none."""
 
 
+DRIFTS = "thermal-drift"
+OF_TEMPERATURES = (DRIFTS, "thermal-growth", "thermal-squareness")
+FITS_BETTER = f"that fits better than {REFERENCE_TEMPERATURE:g} degC"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shown:
     """A parameter in the unit it is shown in, with its 95 % interval."""
@@ -193,15 +198,17 @@ def _left_notes(item: TableResult) -> list[str]:
 
 
 def _mean_of_day_notes(item: TableResult) -> list[str]:
-    """Of a growth that is 0 at the mean temperature of the data and not at 20 degC (ISO 1)."""
+    """Of what a temperature makes that is 0 at the mean of the data and not at 20 degC (ISO 1)."""
     notes = []
-    for effect in (e for e in item.effects if e.family in ("thermal-growth", "thermal-squareness")):
+    for effect in (e for e in item.effects if e.family in OF_TEMPERATURES):
+        # A drift has no other form: beside it any constant is an offset or a level.
+        why = "what is constant is an offset" if effect.family == DRIFTS else FITS_BETTER
         start = re.compile(rf"{re.escape(effect.covariate or '')} - ([\d.]+)")
         told = [start.search(equation) for equation in effect.equations.values()]
         zeros = {float(found[1]) for found in told if found} - {REFERENCE_TEMPERATURE}
         notes += [
             f"{effect.name} is counted from {effect.covariate} = {significant(zero, 4)}, the mean "
-            f"of the data: that fits better than {REFERENCE_TEMPERATURE:g} degC"
+            f"of the data: {why}"
             for zero in sorted(zeros)
         ]
     return notes

@@ -23,15 +23,12 @@ from mtu_cli.analyses.close_loop.shown import (
     things,
 )
 from mtu_cli.reports.close_loop_effects import direction_text, searched_text
-from mtu_cli.reports.close_loop_notes import LEVEL, copied, found_at_notes, left_text, untested
+from mtu_cli.reports.close_loop_notes import LEVEL, copied, effect_notes, left_text, untested
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,
     first_table,
-    growth_alone_notes,
-    held_notes,
     in_words,
-    one_cause_notes,
     parameters_of,
     plural,
     ranked,
@@ -118,8 +115,7 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
     ways = [(e.name, direction_text(e, item)) for item in result.tables for e in item.effects]
     notes += dict.fromkeys(f"{name}: {way}" for name, way in ways if way is not None)
     for item in result.tables:
-        notes += [*one_cause_notes(item), *growth_alone_notes(item), *held_notes(item)]
-        notes += found_at_notes(item)
+        notes += effect_notes(item)
     if any(effect.levels for effect in result.effects):
         notes.insert(0, LEVEL)
     return notes

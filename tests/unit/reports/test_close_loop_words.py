@@ -641,3 +641,26 @@ def test_sizes_that_no_error_has_are_not_told_as_what_would_have_been_found() ->
     text = verdict_text(replace(base, candidates=absurd), result(base))
     assert "5000" not in text
     assert "would have been found; 1 more hardly." in text
+
+
+def test_a_level_that_is_told_from_none_is_an_offset_of_its_axis() -> None:
+    def shown(family: str, level: float) -> str:
+        own = effect(
+            f"{family}-y",
+            parameters=(("size", "um", 2.05, 0.15), ("level", "um", level, 0.8)),
+            equations={"Ey": "size*dir_y + level"},
+        )
+        return " ".join(plain_text(table(result(on_table("named", (own,))))).split())
+
+    said = "its level is an offset of Y, -12.30 ± 0.80 um, which is written with it"
+    assert f"backlash-y: {said}" in shown("backlash", -12.3)
+    assert "its level is" not in shown("backlash", -2.3)
+    # A drift has a constant part of its own, from the mean of the data on.
+    assert "its level is" not in shown("thermal-drift", -12.3)
+
+
+def test_what_a_drift_is_counted_from_is_told() -> None:
+    zero = "drift*(T_spindle_degC - 20.38)"
+    shown = plain_text(table(grown(replace(DRIFTS, equations={"Ex": zero}))))
+    said = "is counted from T_spindle_degC = 20.38, the mean of the data: what is constant is an"
+    assert f"thermal-drift-x {said} offset" in " ".join(shown.split())
