@@ -38,6 +38,7 @@ SENTENCES = {
     "scale-trend": "{A} {grows} by {size} {each}",
     "wear-approach": "wear shifts {A} by {value} {each} against the direction of approach",
     "step": "{A} jumps by {value} from {row} {at} on",
+    "backlash-step": "{A} {loses} {twice} at reversal{sides}, from {row} {at} on",
     "operation": "{chosen} is shifted along {A} by {value}",
     "radial": "everything is shifted {outward} from the centre by {size}",
     "covariate": "{A} shifts by {value} per unit of {covariate}",
@@ -225,7 +226,7 @@ def direction_text(effect: FoundEffect, item: TableResult) -> str | None:
     shown = parameters_of(effect)
     if effect.family == "squareness":
         return "+ where the right angle is too small (of `mtu orthogonality`: too large)"
-    if effect.family != "backlash" or len(shown) != 1:
+    if effect.family not in ("backlash", "backlash-step") or len(shown) != 1:
         return None
     first, over = shown[0], shown[0].value >= 0
     size = _size(TWICE * abs(first.value), TWICE * first.u, first.unit)

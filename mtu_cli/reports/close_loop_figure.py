@@ -17,7 +17,7 @@ from mtu_cli.model.residual_cells import IntArray
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Plane
 from mtu_cli.reports.close_loop_arrows import SIDES, counted, draw_arrows, view_of
-from mtu_cli.reports.close_loop_curves import Curve, by_column, curves
+from mtu_cli.reports.close_loop_curves import MOST, Curve, by_column, curves
 from mtu_cli.reports.close_loop_levels import in_plane, maps_of, mean_errors, short_names
 from mtu_cli.reports.close_loop_panels import NAME, draw_curve
 from mtu_cli.reports.close_loop_shown import (
@@ -112,7 +112,8 @@ def _title(result: CloseLoopResult, item: TableResult) -> str:
         "class": names,
         "unexplained": _unexplained(item),
     }[item.verdict]
-    return shorten(f"Undeclared effects{of}: {text}", TITLE, placeholder=" ...")
+    drawn = f" ({MOST} of {len(item.effects)} drawn)" if len(item.effects) > MOST else ""
+    return shorten(f"Undeclared effects{of}: {text}", TITLE, placeholder=" ...") + drawn
 
 
 def _name(effect: FoundEffect) -> str:

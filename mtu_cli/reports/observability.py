@@ -152,8 +152,9 @@ def _repeatability(item: InstrumentFit) -> Check:
         return None
     return (
         "repeatability of one visit",
-        "nothing is repeated within a pass: all its scatter counts as pass-to-pass",
-        "read it at least twice in a pass, in the same set-up",
+        "nothing is repeated within a pass (a move from the other side is no repeat): all its "
+        "scatter counts as pass-to-pass",
+        "read it at least twice in a pass from the same side, in the same set-up",
     )
 
 

@@ -236,6 +236,9 @@ def test_missing_cells_are_not_drawn() -> None:
 def test_no_more_than_the_first_effects_are_drawn() -> None:
     own = tuple(effect() for _ in range(MOST + 1))
     assert len(curves(on_table("named", own))) == MOST
+    for count, said in ((MOST + 1, True), (MOST, False)):
+        title = figure(result(on_table("named", own[:count])))._suptitle.get_text()  # type: ignore[attr-defined]  # by matplotlib
+        assert title.endswith(f"({MOST} of {count} drawn)") == said
 
 
 def test_readings_are_drawn_over_the_position_a_line_each_direction() -> None:

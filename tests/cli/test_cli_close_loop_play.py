@@ -1,0 +1,54 @@
+"""`mtu close-loop` with the shipped file of lost motion that begins at one part."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_runner import done, mtu
+from support import CONFIGS
+
+MACHINE = """schema: mtu/machine/1
+name: mill
+components:
+  px: {of: x, unit: um, coefficients: [0]}
+  py: {of: y, unit: um, coefficients: [0]}
+equations: {Ex: px, Ey: py}
+"""
+PLACES = [(20, 15), (140, 140), (265, 290), (380, 30), (35, 270), (150, 20), (270, 150), (390, 280)]
+PLAY = 3.0
+"""um; half the reversal value."""
+
+
+@pytest.mark.parametrize("first", [6, 13])
+def test_lost_motion_from_one_part_on_is_told_with_its_part(first: int, tmp_path: Path) -> None:
+    """Of twenty parts, in which every hole is reached from both sides in turn."""
+    rng = np.random.default_rng(first)
+    (tmp_path / "machine.yaml").write_text(MACHINE, "utf-8")
+    features = "".join(f"  h{i}: {{x_mm: {x}, y_mm: {y}}}\n" for i, (x, y) in enumerate(PLACES))
+    text = "schema: mtu/part/1\nname: plate\nfeatures:\n" + features
+    (tmp_path / "part.yaml").write_text(text, "utf-8")
+    rows = ["part,feature,x_mm,y_mm,sequence,dir_x,dir_y"]
+    for part in range(1, 21):
+        for i, (x, y) in enumerate(PLACES):
+            way = (-1) ** (part + i), (-1) ** (part + i // 2)
+            ex, ey = rng.normal(0, 1.3e-3, 2)
+            ey += 1e-3 * PLAY * way[1] * (part >= first)
+            rows.append(f"{part},h{i},{x + ex:.5f},{y + ey:.5f},{part},{way[0]},{way[1]}")
+    (tmp_path / "cmm.csv").write_text("\n".join(rows) + "\n", "utf-8")
+    result = mtu(
+        "close-loop", "-m", "machine.yaml", "--part", "part.yaml", "--cmm", "cmm.csv",
+        "--effects", CONFIGS / "effects" / "backlash-step.yaml", "-o", "o.json",
+        cwd=tmp_path,
+    )  # fmt: skip
+    said = " ".join(done(result).stdout.split())
+    assert f"at reversal, too far from both sides, from part {first} on (backlash-step-y)" in said
+    assert "after a move to + Y stands" in said
+    found = json.loads((tmp_path / "o.json").read_text("utf-8"))["results"]
+    assert found["verdict"] == "named"
+    (effect,) = found["effects"]
+    play = effect["parameters"]["lost_motion"]
+    assert abs(play["value"] - PLAY) < 4 * play["u"]
+    assert play["u"] < 0.3
