@@ -8,7 +8,7 @@ import numpy as np
 
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.residual_covariates import Columns, Values, number
+from mtu_cli.model.residual_covariates import Columns, Values, number, used_columns
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
@@ -21,9 +21,7 @@ def with_effect_columns(
     effects have a range that they were found in; nan in cells that are no number.
     """
     found: Values = {}
-    for name in dict.fromkeys(name for effect in model.effects for name in effect.within):
-        if name in values:
-            continue
+    for name in used_columns(model):
         if name in columns:
             column = columns[name]
             own = map(number, column.tolist()) if column.dtype == object else column

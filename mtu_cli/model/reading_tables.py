@@ -18,10 +18,11 @@ from mtu_cli.model.reading_columns import reading_columns, reading_places
 from mtu_cli.model.reading_effects import effects_on_readings
 from mtu_cli.model.reading_layout import ReadingLayout, reading_layout
 from mtu_cli.model.residual_cells import IntArray, filled
-from mtu_cli.model.residual_covariates import check_temperatures, table_covariates
+from mtu_cli.model.residual_covariates import table_covariates
 from mtu_cli.model.residual_factors import CellModel, Values, cell_model
 from mtu_cli.model.residual_table import ResidualTable, within
 from mtu_cli.model.settings import Warned
+from mtu_cli.model.temperature_cells import check_temperatures
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.model.thermal_estimates import thermal_from_machine_file

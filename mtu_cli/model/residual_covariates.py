@@ -11,11 +11,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.covariates import (
-    HOTTEST_DEGC,
-    all_in_kelvin,
     closest_covariate,
-    expected_temperature,
-    is_temperature,
 )
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
@@ -26,10 +22,11 @@ from mtu_cli.model.measured import MOST_TOLD
 from mtu_cli.model.moments import moment_problem
 from mtu_cli.model.residual_cells import Cells, IntArray
 from mtu_cli.model.settings import Warned
+from mtu_cli.model.temperature_cells import cell_problem, no_temperatures
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
-    from mtu_cli.files.readings import Readings
+    pass
 
 ROUNDING = 1e-12
 """Means of repeats that differ by less than this share of their size are equal."""
@@ -136,18 +133,18 @@ def needed_covariates(
     Times are added where a drift lags behind its temperatures.
 
     Raises InputError for a covariate that is neither a column nor given, for its cells that are
-    empty, no number or no temperature of a machine, and for temperatures of one moment that
-    cannot both be right where a drift lags behind them, with their rows.
+    empty, no number or no temperature of a machine (nor in a column that an effect holds within),
+    and for temperatures of one moment that cannot both be right where a drift lags behind them,
+    with their rows.
     """
     values: Values = {}
     problems: list[Problem] = []
-    warnings: list[Warned] = []
+    for name in used_columns(model):
+        if name not in model.covariates() and name in columns:
+            problems += no_temperatures(points, name, columns[name])
     for name in model.covariates():
         if name in columns:
             values[name] = numbers_of(points, name, columns[name], problems)
-            if name in at:
-                text = f"the points' own column {name!r} is used, not --at {name}"
-                warnings.append(Warned(code="covariate-of-the-points", message=text))
         elif name in at:
             values[name] = at[name]
         else:
@@ -160,7 +157,23 @@ def needed_covariates(
         problems += _without_place(model, points, at_nominal=at_nominal)
     if problems:
         raise InputError(problems)
-    return Needed(values=values, warnings=tuple(warnings))
+    return Needed(values=values, warnings=tuple(_of_the_points(model, columns, at)))
+
+
+def _of_the_points(
+    model: MachineModel, columns: Columns, at: Mapping[str, float]
+) -> Iterator[Warned]:
+    """Of columns that `at` does not stand in for."""
+    for name in used_columns(model):
+        if name in columns and name in at:
+            text = f"the points' own column {name!r} is used, not --at {name}"
+            yield Warned(code="covariate-of-the-points", message=text)
+
+
+def used_columns(model: MachineModel) -> list[str]:
+    """The covariates of the equations, and those that tell where declared effects hold."""
+    within = (name for effect in model.effects for name in effect.within)
+    return list(dict.fromkeys([*model.covariates(), *within]))
 
 
 def _without_place(model: MachineModel, points: Points, *, at_nominal: bool) -> Iterator[Problem]:
@@ -225,51 +238,9 @@ def numbers_of(
         text = texts[i] if texts else ""
         what = "not a number" if text else "the cell is empty"
         expected = f"a number: {name!r} of every point is needed"
-        problems.append(_cell_problem(points, i, name, what, text or None, expected))
-    problems += _no_temperatures(points, name, found, chosen)
+        problems.append(cell_problem(points, i, name, what, text or None, expected))
+    problems += no_temperatures(points, name, found, chosen)
     return found
-
-
-def check_temperatures(measured: Points | Readings) -> None:
-    """Raises InputError for cells in any sensor's column that no sensor of a machine reads."""
-    every = np.arange(len(measured))
-    problems = [
-        problem
-        for name, column in measured.covariates.items()
-        if column.dtype != object
-        for problem in _no_temperatures(measured, name, column.astype(np.float64), every)
-    ]
-    if problems:
-        raise InputError(problems)
-
-
-def _no_temperatures(
-    measured: Points | Readings, name: str, values: FloatArray, rows: IntArray
-) -> list[Problem]:
-    if not is_temperature(name):
-        return []
-    far = rows[np.isfinite(values[rows]) & (np.abs(values[rows]) > HOTTEST_DEGC)]
-    what = "no temperature"
-    if all_in_kelvin(values[far].tolist()):
-        # A whole column in kelvin is one fault, though each cell has its own value.
-        what, far = f"{len(far)} of {len(rows)} cells are no temperatures", far[:1]
-    return [
-        _cell_problem(measured, i, name, what, f"{values[i]:g}", expected_temperature(values[i]))
-        for i in far[:MOST_TOLD].tolist()
-    ]
-
-
-def _cell_problem(
-    measured: Points | Readings, i: int, name: str, what: str, value: str | None, expected: str
-) -> Problem:
-    return Problem(
-        what=what,
-        file=measured.sources[measured.file_index[i]].shown,
-        row=int(measured.row[i]),
-        column="time" if name == TIME else name,
-        value=value,
-        expected=expected,
-    )
 
 
 def number(text: str) -> float:

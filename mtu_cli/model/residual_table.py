@@ -25,7 +25,6 @@ from mtu_cli.model.measured_checks import check_measured, not_measured, refuse_m
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.residual_cells import Cells, IntArray, filled
 from mtu_cli.model.residual_covariates import (
-    check_temperatures,
     needed_covariates,
     point_columns,
     table_covariates,
@@ -44,6 +43,7 @@ from mtu_cli.model.residual_layout import Layout, layout_of
 from mtu_cli.model.residual_visits import Visited, only_rows, visited_of
 from mtu_cli.model.resolution import resolution
 from mtu_cli.model.settings import Warned
+from mtu_cli.model.temperature_cells import check_temperatures
 from mtu_cli.model.visit_scatter import VisitScatter, visit_scatter
 from mtu_cli.model.written_errors import without_written_errors
 from mtu_cli.stats.least_squares import FloatArray

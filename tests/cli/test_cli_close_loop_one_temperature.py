@@ -105,3 +105,31 @@ def test_what_cannot_be_of_a_temperature_is_of_none(tmp_path: Path) -> None:
     found, text = closed(tmp_path)
     assert all(effect["found_at_degC"] == {} for effect in found["effects"])
     assert "the temperature of all this data" not in text
+
+
+def test_points_tell_by_their_own_column_where_an_effect_holds(tmp_path: Path) -> None:
+    study(tmp_path, (26.0, 26.0), "scale")
+    closed(tmp_path)
+    text = (tmp_path / "cmm.csv").read_text("utf-8")
+    command = ("-m", "m.yaml", "--part", "part.yaml", "--cmm", "other.csv", "-o", "c.json")
+
+    def warned_of(own: str, *more: str) -> list[str]:
+        (tmp_path / "other.csv").write_text(text.replace(",26.00", f",{own}"), "utf-8")
+        done(mtu(*more[:1], *command, *more[1:], cwd=tmp_path))
+        return [w["code"] for w in json.loads((tmp_path / "c.json").read_text("utf-8"))["warnings"]]
+
+    assert "outside-effect-range" not in warned_of("26.30", "compare")
+    assert "outside-effect-range" in warned_of("20.00", "compare")
+    # One value for all stands in for the column of compare; of the others the column counts.
+    codes = warned_of("20.00", "compare", "--at", "T_room_degC=26")
+    assert "outside-effect-range" not in codes
+    assert "covariate-overruled" in codes
+    for name in ("correct", "close-loop"):
+        codes = warned_of("20.00", name, "--at", "T_room_degC=26")
+        assert {"covariate-of-the-points", "outside-effect-range"} <= set(codes), name
+    (tmp_path / "c.json").unlink()
+    for name in ("compare", "correct", "close-loop"):
+        (tmp_path / "other.csv").write_text(text.replace(",26.00", ",-999", 1), "utf-8")
+        result = mtu(name, *command, cwd=tmp_path)
+        assert "row 2, column 'T_room_degC': no temperature: '-999'" in done(result, 2).stderr
+        assert not (tmp_path / "c.json").exists()

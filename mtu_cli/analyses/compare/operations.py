@@ -19,7 +19,7 @@ from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.length_geometry import differences, length_gradient
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.residual_covariates import needed_covariates, point_columns
+from mtu_cli.model.residual_covariates import needed_covariates, point_columns, used_columns
 from mtu_cli.model.residual_factors import PIECE
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
@@ -60,7 +60,7 @@ def predict_operations(model: MachineModel, points: Points, given: Mapping[str, 
     found: dict[str, Prediction] = {}
     known = with_effect_columns(model, values, columns, given)
     warnings = effect_warnings_at(model, points.nominal, known)
-    warnings += _overruled([x for x in model.covariates() if x in given and x in own_columns])
+    warnings += _overruled([x for x in used_columns(model) if x in given and x in own_columns])
     moving: set[str] = set()
     operations, operation = operations_of(points)
     for code, name in enumerate(operations):
