@@ -27,7 +27,7 @@ from mtu_cli.analyses.close_loop.same_strata import same_of
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.analyses.close_loop.varying import _alike, _shape
+from mtu_cli.analyses.close_loop.varying import _alike, _shape, _times, at_reference
 from mtu_cli.model.effect_library import candidates
 
 GROWTH, NOISE = 12e-6, 1.3e-3
@@ -370,6 +370,34 @@ def test_the_surest_of_several_has_the_p_of_all(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(varying, "_alike", lambda *_: iter(likes * 3))
     (three,) = described(prepared, scale).otherwise
     assert three.p == pytest.approx(1 - (1 - one.p) ** 3)
+
+
+@pytest.mark.parametrize("ends", [(25.7, 26.3), (20.0, 25.0)])
+def test_what_it_is_at_20_degC_is_the_same_whatever_the_growth_is_counted_from(
+    ends: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A scale and a growth span the same from 20 degC and from the mean of the day on."""
+    prepared, step = day(6, ends=ends)
+    scale = scale_step(prepared, step)
+    shape = _shape(prepared, scale)
+    assert shape is not None
+    (from_20,) = _alike(prepared, [scale], shape)
+    m = other_form(prepared, step)
+    found = _times(prepared.table, prepared.members[m], shape)
+    assert found is not None
+    from_mean = replace(from_20, member=m, ratio=found[0], zero=found[1], mean=found[2])
+    assert from_20.zero == pytest.approx(20.0)
+    assert from_mean.zero == pytest.approx(np.mean(ends))
+    told_at = []
+    for like in (from_20, from_mean):
+        monkeypatch.setattr(varying, "_alike", lambda *_, like=like: iter([like]))
+        told_at.append(at_reference(prepared, [scale], scale, (0.0, 1.0)))
+    one, other = told_at
+    assert one is not None
+    assert other is not None
+    assert other.value == pytest.approx(one.value, rel=1e-6)
+    assert other.u == pytest.approx(one.u, rel=1e-6)
+    assert other.p == pytest.approx(one.p, rel=1e-6)
 
 
 def test_what_is_found_is_not_told_of_again() -> None:
