@@ -10,7 +10,7 @@ from mtu_cli.analyses.close_loop.added import Added
 from mtu_cli.analyses.close_loop.estimate import estimate, raw_design
 from mtu_cli.analyses.close_loop.experiment import ALIAS, NO_RIVALS, Choice, choice
 from mtu_cli.analyses.close_loop.follow_up import as_it_is
-from mtu_cli.analyses.close_loop.one_size import of_all_axes
+from mtu_cli.analyses.close_loop.one_size import of_no_size
 from mtu_cli.analyses.close_loop.prepare import Prepared, without_rounding
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.separation import sight_of
@@ -112,17 +112,18 @@ def aliases_of(prepared: Prepared, step: Step, beside: tuple[int, ...]) -> list[
     whole = sight.left(effects)
     lies_in = {index for column in flat[step.member] for index in column}
     others, start = [], 0
-    owners = prepared.scan.owners()
-    never = of_all_axes(prepared, step.index, [owners[m] for m in beside])
+    never = of_no_size(prepared, [step.member, *beside])
     for family, members in enumerate(prepared.scan.columns):
         owned = range(start, start + len(members))
         start += len(members)
         # A cause that was found as well is there in any case: two forms of it, which differ by
         # the step's column, do not stand for the step.
-        if family in never or any(m in owned for m in beside):
+        if any(m in owned for m in beside):
             continue
         if family != step.index:
-            others += [m for m in owned if lies_in <= {i for c in flat[m] for i in c}]
+            others += [
+                m for m in owned if m not in never and lies_in <= {i for c in flat[m] for i in c}
+            ]
     found = []
     for m, columns in zip(
         others, sight.members(prepared.members[m].columns for m in others), strict=True

@@ -19,6 +19,7 @@ from mtu_cli.analyses.close_loop.state import State, Step
 from mtu_cli.stats.column_groups import MemberColumns
 from mtu_cli.stats.joint_test import p_of_none
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.stratified import StratifiedFit
 
 FAMILIES = ("thermal-growth",)
 """Those of which candidates of single axes stand beside the one of all."""
@@ -41,25 +42,43 @@ def is_one_size(state: State, step: Step) -> bool:
     if any(vary_alike(scan, own, column) for (own,) in split for column in found):
         return False
     _, fit = jointly(prepared, [*split, *prepared.whole(state.members)])
-    k = len(split)
-    contrasts = np.column_stack([np.ones(k - 1), -np.eye(k - 1)])
-    d, V = contrasts @ fit.beta[:k], contrasts @ fit.covariance[:k, :k] @ contrasts.T
-    p = p_of_none(d, V, float(fit.dof[:k].min()))
-    return p is None or p >= DISAGREES
+    return _agree(fit, range(len(split)))
 
 
-def of_all_axes(prepared: Prepared, index: int, others: Sequence[int]) -> frozenset[int]:
-    """Candidates of all axes that do not stand for a candidate found (`index`), as the growth of
-    one axis is among those found beside it (`others`): each axis has its own size then. Beside
-    that one they are the growth of the other axes, but with a size that nobody has.
+def of_no_size(prepared: Prepared, found: Sequence[int]) -> frozenset[int]:
+    """Members of all axes that are no rivals of the members `found`: among these are growths of
+    single axes with the same temperature, and they differ in size. Beside one of them those are the
+    growth of another axis, but with a size that nobody has.
     """
-    known = [prepared.candidates[i] for i in others if i < len(prepared.candidates)]
-    alone = {one.family for one in known if one.family in FAMILIES and one.axis is not None}
+    owners = prepared.scan.owners()
+    alone: dict[tuple[str, str | None], list[int]] = {}
+    start = 0
+    for m in found:
+        own, count = prepared.candidates[owners[m]], len(prepared.members[m].columns)
+        if own.family in FAMILIES and own.axis is not None and count == 1:
+            alone.setdefault((own.family, prepared.members[m].covariate), []).append(start)
+        start += count
+    several = {known: places for known, places in alone.items() if len(places) > 1}
+    if not several:
+        return frozenset()
+    _, fit = jointly(prepared, prepared.whole(found))
+    apart = {known for known, places in several.items() if not _agree(fit, places)}
     return frozenset(
-        i
-        for i, one in enumerate(prepared.candidates)
-        if i != index and one.family in alone and one.axis is None
+        m
+        for m, i in enumerate(owners)
+        if prepared.candidates[i].axis is None
+        and (prepared.candidates[i].family, prepared.members[m].covariate) in apart
     )
+
+
+def _agree(fit: StratifiedFit, places: Sequence[int]) -> bool:
+    """Whether coefficients are of one size; what cannot be told apart is."""
+    k = len(places)
+    contrasts = np.column_stack([np.ones(k - 1), -np.eye(k - 1)])
+    d = contrasts @ fit.beta[[*places]]
+    V = contrasts @ fit.covariance[np.ix_(places, places)] @ contrasts.T
+    p = p_of_none(d, V, float(fit.dof[[*places]].min()))
+    return p is None or p >= DISAGREES
 
 
 def _by_axis(prepared: Prepared, member: int) -> list[MemberColumns]:

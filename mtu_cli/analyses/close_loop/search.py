@@ -10,7 +10,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.causes import causes, levels_of
 from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence
 from mtu_cli.analyses.close_loop.needless import needless
-from mtu_cli.analyses.close_loop.one_size import is_one_size, of_all_axes
+from mtu_cli.analyses.close_loop.one_size import is_one_size, of_no_size
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.ranking import posterior_of, ranked, scores_of
 from mtu_cli.analyses.close_loop.same_in_all import with_constants
@@ -139,6 +139,7 @@ def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
     """The steps with their classes as they are beside all other effects."""
     if sum(step.member >= 0 for step in steps) < 2:
         return steps
+    never = of_no_size(prepared, [step.member for step in steps if step.member >= 0])
     found = []
     for own in steps:
         if own.member < 0:
@@ -150,8 +151,9 @@ def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
                 state.take_out(step)
         # Another form of a cause that is there in any case is no rival.
         others = {step.index for step in steps if step is not own}
-        others |= of_all_axes(prepared, own.index, [*others])
-        scores = scores_of(state.look(), state.done | others)
+        looked = state.look()
+        others |= {i for i, m in enumerate(looked.best.tolist()) if m in never and i != own.index}
+        scores = scores_of(looked, state.done | others)
         scores[prepared.scan.tested :] = -np.inf
         beside = ranked(prepared.scan, own, scores, state.looked.unnamed)
         # Its own evidence is that of both sizes, of which one is uncertain.
@@ -171,13 +173,15 @@ def _hidden(prepared: Prepared, step: Step, steps: Sequence[Step]) -> Column | N
 
 def _without_found(prepared: Prepared, steps: list[Step]) -> list[Step]:
     """The steps without the others in their classes: what was found itself is no rival, nor is what
-    it rules out (`of_all_axes`).
+    no axis has the size of, with all its members (`of_no_size`).
     """
-    found = {step.index for step in steps}
-    out = [found | of_all_axes(prepared, step.index, [*found]) for step in steps]
+    never = of_no_size(prepared, [step.member for step in steps if step.member >= 0])
+    owners = prepared.scan.owners()
+    alive = {i for m, i in enumerate(owners) if m not in never}
+    out = {step.index for step in steps} | (set(owners) - alive)
     return [
-        replace(step, credible=tuple(i for i in step.credible if i == step.index or i not in own))
-        for step, own in zip(steps, out, strict=True)
+        replace(step, credible=tuple(i for i in step.credible if i == step.index or i not in out))
+        for step in steps
     ]
 
 

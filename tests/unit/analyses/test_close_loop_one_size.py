@@ -14,7 +14,7 @@ from scipy.stats import t as student
 from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.classes import class_of
 from mtu_cli.analyses.close_loop.jointly import jointly
-from mtu_cli.analyses.close_loop.one_size import DISAGREES, _by_axis, is_one_size, of_all_axes
+from mtu_cli.analyses.close_loop.one_size import DISAGREES, _by_axis, is_one_size, of_no_size
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
@@ -30,15 +30,24 @@ FEW = replace(LIBRARY, families=tuple(
 ))  # fmt: skip
 
 
-def day(seed: int, growth: tuple[float, float]) -> Prepared:
-    """Twelve parts at 20 to 26 degC; each axis grows by its own, from 0 and 20 degC on."""
+def day(
+    seed: int,
+    growth: tuple[float, float],
+    sensors: tuple[str, ...] = ("T_room_degC",),
+    screw: float = 0.0,
+) -> Prepared:
+    """Twelve parts at 20 to 26 degC; each axis grows by its own, from 0 and 20 degC on, with the
+    first of the sensors, and X by `screw` more with the last.
+    """
     rng = np.random.default_rng(seed)
-    T = rng.permutation(np.linspace(20.0, 26.0, 12))[:, None]
-    own = table(12, 12, places=PLACES, covariates={"T_room_degC": T})
+    own_T = {name: rng.permutation(np.linspace(20.0, 26.0, 12))[:, None] for name in sensors}
+    T, last = own_T[sensors[0]], own_T[sensors[-1]]
+    own = table(12, 12, places=PLACES, covariates=own_T)
     own = replace(own, operations=("",), operation=np.zeros(12, np.int64))
     errors = rng.normal(0.0, 1.3e-3, own.errors.shape)
     for axis, g in enumerate(growth):
         errors[..., axis] += g * (T - 20.0) * PLACES[:, axis]
+    errors[..., 0] += screw * (last - 20.0) * PLACES[:, 0]
     return prepare(replace(own, errors=errors), candidates(own, FEW), own.pass_dof)
 
 
@@ -126,16 +135,42 @@ def test_where_each_axis_grows_by_itself_a_growth_of_all_is_no_rival(seed: int) 
 
 
 def test_what_rules_out_a_growth_of_all_axes() -> None:
-    """The growth of one axis beside it; it does not where it was found itself, or stands alone."""
-    prepared = day(1, (11e-6, 11e-6))
-    every, x, y, drift = (
-        prepared.scan.names.index(name)
-        for name in ("thermal-growth", "thermal-growth-x", "thermal-growth-y", "thermal-drift-x")
-    )
-    assert of_all_axes(prepared, x, [y]) == {every}
-    assert of_all_axes(prepared, drift, [x, len(prepared.candidates) + 1]) == {every}
-    assert of_all_axes(prepared, every, [x, y]) == set()
-    assert of_all_axes(prepared, x, [drift, every]) == set()
+    """Growths of two axes with one temperature that differ; of another one it may be there."""
+    screw, room = "T_screw_degC", "T_room_degC"
+    apart, alike = (day(1, own, (room, screw)) for own in ((24e-6, 12e-6), (11e-6, 11e-6)))
+
+    def members(prepared: Prepared, name: str, T: str) -> set[int]:
+        index = prepared.scan.names.index(name)
+        owned = (m for m, i in enumerate(prepared.scan.owners()) if i == index)
+        return {m for m in owned if prepared.members[m].covariate == T}
+
+    def never(prepared: Prepared, *known: tuple[str, str]) -> set[int]:
+        return set(of_no_size(prepared, [min(members(prepared, *own)) for own in known]))
+
+    x, y, drift = "thermal-growth-x", "thermal-growth-y", "thermal-drift-x"
+    out = members(apart, "thermal-growth", room)
+    assert out
+    assert never(apart, (x, room), (y, room)) == out
+    assert never(apart, (drift, room), (y, room), (x, room)) == out
+    assert never(apart, (x, room)) == never(apart) == set()
+    assert never(apart, (x, room), (y, screw)) == never(apart, (x, room), (drift, room)) == set()
+    assert never(alike, (x, room), (y, room)) == set()
+
+
+def test_a_growth_of_all_with_another_temperature_stays_a_rival() -> None:
+    """X grows with the screw, too: beside that a growth of all with the room is still told."""
+    for seed in range(6):
+        prepared = day(seed, (8e-6, 8e-6), ("T_room_degC", "T_screw_degC"), 12e-6)
+        seen = search(prepared, calibrated(prepared.scan, 299, 1), alpha=0.05, most=5)
+        common = prepared.scan.names.index("thermal-growth")
+        found = added(prepared, seen, 1)
+        told = {
+            index
+            for step in seen.steps
+            if step.member >= 0
+            for index in (*step.credible, *class_of(found.prepared, seen, step).members)
+        }
+        assert common in told
 
 
 def test_sizes_agree_by_the_F_of_their_difference() -> None:
