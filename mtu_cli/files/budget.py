@@ -173,18 +173,18 @@ def _check_tree_units(
 ) -> None:
     """What is at fault whichever of its `units` a g is."""
     first, *others = units
-    found, *also = ([*beside_ones(own, tree)] or [*own.faults(tree)] for own in units)
+    if place == ("equation",):
+        stated, path = (budget.quantity.unit if budget.quantity else None), ("quantity", "unit")
+    else:
+        output = str(place[-1])
+        stated, path = (budget.units or {}).get(output), ("units", output)
+    found, *also = ([*beside_ones(own, tree, stated)] or [*own.faults(tree)] for own in units)
     columns = [{error.column for error in own} for own in also]
     shared = [error for error in found if all(error.column in own for own in columns)]
     for error in shared:
         _add(findings, place, error)
     if shared:
         return
-    if place == ("equation",):
-        stated, path = (budget.quantity.unit if budget.quantity else None), ("quantity", "unit")
-    else:
-        output = str(place[-1])
-        stated, path = (budget.units or {}).get(output), ("units", output)
     fault = first.result_fault(tree, stated)
     if fault is not None and all(own.result_fault(tree, stated) for own in others):
         findings.add(path, fault.what, value=stated, expected=fault.expected)
