@@ -9,6 +9,10 @@ from mtu_cli.errors import SHOWN_ALIKE, closest
 
 DIRECTIONS = ("dir_x", "dir_y", "dir_z")
 COVARIATES = (*DIRECTIONS, "time_min", "sequence")
+STEADY_K = 0.05
+"""Range of a temperature that does not change: a thermometer reads as much from itself."""
+NEAR_K = 0.5
+"""Temperatures this near to one another are one to a shop."""
 HOTTEST_DEGC = 200.0
 """No sensor of a machine reads more, nor less than minus this; what a shop is in kelvin is more."""
 KELVIN = 273.15

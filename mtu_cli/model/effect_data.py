@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mtu_cli.files.contracts import is_identifier
-from mtu_cli.files.covariates import COVARIATES, is_temperature
+from mtu_cli.files.covariates import COVARIATES, STEADY_K, is_temperature
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.model.effect_candidate import FloatArray
 from mtu_cli.model.residual_table import ResidualTable
@@ -50,7 +50,7 @@ class TableData:
                 unusable.append(name)
             elif np.isfinite(value).all():
                 values[name] = np.atleast_2d(np.asarray(value, float))
-        changing = frozenset(n for n, v in values.items() if v.size > 1 and np.ptp(v) > 0.0)
+        changing = frozenset(n for n, v in values.items() if v.size > 1 and _changes(n, v))
         columns = [name for name in values if name not in POSITIONS]
         counts = [name for name in columns if _may_count(name) and _counts(values[name])]
         if table.component is not None and "time_min" in columns:
@@ -103,6 +103,10 @@ class TableData:
             if value.shape[axis] == 1:
                 measured = measured.sum(axis=axis, keepdims=True)
         return measured
+
+
+def _changes(name: str, values: FloatArray) -> bool:
+    return bool(np.ptp(values) > (STEADY_K if is_temperature(name) else 0.0))
 
 
 def compact(value: FloatArray) -> FloatArray:

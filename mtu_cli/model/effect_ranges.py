@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.files.covariates import is_temperature
+from mtu_cli.files.covariates import NEAR_K, is_temperature
 from mtu_cli.language import names, parse
 from mtu_cli.model.design import design, places, theta
 from mtu_cli.model.effect_parameters import EFFECT_MARK, DeclaredEffect
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 
 SLACK = 0.1
 """Share of the range seen that may be exceeded without a word."""
-SLACK_K = 0.5
-"""A thermometer reads another temperature by as much, and nothing is said: of parts that were all
-made at one."""
 SAME = 1e-9
 """Relative; a column that did not change is told from another value by more."""
 LARGE_MM = 1.0
@@ -139,7 +136,7 @@ def outside_seen(
             slack = max(
                 SLACK * (high - low),
                 SAME * max(abs(low), abs(high)),
-                SLACK_K if column in effect.within and is_temperature(column) else 0.0,
+                NEAR_K if column in effect.within and is_temperature(column) else 0.0,
             )
             if len(given) and beyond.max() > slack:
                 worst = float(given[int(np.argmax(beyond))])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mtu_cli.analyses.close_loop.one_temperature import LOOKS_LIKE
 from mtu_cli.analyses.close_loop.result import TableResult
 from mtu_cli.analyses.close_loop.shown import things
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
@@ -70,15 +71,18 @@ def _found_at_notes(item: TableResult) -> list[str]:
     found: dict[tuple[tuple[str, float], ...], list[str]] = {}
     for effect in item.effects:
         if effect.found_at:
-            found.setdefault(effect.found_at, []).append(effect.name)
+            of = "" if effect.family in LOOKS_LIKE else "the level of "
+            found.setdefault(effect.found_at, []).append(f"{of}{effect.name}")
     notes = []
     for at, names in found.items():
         where = listed([f"{name} = {T:g}" for name, T in at])
-        what, those = ("is that", "it is") if len(names) == 1 else ("are those", "they are")
+        what, those, it = ("is that", "it is", "it")
+        if len(names) > 1:
+            what, those, it = ("are those", "they are", "them")
         notes.append(
             f"{listed(names)} {what} of {where}, the temperature of all this data: what {those} at "
-            f"{REFERENCE_TEMPERATURE:g} degC, and how much of it comes with the temperature, only "
-            "parts made at another one tell"
+            f"{REFERENCE_TEMPERATURE:g} degC, and how much of {it} comes with the temperature, "
+            "only parts made at another one tell"
         )
     return notes
 

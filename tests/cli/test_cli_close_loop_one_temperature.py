@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,9 @@ def test_what_parts_of_one_temperature_show_is_that_of_it(lacks: str, tmp_path: 
     # The step itself is of no temperature: its level is.
     assert ("level" in effect["parameters"]) == (lacks == "step")
     assert effect["found_at_degC"] == {"T_room_degC": 26.0}
+    level = "the level of " if lacks == "step" else ""
     said = f"{effect['name']} is that of T_room_degC = 26, the temperature of all this data: what "
+    said = level + said
     assert f"{said}it is at 20 degC" in text
     assert "T_room_degC: [26.0, 26.0]" in (tmp_path / "m.yaml").read_text("utf-8")
     # Half a kelvin is a thermometer's matter.
@@ -94,6 +97,31 @@ def test_at_20_degC_and_of_other_columns_nothing_is_told(
     assert "the temperature of all this data" not in text
     assert "within" not in (tmp_path / "m.yaml").read_text("utf-8")
     assert warned(tmp_path) == []
+
+
+def test_a_hundredth_of_a_kelvin_is_no_change(tmp_path: Path) -> None:
+    """A growth by that much would be of thousands of um/m/K, and as uncertain."""
+    study(tmp_path, (26.0, 26.01), "scale")
+    found, text = closed(tmp_path)
+    assert [effect["name"] for effect in found["effects"]] == ["scale-x"]
+    assert re.search(r"is that of T_room_degC = 26(.01)?, the temperature of all this data", text)
+    assert "thermal-growth-x, thermal-growth-y" in text.partition("not tested: ")[2]
+
+
+def test_another_temperature_that_changes_says_nothing_of_the_one_that_does_not(
+    tmp_path: Path,
+) -> None:
+    study(tmp_path, (26.0, 26.0), "scale")
+    rows = (tmp_path / "cmm.csv").read_text("utf-8").splitlines()
+    spindle = np.random.default_rng(1).permutation(np.linspace(24.0, 32.0, 12)).tolist()
+    made = [f"{row},{spindle[int(row.split(',')[0]) - 1]:.2f}" for row in rows[1:]]
+    text = "\n".join([f"{rows[0]},T_spindle_degC", *made]) + "\n"
+    (tmp_path / "cmm.csv").write_text(text, "utf-8")
+    found, said = closed(tmp_path)
+    assert found["effects"][0]["found_at_degC"] == {"T_room_degC": 26.0}
+    assert "is that of T_room_degC = 26, the temperature of all this data" in said
+    told = dict(warned(tmp_path, "T_room_degC=20", "T_spindle_degC=28"))
+    assert "was found with T_room_degC at 26" in told["outside-effect-range"]
 
 
 def test_what_cannot_be_of_a_temperature_is_of_none(tmp_path: Path) -> None:

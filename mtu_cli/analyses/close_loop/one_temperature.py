@@ -1,7 +1,7 @@
 """Effects of parts that were all made at one temperature, which is not that of ISO 1.
 
-Where no temperature changes none of its effects can be tested: a growth is a scale then, a drift an
-offset, a change of an angle a squareness, and how large these are at 20 degC nobody knows.
+Where a temperature does not change none of its effects can be tested: a growth is a scale then, a
+drift an offset, a change of an angle a squareness, and how large these are at 20 degC nobody knows.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.describe import Described
 from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.files.covariates import is_temperature
+from mtu_cli.files.covariates import NEAR_K, STEADY_K, is_temperature
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
 from mtu_cli.model.effect_candidate import Candidate
 from mtu_cli.model.residual_table import ResidualTable
@@ -24,8 +24,6 @@ LOOKS_LIKE = {
     "offset": "thermal-drift",
 }
 """The family of a temperature that is the same as another where the temperature does not change."""
-FAR_K = 0.5
-"""A thermometer's own matter: parts made as near to 20 degC are of 20 degC."""
 
 
 def with_temperature(
@@ -34,7 +32,7 @@ def with_temperature(
     """The effects, each with the temperatures `found_at` that it may be an effect of by one of the
     `candidates`, and that did not change.
     """
-    untested = {(own.family, own.axis) for own in candidates if own.unavailable is not None}
+    known = {(own.family, own.axis) for own in candidates}
     at = tuple(_constant(told.prepared.table))
     axes = told.prepared.table.axes
     found, place = [], 0
@@ -43,7 +41,7 @@ def with_temperature(
         place += step.member >= 0
         families = {(LOOKS_LIKE.get(effect.family, ""), effect.axis)}
         families |= {(LOOKS_LIKE["offset"], axis) for axis in levels}
-        shared = effect.component is None and not untested.isdisjoint(families)
+        shared = effect.component is None and not known.isdisjoint(families)
         found.append(replace(effect, found_at=at) if shared else effect)
     return tuple(found)
 
@@ -55,6 +53,6 @@ def _constant(table: ResidualTable) -> list[tuple[str, float]]:
         values = np.broadcast_to(column, table.there.shape)[table.there]
         if is_temperature(name) and len(values) and np.isfinite(values).all():
             T = float(values[0])
-            if np.ptp(values) == 0 and abs(T - REFERENCE_TEMPERATURE) > FAR_K:
+            if np.ptp(values) <= STEADY_K and abs(T - REFERENCE_TEMPERATURE) > NEAR_K:
                 found.append((name, T))
     return found

@@ -223,7 +223,8 @@ def test_what_is_not_determined_is_told_once_with_what_would(paper: Example) -> 
     (warning,) = fit_components.warnings(paper.fit, paper.estimates)
     assert warning.message == (
         "the readings do not tell the repeatability of one visit of axy. What would: read it at "
-        "least twice in a pass, in the same set-up. Nor the correlation of the drift of axy with "
+        "least twice in a pass from the same side, in the same set-up. Nor the correlation of the "
+        "drift of axy with "
         "that of other components. What would: read it in the same passes (same set-up) as the "
         "others, or give `time` or `setup`. Why: results.observability"
     )
