@@ -124,7 +124,8 @@ def _factor(
         if name.endswith(symbol):
             prefix = name.removesuffix(symbol)
             size = (_PREFIXES | _SOME_PREFIXES.get(symbol, {})).get(prefix)
-            if size is not None:
+            # Nobody measures in giga-radians: Grad is a degree, or a gon.
+            if size is not None and not (symbol == "rad" and size > 0):
                 return own | {SIZE: own.get(SIZE, 0) + size}
     return None
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from mtu_cli.errors import InputError, Problem, closest, did_you_mean
 from mtu_cli.files.effects_file import LoadedEffects, LoadedFamily, load_effects
 from mtu_cli.files.source import Source
+from mtu_cli.language import names
 from mtu_cli.model.effect_binding import Binding, filled, of_candidates, of_members
 from mtu_cli.model.effect_candidate import Candidate, Column, Member
 from mtu_cli.model.effect_data import TableData, copy_notes, labels
@@ -147,7 +148,7 @@ def _of_family(family: LoadedFamily, data: TableData) -> Iterator[Candidate]:
             continue
         members, notes = distinct(family.family, batches, data)
         if not members and batches:
-            reasons = {**reasons, **dict.fromkeys([_nothing_left(data)])}
+            reasons = {**reasons, **dict.fromkeys([_nothing_left(family, data)])}
         used = {name for batch in batches for name in batch.used}
         told = tuple(reasons) if members else ()
         reason = None if members else "; ".join(reasons)
@@ -194,7 +195,11 @@ def _missing(family: LoadedFamily, data: TableData) -> str | None:
     return None
 
 
-def _nothing_left(data: TableData) -> str:
+def _nothing_left(family: LoadedFamily, data: TableData) -> str:
+    forms = [form for template in family.templates for form in template.forms.values()]
+    levers = [lever for form in forms for lever in form.coefficients.values()]
+    if family.family.kind != "offset" and not all(any(names(lever)) for lever in levers):
+        return "a parameter of it is a constant, which every effect has beside it: leave it out"
     if data.table.fitted_degree >= 0:
         return "the polynomial that was fitted to these readings holds it"
     return "too few distinct values to tell it from an offset"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from mtu_cli.analyses.close_loop.one_temperature import LOOKS_LIKE
-from mtu_cli.analyses.close_loop.result import TableResult
+from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import things
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
 from mtu_cli.reports.close_loop_shown import (
@@ -20,11 +22,12 @@ from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import p_value, plus_minus
 
 LEVEL = (
-    "level: the constant of an equation and no effect of its own: the error where the effects of "
+    "{names}: the constant of an equation and no effect of its own: the error where the effects of "
     "its axis are 0. Beside a growth or a drift it holds their constant part and any offset"
 )
 SURE_LEVEL = 3.0
 """Times its u from which on a level is told from 0."""
+WEAR, AT_ONCE = "wear-approach", "backlash-step"
 MEANINGS = {
     "interaction-pattern": "the {columns} share a pattern that some {rows} have more of",
     "serial-correlation": "{rows} follow one another too smoothly to be scatter",
@@ -40,6 +43,12 @@ COPIED = ": the two cannot be told apart"
 """What the note of a candidate says of a column that is, and how it ends."""
 
 
+def level_text(effects: Sequence[FoundEffect]) -> list[str]:
+    """What the levels of effects are, by their names."""
+    names = [name for own in effects for name, *_ in own.parameters[len(own.sizes) :]]
+    return [LEVEL.format(names=listed(names))] if names else []
+
+
 def effect_notes(item: TableResult) -> list[str]:
     """What the effects are counted from, and on what their figures depend."""
     return [
@@ -47,6 +56,7 @@ def effect_notes(item: TableResult) -> list[str]:
         *growth_alone_notes(item),
         *held_notes(item),
         *_level_notes(item),
+        *_wear_notes(item),
         *_found_at_notes(item),
     ]
 
@@ -64,6 +74,18 @@ def _level_notes(item: TableResult) -> list[str]:
                 f"{plus_minus(own.value, own.u)} {own.unit}, which is written with it"
             )
     return notes
+
+
+def _wear_notes(item: TableResult) -> list[str]:
+    """Of what is taken for wear, where it was not tested itself."""
+    if any(candidate.family == AT_ONCE for candidate in item.candidates):
+        return []
+    return [
+        f"{effect.name}: lost motion that begins at one {things(item)[0]} (a crash) is taken for "
+        f"it: configs/effects/{AT_ONCE}.yaml of the project tells that (--effects)"
+        for effect in item.effects
+        if effect.family == WEAR
+    ][:1]
 
 
 def _found_at_notes(item: TableResult) -> list[str]:

@@ -23,7 +23,7 @@ from mtu_cli.analyses.close_loop.shown import (
     things,
 )
 from mtu_cli.reports.close_loop_effects import direction_text, searched_text
-from mtu_cli.reports.close_loop_notes import LEVEL, copied, effect_notes, left_text, untested
+from mtu_cli.reports.close_loop_notes import copied, effect_notes, left_text, level_text, untested
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,
@@ -116,9 +116,7 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
     notes += dict.fromkeys(f"{name}: {way}" for name, way in ways if way is not None)
     for item in result.tables:
         notes += effect_notes(item)
-    if any(effect.levels for effect in result.effects):
-        notes.insert(0, LEVEL)
-    return notes
+    return [*level_text(result.effects), *notes]
 
 
 def _some(names: Sequence[str]) -> str:

@@ -21,7 +21,8 @@ def heights_differ(leaning: Sequence[Leaning]) -> list[Warned]:
         worst = max(items, key=lambda own: own.larger)
         where = "the bore, which is inclined" if axis is None else axis
         # Without z a circle is that of x and y: of another direction it is none.
-        mend = "touch it at one height" + (", or leave out z_mm" if axis == "z" else "")
+        without = ", or leave z_mm out of the points" if axis == "z" else ""
+        mend = f"touch it at one height{without}"
         text = (
             f"the points of {listed(map(_label, items))} lie at different heights along {where} "
             f"({_label(worst)}: the plane through them leans by "

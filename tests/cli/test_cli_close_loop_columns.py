@@ -138,6 +138,51 @@ def test_own_effects_of_the_readme(rows: list[dict[str, str]], tmp_path: Path) -
     assert "effects" in [item["role"] for item in found["inputs"]]
 
 
+def own_ramp(tmp_path: Path, equation: str, more: str = "") -> Path:
+    path = tmp_path / "ramp.yaml"
+    path.write_text(
+        "schema: mtu/effects/1\neffects:\n  - family: ramp\n    says: it rises\n"
+        "    separates: go back\n    parameters: {level: um, own_level: um}\n"
+        f"{more}    equations:\n      E{{a}}: {equation}\n",
+        "utf-8",
+    )
+    return path
+
+
+def test_the_constant_of_an_equation_has_a_name_of_its_own(
+    rows: list[dict[str, str]], tmp_path: Path
+) -> None:
+    """A row each, and a machine that can be read."""
+    mine = own_ramp(tmp_path, "level*(sequence/8)**2 + own_level*dir_{a}*(sequence/8)")
+    points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
+    for row in points:
+        row["y_mm"] = f"{float(row['y_mm']) + 0.03 + 0.02 * (int(row['part']) / 8) ** 2:.5f}"
+    written = ("--write-machine", tmp_path / "m.yaml")
+    exclude = ("--exclude", "trend", "--exclude", "step", "--exclude", "warm-up")
+    found, result = few(tmp_path, points, "--effects", mine, *exclude, *written)
+    done(result)
+    (ramp,) = (e for e in found["results"]["effects"] if e["name"] == "ramp-y")
+    assert list(ramp["parameters"]) == ["level", "own_level", "own_own_level"]
+    assert ramp["equations"]["Ey"].endswith(" + own_own_level")
+    assert "own_own_level: the constant of an equation" in " ".join(result.stdout.split())
+    # The machine is read again.
+    files = ("-m", "m.yaml", "-p", PART, "--lbb", READINGS, "--cmm", "cmm.csv")
+    done(mtu("close-loop", *files, cwd=tmp_path))
+
+
+def test_an_own_effect_with_a_constant_is_told_to_leave_it_out(
+    rows: list[dict[str, str]], tmp_path: Path
+) -> None:
+    mine = own_ramp(tmp_path, "level*(sequence/8)**2 + own_level")
+    points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
+    found, result = few(tmp_path, points, "--effects", mine)
+    done(result)
+    reasons = {c["name"]: c["unavailable"] for c in found["results"]["candidates"]}
+    assert reasons["ramp-x"] == (
+        "a parameter of it is a constant, which every effect has beside it: leave it out"
+    )
+
+
 @pytest.mark.parametrize("name", ["level", "level_gain", "level_x"])
 def test_own_parameters_may_have_the_name_of_a_level(
     name: str, rows: list[dict[str, str]], tmp_path: Path

@@ -144,11 +144,14 @@ def _parameters(told: Described, step: Step, place: int) -> list[tuple[str, str]
 
 
 def _level_names(told: Described, step: Step, place: int) -> list[str]:
-    """Names of an effect's levels that none of its own parameters has."""
+    """Names of an effect's levels that nothing of its own has."""
     axes = _level_axes(told, place)
     names = ["level"] if len(axes) == 1 else [f"level_{axis}" for axis in axes]
-    taken = {name for name, _ in told.prepared.members[step.member].parameters}
-    return [f"own_{name}" if name in taken else name for name in names]
+    own = told.prepared.members[step.member]
+    taken = {*own.searched, *(name for name, _ in own.parameters)}
+    while not taken.isdisjoint(names):
+        names = [f"own_{name}" for name in names]
+    return names
 
 
 def _level_axes(told: Described, place: int) -> list[str]:

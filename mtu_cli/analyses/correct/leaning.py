@@ -15,7 +15,7 @@ import numpy as np
 from mtu_cli.analyses.correct.result import Size
 from mtu_cli.analyses.correct.roundness import Shape
 from mtu_cli.analyses.correct.strain import entries
-from mtu_cli.model.geometry import GeometryError, fit_plane
+from mtu_cli.model.geometry import GeometryError, fit_circle, fit_plane
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -23,6 +23,7 @@ OWN_HEIGHTS = 0.05
 """Share of the squares of heights along an axis that a plane through them leaves, from which on
 it leans by heights of the points' own: of any two heights of five or more points evenly around it
 leaves a ninth at least (three high and three low of six), of points at other angles less."""
+ROUNDER, ROUNDING_MM = 0.5, 1e-9
 LEAST_MM = 1e-5
 """A bore that is larger by less is no larger to anybody."""
 ALONG = np.radians(1.0)
@@ -51,13 +52,16 @@ def askew(normal: FloatArray, drawn: FloatArray) -> FloatArray:
 
 
 def bore(drawn: FloatArray) -> FloatArray:
-    """Unit vector (3,) along the bore of a circle's `drawn` points (n, 3), mm; 0 where these have
-    no heights, or make no plane.
+    """Unit vector (3,) along the bore of a circle's `drawn` points (n, 3), mm; 0 where these are
+    not known, or make no plane; along z of a part that is drawn without heights.
 
     Across their plane. Points that are drawn at heights of their own make a plane lean that is
     none of the bore's: its axis is then that of the machine's. Of a bore that leans itself the
-    points lie about their plane by far less than it is inclined (`OWN_HEIGHTS`).
+    points lie about their plane by far less than it is inclined (`OWN_HEIGHTS`), and are no rounder
+    as the machine's axis sees them.
     """
+    if np.isnan(drawn[:, 2]).all() and np.isfinite(drawn[:, :2]).all():
+        return np.array([0.0, 0.0, 1.0])
     if np.isnan(drawn).any():
         return np.zeros(3)
     try:
@@ -68,7 +72,17 @@ def bore(drawn: FloatArray) -> FloatArray:
     heights = (drawn - plane.centroid) @ axis
     left = plane.heights / (plane.normal @ axis)
     own = left @ left >= OWN_HEIGHTS * (heights @ heights)
-    return axis if own else plane.normal
+    return axis if own or _rounder(drawn, axis) else plane.normal
+
+
+def _rounder(drawn: FloatArray, axis: FloatArray) -> bool:
+    """Whether points are less than half as far out of round seen along an axis."""
+    try:
+        seen = fit_circle(drawn[:, axis == 0])
+        own = fit_circle(drawn)
+    except GeometryError:
+        return False
+    return bool(np.std(seen.residuals) < ROUNDER * np.std(own.residuals) - ROUNDING_MM)
 
 
 def leaning(shapes: Iterable[Shape], sizes: Sequence[Size]) -> tuple[Leaning, ...]:

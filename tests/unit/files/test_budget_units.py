@@ -75,6 +75,8 @@ def test_units_as_people_write_them(text: str, size: float, bases: dict[str, int
         None,
         "",
         "furlong",
+        "Grad",
+        "krad",
         "mm (cal.)",
         "um/m*K",
         "1/(m K)^2",

@@ -659,6 +659,29 @@ def test_a_level_that_is_told_from_none_is_an_offset_of_its_axis() -> None:
     assert "its level is" not in shown("thermal-drift", -12.3)
 
 
+def test_levels_are_told_by_their_names() -> None:
+    own = effect(
+        "ramp-x",
+        parameters=(("level", "um", 12.0, 0.6), ("own_level", "um", 4.5, 0.5)),
+        equations={"Ex": "level*sequence + own_level"},
+        levels=1,
+    )
+    shown = " ".join(plain_text(table(result(on_table("named", (own,))))).split())
+    assert "own_level: the constant of an equation and no effect of its own" in shown
+    assert " level: the constant" not in shown
+
+
+def test_what_is_taken_for_wear_is_told_where_it_was_not_tested() -> None:
+    wear = effect("wear-approach-x", parameters=(("wear", "um", 0.2, 0.01),))
+    item = on_table("named", (wear, wear, effect()))
+    said = "lost motion that begins at one part (a crash) is taken for it"
+    assert plain_text(table(result(item))).replace("\n", " ").count(said) == 1
+    assert said not in plain_text(table(named())).replace("\n", " ")
+    tested = replace(item.candidates[0], name="backlash-step-x", family="backlash-step")
+    other = replace(item, candidates=(*item.candidates, tested))
+    assert said not in plain_text(table(result(other))).replace("\n", " ")
+
+
 def test_what_a_drift_is_counted_from_is_told() -> None:
     zero = "drift*(T_spindle_degC - 20.38)"
     shown = plain_text(table(grown(replace(DRIFTS, equations={"Ex": zero}))))
