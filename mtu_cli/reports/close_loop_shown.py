@@ -31,6 +31,7 @@ LIKELY = 0.95
 
 DRIFTS = "thermal-drift"
 OF_TEMPERATURES = (DRIFTS, "thermal-growth", "thermal-squareness")
+"""The families of what a temperature makes."""
 FITS_BETTER = f"that fits better than {REFERENCE_TEMPERATURE:g} degC"
 
 

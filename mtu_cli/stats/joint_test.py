@@ -11,6 +11,10 @@ SINGULAR = 1e-12
 """Smallest eigenvalue of a matrix of correlations that estimates can be held against."""
 
 
+ENDLESS = 1e9
+"""Degrees of freedom beyond which F is chi^2 / k."""
+
+
 def squared_distance(b: FloatArray, V: FloatArray) -> float | None:
     """T^2 = b' V^-1 b of estimates b (k,) with covariance V (k, k); None where V is singular.
 
@@ -34,4 +38,4 @@ def p_of_none(b: FloatArray, V: FloatArray, dof: float) -> float | None:
     square = squared_distance(b, V)
     if square is None:
         return None
-    return float(fdtrc(len(b), max(dof, 1.0), square / len(b)))
+    return float(fdtrc(len(b), min(max(dof, 1.0), ENDLESS), square / len(b)))

@@ -31,7 +31,7 @@ from mtu_cli.model.geometry import DIMENSIONS
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.stats.coverage import welch_satterthwaite
-from mtu_cli.stats.joint_test import squared_distance
+from mtu_cli.stats.joint_test import ENDLESS, squared_distance
 from mtu_cli.stats.least_squares import FloatArray
 
 TOLD = 0.2
@@ -44,8 +44,6 @@ PLACE_DIGITS = 2
 """Of a unit vector: points that agree in these stand at one place."""
 FEWEST_PLACES = 9
 """Of a sphere: centre, radius and five strains."""
-ENDLESS = 1e9
-"""Degrees of freedom beyond which F is chi^2 / p."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,6 +33,11 @@ def test_fewer_than_one_degree_of_freedom_count_as_one() -> None:
     assert p_of_none(b, V, 0.2) == p_of_none(b, V, 1.0)
 
 
+def test_without_end_of_degrees_of_freedom_it_is_chi_squared() -> None:
+    b, V = np.array([1.0, 2.0]), np.diag([1.0, 2.0])
+    assert p_of_none(b, V, np.inf) == pytest.approx(chi2.sf(3.0, 2), rel=1e-6)
+
+
 def test_units_do_not_matter() -> None:
     rng = np.random.default_rng(1)
     A = rng.normal(size=(3, 3))
