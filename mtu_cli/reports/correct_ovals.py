@@ -100,7 +100,30 @@ def _lack(worst: Sequence[Oval]) -> str:
         return "a squareness or a scale"
     if len(worst) == 1:
         return _lacks(worst[0])
-    return " and ".join(f"{_lacks(own)} ({_label(own)})" for own in named)
+    scales = [own for own in named if not own.shear]
+    axis = _shared(scales)
+    apart = named if axis is None else [own for own in named if own.shear]
+    told = [f"{_lacks(own)} ({_label(own)})" for own in apart]
+    if axis is not None:
+        against = [
+            f"{_shown_size(own)} against {_other(own, axis)} ({_label(own)})" for own in scales
+        ]
+        told.append(f"a scale of {axis}, {' and '.join(against)}")
+    return " and ".join(told)
+
+
+def _shared(scales: Sequence[Oval]) -> str | None:
+    """The axis of which one scale makes all differences of several pairs of axes: longer, or
+    shorter, than each of the others. None where there are not several, or no such axis.
+    """
+    if len(scales) < 2:
+        return None
+    sides = [[own.axes[side] for own in scales if own.axes is not None] for side in (0, 1)]
+    return next((side[0] for side in sides if len(set(side)) == 1), None)
+
+
+def _other(own: Oval, axis: str) -> str:
+    return next(other for other in own.axes or () if other != axis)
 
 
 def _label(own: Oval) -> str:
@@ -124,10 +147,13 @@ def _size(own: Oval) -> tuple[float, float, str]:
     return value, value * own.u / own.longer if own.longer else 0.0, unit
 
 
-def _lacks(own: Oval) -> str:
+def _shown_size(own: Oval) -> str:
     value, u, unit = _size(own)
+    return f"{plus_minus(value, u)} {unit}"
+
+
+def _lacks(own: Oval) -> str:
     a, b = _cause(own)[0]
-    size = f"{plus_minus(value, u)} {unit}"
     if own.shear:
-        return f"a squareness of {a} and {b} of {size}"
-    return f"a scale of {a} or {b}, {size} between them"
+        return f"a squareness of {a} and {b} of {_shown_size(own)}"
+    return f"a scale of {a} or {b}, {_shown_size(own)} between them"

@@ -529,3 +529,23 @@ def test_rings_of_several_causes_name_each(tmp_path: Path) -> None:
     assert "c: 8.00 ± 0.50 um longer along x - z than along x + z" in message
     assert "a squareness of x and y of 16.5 ± 1.0 arcsec (b)" in message
     assert "a squareness of x and z of 16.5 ± 1.0 arcsec (c)" in message
+
+
+def test_a_scale_of_one_axis_that_shows_against_two_is_one_cause(tmp_path: Path) -> None:
+    """Balls show it against the axis that each tells best."""
+    found = lacking(tmp_path, np.zeros((3, 3)))
+    against_y = named("b", shear=False)
+    against_z = named("c", shear=False, axes=("x", "z"), longer=7e-3, size=7e-5)
+    one = "a scale of x, 80.0 ± 5.0 um/m against y (b) and 70.0 ± 5.0 um/m against z (c)"
+    message = left(found, against_y, against_z)
+    assert f"the model lacks {one} (`mtu" in message
+    # A shorter axis, and a squareness beside it.
+    shorter = [replace(own, axes=own.axes[::-1]) for own in (against_y, against_z) if own.axes]
+    assert "a scale of x, 80.0" in left(found, *shorter)
+    message = left(found, against_y, against_z, named("d"))
+    assert f"a squareness of x and y of 16.5 ± 1.0 arcsec (d) and {one}" in message
+    # x is longer than y, and z longer than x: no scale of one axis.
+    other = replace(against_z, axes=("z", "x"))
+    message = left(found, against_y, other)
+    assert "a scale of x or y, 80.0 ± 5.0 um/m between them (b)" in message
+    assert "a scale of x or z, 70.0 ± 5.0 um/m between them (c)" in message
