@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -236,6 +238,9 @@ def _group_problems(
         if matrix is None:
             continue
         what = covariance_fault(matrix, size, difference=key == "pass_covariance")
+        if what is None and key == "pass_covariance" and any(map(math.isnan, chain(*matrix))):
+            # Of components that were fitted together all passes are known.
+            what = "an entry is not known"
         if what is not None:
             problems.append(Problem(what=what, file=source.shown, path=f"{path}.{key}"))
     return problems

@@ -31,7 +31,7 @@ def covariance_fault(
     s = np.sqrt(np.abs(variances))
     with np.errstate(over="ignore"):
         apart, scale = np.abs(C - C.T), np.outer(s, s) + np.maximum(np.abs(C), np.abs(C.T))
-    if (apart > ROUNDING * scale).any():
+    if (apart > ROUNDING * scale).any() or (np.isnan(C) != np.isnan(C.T)).any():
         return "not symmetric"
     if difference or not size or np.isnan(C).any():
         return None

@@ -29,6 +29,8 @@ NAN, INF = float("nan"), float("inf")
         ([[1.0, NAN], [NAN, 1.0]], None),
         ([[-1.0, NAN], [NAN, 1.0]], "a variance is negative"),
         ([[1.0, NAN, 2.0], [NAN, 1.0, 0.0], [1.0, 0.0, 1.0]], "not symmetric"),
+        # What is not known is not known on both sides.
+        ([[1.0, NAN], [0.5, 1.0]], "not symmetric"),
         ([[1.0, 0.0]], "not 1 x 1"),
         ([[1.0, 0.0], [0.0]], "not 2 x 2"),
     ],

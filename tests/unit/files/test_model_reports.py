@@ -30,6 +30,7 @@ DRIFT = {
 }  # fmt: skip
 
 NEGATIVE = "a variance is negative"
+UNKNOWN = "an entry is not known"
 INDEFINITE = "not positive semidefinite: a combination has a negative variance"
 
 
@@ -283,13 +284,18 @@ def test_what_a_thermal_report_lacks(tmp_path: Path) -> None:
         ([[1, 2], [2, 1]], INDEFINITE),
         ([[-1, 0.5], [0.5, 1]], NEGATIVE),
         ([[1, 0.5]], "not 2 x 2"),
+        ([[1, None], [0.5, 1]], "not symmetric"),
+        ([[1, None], [None, 1]], UNKNOWN),
+        ([[None, 0], [0, 1]], UNKNOWN),
     ],
 )
 @pytest.mark.parametrize("key", ["coefficient_covariance", "pass_covariance"])
 def test_joint_covariances_are_covariances(
-    tmp_path: Path, matrix: list[list[float]], what: str | None, key: str
+    tmp_path: Path, matrix: list[list[float | None]], what: str | None, key: str
 ) -> None:
-    """That of the passes is a moment estimate, whose variances may be negative in any direction."""
+    """That of the passes is a moment estimate, whose variances may be negative in any direction,
+    and all of which is known.
+    """
     joint = JOINT | {
         "components": ["a", "b"],
         "widths": [1, 1],
@@ -302,7 +308,8 @@ def test_joint_covariances_are_covariances(
     results = {"components": components, "joint_pass_covariance": [joint]}
     path = tmp_path / "c.json"
     path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
-    if what is None or (what in (NEGATIVE, INDEFINITE) and key == "pass_covariance"):
+    passes = key == "pass_covariance"
+    if what is None or (what in (NEGATIVE, INDEFINITE) if passes else what == UNKNOWN):
         assert read_report(path)
         return
     (found,) = told(path)
