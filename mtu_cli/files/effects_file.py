@@ -197,7 +197,7 @@ def _check_words(family: Family, name: str, path: YamlPath, findings: Findings) 
         text = getattr(family, key) or ""
         for mark in sorted(marks(text) - known):
             what = f"{{{mark}}} is not in the name {name!r}"
-            findings.add((*path, key), what, value=text)
+            findings.add((*path, key), what, value=text, expected="plain words, or what it has")
 
 
 def _check_names(form: MemberTemplate, path: YamlPath, findings: Findings) -> None:

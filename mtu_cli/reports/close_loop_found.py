@@ -94,6 +94,7 @@ def _otherwise(own: Otherwise) -> dict[str, Any]:
     shown = {name: in_shown_unit(found) for name, found in both.items()}
     return {
         "beside": own.name,
+        "covariate": own.covariate,
         "p": finite(own.p),
         "parameters": {
             name: {"value": finite(value), "u": finite(u), "unit": unit}

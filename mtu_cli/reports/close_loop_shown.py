@@ -85,7 +85,7 @@ def _otherwise_notes(item: TableResult) -> list[str]:
                 in_shown_unit, (own.parameter, own.constant)
             )
             noun = article(own.constant[0])
-            at = f" at {REFERENCE_TEMPERATURE:g} degC" if own.at_reference else ""
+            at = f" at {own.covariate} = {REFERENCE_TEMPERATURE:g}" if own.at_reference else ""
             notes.append(
                 f"{effect.name}: that {own.parameter[0]} and its u hold if there is no {own.name}; "
                 f"with one it is {plus_minus(value, u)} {unit}{at}, beside {noun} of "

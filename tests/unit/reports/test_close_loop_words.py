@@ -127,7 +127,7 @@ def test_a_scale_beside_a_growth_is_told_at_20_degc() -> None:
     shown = " ".join(plain_text(table(grown(scale))).split())
     assert (
         "scale-x: that scale and its u hold if there is no thermal-growth-x; with one it is "
-        "-2 ± 32 um/m at 20 degC, beside a growth of 6.3 ± 5.3 um/m/K (p 0.27)"
+        "-2 ± 32 um/m at T_room_degC = 20, beside a growth of 6.3 ± 5.3 um/m/K (p 0.27)"
     ) in shown
     turned = replace(other, constant=("angle", "arcsec/K", 1e-6, 1e-6))
     shown = " ".join(plain_text(table(grown(replace(scale, otherwise=(turned,))))).split())
@@ -160,6 +160,7 @@ def test_what_an_effect_would_be_beside_one_that_was_not_told_is_noted() -> None
     assert told == [
         {
             "beside": "scale-x",
+            "covariate": None,
             "p": 0.034,
             "parameters": {
                 "growth": {"value": pytest.approx(7.1), "u": pytest.approx(0.9), "unit": "um/m/K"},
