@@ -192,8 +192,8 @@ def test_faults_of_equations(tmp_path: Path, equations: str, told: str) -> None:
         ),
         (
             family(more="separates: move {b}"),
-            "e.yaml:5: effects[0].separates: {b} is not in the name 'f': 'move {b}'; expected plain "
-            "words, or what it has",
+            "e.yaml:5: effects[0].separates: {b} is not in the name 'f': 'move {b}'; expected "
+            "plain words, or what it has",
         ),
         (
             family(more="members: [{parameters: {k: um/m}, equations: {Ex: k*x}}]"),
