@@ -57,6 +57,7 @@ def effect_notes(item: TableResult) -> list[str]:
         *held_notes(item),
         *_level_notes(item),
         *_wear_notes(item),
+        *_unsure_notes(item),
         *_found_at_notes(item),
     ]
 
@@ -86,6 +87,23 @@ def _wear_notes(item: TableResult) -> list[str]:
         for effect in item.effects
         if effect.family == WEAR
     ][:1]
+
+
+def _unsure_notes(item: TableResult) -> list[str]:
+    """Of effects whose size is not told from 0: what is left beside it scatters more than what the
+    test that it passed is of.
+    """
+    unsure = [
+        effect.name
+        for effect in item.effects
+        if len(effect.sizes) == 1 and effect.intervals[0][0] < 0 < effect.intervals[0][1]
+    ]
+    if not unsure:
+        return []
+    passes, its = ("passes", "its size is") if len(unsure) == 1 else ("pass", "their sizes are")
+    return [
+        f"{listed(unsure)} {passes} a test, but {its} not told from 0 (95 %): no more than a hint"
+    ]
 
 
 def _found_at_notes(item: TableResult) -> list[str]:

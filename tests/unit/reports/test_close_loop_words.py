@@ -688,3 +688,19 @@ def test_what_a_drift_is_counted_from_is_told() -> None:
     shown = plain_text(table(grown(replace(DRIFTS, equations={"Ex": zero}))))
     said = "is counted from T_spindle_degC = 20.38, the mean of the data: what is constant is an"
     assert f"thermal-drift-x {said} offset" in " ".join(shown.split())
+
+
+def test_a_size_that_is_not_told_from_0_is_no_more_than_a_hint() -> None:
+    def shown(*effects: FoundEffect) -> str:
+        return " ".join(plain_text(table(result(on_table("class", effects)))).split())
+
+    weak = effect("backlash-x", parameters=(("lost_motion", "um", 0.2, 0.15),))
+    also = replace(weak, name="backlash-y", class_names=("backlash-y",))
+    said = "a test, but its size is not told from 0 (95 %): no more than a hint"
+    assert f"backlash-x passes {said}" in shown(weak)
+    both = "backlash-x, backlash-y pass a test, but their sizes are not told from 0"
+    assert both in shown(weak, also)
+    assert said not in shown(effect())
+    # Of a wave the amplitude is what counts, of which sine and cosine are no measure.
+    wave = effect("cyclic-x", parameters=(("sine", "um", 0.1, 1.0), ("cosine", "um", 9.0, 1.0)))
+    assert "not told from 0" not in shown(wave)
