@@ -8,16 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_runner import done, mtu
+from plain_mill import MACHINE, PLACES
 from support import CONFIGS
 
-MACHINE = """schema: mtu/machine/1
-name: mill
-components:
-  px: {of: x, unit: um, coefficients: [0]}
-  py: {of: y, unit: um, coefficients: [0]}
-equations: {Ex: px, Ey: py}
-"""
-PLACES = [(20, 15), (140, 140), (265, 290), (380, 30), (35, 270), (150, 20), (270, 150), (390, 280)]
 PLAY = 3.0
 """um; half the reversal value."""
 
