@@ -17,6 +17,8 @@ MOST_FREQUENCIES = 2000
 PER_SPAN = 4.0
 """Frequencies a span: halfway between two of them the phase is off by an eighth of a period at
 each end of the data at most."""
+COARSE = 0.5
+"""Periods from one frequency to the next above which waves between them are not sure to be seen."""
 LARGEST = 2_000_000
 """Numbers that the columns of one parameter may take."""
 FEWEST = 24
@@ -41,14 +43,17 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
     distinct = np.zeros(0) if values is None else np.unique(values)
     if search.grid == "between":
         middles = (distinct[1:] + distinct[:-1]) / 2.0
-        return middles[search.margin - 1 : len(middles) - search.margin + 1]
+        inside = middles[search.margin - 1 : len(middles) - search.margin + 1]
+        count = min(search.count or len(inside), _most(size))
+        every = math.ceil(len(inside) / count) if count else 1
+        return inside[(every - 1) // 2 :: every]
     known = _known(distinct)
     low = max(_bounds(search.from_, known), default=math.nan)
     high = min(_bounds(search.to, known), default=math.nan)
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         return np.zeros(0)
     usual = MOST_FREQUENCIES if search.grid == "frequency" else DEFAULT_COUNT
-    count = min(search.count or usual, max(FEWEST, LARGEST // size))
+    count = min(search.count or usual, _most(size))
     if search.grid == "linear":
         return np.linspace(low, high, count)
     if low <= 0.0:
@@ -60,6 +65,11 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
     return 1.0 / np.linspace(*ends, max(2, min(needed, count)))
 
 
+def _most(size: int) -> int:
+    """Values that a grid may have whose columns have `size` entries."""
+    return max(FEWEST, LARGEST // size)
+
+
 def periods_apart(search: Search, values: FloatArray, grid: FloatArray) -> float:
     """Periods from one frequency of a grid (G,) to the next over the span of the values; 0 of
     other grids. One over `PER_SPAN` is wanted.
@@ -67,6 +77,21 @@ def periods_apart(search: Search, values: FloatArray, grid: FloatArray) -> float
     if search.grid != "frequency" or len(grid) < 2:
         return 0.0
     return float(abs(1.0 / grid[1] - 1.0 / grid[0]) * np.ptp(values))
+
+
+def coarseness(search: Search, values: FloatArray, grid: FloatArray) -> str | None:
+    """What lies between the values (G,) of a grid, where the data (`values`) would tell it."""
+    apart = periods_apart(search, values, grid)
+    if apart > COARSE:
+        return (
+            f"{apart:.2g} periods apart over the span of the data: one between two of them may be "
+            "missed, or be told as two effects"
+        )
+    if search.grid == "between" and len(grid) > 1:
+        every = int(np.diff(np.searchsorted(np.unique(values), grid[:2]))[0])
+        if every > 1:
+            return f"one in {every} of those of the data: of the others the nearest is told"
+    return None
 
 
 def shortest_of(search: Search, values: FloatArray) -> float:

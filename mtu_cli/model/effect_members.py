@@ -19,12 +19,9 @@ from mtu_cli.model.design import LARGEST
 from mtu_cli.model.effect_binding import Binding, filled, resolved
 from mtu_cli.model.effect_candidate import Column, FloatArray, Member
 from mtu_cli.model.effect_data import POSITIONS, TableData, indicators, labels
-from mtu_cli.model.effect_grid import grid_of, has_many_places, is_continuous, periods_apart
+from mtu_cli.model.effect_grid import coarseness, grid_of, has_many_places, is_continuous
 from mtu_cli.model.effect_slopes import slopes
 from mtu_cli.units import MINUTE, PARAMETER_UNITS
-
-COARSE = 0.5
-"""Periods from one frequency to the next above which waves between them are not sure to be seen."""
 
 
 class NoMember(Exception):  # noqa: N818  # no fault: it says why the data has no such member
@@ -84,18 +81,14 @@ class BoundTemplate:
     def not_searched(self, members: Sequence[Member]) -> tuple[str, ...]:
         """What lies between the values that are searched, where the data would tell it."""
         search = self.template.search
-        if search is None or search.of is None or not self.is_periodic:
+        if search is None or search.of is None:
             return ()
         along = self.data.values[resolved(search.of, self.binding).name]
         grid = np.array([value for m in members for value in m.searched.values()])
-        apart = periods_apart(search, along, grid)
-        if apart <= COARSE:
+        told = coarseness(search, along, grid)
+        if told is None:
             return ()
-        return (
-            f"{len(grid)} values of {self.template.searched} were searched, {apart:.2g} periods "
-            "apart over the span of the data: one between two of them may be missed, or be told "
-            "as two effects",
-        )
+        return (f"{len(grid)} values of {self.template.searched} were searched, {told}",)
 
     def narrowed(self, member: Member, kept: Sequence[int]) -> Member:
         """The member with these of its parameters alone."""

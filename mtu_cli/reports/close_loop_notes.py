@@ -27,7 +27,6 @@ LEVEL = (
 )
 SURE_LEVEL = 3.0
 """Times its u from which on a level is told from 0."""
-WEAR, AT_ONCE = "wear-approach", "backlash-step"
 MEANINGS = {
     "interaction-pattern": "the {columns} share a pattern that some {rows} have more of",
     "serial-correlation": "{rows} follow one another too smoothly to be scatter",
@@ -56,7 +55,6 @@ def effect_notes(item: TableResult) -> list[str]:
         *growth_alone_notes(item),
         *held_notes(item),
         *_level_notes(item),
-        *_wear_notes(item),
         *_unsure_notes(item),
         *_found_at_notes(item),
     ]
@@ -75,18 +73,6 @@ def _level_notes(item: TableResult) -> list[str]:
                 f"{plus_minus(own.value, own.u)} {own.unit}, which is written with it"
             )
     return notes
-
-
-def _wear_notes(item: TableResult) -> list[str]:
-    """Of what is taken for wear, where it was not tested itself."""
-    if any(candidate.family == AT_ONCE for candidate in item.candidates):
-        return []
-    return [
-        f"{effect.name}: lost motion that begins at one {things(item)[0]} (a crash) is taken for "
-        f"it: configs/effects/{AT_ONCE}.yaml of the project tells that (--effects)"
-        for effect in item.effects
-        if effect.family == WEAR
-    ][:1]
 
 
 def _unsure_notes(item: TableResult) -> list[str]:

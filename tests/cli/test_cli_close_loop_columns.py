@@ -51,7 +51,7 @@ def test_columns_that_cannot_be_used_are_told(rows: list[dict[str, str]], tmp_pa
     assert why["backlash-x"] == "no column dir_x"
     assert why["backlash-y"] == "dir_y does not change"
     said = " ".join(result.stdout.split())
-    assert "not tested: backlash-x, wear-approach-x: no column dir_x" in said
+    assert "not tested: backlash-x, wear-approach-x, backlash-step-x: no column dir_x" in said
     assert "dir_y does not change" in said
     assert "T_copy_degC is a copy of T_spindle_degC" in said
     assert "empty cells in 'T_part_degC' (24 of 192 rows)" in result.stderr

@@ -1,4 +1,4 @@
-"""`mtu close-loop` with the shipped file of lost motion that begins at one part."""
+"""`mtu close-loop` of lost motion that begins at one part, as after a crash."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from cli_runner import done, mtu
 from plain_mill import MACHINE, PLACES
-from support import CONFIGS
 
 PLAY = 3.0
 """um; half the reversal value."""
@@ -33,8 +32,7 @@ def test_lost_motion_from_one_part_on_is_told_with_its_part(first: int, tmp_path
     (tmp_path / "cmm.csv").write_text("\n".join(rows) + "\n", "utf-8")
     result = mtu(
         "close-loop", "-m", "machine.yaml", "--part", "part.yaml", "--cmm", "cmm.csv",
-        "--effects", CONFIGS / "effects" / "backlash-step.yaml", "-o", "o.json",
-        cwd=tmp_path,
+        "-o", "o.json", cwd=tmp_path,
     )  # fmt: skip
     said = " ".join(done(result).stdout.split())
     assert f"at reversal, too far from both sides, from part {first} on (backlash-step-y)" in said

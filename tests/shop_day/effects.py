@@ -78,11 +78,21 @@ def warm_up(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
     return _single(f"warm-up-{AXES[a]}", risen, "time_min", tau_min=tau)
 
 
-def step(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    """From one of the parts 6 to P - 4 (counted from 1) on."""
+def _from_on(day: ShopDay, rng: np.random.Generator) -> tuple[Floats, float]:
+    """1 from one of the parts 6 to P - 4 (counted from 1) on, (P, H), and between which two."""
     at = float(rng.integers(6, day.P - 3)) - 0.5
-    jumped = column(day, a, np.where(day.full("sequence") > at, 1.0, 0.0))
-    return _single(f"step-{AXES[a]}", jumped, "sequence", at=at)
+    return np.where(day.full("sequence") > at, 1.0, 0.0), at
+
+
+def step(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
+    after, at = _from_on(day, rng)
+    return _single(f"step-{AXES[a]}", column(day, a, after), "sequence", at=at)
+
+
+def backlash_step(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
+    after, at = _from_on(day, rng)
+    play = column(day, a, after * day.full(f"dir_{AXES[a]}"))
+    return _single(f"backlash-step-{AXES[a]}", play, "sequence", at=at)
 
 
 def cyclic(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
@@ -172,13 +182,14 @@ SHAPES: dict[str, Maker] = {
     "warm-up": warm_up, "trend": trend, "step": step, "wear-approach": wear_approach,
     "thermal-growth": thermal_growth, "radial": radial, "operation": operation,
     "feature-outlier": feature_outlier, "part-outlier": part_outlier,
-    "rotation-scatter": rotation_scatter,
+    "rotation-scatter": rotation_scatter, "backlash-step": backlash_step,
 }  # fmt: skip
 FAMILIES: tuple[str, ...] = (*SHAPES, "operation-scatter")
 ONE_AXIS = frozenset(
     {
         "backlash", "cyclic", "curvature", "straightness", "scale", "abbe", "thermal-drift",
         "warm-up", "trend", "step", "wear-approach", "operation",
+        "backlash-step",
     }
 )  # fmt: skip
 

@@ -65,6 +65,7 @@ def _of_axis(day: ShopDay, a: int, zero: float | None) -> dict[str, list[Floats]
         f"trend-{name}": singles(*counts),
         f"wear-approach-{name}": singles(*(c * direction for c in (*counts, *since))),
         f"step-{name}": singles(*steps),
+        f"backlash-step-{name}": singles(*(s * direction for s in steps)),
         f"warm-up-{name}": singles(*(1 - np.exp(-time / tau) for tau in TAUS_MIN)),
         f"operation-{name}": singles((day.operation == 1) * np.ones((day.P, 1))),
         f"cyclic-{name}": [_cyclic(day, a)],

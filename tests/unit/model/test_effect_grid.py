@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtu_cli.files.effects_contract import Search
-from mtu_cli.model.effect_grid import grid_of, periods_apart, shortest_of
+from mtu_cli.model.effect_grid import coarseness, grid_of, periods_apart, shortest_of
 
 VALUES = np.array([4.0, 1.0, 2.0, 4.0, 10.0])
 
@@ -87,6 +87,32 @@ def test_large_columns_have_fewer_values() -> None:
     assert len(grid_of(search(), VALUES, 1)) == 40
     assert len(grid_of(search(count=90), VALUES, 40_000)) == 50
     assert len(grid_of(search(count=90), VALUES, 10_000_000)) == 24
+
+
+def test_between_many_values_every_so_manieth_is_taken() -> None:
+    """As many as large columns leave, or as are asked for, evenly from end to end."""
+    values, between = np.arange(1.0, 104.0), search(grid="between", margin=2)
+    whole = np.arange(2.5, 102.0)
+    np.testing.assert_array_equal(grid_of(between, values, 1), whole)
+    np.testing.assert_array_equal(grid_of(between, values, 40_000), whole[::2])
+    np.testing.assert_array_equal(grid_of(between, values, 10_000_000), whole[2::5])
+    few = search(grid="between", margin=2, count=10)
+    np.testing.assert_array_equal(grid_of(few, values, 1), whole[4::10])
+
+
+def test_what_lies_between_the_values_of_a_grid_is_told() -> None:
+    between, values = search(grid="between"), np.repeat(np.arange(1.0, 104.0), 2)
+    assert coarseness(between, values, np.arange(2.5, 102.0)) is None
+    told = coarseness(between, values, np.arange(4.5, 102.0, 5.0))
+    assert told is not None
+    assert told.startswith("one in 5 of those of the data")
+    assert coarseness(between, values, np.array([4.5])) is None
+    assert coarseness(search(grid="linear"), values, np.array([1.0, 50.0])) is None
+    wave = search(grid="frequency", **{"from": ["2"]}, to=["50"])
+    told = coarseness(wave, values, 1.0 / np.array([0.02, 0.03]))
+    assert told is not None
+    assert told.startswith("1 periods apart")
+    assert coarseness(wave, values, 1.0 / np.array([0.02, 0.0245])) is None
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,7 @@ FAMILIES = {
     "trend",
     "wear-approach",
     "step",
+    "backlash-step",
     "operation",
     "radial",
     "covariate",
@@ -170,6 +171,7 @@ def test_places_at_several_heights_without_errors_in_z(library: EffectLibrary) -
         ("trend-x", "mean", 2, 1),
         ("wear-approach-x", "mean", 4, 1),
         ("step-y", "mean", 6, 1),
+        ("backlash-step-y", "mean", 6, 1),
         ("warm-up-x", "mean", 12, 1),
         ("operation-x", "mean", 3, 1),
         ("covariate-x", "mean", 1, 1),
@@ -193,6 +195,10 @@ Formula = Callable[[Cell], dict[str, float]]
 
 def _step(at: int) -> Formula:
     return lambda c: {"x": float(c["sequence"] > at)}
+
+
+def _play_from(at: int) -> Formula:
+    return lambda c: {"x": c["dir_x"] if c["sequence"] > at else 0.0}
 
 
 def _on(code: int) -> Formula:
@@ -248,6 +254,7 @@ def oracle(own: ResidualTable) -> dict[str, list[Formula]]:
             lambda c: {"y": (c["tool_parts"] - 1.0) * c["dir_y"]},
         ],
         "step-x": [_step(at) for at in range(2, 8)],
+        "backlash-step-x": [_play_from(at) for at in range(2, 8)],
         "radial": [
             lambda c: {"x": (c["x"] - x0) / outward(c), "y": (c["y"] - y0) / outward(c)},
         ],
@@ -413,6 +420,20 @@ def test_pitches_that_lie_between_those_searched_are_told(
     assert bool(told) == missed
     if missed:
         assert told[0].startswith("2000 values of pitch_mm were searched, 5 periods apart over")
+
+
+def test_of_many_large_columns_some_parts_are_told_to_stand_for_others(
+    library: EffectLibrary,
+) -> None:
+    """496 places of a jump, each with 50 000 numbers: no more than 2e6 are kept."""
+    found = by_name(candidates(table(500, 100, places=grid_places(100, jitter=2.0)), library))
+    thinned, whole = found["backlash-step-y"], found["step-x"]
+    at = [m.searched["at"] for m in thinned.members]
+    assert np.diff(at) == pytest.approx(13.0)
+    said = f"{len(at)} values of at were searched, one in 13 of those of the data"
+    assert [note for note in thinned.notes if note.startswith(said)]
+    assert len(whole.members) == 497
+    assert not [note for note in whole.notes if "were searched" in note]
 
 
 def test_pitches_that_a_regular_grid_cannot_tell_apart_are_told_once(
@@ -683,6 +704,7 @@ def test_readings_have_the_families_of_one_axis(library: EffectLibrary) -> None:
         "scale-trend-x",
         "wear-approach-x",
         "step-x",
+        "backlash-step-x",
         "feature-outlier",
         "part-outlier",
     }

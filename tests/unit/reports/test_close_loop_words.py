@@ -672,17 +672,6 @@ def test_levels_are_told_by_their_names() -> None:
     assert " level: the constant" not in shown
 
 
-def test_what_is_taken_for_wear_is_told_where_it_was_not_tested() -> None:
-    wear = effect("wear-approach-x", parameters=(("wear", "um", 0.2, 0.01),))
-    item = on_table("named", (wear, wear, effect()))
-    said = "lost motion that begins at one part (a crash) is taken for it"
-    assert plain_text(table(result(item))).replace("\n", " ").count(said) == 1
-    assert said not in plain_text(table(named())).replace("\n", " ")
-    tested = replace(item.candidates[0], name="backlash-step-x", family="backlash-step")
-    other = replace(item, candidates=(*item.candidates, tested))
-    assert said not in plain_text(table(result(other))).replace("\n", " ")
-
-
 def test_what_a_drift_is_counted_from_is_told() -> None:
     zero = "drift*(T_spindle_degC - 20.38)"
     shown = plain_text(table(grown(replace(DRIFTS, equations={"Ex": zero}))))
