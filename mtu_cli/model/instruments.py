@@ -106,7 +106,7 @@ def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
     freedom of its covariance (Yao, Biometrika 52 (1965) 139, with Welch's weights taken over
     all coefficients): a chi-square would reject far too often, the covariances being estimated.
     """
-    from scipy.special import fdtrc
+    from mtu_cli.stats.joint_test import hotelling_p
 
     d = a.coefficients - b.coefficients
     V = a.covariance + b.covariance
@@ -117,10 +117,7 @@ def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
     sources = [source for item in (a, b) for source in _sources(item)]
     shares = np.array([float(np.trace(part @ inverse)) / k for part, _ in sources])
     nu = dof_of_shares(shares, np.array([dof for _, dof in sources]))
-    if nu <= k - 1:
-        return 1.0
-    F = float(d @ inverse @ d) * (nu - k + 1) / (nu * k)
-    return float(fdtrc(k, nu - k + 1, F))
+    return hotelling_p(float(d @ inverse @ d), k, nu)
 
 
 def _sources(item: ComponentEstimate) -> list[tuple[FloatArray, float]]:

@@ -10,7 +10,6 @@ from mtu_cli.stats.least_squares import FloatArray
 SINGULAR = 1e-12
 """Smallest eigenvalue of a matrix of correlations that estimates can be held against."""
 
-
 ENDLESS = 1e9
 """Degrees of freedom beyond which F is chi^2 / k."""
 
@@ -36,6 +35,19 @@ def p_of_none(b: FloatArray, V: FloatArray, dof: float) -> float | None:
     k = 1 the square of Student's t. Exact of ordinary least squares (Rao 1973, 4b.2).
     """
     square = squared_distance(b, V)
-    if square is None:
-        return None
-    return float(fdtrc(len(b), min(max(dof, 1.0), ENDLESS), square / len(b)))
+    return None if square is None else p_of_square(square, len(b), dof)
+
+
+def p_of_square(square: float, k: int, dof: float) -> float:
+    """The same of their T^2."""
+    return float(fdtrc(k, min(max(dof, 1.0), ENDLESS), square / k))
+
+
+def hotelling_p(square: float, k: int, dof: float) -> float:
+    """p of T^2 of k estimates that are all 0 whose covariance is estimated entry by entry, with
+    `dof` nu degrees of freedom: (nu - k + 1) T^2 / (nu k) is F(k, nu - k + 1); 1 without any left
+    (Hotelling, Ann. Math. Stat. 2 (1931) 360).
+    """
+    nu = min(dof, ENDLESS)
+    left = nu - k + 1
+    return float(fdtrc(k, left, square * left / (nu * k))) if left > 0 else 1.0

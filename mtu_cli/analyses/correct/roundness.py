@@ -17,7 +17,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtrc
 
 from mtu_cli.analyses.correct.result import Kind
 from mtu_cli.analyses.correct.scatter import (
@@ -31,7 +30,7 @@ from mtu_cli.model.geometry import DIMENSIONS
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.stats.coverage import welch_satterthwaite
-from mtu_cli.stats.joint_test import ENDLESS, squared_distance
+from mtu_cli.stats.joint_test import hotelling_p, p_of_square, squared_distance
 from mtu_cli.stats.least_squares import FloatArray
 
 TOLD = 0.2
@@ -164,15 +163,12 @@ def _is_bare(mean: Shape) -> bool:
 
 def _p(square: float, model: FloatArray, points: FloatArray, dof: tuple[float, float]) -> float:
     """Of T^2, with the variances (p,) of both kinds and their degrees of freedom."""
-    p = len(model)
     each = [
         welch_satterthwaite(np.array(v), np.array(dof)) for v in zip(model, points, strict=True)
     ]
     least = int(np.argmin(each))
-    nu = min(each[least], ENDLESS)
     of_model = model[least] ** 2 / dof[0] > points[least] ** 2 / dof[1]
-    left = nu - p + 1 if of_model else nu
-    return float(fdtrc(p, left, square * left / (nu * p))) if left > 0 else 1.0
+    return (hotelling_p if of_model else p_of_square)(square, len(model), each[least])
 
 
 def _scatter_of(

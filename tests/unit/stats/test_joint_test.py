@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import statsmodels.api as sm  # type: ignore[import-untyped]
-from scipy.stats import binom, chi2, t
+from scipy.stats import binom, chi2, f, t
 
-from mtu_cli.stats.joint_test import p_of_none, squared_distance
+from mtu_cli.stats.joint_test import hotelling_p, p_of_none, squared_distance
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -60,3 +60,27 @@ def test_distances_of_draws_are_of_chi_squared() -> None:
     beyond = sum((squared_distance(own, V) or 0.0) > chi2.isf(0.05, 2) for own in draws)
     low, high = binom.interval(0.999, 4000, 0.05)
     assert low <= beyond <= high
+
+
+@pytest.mark.parametrize(("k", "dof"), [(1, 6), (2, 9), (4, 9)])
+def test_hotellings_of_drawn_covariances(k: int, dof: int) -> None:
+    """p of T^2 by the covariance of a sample is even from 0 to 1."""
+    rng = np.random.default_rng(3)
+    p = []
+    for _ in range(2000):
+        sample = rng.normal(size=(dof + 1, k))
+        V = np.atleast_2d(np.cov(sample.T)) / (dof + 1)
+        square = squared_distance(sample.mean(axis=0), V)
+        assert square is not None
+        p.append(hotelling_p(square, k, dof))
+    for share in (0.05, 0.5):
+        below = int(np.sum(np.array(p) < share))
+        assert binom.cdf(below, len(p), share) > 1e-4
+        assert binom.sf(below, len(p), share) > 1e-4
+
+
+def test_hotellings_at_its_ends() -> None:
+    assert hotelling_p(7.0, 1, 5.0) == pytest.approx(2 * t.sf(np.sqrt(7.0), 5), rel=1e-9)
+    assert hotelling_p(7.0, 3, 8.0) == pytest.approx(f.sf(7 * 6 / 24, 3, 6), rel=1e-9)
+    assert hotelling_p(7.0, 3, np.inf) == pytest.approx(chi2.sf(7.0, 3), rel=1e-6)
+    assert hotelling_p(700.0, 3, 2.0) == 1.0
