@@ -60,7 +60,7 @@ def effect(
         experiment=None,
         folds=5,
         of_folds=5,
-        levels=sum(own.startswith("level") for own, *_ in parameters),
+        levels=tuple(axis for own, *_ in parameters if own.startswith("level")),
     )
     return replace(found, **changed)  # type: ignore[arg-type]  # the fields of the effect
 

@@ -64,12 +64,12 @@ def _level_notes(item: TableResult) -> list[str]:
     """Of levels that are told from 0, of effects that have no constant part: they are offsets."""
     notes = []
     for effect in item.effects:
-        for own in parameters_of(effect)[len(effect.sizes) :]:
-            axis = next((e for e, text in effect.equations.items() if text.endswith(own.name)), "")
+        levels = parameters_of(effect)[len(effect.sizes) :]
+        for own, axis in zip(levels, effect.levels, strict=True):
             if effect.family in OF_TEMPERATURES or abs(own.value) < SURE_LEVEL * own.u:
                 continue
             notes.append(
-                f"{effect.name}: its {own.name} is an offset of {axis[1:].upper()}, "
+                f"{effect.name}: its {own.name} is an offset of {axis.upper()}, "
                 f"{plus_minus(own.value, own.u)} {own.unit}, which is written with it"
             )
     return notes

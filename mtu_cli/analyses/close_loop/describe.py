@@ -88,7 +88,7 @@ def _effect(told: Described, step: Step, place: int, planned: Choice | None) -> 
         of_folds=len(told.chosen),
         apart=tuple(candidate_name(prepared, i) for i in apart_from(prepared, step)),
         unnamed=step.unnamed,
-        levels=0 if member is None else len(_level_axes(told, place)),
+        levels=() if member is None else tuple(_level_axes(told, place)),
     )
 
 

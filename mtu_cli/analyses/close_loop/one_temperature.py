@@ -34,13 +34,10 @@ def with_temperature(
     """
     known = {(own.family, own.axis) for own in candidates}
     at = tuple(_constant(told.prepared.table))
-    axes = told.prepared.table.axes
-    found, place = [], 0
-    for step, effect in zip(told.found.steps, effects, strict=True):
-        levels = [axes[own.axis] for own in told.effects.levels if own.owner == place]
-        place += step.member >= 0
+    found = []
+    for effect in effects:
         families = {(LOOKS_LIKE.get(effect.family, ""), effect.axis)}
-        families |= {(LOOKS_LIKE["offset"], axis) for axis in levels}
+        families |= {(LOOKS_LIKE["offset"], axis) for axis in effect.levels}
         shared = effect.component is None and not known.isdisjoint(families)
         found.append(replace(effect, found_at=at) if shared else effect)
     return tuple(found)

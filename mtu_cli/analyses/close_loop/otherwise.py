@@ -74,9 +74,9 @@ def _beside_thermal(told: Described, step: Step, effect: FoundEffect) -> tuple[O
         (size,) = effect.sizes
         found.append((size, at_reference(prepared, steps, step, size[2:])))
     if effect.levels and (effect.covariate is None or not effect.family.startswith(THERMAL)):
-        place = [own.member for own in steps if own.member >= 0].index(step.member)
-        axes = [level.axis for level in told.effects.levels if level.owner == place]
-        for level, axis in zip(effect.parameters[-effect.levels :], axes, strict=True):
+        levels = effect.parameters[len(effect.sizes) :]
+        for level, letter in zip(levels, effect.levels, strict=True):
+            axis = prepared.table.axes.index(letter)
             found.append((level, level_at_reference(prepared, steps, axis, level[2:])))
     return tuple(
         replace(

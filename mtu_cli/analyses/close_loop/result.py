@@ -61,9 +61,10 @@ class FoundEffect:
 
     `parameters` are (name, unit, value, u), value and standard uncertainty in internal units,
     `unit` to show them in; `intervals` (low, high, effective degrees of freedom) at 95 %;
-    `covariance` (k, k) of the parameters, internal units. The last `levels` of them are only the
-    constants that equations need beside what they say. `equations` are empty where the
-    equation language cannot say it: `chosen` is then the feature, part or operation.
+    `covariance` (k, k) of the parameters, internal units. The last of them are only the constants
+    that equations need beside what they say, one along each of the axes `levels`. `equations` are
+    empty where the equation language cannot say it: `chosen` is then the feature, part or
+    operation.
     `searched` holds the value and 95 % interval of what was searched, `alike` other values that
     are the same on these points, or fit them as well. `class_names` are the
     candidates that this data cannot tell apart (95 % credible set, and what has no name until
@@ -106,13 +107,13 @@ class FoundEffect:
     apart: tuple[str, ...] = ()
     unnamed: float = 0.0
     otherwise: tuple[Otherwise, ...] = ()
-    levels: int = 0
+    levels: tuple[str, ...] = ()
     found_at: tuple[tuple[str, float], ...] = ()
 
     @property
     def sizes(self) -> tuple[tuple[str, str, float, float], ...]:
         """The parameters without the levels."""
-        return self.parameters[: len(self.parameters) - self.levels]
+        return self.parameters[: len(self.parameters) - len(self.levels)]
 
     @property
     def holds_within(self) -> tuple[str, ...]:

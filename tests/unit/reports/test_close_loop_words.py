@@ -665,7 +665,7 @@ def test_levels_are_told_by_their_names() -> None:
         "ramp-x",
         parameters=(("level", "um", 12.0, 0.6), ("own_level", "um", 4.5, 0.5)),
         equations={"Ex": "level*sequence + own_level"},
-        levels=1,
+        levels=("x",),
     )
     shown = " ".join(plain_text(table(result(on_table("named", (own,))))).split())
     assert "own_level: the constant of an equation and no effect of its own" in shown
