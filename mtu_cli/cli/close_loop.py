@@ -81,7 +81,7 @@ def _found_on(result: CloseLoopResult) -> list[FoundOn]:
     """Of each effect the ranges of the columns of its equations, and of others that it holds in."""
     return [
         FoundOn(
-            seen=seen_ranges(item.table, effect.equations),
+            seen=seen_ranges(item.table, effect.equations, {own for own, *_ in effect.parameters}),
             within=column_ranges(item.table, effect.holds_within),
         )
         for item in result.tables

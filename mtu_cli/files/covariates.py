@@ -12,7 +12,7 @@ COVARIATES = (*DIRECTIONS, "time_min", "sequence")
 STEADY_K = 0.05
 """Range of a temperature that does not change: a thermometer reads as much from itself."""
 NEAR_K = 0.5
-"""Temperatures this near to one another are one to a shop."""
+"""Temperatures this near to one another are one to a shop: a meter of steel grows by 6 um."""
 HOTTEST_DEGC = 200.0
 """No sensor of a machine reads more, nor less than minus this; what a shop is in kelvin is more."""
 KELVIN = 273.15
@@ -34,6 +34,12 @@ _MEANT = re.compile(
 def is_covariate(name: str) -> bool:
     """Whether a name is a covariate of every machine: dir_x, time_min, T_spindle_degC, ..."""
     return name in COVARIATES or is_temperature(name)
+
+
+def is_steady(name: str, span: float) -> bool:
+    """Whether values whose range is `span` do not change, but for what a sensor reads."""
+    # A range of printed values is rounded: 26.05 - 26.
+    return span <= (STEADY_K + 1e-9 if is_temperature(name) else 0.0)
 
 
 def looks_like_temperature(name: str) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mtu_cli.files.contracts import is_identifier
-from mtu_cli.files.covariates import COVARIATES, STEADY_K, is_temperature
+from mtu_cli.files.covariates import COVARIATES, is_steady, is_temperature
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.model.effect_candidate import FloatArray
 from mtu_cli.model.residual_table import ResidualTable
@@ -106,7 +106,7 @@ class TableData:
 
 
 def _changes(name: str, values: FloatArray) -> bool:
-    return bool(np.ptp(values) > (STEADY_K if is_temperature(name) else 0.0))
+    return not is_steady(name, float(np.ptp(values)))
 
 
 def compact(value: FloatArray) -> FloatArray:

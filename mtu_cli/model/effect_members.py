@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.files.covariates import STEADY_K
 from mtu_cli.files.effect_templates import CHOSEN, Template, number_of
 from mtu_cli.files.effect_text import equation_text, filled_tree, with_number
 from mtu_cli.files.effects_contract import Family
@@ -275,7 +276,9 @@ def check_column(name: str, data: TableData) -> None:
     """Raises NoMember, with the reason, unless a column or position is there and changes."""
     if name in data.values:
         if name not in data.changing:
-            raise NoMember(f"{name} does not change")
+            span = float(np.ptp(data.values[name]))
+            more = f" by more than {STEADY_K:g} K" if span else ""
+            raise NoMember(f"{name} does not change{more}")
         return
     if name in data.table.axes and name not in POSITIONS:
         # A component without an axis: no position of it is missing.

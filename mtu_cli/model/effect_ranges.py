@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -43,11 +43,14 @@ class _Left:
     value: float
 
 
-def seen_ranges(table: ResidualTable, equations: Mapping[str, str]) -> dict[str, list[float]]:
-    """The `column_ranges` of the positions and columns that the `equations` of an effect use."""
-    return column_ranges(
-        table, [name for text in equations.values() for name in names(parse(text))]
-    )
+def seen_ranges(
+    table: ResidualTable, equations: Mapping[str, str], parameters: Collection[str] = ()
+) -> dict[str, list[float]]:
+    """The `column_ranges` of the positions and columns that the `equations` of an effect use; a
+    column that has the name of one of its `parameters` is not among them.
+    """
+    used = [name for text in equations.values() for name in names(parse(text))]
+    return column_ranges(table, [name for name in used if name not in parameters])
 
 
 def column_ranges(table: ResidualTable, columns: Iterable[str]) -> dict[str, list[float]]:

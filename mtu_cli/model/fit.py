@@ -9,12 +9,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem
-from mtu_cli.files.components_file import (
-    ComponentsReport,
-    ReportedComponent,
-    ReportedEffects,
-    ReportedGroup,
-)
+from mtu_cli.files.components_contract import ReportedComponent, ReportedEffects, ReportedGroup
+from mtu_cli.files.components_file import ComponentsReport
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.drift_cells import drift_problem
 from mtu_cli.files.machine import LoadedMachine

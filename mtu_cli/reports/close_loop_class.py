@@ -89,7 +89,7 @@ def _place(item: TableResult, effect: FoundEffect) -> int:
 def _experiment(effect: FoundEffect) -> list[str]:
     """What to do to tell the class apart, where anything is known of it."""
     planned = effect.experiment
-    if effect.inseparable and any(name.startswith("cyclic-") for name in effect.candidates):
+    if effect.inseparable and any(name.startswith("cyclic-") for name in class_of(effect)):
         return [f"No further parts like these tell them apart. To tell: {OTHER_PLACES}."]
     if effect.inseparable:
         return ["No further parts tell these apart: look for each of them on the machine itself."]

@@ -22,8 +22,8 @@ from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import p_value, plus_minus
 
 LEVEL = (
-    "{names}: the constant of an equation and no effect of its own: the error where the effects of "
-    "its axis are 0. Beside a growth or a drift it holds their constant part and any offset"
+    "{names}: {what} of its own: the error where the effects of its axis are 0. Beside a growth or "
+    "a drift it holds their constant part and any offset"
 )
 SURE_LEVEL = 3.0
 """Times its u from which on a level is told from 0."""
@@ -43,9 +43,19 @@ COPIED = ": the two cannot be told apart"
 
 
 def level_text(effects: Sequence[FoundEffect]) -> list[str]:
-    """What the levels of effects are, by their names."""
-    names = [name for own in effects for name, *_ in own.parameters[len(own.sizes) :]]
-    return [LEVEL.format(names=listed(names))] if names else []
+    """What the levels of effects are, by their names, and their effects where another has a size
+    of that name.
+    """
+    sizes = {name for own in effects for name, *_ in own.sizes}
+    levels = [(own, name) for own in effects for name, *_ in own.parameters[len(own.sizes) :]]
+    names = [f"{name} of {own.name}" if name in sizes else name for own, name in levels]
+    names = list(dict.fromkeys(names))
+    if not names:
+        return []
+    what = "the constant of an equation and no effect"
+    if len(names) > 1:
+        what = "each the constant of an equation and no effect"
+    return [LEVEL.format(names=listed(names), what=what)]
 
 
 def effect_notes(item: TableResult) -> list[str]:

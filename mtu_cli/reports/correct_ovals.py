@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import combinations
+from math import hypot
 from typing import Any
 
 from mtu_cli.analyses.correct.roundness import Oval
@@ -13,6 +15,8 @@ from mtu_cli.units import PARAMETER_UNITS, UM
 
 SHOWN = 6
 """Rings that contradict each other, named one by one."""
+APART = 3.0
+"""Times the u of a difference of sizes up to which they are those of one cause."""
 
 
 def document_of(own: Oval) -> dict[str, Any]:
@@ -114,12 +118,21 @@ def _lack(worst: Sequence[Oval]) -> str:
 
 def _shared(scales: Sequence[Oval]) -> str | None:
     """The axis of which one scale makes all differences of several pairs of axes: longer, or
-    shorter, than each of the others. None where there are not several, or no such axis.
+    shorter, than each of the others, by as much. None where there are not several, or no such axis.
     """
-    if len(scales) < 2:
+    if len(scales) < 2 or not all(_as_large(*pair) for pair in combinations(scales, 2)):
         return None
     sides = [[own.axes[side] for own in scales if own.axes is not None] for side in (0, 1)]
     return next((side[0] for side in sides if len(set(side)) == 1), None)
+
+
+def _as_large(a: Oval, b: Oval) -> bool:
+    return abs(a.size - b.size) <= APART * hypot(_u_of_size(a), _u_of_size(b))
+
+
+def _u_of_size(own: Oval) -> float:
+    """The same share of the size as of the difference of diameters."""
+    return abs(own.size) * own.u / own.longer if own.longer else 0.0
 
 
 def _other(own: Oval, axis: str) -> str:
@@ -143,8 +156,8 @@ def _directions(own: Oval) -> tuple[str, str] | None:
 def _size(own: Oval) -> tuple[float, float, str]:
     """Squareness or difference of scales, without a sign (`_directions` has it), and its u."""
     unit = "arcsec" if own.shear else "um/m"
-    value = abs(own.size) / PARAMETER_UNITS[unit].to_internal
-    return value, value * own.u / own.longer if own.longer else 0.0, unit
+    scale = PARAMETER_UNITS[unit].to_internal
+    return abs(own.size) / scale, _u_of_size(own) / scale, unit
 
 
 def _shown_size(own: Oval) -> str:

@@ -16,6 +16,8 @@ from mtu_cli.analyses.close_loop.result import DRIFT, FIELD, FoundEffect
 from mtu_cli.analyses.close_loop.scatter_rivals import apart_from
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.language import names as equation_names
+from mtu_cli.language import parse
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.profile_ratio import member_ratios
 
@@ -144,11 +146,11 @@ def _parameters(told: Described, step: Step, place: int) -> list[tuple[str, str]
 
 
 def _level_names(told: Described, step: Step, place: int) -> list[str]:
-    """Names of an effect's levels that nothing of its own has."""
+    """Names of an effect's levels that nothing in its equations has."""
     axes = _level_axes(told, place)
     names = ["level"] if len(axes) == 1 else [f"level_{axis}" for axis in axes]
     own = told.prepared.members[step.member]
-    taken = {*own.searched, *(name for name, _ in own.parameters)}
+    taken = {name for text in own.equations.values() for name in equation_names(parse(text))}
     while not taken.isdisjoint(names):
         names = [f"own_{name}" for name in names]
     return names

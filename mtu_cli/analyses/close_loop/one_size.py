@@ -51,14 +51,15 @@ def of_no_size(prepared: Prepared, found: Sequence[int]) -> frozenset[int]:
     growth of another axis, but with a size that nobody has.
     """
     owners = prepared.scan.owners()
-    alone: dict[tuple[str, str | None], list[int]] = {}
+    alone: dict[tuple[str, str | None], dict[str, int]] = {}
     start = 0
     for m in found:
         own, count = prepared.candidates[owners[m]], len(prepared.members[m].columns)
         if own.family in FAMILIES and own.axis is not None and count == 1:
-            alone.setdefault((own.family, prepared.members[m].covariate), []).append(start)
+            of_axes = alone.setdefault((own.family, prepared.members[m].covariate), {})
+            of_axes.setdefault(own.axis, start)
         start += count
-    several = {known: places for known, places in alone.items() if len(places) > 1}
+    several = {known: [*axes.values()] for known, axes in alone.items() if len(axes) > 1}
     if not several:
         return frozenset()
     _, fit = jointly(prepared, prepared.whole(found))

@@ -13,7 +13,7 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.describe import Described
 from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.files.covariates import NEAR_K, STEADY_K, is_temperature
+from mtu_cli.files.covariates import NEAR_K, is_steady, is_temperature
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
 from mtu_cli.model.effect_candidate import Candidate
 from mtu_cli.model.residual_table import ResidualTable
@@ -49,7 +49,8 @@ def _constant(table: ResidualTable) -> list[tuple[str, float]]:
     for name, column in table.covariates.items():
         values = np.broadcast_to(column, table.there.shape)[table.there]
         if is_temperature(name) and len(values) and np.isfinite(values).all():
-            T = float(values[0])
-            if np.ptp(values) <= STEADY_K and abs(T - REFERENCE_TEMPERATURE) > NEAR_K:
+            low, high = float(values.min()), float(values.max())
+            T = (low + high) / 2
+            if is_steady(name, high - low) and abs(T - REFERENCE_TEMPERATURE) > NEAR_K:
                 found.append((name, T))
     return found

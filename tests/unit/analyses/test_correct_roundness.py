@@ -544,6 +544,13 @@ def test_a_scale_of_one_axis_that_shows_against_two_is_one_cause(tmp_path: Path)
     assert "a scale of x, 80.0" in left(found, *shorter)
     message = left(found, against_y, against_z, named("d"))
     assert f"a squareness of x and y of 16.5 ± 1.0 arcsec (d) and {one}" in message
+    # By eight times as much than by z: x does not grow by both.
+    smaller = replace(against_z, longer=1e-3, size=1e-5)
+    message = left(found, against_y, smaller)
+    assert "a scale of x or y, 80.0 ± 5.0 um/m between them (b)" in message
+    assert "a scale of x or z, 10.0 ± 5.0 um/m between them (c)" in message
+    # One scale alone has two axes, also beside a squareness.
+    assert "a scale of x or y, 80.0 ± 5.0 um/m" in left(found, against_y, named("d"))
     # x is longer than y, and z longer than x: no scale of one axis.
     other = replace(against_z, axes=("z", "x"))
     message = left(found, against_y, other)

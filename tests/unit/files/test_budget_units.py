@@ -306,6 +306,11 @@ def test_what_disagrees_is_refused(
         ("h + 12*L", "in", {"h": "in", "L": "ft"}),
         ("h + 0.9*L", "deg", {"h": "deg", "L": "gon"}),
         ("h + L", "length", MM),
+        # Half of a result in %, or twice.
+        ("(1 + h)/2", "%", {"h": "%"}),
+        ("2*(1 - h)", "%", {"h": "%"}),
+        # The share is from 1 um/m on.
+        ("(h - 1)*L", "um", {"h": "um/m", "L": "m"}),
     ],
 )
 def test_what_may_be_right_passes(
@@ -349,6 +354,34 @@ def test_grams(
     else:
         assert len(found) == 1
         assert told in found[0]
+
+
+@pytest.mark.parametrize(
+    ("equation", "unit", "inputs", "told"),
+    [
+        # A 1 behind a minus is none of the faults of others.
+        ("(s - 1)*L + h", "um", {"s": "um/m", "L": "m", "h": "mm"}, "um and mm are added"),
+        ("L*(1 + a) + (s - 1)*L", "um", {"s": "um/m", "L": "m", "a": "%"}, "1 and % are added"),
+        # A sum is the same the other way round.
+        ("L*(a + 1)", "", {"L": "m", "a": "mm/m"}, "1 and mm/m are added"),
+        ("a/(a + 1)", "1", {"a": "mm/m"}, "1 and mm/m are added"),
+        # Behind a minus it is told where nothing else is wrong.
+        ("L*(s - 1)", "m", {"L": "m", "s": "%"}, "1 and % are added"),
+        ("L*(1 - a**2/2)", "mm", {"L": "mm", "a": "arcsec"}, "1 and arcsec*arcsec are added"),
+    ],
+)
+def test_the_one_that_is_wrong_is_told_alone(
+    tmp_path: Path, equation: str, unit: str, inputs: dict[str, str], told: str
+) -> None:
+    (found,) = faults(tmp_path, equation, unit, inputs)
+    assert told in found
+
+
+def test_ones_of_a_product_are_told_each(tmp_path: Path) -> None:
+    """The 1 that is taken from it has nothing wrong but them."""
+    found = faults(tmp_path, "(1 + a)*(1 + b) - 1", "1", {"a": "%", "b": "%"})
+    assert len(found) == 2
+    assert all("1 and % are added" in text for text in found)
 
 
 def test_units_of_several_outputs(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ DRIFT = {
 }  # fmt: skip
 
 NEGATIVE = "a variance is negative"
-UNKNOWN = "an entry is not known"
+UNKNOWN = "is not known; expected a number"
 INDEFINITE = "not positive semidefinite: a combination has a negative variance"
 
 
@@ -308,9 +308,32 @@ def test_joint_covariances_are_covariances(
     results = {"components": components, "joint_pass_covariance": [joint]}
     path = tmp_path / "c.json"
     path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
-    passes = key == "pass_covariance"
-    if what is None or (what in (NEGATIVE, INDEFINITE) if passes else what == UNKNOWN):
+    if what is None or (key == "pass_covariance" and what in (NEGATIVE, INDEFINITE)):
         assert read_report(path)
         return
     (found,) = told(path)
-    assert found.endswith(f"results.joint_pass_covariance.0.{key}: {what}")
+    entry = "" if what != UNKNOWN else f".0.{(matrix[0] or [0]).index(None)}"
+    assert found.endswith(f"results.joint_pass_covariance.0.{key}{entry}: {what}")
+
+
+@pytest.mark.parametrize("key", ["coefficient_covariance", "pass_covariance"])
+@pytest.mark.parametrize("matrix", [[[None, 0], [0, 1]], [[None, None], [None, 1]]])
+def test_where_a_component_has_no_covariance_that_with_others_has_no_entries(
+    tmp_path: Path, matrix: list[list[float | None]], key: str
+) -> None:
+    """Of as many readings as coefficients: what it has in common with others is not known."""
+    joint = JOINT | {
+        "components": ["a", "b"], "widths": [1, 1], "pass_dof": 4,
+        "coefficient_covariance": [[0, 0], [0, 0]], "pass_covariance": [[0, 0], [0, 0]],
+        key: matrix,
+    }  # fmt: skip
+    components = {"a": FITTED | {"covariance": [[None]]}, "b": FITTED}
+    results = {"components": components, "joint_pass_covariance": [joint]}
+    path = tmp_path / "c.json"
+    path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
+    if key == "coefficient_covariance":
+        assert read_report(path)
+        results["components"] = {"a": FITTED, "b": FITTED | {"covariance": [[None]]}}
+        path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
+    (found,) = told(path)
+    assert found.endswith(f"{key}.0.0: {UNKNOWN}")
