@@ -248,7 +248,7 @@ def _searched(found: tuple[float, float, float], effect: FoundEffect) -> str:
     """With its interval, where that is one and not from the first of many values to the last."""
     several = pitch_is_open(effect)
     value, ends = searched_text(found, several)
-    return value if several else f"{value} {ends}"
+    return value if several else f"{value} {ends}".rstrip()
 
 
 def _alike(effect: FoundEffect) -> str:
@@ -263,7 +263,8 @@ def _alike(effect: FoundEffect) -> str:
 
 def searched_text(found: tuple[float, float, float], several: bool = False) -> tuple[str, str]:
     """What was searched, and its 95 % interval, to two digits of a quarter of its width; of one
-    of `several` values that fit alike to digits of its own.
+    of `several` values that fit alike to digits of its own. What fits best at an end of what was
+    searched has that end for no reason of the data.
     """
     value, low, high = found
     if several:
@@ -271,6 +272,10 @@ def searched_text(found: tuple[float, float, float], several: bool = False) -> t
         return significant(value, SEARCHED_DIGITS), f"[{', '.join(ends)}]"
     if not high > low:
         return significant(value, SEARCHED_DIGITS), MISSING
+    if value == high:
+        return f"at least {significant(low)}", ""
+    if value == low:
+        return f"at most {significant(high)}", ""
     u = (high - low) / 4
     return with_u(value, u)[0], interval(low, high, u)
 

@@ -111,7 +111,7 @@ def _found_at_notes(item: TableResult) -> list[str]:
             found.setdefault(effect.found_at, []).append(f"{of}{effect.name}")
     notes = []
     for at, names in found.items():
-        where = listed([f"{name} = {T:g}" for name, T in at])
+        where = listed([f"{name} = {T:.4g}" for name, T in at])
         what, those, it = ("is that", "it is", "it")
         if len(names) > 1:
             what, those, it = ("are those", "they are", "them")

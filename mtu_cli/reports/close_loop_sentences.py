@@ -89,6 +89,9 @@ def _told_by_each(item: TableResult) -> dict[int, set[str]]:
         if place is None or place not in point.drift:
             continue
         own = {p.given for p in item.neutral_points if p.axis == point.axis}
+        offsets = {item.effects[e].name for e in point.offset}
+        rivals = item.effects[place].rivals
+        own |= {(place, rival.name) for rival in rivals if offsets <= {*rival.without}}
         whole = {(place, name) for name in item.effects[place].candidates} <= own
         about = {own_verdict(item.effects[e], item) for e in (place, *point.offset)}
         # Beside a hint what stands is told by itself.
@@ -100,8 +103,10 @@ def _told_by_each(item: TableResult) -> dict[int, set[str]]:
 
 def one_cause(item: TableResult, place: int, own: FoundEffect) -> str | None:
     """What follows if the effect at `place`, one of several, is `own`: with others it is an axis
-    that is fixed somewhere, or right at a temperature.
+    that is fixed somewhere, or right at a temperature, or has no offset.
     """
+    if own.without:
+        return f"there is no {' or '.join(own.without)} then"
     for point in item.fixed_points:
         if point.given != (place, own.name) or not point.told:
             continue

@@ -23,6 +23,9 @@ NO_WEAKER = 0.9995
 """A factor of a correlation that shows as 1."""
 ROUNDING = 1e-9
 """Share of a value below which ends of an interval agree."""
+FEW, MANY = 0.2, 10_000
+"""Share of u that its standard error is where a few of many trials make it: that of normal ones is
+1/sqrt(2 M)."""
 SHORTEST = 1.05
 """More than its own scatter may make the shortest interval longer than the symmetric one."""
 
@@ -69,13 +72,25 @@ def _unsettled(outputs: Sequence[OutputBudget], run: MonteCarloResult) -> list[W
         if math.isinf(run.u[index])
         or (math.isfinite(run.u[index]) and not math.isfinite(run.se_u[index]))
     ]
-    if not named:
-        return []
-    message = (
-        f"{_listed(named)}: the Monte Carlo u has no standard error of its own, its trials are too "
-        "far apart to calculate one: use the interval"
-    )
-    return [Warned(code="no-standard-error", message=message)]
+    found = []
+    if named:
+        message = (
+            f"{_listed(named)}: the Monte Carlo u has no standard error of its own, its trials are "
+            "too far apart to calculate one: use the interval"
+        )
+        found.append(Warned(code="no-standard-error", message=message))
+    of_few = [
+        item.first.name
+        for index, item in enumerate(outputs)
+        if FEW * run.u[index] < run.se_u[index] < math.inf
+    ]
+    if of_few and run.trials >= MANY:
+        message = (
+            f"{_listed(of_few)}: a few trials far out make the Monte Carlo u, which may not exist, "
+            "as of a ratio whose divisor may be 0; more trials do not help: use the interval"
+        )
+        found.append(Warned(code="heavy-tails", message=message))
+    return found
 
 
 def has_shortest(run: MonteCarloResult, index: int) -> bool:
@@ -234,7 +249,7 @@ def _validation(item: OutputBudget, run: MonteCarloResult, index: int) -> list[W
     if math.isnan(first.u):
         return []
     percent = f"{100 * run.probability:.4g} %"
-    unit = f" {item.unit}" if item.unit else ""
+    unit = f" {item.unit}" if item.unit and item.unit != "1" else ""
     largest = float(np.max([verdict.d_low, verdict.d_high]))
     if verdict.passed is False and first.u == 0.0 and largest <= ROUNDING * abs(first.value):
         message = (

@@ -256,9 +256,9 @@ def joint_covariance(told: Described) -> FloatArray:
 
 
 def floor_of(prepared: Prepared) -> float | None:
-    """Repeatability of one entry: the interaction, or what repeats tell where parts are few."""
+    """Repeatability of one entry: the interaction, or what repeats tell of one part or column."""
     table, null = prepared.table, prepared.scan.null
-    if len(table.parts) > 1 and (null.interaction > 0).any():
+    if min(len(table.parts), len(table.features)) > 1 and (null.interaction > 0).any():
         return float(np.sqrt(np.mean(null.interaction)))
     if table.repeat_dof > 0 and np.isfinite(table.repeat_variance).all():
         count = float(np.mean(1 / table.repeats[table.there]))

@@ -2,26 +2,29 @@
 
 Where a growth far from 20 degC was found alone, its u holds if there is no scale at 20 degC; and
 where a scale was, far from 20 degC and at nearly one temperature, it holds if there is no growth.
+That of wear against the direction of approach holds if no motion was lost when the tool was new.
 That none was told is no proof of it: both are given as they would be.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.describe import Described
 from mtu_cli.analyses.close_loop.result import FoundEffect, Otherwise
-from mtu_cli.analyses.close_loop.same_in_all import Constant, constants
+from mtu_cli.analyses.close_loop.same_in_all import Constant, beside_all, constants
 from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.analyses.close_loop.two_forms import hidden_in
 from mtu_cli.analyses.close_loop.varying import (
     THERMAL,
     AtReference,
     at_reference,
     level_at_reference,
 )
+from mtu_cli.language import names, parse
 
 MATTERS = 2.0
 """Times its u at the mean temperature from which on what an effect would be at 20 degC is told."""
@@ -35,7 +38,7 @@ def with_otherwise(told: Described, effects: Sequence[FoundEffect]) -> tuple[Fou
     """
     steps = told.found.steps
     known = {step.index for step in steps}
-    every = constants(told.prepared, told.found.members)
+    every = [*constants(told.prepared, told.found.members), *_of_other_forms(told)]
     by_coefficient = {own.of: own for own in every if own.hidden and own.index not in known}
     found, first = [], 0
     for step, effect in zip(steps, effects, strict=True):
@@ -49,6 +52,23 @@ def with_otherwise(told: Described, effects: Sequence[FoundEffect]) -> tuple[Fou
         news = [o for o in own if o.p < DOUBTED or o.parameter[3] > _u_of(effect, o.parameter[0])]
         found.append(replace(effect, otherwise=(*news, *_beside_thermal(told, step, effect))))
     return tuple(found)
+
+
+def _of_other_forms(told: Described) -> Iterator[Constant]:
+    """What effects differ by from another form of theirs (see `two_forms`), beside all of them; of
+    those that grow with a place it is told elsewhere (see `growth_alone`).
+    """
+    prepared, members, first = told.prepared, told.found.members, 0
+    for step in (own for own in told.found.steps if own.member >= 0):
+        axis = prepared.candidates[step.index].axis
+        texts = prepared.members[step.member].equations.values()
+        own = None
+        if axis is not None and not any(axis in names(parse(text)) for text in texts):
+            own = hidden_in(prepared, step)
+        found = None if own is None else beside_all(prepared, members, first, *own)
+        if found is not None:
+            yield replace(found, hidden=True)
+        first += len(prepared.members[step.member].columns)
 
 
 def _u_of(effect: FoundEffect, parameter: str) -> float:

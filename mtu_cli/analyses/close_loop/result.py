@@ -73,6 +73,7 @@ class FoundEffect:
     are those of `class_names` that a scatter cannot be mistaken for: as likely as it, but other
     findings. `unnamed` is the posterior of drifts and fields without a name in its place.
     `otherwise`: it is told with its u if there is none of these beside it.
+    A rival is `without` the offsets found that are not told from 0 beside it.
     `found_at` are temperatures (name, degC) that it may be an effect of and that did not change.
     `inseparable`: no further parts tell its class apart. `folds` counts the held-out folds that
     chose it, or another of its class, of `of_folds`.
@@ -109,6 +110,7 @@ class FoundEffect:
     otherwise: tuple[Otherwise, ...] = ()
     levels: tuple[str, ...] = ()
     found_at: tuple[tuple[str, float], ...] = ()
+    without: tuple[str, ...] = ()
 
     @property
     def sizes(self) -> tuple[tuple[str, str, float, float], ...]:

@@ -57,11 +57,19 @@ def all_instead(
 def with_rivals(
     effects: Sequence[FoundEffect], others: Sequence[Instead]
 ) -> tuple[FoundEffect, ...]:
-    """The effects, each with its rivals."""
+    """The effects, each with its rivals, and those with the offsets that are not told from 0 beside
+    them.
+    """
     return tuple(
-        replace(effect, rivals=tuple(other.rival for other in others if other.place == place))
+        replace(effect, rivals=tuple(map(_rival, (own for own in others if own.place == place))))
         for place, effect in enumerate(effects)
     )
+
+
+def _rival(other: Instead) -> FoundEffect:
+    offsets = (own for own in other.effects if own.kind == "offset" and own is not other.rival)
+    gone = tuple(own.name for own in offsets if own.intervals[0][0] < 0 < own.intervals[0][1])
+    return replace(other.rival, without=gone)
 
 
 def _rivals(told: Described, step: Step) -> Iterator[Step]:

@@ -18,6 +18,7 @@ from mtu_cli.analyses.close_loop.same_strata import hides, is_same
 from mtu_cli.analyses.close_loop.scan import Scan
 from mtu_cli.analyses.close_loop.several import several
 from mtu_cli.analyses.close_loop.state import State, Step
+from mtu_cli.analyses.close_loop.two_forms import in_two_names
 from mtu_cli.stats.column_groups import Column
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
@@ -76,6 +77,7 @@ def search(
         state = _without(prepared, gate, steps)
         steps, stopped = _forward(state, steps, alpha, most, left_out)
     looked = state.looked
+    steps = in_two_names(prepared, steps, unsure)
     steps, too_many = with_constants(prepared, gate, steps, alpha, most, unsure)
     steps = _without_found(prepared, _beside_others(prepared, steps))
     return Search(
@@ -150,9 +152,9 @@ def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
             if step is not own:
                 state.take_out(step)
         # Another form of a cause that is there in any case is no rival.
-        others = {step.index for step in steps if step is not own}
+        others = {step.index for step in steps} - {own.index}
         looked = state.look()
-        others |= {i for i, m in enumerate(looked.best.tolist()) if m in never and i != own.index}
+        others |= {i for i, m in enumerate(looked.best.tolist()) if m in never} - {own.index}
         scores = scores_of(looked, state.done | others)
         scores[prepared.scan.tested :] = -np.inf
         beside = ranked(prepared.scan, own, scores, state.looked.unnamed)

@@ -49,6 +49,22 @@ def test_without_a_standard_error_nothing_has_converged() -> None:
     assert {"not-converged", "no-standard-error"} <= codes(result)
 
 
+def test_a_ratio_whose_divisor_may_be_0_has_no_u() -> None:
+    """No trials settle what does not exist; one that stays away from 0 has one."""
+    text = (
+        "equation: a/b\nquantity: {name: r, unit: '1'}\n"
+        "inputs:\n  a: {value: 1, u: 0.1}\n  b: {value: 1, u: U}\n"
+    )
+    found = evaluated(text.replace("U", "0.4"), trials=200_000)
+    assert "heavy-tails" in codes(found)
+    said = " ".join(warned.message for warned in found.warnings)
+    assert "r: a few trials far out make the Monte Carlo u, which may not exist" in said
+    assert " 1, more" not in said
+    assert "heavy-tails" not in codes(evaluated(text.replace("U", "0.1"), trials=200_000))
+    # A u of 0, and few trials, say nothing of it.
+    assert "heavy-tails" not in codes(evaluated(text.replace("U", "0.4"), trials=2000))
+
+
 @pytest.mark.parametrize("dof", [3, 5, 20])
 def test_a_t_in_a_copula_has_the_coefficient_that_the_warning_says(dof: int) -> None:
     """The factor by quadrature over the chi, and in what is drawn."""

@@ -203,10 +203,11 @@ def test_the_posterior_of_what_has_no_name_is_the_steps() -> None:
     assert [effect.unnamed for effect in found] == [step.unnamed for step in steps]
 
 
-def test_of_one_part_the_floor_is_what_its_repeats_tell_of_a_mean() -> None:
+def test_of_one_part_or_feature_the_floor_is_what_repeats_tell_of_a_mean() -> None:
     """Variances of 16 and 4 um^2 of single readings, three of which are an entry."""
     table = SimpleNamespace(
         parts=("P",),
+        features=("a", "b"),
         repeat_dof=4,
         repeat_variance=np.array([16e-6, 4e-6]),
         repeats=np.array([[3, 3, 0]]),
@@ -217,5 +218,7 @@ def test_of_one_part_the_floor_is_what_its_repeats_tell_of_a_mean() -> None:
     assert floor_of(own) == pytest.approx(1e-3 * np.sqrt(10 / 3))
     table.parts = ("P", "Q")
     assert floor_of(own) == pytest.approx(5e-3)
+    table.features = ("a",)
+    assert floor_of(own) == pytest.approx(1e-3 * np.sqrt(10 / 3))
     table.parts, table.repeat_dof = ("P",), 0
     assert floor_of(own) is None

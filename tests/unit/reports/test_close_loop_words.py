@@ -660,6 +660,43 @@ def test_a_level_that_is_told_from_none_is_an_offset_of_its_axis() -> None:
     assert "its level is" not in shown("thermal-drift", -12.3)
 
 
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        ((730.0, 320.0, 730.0), "time constant at least 320 min."),
+        ((10.0, 10.0, 35.0), "time constant at most 35 min."),
+        ((60.0, 41.0, 90.0), "time constant 60 [41, 90] min."),
+    ],
+)
+def test_an_end_of_what_was_searched_is_no_estimate(
+    found: tuple[float, float, float], said: str
+) -> None:
+    warm = effect(
+        "warm-up-x",
+        parameters=(("rise", "um", 7.5, 0.4),),
+        equations={"Ex": "rise*(1 - exp(-time_min/60))"},
+        searched={"tau_min": found},
+    )
+    shown = " ".join(plain_text(table(result(on_table("named", (warm,))))).split())
+    text = " ".join(
+        verdict_text(on_table("named", (warm,)), result(on_table("named", (warm,)))).split()
+    )
+    assert said in text.replace(" (warm-up-x)", "")
+    assert str(found[0]) not in shown or found[0] == 60.0
+
+
+def test_of_two_levels_of_one_name_as_a_size_the_effect_is_told() -> None:
+    step = effect("step-x", parameters=(("jump", "um", 4.5, 0.5), ("level", "um", 1.5, 0.5)))
+    ramp = effect(
+        "ramp-y",
+        parameters=(("level", "um", 12.0, 0.6), ("own_level", "um", 4.5, 0.5)),
+        equations={"Ey": "level*sequence + own_level"},
+        levels=("y",),
+    )
+    both = " ".join(plain_text(table(result(on_table("named", (step, ramp))))).split())
+    assert "level of step-x, own_level: each the constant of an equation" in both
+
+
 def test_levels_are_told_by_their_names() -> None:
     own = effect(
         "ramp-x",
