@@ -124,7 +124,6 @@ def on_table(
         candidates=CANDIDATES,
         checks=CHECKS,
         fired=(),
-        without_name=False,
         gross=(),
         explained=_backlash(residuals) if effects else np.zeros_like(residuals.errors),
         before=scores(5.9),

@@ -72,7 +72,6 @@ def found_as(prepared: Prepared, names: Sequence[str]) -> tuple[Added, Search]:
         log_bayes=nothing,
         posterior=nothing,
         checks=(),
-        without_name=False,
     )
     return added(prepared, found), found
 

@@ -68,9 +68,7 @@ def of_covariate(prepared: Prepared, name: str, covariate: str | None) -> list[i
 
 def found(prepared: Prepared, *steps: Step) -> Search:
     none = np.zeros(len(prepared.candidates))
-    return Search(
-        steps=steps, p=none, log_bayes=none, posterior=none, checks=(), without_name=False
-    )
+    return Search(steps=steps, p=none, log_bayes=none, posterior=none, checks=())
 
 
 def described(prepared: Prepared, own: Search) -> Described:

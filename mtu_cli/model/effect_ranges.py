@@ -108,22 +108,30 @@ def effect_warnings_at(
 def _not_given(
     effects: Sequence[DeclaredEffect], values: Mapping[str, FloatArray | float]
 ) -> list[Warned]:
-    """One warning for all effects that hold within a range of a column of which nothing is known:
-    no equation asks for it.
+    """One warning for all effects that hold within a range of a column of which nothing is known,
+    or not at all points: no equation asks for it.
     """
     found: dict[tuple[str, float, float], list[DeclaredEffect]] = {}
     for effect in effects:
         for column in effect.within:
-            if not np.isfinite(np.asarray(values.get(column, np.nan), float)).any():
+            if not np.isfinite(np.asarray(values.get(column, np.nan), float)).all():
                 found.setdefault((column, *effect.seen[column]), []).append(effect)
     return [
         Warned(
             code="effect-range-unknown",
             message=f"{_listed(own)} {'holds' if len(own) == 1 else 'hold'} with {column} "
-            f"{_between(low, high, high - low)}, of which no value is given (--at {column})",
+            f"{_between(low, high, high - low)}, of which {_lacks(values.get(column), column)}",
         )
         for (column, low, high), own in found.items()
     ]
+
+
+def _lacks(given: FloatArray | float | None, column: str) -> str:
+    """How many points have no value of a column."""
+    known = np.isfinite(np.atleast_1d(np.asarray(np.nan if given is None else given, float)))
+    if known.any():
+        return f"{known.size - int(known.sum())} of {known.size} points have no value"
+    return f"no value is given (--at {column})"
 
 
 def outside_seen(

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.errors import InputError, Problem
-from mtu_cli.files.covariates import (
-    closest_covariate,
-)
+from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
 from mtu_cli.model.basis import TIME
@@ -24,9 +21,6 @@ from mtu_cli.model.residual_cells import Cells, IntArray
 from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_cells import cell_problem, no_temperatures
 from mtu_cli.stats.least_squares import FloatArray
-
-if TYPE_CHECKING:
-    pass
 
 ROUNDING = 1e-12
 """Means of repeats that differ by less than this share of their size are equal."""

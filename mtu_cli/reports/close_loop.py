@@ -86,6 +86,7 @@ def document(result: CloseLoopResult) -> dict[str, Any]:
             "found": any(something_left(item) for item in result.tables),
             "checks": [check for item in result.tables for check in _checks(item)],
             "twofold": [name for item in result.tables for name in item.twofold],
+            "without_name": [name for item in result.tables for name in item.nameless],
             f"rms_{first.table.unit}": size_of(first, first.unexplained_rms),
         },
         "outliers": [_outlier(g, t) for t in result.tables for g in t.gross],
@@ -183,6 +184,7 @@ def _table(item: TableResult) -> dict[str, Any]:
             "found": something_left(item),
             "checks": _checks(item),
             "twofold": list(item.twofold),
+            "without_name": list(item.nameless),
             f"rms_{item.table.unit}": size_of(item, item.unexplained_rms),
         },
     }

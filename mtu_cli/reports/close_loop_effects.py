@@ -12,6 +12,7 @@ from mtu_cli.analyses.close_loop.one_phase import least_amplitude
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import amplitude, pitch_is_open, things
 from mtu_cli.language import names, parse
+from mtu_cli.reports.close_loop_scatter import scatter_text
 from mtu_cli.reports.close_loop_shown import (
     Shown,
     either,
@@ -72,7 +73,8 @@ def _sentence(effect: FoundEffect, item: TableResult) -> str:
 def _says(effect: FoundEffect, shown: tuple[Shown, ...]) -> str:
     """The library's own words, and the parameters by their names."""
     chosen = "" if effect.chosen is None else f" ({effect.chosen})"
-    return ": ".join(text for text in (f"{effect.says}{chosen}", _values(shown)) if text)
+    values = _values(shown) if effect.scatter is None else scatter_text(effect.scatter)
+    return ": ".join(text for text in (f"{effect.says}{chosen}", values) if text)
 
 
 def _values(shown: tuple[Shown, ...]) -> str:

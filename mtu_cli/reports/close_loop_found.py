@@ -13,6 +13,7 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import effect_rms, own_verdict
+from mtu_cli.reports.close_loop_scatter import scatter_document
 from mtu_cli.reports.close_loop_shown import in_shown_unit, parameters_of, size_of
 from mtu_cli.reports.document import finite, um
 
@@ -31,6 +32,7 @@ def effect_of(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
         "chosen": effect.chosen,
         "equations": dict(effect.equations),
         "parameters": _parameters(effect),
+        "scatter": scatter_document(effect.scatter),
         "otherwise": [_otherwise(own) for own in effect.otherwise],
         "found_at_degC": dict(effect.found_at),
         "searched": _searched(effect),
@@ -66,6 +68,7 @@ def _rival(rival: FoundEffect) -> dict[str, Any]:
         "equations": dict(rival.equations),
         "parameters": _parameters(rival),
         "searched": _searched(rival),
+        "without": list(rival.without),
     }
 
 

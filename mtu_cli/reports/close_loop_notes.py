@@ -86,9 +86,7 @@ def _level_notes(item: TableResult) -> list[str]:
 
 
 def _unsure_notes(item: TableResult) -> list[str]:
-    """Of effects whose size is not told from 0: what is left beside it scatters more than what the
-    test that it passed is of.
-    """
+    """Of effects that passed a test, and whose size beside all others is not told from 0."""
     unsure = [
         effect.name
         for effect in item.effects
@@ -112,11 +110,11 @@ def _found_at_notes(item: TableResult) -> list[str]:
     notes = []
     for at, names in found.items():
         where = listed([f"{name} = {T:.4g}" for name, T in at])
-        what, those, it = ("is that", "it is", "it")
+        what, those, it = "is that", "it is", "it"
         if len(names) > 1:
             what, those, it = ("are those", "they are", "them")
         notes.append(
-            f"{listed(names)} {what} of {where}, the temperature of all this data: what {those} at "
+            f"{listed(names)} {what} of {where}, the same in all this data: what {those} at "
             f"{REFERENCE_TEMPERATURE:g} degC, and how much of {it} comes with the temperature, "
             "only parts made at another one tell"
         )

@@ -24,6 +24,7 @@ from mtu_cli.analyses.close_loop.shown import (
 )
 from mtu_cli.reports.close_loop_effects import direction_text, searched_text
 from mtu_cli.reports.close_loop_notes import copied, effect_notes, left_text, level_text, untested
+from mtu_cli.reports.close_loop_scatter import scatter_line
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,
@@ -139,6 +140,8 @@ def _effect(effect: FoundEffect, item: TableResult) -> list[list[str]]:
     for name_searched, value in effect.searched.items():
         best, ends = searched_text(value, pitch_is_open(effect))
         lines.append([name_searched, best, "", ends])
+    if effect.scatter is not None:
+        lines.append(scatter_line(effect.scatter))
     lines = lines or [[MISSING, MISSING, "", MISSING]]
     first = [p_value(effect.p_familywise), rms, folds]
     return [

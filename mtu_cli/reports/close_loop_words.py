@@ -10,7 +10,6 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import (
-    most_left,
     own_verdict,
     things,
 )
@@ -18,6 +17,7 @@ from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
 from mtu_cli.reports.close_loop_class import class_lines, members
 from mtu_cli.reports.close_loop_effects import sum_texts
 from mtu_cli.reports.close_loop_notes import MEANINGS, of_p
+from mtu_cli.reports.close_loop_rest import nameless_text, rest_text, together
 from mtu_cli.reports.close_loop_sentences import Sentence, sentences
 from mtu_cli.reports.close_loop_shown import (
     capital,
@@ -29,11 +29,9 @@ from mtu_cli.reports.close_loop_shown import (
     size_of,
     stays,
 )
-from mtu_cli.reports.numbers import p_value, significant, with_u
+from mtu_cli.reports.numbers import p_value, significant
 
 PART_VARIANCE, TURNED = "part-variance", "rotation-scatter"
-ROUNDING = 1e-7
-"""Share of the figure beside it below which an error is gone, but for the rounding of numbers."""
 NO_ERROR = 1e-12
 """Root mean square (mm, rad) below which errors are the rounding of coordinates."""
 MORE_LEFT = 1.3
@@ -103,22 +101,12 @@ def _unexplained(item: TableResult) -> str:
     p = dict(item.checks)
     fired = [f"{MEANINGS[n].format(**mass)} ({n}, p {of_p(p[n])})" for n in item.fired]
     if item.without_name:
-        fired.append(
-            "smooth drifts or fields without a name explain as much as the names do, or are likely "
-            "in the place of one or beside them"
-        )
+        fired.append(nameless_text(item))
     fired += [
         f"{name} fits only twice over, in two forms that no one cause has at once, and together "
         "they are a shape without a name"
         for name in item.twofold
     ]
-    where = most_left(item)
-    rest, floor, *at = _together(item, item.unexplained_rms, item.floor, where.along, where.there)
-    left = f"What is left has an rms of {rest} {item.table.unit}"
-    along = f"along {where.axis.upper()} ({at[0]} {item.table.unit}), and there "
-    left += f": most {along if item.table.component is None else ''}at {column} {where.column}"
-    left += f" ({at[1]} {item.table.unit})"
-    left += f"; repeatability is {floor} {item.table.unit}." if item.floor is not None else "."
     sure, rest_of = _sure(item)
     known = "; ".join(said.named for said in sure)
     beside = "Beside that something" if sure else "Something"
@@ -126,7 +114,9 @@ def _unexplained(item: TableResult) -> str:
     is_there = "is there" if item.fired or item.twofold else "may be there"
     text = f"{beside} {is_there} that no effect of the library describes: {'; '.join(fired)}."
     first = [f"{capital(known, item)}."] if sure else []
-    return " ".join([*first, text, *_hint(item, rest_of), *_set_up(item), left, *_by_column(item)])
+    return " ".join(
+        [*first, text, *_hint(item, rest_of), *_set_up(item), rest_text(item), *_by_column(item)]
+    )
 
 
 def _by_column(item: TableResult) -> list[str]:
@@ -134,7 +124,7 @@ def _by_column(item: TableResult) -> list[str]:
     if item.by_column is None or not stays(item):
         return []
     (row, column), unit = things(item), item.table.unit
-    after, own = _together(item, item.after.rms, item.by_column.rms)
+    after, own = together(item, item.after.rms, item.by_column.rms)
     said = f"Much of it stays: a correction of its own for every {column} would take the rms of"
     return [f"{said} held-out {plural(row)} from {after} to {own} {unit}."]
 
@@ -193,7 +183,7 @@ def _none(item: TableResult, alpha: float) -> str:
     if item.before.rms <= NO_ERROR:
         return "Nothing undeclared was found: what was measured is what the model predicts."
     unit = item.table.unit
-    rms, floor = _together(item, item.before.rms, item.floor)
+    rms, floor = together(item, item.before.rms, item.floor)
     likely = _likely(item)
     said = [
         f"Nothing undeclared was found (at {100 * alpha:g} % false alarms in all): "
@@ -251,10 +241,10 @@ def _before_after(item: TableResult) -> str:
     """The error before and after on data that took no part in finding the effects."""
     unit = item.table.unit
     if all(effect.kind == "scatter" for effect in item.effects):
-        rms, floor = _together(item, item.before.rms, item.floor)
+        rms, floor = together(item, item.before.rms, item.floor)
         said = f"This is scatter, which no equation takes out: the rms stays at {rms} {unit}"
         return f"{said}; repeatability is {floor} {unit}." if item.floor is not None else f"{said}."
-    before, after, floor = _together(item, item.before.rms, item.after.rms, item.floor)
+    before, after, floor = together(item, item.before.rms, item.after.rms, item.floor)
     row, column = things(item)
     of = {"parts": f"Held-out {plural(row)}", "columns": f"Held-out {plural(column)}"}.get(
         item.held_out_by or "", "All data (none could be held out)"
@@ -265,19 +255,5 @@ def _before_after(item: TableResult) -> str:
     if item.held_out_by is None or left <= MORE_LEFT * item.after.rms:
         return said
     # The folds took out what the search of all data did not.
-    rest = _together(item, left)[0]
+    rest = together(item, left)[0]
     return f"{said} With all data less was found: what is told here leaves {rest} {unit} in them."
-
-
-def _together(item: TableResult, *values: float | None) -> list[str]:
-    """Sizes beside one another to the same place: two digits of the smallest, as long as the
-    largest has no more than four; what is smaller than that place has two of its own.
-    """
-    shown = [size_of(item, value) for value in values]
-    known = [value for value in shown if value]
-    largest = max(known, default=0.0)
-    last = max(min(known, default=1.0), 0.01 * largest)
-    return [
-        with_u(value, min(value, last) if value and value > ROUNDING * largest else last)[0]
-        for value in shown
-    ]

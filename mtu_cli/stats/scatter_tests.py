@@ -93,10 +93,22 @@ def two_scatters_p(a: FloatArray, b: FloatArray, share: float) -> tuple[float, f
     if va <= 0 or vb <= 0:
         return 1.0, 0.0
     z = np.concatenate([a.ravel() / np.sqrt(va), b.ravel() / np.sqrt(vb)])
-    excess = max(float(np.mean(z**4)) - 3.0, 0.0)
-    se = np.sqrt((2 + excess) / share * (1 / a.size + 1 / b.size))
+    se = np.sqrt(_of_log_variance(z) / share * (1 / a.size + 1 / b.size))
     log_ratio = float(np.log(va / vb))
     return float(2 * ndtr(-abs(log_ratio) / se)), log_ratio
+
+
+def log_variance_u(a: FloatArray, share: float) -> float:
+    """u of ln s^2 of zero-mean residuals (see `two_scatters_p`); infinite where it is not told."""
+    variance = float(np.mean(a**2))
+    if share <= 0 or variance <= 0:
+        return np.inf
+    return float(np.sqrt(_of_log_variance(a / np.sqrt(variance)) / (share * a.size)))
+
+
+def _of_log_variance(z: FloatArray) -> float:
+    """n times the variance of ln s^2 of entries z of variance 1."""
+    return 2 + max(float(np.mean(z**4)) - 3.0, 0.0)
 
 
 def score_of(p: float) -> float:

@@ -138,11 +138,13 @@ def test_own_effects_of_the_readme(rows: list[dict[str, str]], tmp_path: Path) -
     assert "effects" in [item["role"] for item in found["inputs"]]
 
 
-def own_ramp(tmp_path: Path, equation: str, more: str = "") -> Path:
+def own_ramp(
+    tmp_path: Path, equation: str, more: str = "", parameters: str = "level: um, own_level: um"
+) -> Path:
     path = tmp_path / "ramp.yaml"
     path.write_text(
         "schema: mtu/effects/1\neffects:\n  - family: ramp\n    says: it rises\n"
-        "    separates: go back\n    parameters: {level: um, own_level: um}\n"
+        f"    separates: go back\n    parameters: {{{parameters}}}\n"
         f"{more}    equations:\n      E{{a}}: {equation}\n",
         "utf-8",
     )
@@ -201,3 +203,44 @@ def test_own_parameters_may_have_the_name_of_a_level(
     first = found["results"]["effects"][0]
     assert first["name"] == "step-over-x"
     assert name in first["parameters"]
+
+
+@pytest.mark.parametrize("column", ["lost_motion", "level", "fill"])
+def test_columns_may_have_the_name_of_a_parameter(
+    column: str, rows: list[dict[str, str]], tmp_path: Path
+) -> None:
+    """Of an equation, or of the constant that the tool adds: what is written is read again."""
+    points = [
+        {**row, column: f"{(7 * int(row['part'])) % 5}"}
+        for row in rows
+        if row["repeat"] == "1" and int(row["part"]) <= 8
+    ]
+    for row in points:
+        row["x_mm"] = f"{float(row['x_mm']) + 0.02:.5f}"
+    found, result = few(tmp_path, points, "--write-machine", tmp_path / "m.yaml")
+    done(result)
+    assert "backlash-x" in [e["name"] for e in found["results"]["effects"]]
+    files = ("-m", "m.yaml", "-p", PART, "--lbb", READINGS, "--cmm", "cmm.csv")
+    said = done(mtu("close-loop", *files, cwd=tmp_path)).stdout
+    assert "backlash-x" not in said.split("\n")[1]
+
+
+def test_an_own_effect_of_a_column_called_level(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    """The constant of its equation takes another name."""
+    mine = own_ramp(tmp_path, "gain*(level/10)**2", "    needs: [level]\n", "gain: um")
+    points = [
+        {**row, "level": f"{(7 * int(row['part'])) % 5}"}
+        for row in rows
+        if row["repeat"] == "1" and int(row["part"]) <= 8
+    ]
+    for row in points:
+        row["y_mm"] = f"{float(row['y_mm']) + 0.03 + 0.3 * (float(row['level']) / 10) ** 2:.5f}"
+    found, result = few(
+        tmp_path, points, "--effects", mine, "--exclude", "covariate",
+        "--write-machine", tmp_path / "m.yaml",
+    )  # fmt: skip
+    done(result)
+    (ramp,) = (e for e in found["results"]["effects"] if e["name"] == "ramp-y")
+    assert list(ramp["parameters"]) == ["gain", "own_level"]
+    files = ("-m", "m.yaml", "-p", PART, "--lbb", READINGS, "--cmm", "cmm.csv")
+    done(mtu("close-loop", *files, cwd=tmp_path))

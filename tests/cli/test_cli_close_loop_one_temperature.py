@@ -63,7 +63,7 @@ def test_what_parts_of_one_temperature_show_is_that_of_it(lacks: str, tmp_path: 
     assert ("level" in effect["parameters"]) == (lacks == "step")
     assert effect["found_at_degC"] == {"T_room_degC": 26.0}
     level = "the level of " if lacks == "step" else ""
-    said = f"{effect['name']} is that of T_room_degC = 26, the temperature of all this data: what "
+    said = f"{effect['name']} is that of T_room_degC = 26, the same in all this data: what "
     said = level + said
     assert f"{said}it is at 20 degC" in text
     assert "T_room_degC: [26.0, 26.0]" in (tmp_path / "m.yaml").read_text("utf-8")
@@ -87,7 +87,7 @@ def test_at_20_degC_and_of_other_columns_nothing_is_told(
     study(tmp_path, T, "scale", name)
     found, text = closed(tmp_path)
     assert found["effects"][0]["found_at_degC"] == {}
-    assert "the temperature of all this data" not in text
+    assert "the same in all this data" not in text
     assert "within" not in (tmp_path / "m.yaml").read_text("utf-8")
     assert warned(tmp_path) == []
 
@@ -97,7 +97,7 @@ def test_a_hundredth_of_a_kelvin_is_no_change(tmp_path: Path) -> None:
     study(tmp_path, (26.0, 26.01), "scale")
     found, text = closed(tmp_path)
     assert [effect["name"] for effect in found["effects"]] == ["scale-x"]
-    assert re.search(r"is that of T_room_degC = 26(.01)?, the temperature of all this data", text)
+    assert re.search(r"is that of T_room_degC = 26(.01)?, the same in all this data", text)
     assert "thermal-growth-x, thermal-growth-y" in text.partition("not tested: ")[2]
 
 
@@ -112,7 +112,7 @@ def test_another_temperature_that_changes_says_nothing_of_the_one_that_does_not(
     (tmp_path / "cmm.csv").write_text(text, "utf-8")
     found, said = closed(tmp_path)
     assert found["effects"][0]["found_at_degC"] == {"T_room_degC": 26.0}
-    assert "is that of T_room_degC = 26, the temperature of all this data" in said
+    assert "is that of T_room_degC = 26, the same in all this data" in said
     told = dict(warned(tmp_path, "T_room_degC=20", "T_spindle_degC=28"))
     assert "was found with T_room_degC at 26" in told["outside-effect-range"]
 
@@ -125,7 +125,7 @@ def test_what_cannot_be_of_a_temperature_is_of_none(tmp_path: Path) -> None:
     study(tmp_path, (24.0, 28.0), "scale")
     found, text = closed(tmp_path)
     assert all(effect["found_at_degC"] == {} for effect in found["effects"])
-    assert "the temperature of all this data" not in text
+    assert "the same in all this data" not in text
 
 
 def test_points_tell_by_their_own_column_where_an_effect_holds(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from mtu_cli.analyses.close_loop.experiment import SAME, Choice
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.result import DRIFT, FIELD, FoundEffect
 from mtu_cli.analyses.close_loop.scatter_rivals import apart_from
+from mtu_cli.analyses.close_loop.scatter_size import scatter_size
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.language import names as equation_names
@@ -33,6 +34,11 @@ class Described:
     found: Search
     effects: Added
     chosen: tuple[frozenset[str], ...]
+
+    @property
+    def nameless(self) -> tuple[str, ...]:
+        """The drifts and fields that may be there and have no name."""
+        return tuple(candidate_name(self.prepared, i) for i in self.found.nameless)
 
 
 def found_effects(told: Described, experiments: Sequence[Choice | None]) -> tuple[FoundEffect, ...]:
@@ -91,6 +97,7 @@ def _effect(told: Described, step: Step, place: int, planned: Choice | None) -> 
         apart=tuple(candidate_name(prepared, i) for i in apart_from(prepared, step)),
         unnamed=step.unnamed,
         levels=() if member is None else tuple(_level_axes(told, place)),
+        scatter=scatter_size(told.effects.prepared, told.effects.members, step),
     )
 
 

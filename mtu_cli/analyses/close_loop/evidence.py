@@ -88,15 +88,15 @@ def _evened(scan: Scan, y: FloatArray, aside: frozenset[str]) -> FloatArray:
     strata = scan.frame.strata
     found = y
     if OPERATIONS in aside:
-        factor = 1 / np.sqrt(_by_operation(scan, found))
+        factor = 1 / np.sqrt(variance_by_operation(scan, found))
         found = strata.coordinates(strata.tables(found) * factor[:, None])[0]
     for i, name in enumerate(("rotation-scatter", "scale-scatter")):
         if name in aside:
-            found = _without_direction(scan, found, scan.directions[i])
+            found = _without_direction(scan, found, i)
     return found
 
 
-def _by_operation(scan: Scan, y: FloatArray) -> FloatArray:
+def variance_by_operation(scan: Scan, y: FloatArray) -> FloatArray:
     """Variances (H,) of the entries of each column's operation over that of all.
 
     What is left of entries beside parts and their lines is mixed from all columns, by Q (H, H):
@@ -119,17 +119,24 @@ def _variances(scan: Scan, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Variances (H, A) of entries by their operation, and P times those of their columns' means."""
     null = scan.null
     level = np.where(null.interaction > 0, null.interaction, 1.0)
-    entry = _by_operation(scan, y)[:, None] * level
+    entry = variance_by_operation(scan, y)[:, None] * level
     return entry, entry + scan.frame.strata.shape[0] * null.column
 
 
-def _without_direction(scan: Scan, y: FloatArray, direction: FloatArray) -> FloatArray:
+def along_direction(scan: Scan, y: FloatArray, which: int) -> FloatArray:
+    """(P - 1,): the contrasts of the parts along a direction of the scan."""
+    direction = scan.directions[which]
     total = np.zeros(scan.frame.strata.shape[0] - 1)
-    lines = [s for s in scan.frame.strata.all if s.kind == "line"]
-    for stratum in lines:
-        total += direction[stratum.axis, stratum.line] * y[stratum.slice]
+    for stratum in scan.frame.strata.all:
+        if stratum.kind == "line":
+            total += direction[stratum.axis, stratum.line] * y[stratum.slice]
+    return total
+
+
+def _without_direction(scan: Scan, y: FloatArray, which: int) -> FloatArray:
+    total, direction = along_direction(scan, y, which), scan.directions[which]
     found = y.copy()
-    for stratum in lines:
+    for stratum in (s for s in scan.frame.strata.all if s.kind == "line"):
         found[stratum.slice] -= direction[stratum.axis, stratum.line] * total
     return found
 
@@ -154,12 +161,19 @@ def _scatters(scan: Scan, y: FloatArray, noise: EntryNoise) -> list[float]:
     return found
 
 
-def _operations_p(scan: Scan, y: FloatArray) -> float:
+def interaction_entries(scan: Scan, y: FloatArray) -> tuple[FloatArray, np.ndarray, float]:
+    """What is left of entries (P, H, A) beside parts and columns, each axis to a mean square of 1;
+    which are there (P, H); and the degrees of freedom an entry.
+    """
     strata, there = scan.frame.strata, scan.frame.completion.observed
     P, H, _ = strata.shape
-    entries = strata.tables(_interaction(scan, y))
-    codes = np.unique(scan.operation)
     share = ((P - 1) * (H - 1 - strata.lines) - int((~there).sum())) / int(there.sum())
+    return strata.tables(_interaction(scan, y)), there, share
+
+
+def _operations_p(scan: Scan, y: FloatArray) -> float:
+    entries, there, share = interaction_entries(scan, y)
+    codes = np.unique(scan.operation)
     if share <= 0:
         return 1.0
     p = []
@@ -172,14 +186,9 @@ def _operations_p(scan: Scan, y: FloatArray) -> float:
 
 def _direction_p(scan: Scan, y: FloatArray, name: str, noise: EntryNoise) -> float:
     """p that parts turn (or grow) more than single entries and the machine's drift explain."""
-    strata = scan.frame.strata
     which = 0 if name == "rotation-scatter" else 1
-    direction = scan.directions[which]
     if (noise.dof <= 0).any():
         return 1.0
-    total = np.zeros(strata.shape[0] - 1)
-    for stratum in strata.all:
-        if stratum.kind == "line":
-            total += direction[stratum.axis, stratum.line] * y[stratum.slice]
+    total = along_direction(scan, y, which)
     own = scan.turns[which]
     return own.p(float(total @ total), noise.variance, noise.dof, scan.predicted_dof)

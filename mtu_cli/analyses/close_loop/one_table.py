@@ -94,7 +94,7 @@ def loop_on(
         candidates=_judged(first, candidates, alpha),
         checks=found.checks,
         fired=fired,
-        without_name=found.without_name,
+        nameless=told.nameless,
         twofold=twice,
         stopped=found.stopped,
         gross=first.gross,

@@ -46,6 +46,17 @@ class Otherwise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ScatterSize:
+    """The standard deviation of a scatter as a `parameter` (name, unit, value, u) of `FoundEffect`;
+    of an operation (`of`) also that of all `others`, mm.
+    """
+
+    parameter: tuple[str, str, float, float]
+    of: str | None = None
+    others: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LeftMean:
     """The mean error `value` (mm) with `u` along an axis beside the effects found; `p` of none."""
 
@@ -111,6 +122,7 @@ class FoundEffect:
     levels: tuple[str, ...] = ()
     found_at: tuple[tuple[str, float], ...] = ()
     without: tuple[str, ...] = ()
+    scatter: ScatterSize | None = None
 
     @property
     def sizes(self) -> tuple[tuple[str, str, float, float], ...]:
@@ -218,7 +230,8 @@ class TableResult:
     `growths_alone` growths that were found without a drift, with where the axis may be fixed;
     `left_means` mean errors beside the effects that were not found.
 
-    `without_name`: a smooth drift or field explained more than any name. `twofold` are names
+    `nameless` are smooth drifts or fields that explained as much as the names, or are likely in the
+    place of one or beside them. `twofold` are names
     that were found twice, in forms that one cause cannot have at once. `stopped`: the search
     ended at as many causes as were asked for, and more passed.
     `held_out_by` says what was left out in turn; None where nothing could be. Entries that were
@@ -235,7 +248,6 @@ class TableResult:
     candidates: tuple[Judged, ...]
     checks: tuple[tuple[str, float], ...]
     fired: tuple[str, ...]
-    without_name: bool
     gross: tuple[Gross, ...]
     explained: FloatArray
     before: Scores
@@ -247,6 +259,7 @@ class TableResult:
     floor: float | None
     unexplained_rms: float | None
     fixed_points: tuple[FixedPoint, ...]
+    nameless: tuple[str, ...] = ()
     neutral_points: tuple[NeutralPoint, ...] = ()
     growths_alone: tuple[FixedPoint, ...] = ()
     left_means: tuple[LeftMean, ...] = ()
@@ -254,6 +267,11 @@ class TableResult:
     stopped: bool = False
     held_out_with_gross: tuple[Scores, Scores] | None = None
     by_column: Scores | None = None
+
+    @property
+    def without_name(self) -> bool:
+        """Whether something that has no name may be there."""
+        return bool(self.nameless)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,8 +33,9 @@ class Search:
     """The steps in the order found; of the first look, family-wise `p`, `log_bayes` and
     `posterior` (F,) by candidate; `checks` (name, family-wise p) of what is left in the end.
 
-    `without_name`: smooth drifts and fields explain more than all names together. `stopped`:
-    more passes, but so many causes were not asked for.
+    `nameless` are the smooth drifts and fields, by index, that explain as much as the names do, or
+    are likely in the place of one or beside them. `stopped`: more passes, but so many causes were
+    not asked for.
     """
 
     steps: tuple[Step, ...]
@@ -42,12 +43,17 @@ class Search:
     log_bayes: FloatArray
     posterior: FloatArray
     checks: tuple[tuple[str, float], ...]
-    without_name: bool
+    nameless: tuple[int, ...] = ()
     stopped: bool = False
 
     def fired(self, alpha: float) -> tuple[str, ...]:
         """The checks that say that something is left."""
         return tuple(name for name, p in self.checks if p < alpha)
+
+    @property
+    def without_name(self) -> bool:
+        """Whether something that has no name may be there."""
+        return bool(self.nameless)
 
     @property
     def members(self) -> tuple[int, ...]:
@@ -86,7 +92,7 @@ def search(
         log_bayes=start.log_bayes,
         posterior=posterior_of(start.log_bayes),
         checks=tuple(zip(CHECKS, state.checks.tolist(), strict=True)),
-        without_name=bool(steps) and _nameless(start, looked, steps),
+        nameless=_nameless(prepared.scan, start, looked, steps) if steps else (),
         stopped=stopped or too_many,
     )
 
@@ -121,20 +127,24 @@ def _without(prepared: Prepared, gate: Gate, steps: list[Step]) -> State:
     return state
 
 
-def _nameless(start: Evidence, last: Evidence, steps: list[Step]) -> bool:
-    """Whether drifts and fields without a name say as much as the names found.
+def _nameless(scan: Scan, start: Evidence, last: Evidence, steps: list[Step]) -> tuple[int, ...]:
+    """The drifts and fields without a name that say as much as the names found.
 
     Either all of them explain the first look better than all names together, or one of them
     is a likely rival of a name, or parts drift along every axis and still do beside what was
     found: parts that wander look like a trend, a step, a warm-up.
     """
-    unnamed = np.maximum(start.unnamed, 0.0).sum()
-    named = sum(max(step.log_bayes, 0.0) for step in steps)
-    if unnamed > named or any(step.unnamed > RIVAL for step in steps):
-        return True
-    axes = len(start.unnamed) // 2
+    first, axes = scan.tested + len(scan.scatters), len(start.unnamed) // 2
+    unnamed = np.maximum(start.unnamed, 0.0)
+    if unnamed.sum() > sum(max(step.log_bayes, 0.0) for step in steps):
+        return tuple((first + np.flatnonzero(unnamed)).tolist())
+    rivals = {i for s in steps if s.unnamed > RIVAL for i in s.credible if i >= first}
+    if rivals:
+        return tuple(sorted(rivals))
     before, after = start.unnamed[:axes], last.unnamed[:axes]
-    return bool(axes > 1 and before.min() > 0 and after.max() > 0)
+    if axes > 1 and before.min() > 0 and after.max() > 0:
+        return tuple((first + np.flatnonzero(after > 0)).tolist())
+    return ()
 
 
 def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:

@@ -23,7 +23,10 @@ OWN_HEIGHTS = 0.05
 """Share of the squares of heights along an axis that a plane through them leaves, from which on
 it leans by heights of the points' own: of any two heights of five or more points evenly around it
 leaves a ninth at least (three high and three low of six), of points at other angles less."""
-ROUNDER, ROUNDING_MM = 0.5, 1e-9
+ROUNDER = 0.5
+"""Share of what points are out of round seen along their plane's normal, below which they are
+rounder seen along an axis: by half, as chance alone seldom has it."""
+ROUNDING_MM = 1e-9
 LEAST_MM = 1e-5
 """A bore that is larger by less is no larger to anybody."""
 ALONG = np.radians(1.0)

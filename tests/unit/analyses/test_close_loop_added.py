@@ -42,9 +42,7 @@ def found(own: Prepared, *names: str) -> Search:
         )
         for i in index
     )
-    return Search(
-        steps=steps, p=nothing, log_bayes=nothing, posterior=nothing, checks=(), without_name=False
-    )
+    return Search(steps=steps, p=nothing, log_bayes=nothing, posterior=nothing, checks=())
 
 
 def noise(seed: int) -> Floats:

@@ -76,9 +76,7 @@ def test_intervals_of_a_shear_cover_beside_a_freed_rotation(
     own, rng, count, hits = prepared(3, "offset,rotation"), np.random.default_rng(4), 400, 0
     none = np.zeros(len(own.scan.names))
     step = Step(index=0, member=0, p=0.0, log_bayes=0.0, posterior=1.0, credible=(0,))
-    search = Search(
-        steps=(step,), p=none, log_bayes=none, posterior=none, checks=(), without_name=False
-    )
+    search = Search(steps=(step,), p=none, log_bayes=none, posterior=none, checks=())
     y = own.table.places[0, :, 1] - own.table.places[0, :, 1].mean()
     for _ in range(count):
         errors = crossed(rng, SHAPE, noise=0.3)

@@ -59,9 +59,7 @@ def claimed(own: Prepared, *claims: str) -> Search:
         for i in index
     ]  # fmt: skip
     none = np.zeros(0)
-    return Search(
-        steps=tuple(steps), p=none, log_bayes=none, posterior=none, checks=(), without_name=False
-    )
+    return Search(steps=tuple(steps), p=none, log_bayes=none, posterior=none, checks=())
 
 
 def held(own: Prepared, found: Search) -> set[str]:

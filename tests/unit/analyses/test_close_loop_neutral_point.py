@@ -264,7 +264,7 @@ def test_a_component_with_the_temperature_has_none() -> None:
 def test_where_one_of_them_is_a_hint_each_is_told_by_itself(unnamed: tuple[float, float]) -> None:
     """What follows from both is a hint, too."""
     item, covariance = found(drifts(unnamed=unnamed[0]), replace(OFFSET, unnamed=unnamed[1]))
-    own = replace(item, verdict="unexplained", without_name=True)
+    own = replace(item, verdict="unexplained", nameless=("unnamed-drift-y",))
     whole = replace(result(own), covariance=covariance)
     verdicts = [effect["verdict"] for effect in document(whole)["effects"]]
     assert sorted(verdicts) == ["named", "unexplained"]
@@ -331,7 +331,7 @@ def test_beside_a_hint_an_offset_that_stands_is_told() -> None:
     item, covariance = found(drifts(class_names=names, rivals=(heats,)), OFFSET)
     points = neutral_points(item.table, item.effects, covariance)
     points += neutral_points(item.table, (heats, OFFSET), covariance, instead=0)
-    own = replace(item, verdict="unexplained", without_name=True, neutral_points=points)
+    own = replace(item, verdict="unexplained", nameless=("unnamed-drift-y",), neutral_points=points)
     stands, hint = verdict_text(own, replace(result(own), covariance=covariance)).split("hint only")
     assert "verything is shifted along X" in stands
     assert hint.count("one cause") == 2

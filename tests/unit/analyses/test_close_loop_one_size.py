@@ -155,6 +155,12 @@ def test_what_rules_out_a_growth_of_all_axes() -> None:
     assert never(apart, (x, room)) == never(apart) == set()
     assert never(apart, (x, room), (y, screw)) == never(apart, (x, room), (drift, room)) == set()
     assert never(alike, (x, room), (y, room)) == set()
+    # Two forms of one axis, from 20 degC and from the mean of the day, are no two axes.
+    forms = sorted(members(apart, x, room))
+    assert len(forms) == 2
+    assert of_no_size(apart, forms) == frozenset()
+    other = min(members(apart, y, room))
+    assert set(of_no_size(apart, [*forms, other])) == out
 
 
 def test_a_growth_of_all_with_another_temperature_stays_a_rival() -> None:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from effect_tables import table as points_table
 from model_examples import FloatArray, loaded, part_of, stated
 
 from mtu_cli.analyses.lengths import predict_lengths
 from mtu_cli.analyses.orthogonality import predict_orthogonality
 from mtu_cli.analyses.predict_points import predict_points
-from mtu_cli.model.effect_ranges import effect_warnings_at, seen_ranges
+from mtu_cli.model.effect_ranges import _not_given, effect_warnings_at, seen_ranges
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.reading_effects import effects_on_readings
 from mtu_cli.model.residual_table import ResidualTable
@@ -238,3 +241,31 @@ def test_growth_of_a_long_axis_is_true(tmp_path: Path, length: float, large: boo
     points = np.array([[0.0, 20, 0], [length, 12, 0]])
     found = effect_warnings_at(model, points, {"T_a_degC": temperature})
     assert [item.code for item in found] == (["effect-too-large"] if large else [])
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (None, "of which no value is given (--at T_room_degC)"),
+        (np.full(4, np.nan), "of which no value is given (--at T_room_degC)"),
+        (np.array([26.0, np.nan, 26.0, np.nan]), "of which 2 of 4 points have no value"),
+        (np.full(4, 26.0), None),
+        (26.0, None),
+    ],
+)
+def test_what_an_effect_holds_within_is_asked_of_all_points(given: Any, told: str | None) -> None:
+    own = SimpleNamespace(
+        file="m.yaml", index=0, name="scale-x", within=("T_room_degC",),
+        seen={"T_room_degC": (26.0, 26.0)},
+    )  # fmt: skip
+    values = {} if given is None else {"T_room_degC": given}
+    found = _not_given([own], values)  # type: ignore[list-item]  # all that it looks at
+    assert [warned.code for warned in found] == ["effect-range-unknown"] * (told is not None)
+    assert told is None or told in found[0].message
+
+
+def test_a_column_called_as_a_parameter_is_no_column_of_an_equation() -> None:
+    own = points_table(3, 4, covariates={"jump": np.arange(3.0)[:, None], "load": np.ones((3, 1))})
+    equations = {"Ex": "jump*load"}
+    assert set(seen_ranges(own, equations)) == {"jump", "load"}
+    assert set(seen_ranges(own, equations, {"jump"})) == {"load"}

@@ -45,7 +45,7 @@ def test_beside_what_has_no_name_a_hint_is_no_finding() -> None:
     hint = unexplained(CLEAR, fired=("serial-correlation",))
     assert gate_text(hint) == "verdict unexplained, with a hint at backlash-y"
     vague = effect(class_names=("backlash-x", "unnamed-drift-x"))
-    both = unexplained(CLEAR, vague, without_name=True)
+    both = unexplained(CLEAR, vague, nameless=("unnamed-drift-y",))
     assert gate_text(both) == (
         "verdict unexplained, beside backlash-y, with a hint at backlash-x or unnamed-drift-x"
     )

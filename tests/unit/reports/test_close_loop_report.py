@@ -113,7 +113,7 @@ def test_a_drift_without_a_name_is_unexplained_though_no_check_fired() -> None:
     twice = document(result(on_table("unexplained", twofold=("wear-approach-x",))))
     assert twice["unexplained"]["found"] is True
     assert twice["unexplained"]["twofold"] == ["wear-approach-x"]
-    found = document(result(on_table("unexplained", without_name=True)))
+    found = document(result(on_table("unexplained", nameless=("unnamed-drift-y",))))
     assert found["unexplained"]["found"] is True
     assert found["unexplained"]["rms_um"] == pytest.approx(6.0)
     assert found["unexplained"]["twofold"] == []

@@ -23,7 +23,7 @@ DOUBTFUL = effect(
 
 
 def nameless(*effects: FoundEffect, **changed: object) -> CloseLoopResult:
-    return result(on_table("unexplained", effects, without_name=True, **changed))
+    return result(on_table("unexplained", effects, nameless=("unnamed-drift-y",), **changed))
 
 
 def verdicts(found: CloseLoopResult) -> list[str]:
@@ -42,7 +42,7 @@ def test_a_lone_name_stands_where_what_has_no_name_lies_elsewhere() -> None:
     assert said.startswith("X gains 4.10 ± 0.30 um at reversal, too far from both sides (")
     assert (
         "(backlash-x). Beside that something may be there that no effect of the library describes: "
-        "smooth drifts or fields without a name explain as much as the names do, or are likely in "
+        "a smooth drift in y without a name explains as much as the names do, or is likely in "
         "the place of one or beside them. As a hint only: "
         "thermal-drift-y or a smooth drift in y without a name (Y drifts by " in said
     )

@@ -724,6 +724,11 @@ def test_a_size_that_is_not_told_from_0_is_no_more_than_a_hint() -> None:
     also = replace(weak, name="backlash-y", class_names=("backlash-y",))
     said = "a test, but its size is not told from 0 (95 %): no more than a hint"
     assert f"backlash-x passes {said}" in shown(weak)
+    # Whatever its sign.
+    minus = effect("backlash-x", parameters=(("lost_motion", "um", -0.2, 0.15),))
+    assert f"backlash-x passes {said}" in shown(minus)
+    sure = effect("backlash-x", parameters=(("lost_motion", "um", -2.0, 0.15),))
+    assert "no more than a hint" not in shown(sure)
     both = "backlash-x, backlash-y pass a test, but their sizes are not told from 0"
     assert both in shown(weak, also)
     assert said not in shown(effect())

@@ -1,0 +1,45 @@
+"""How large a scatter that close-loop found is: in words, in the table, in the report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mtu_cli.analyses.close_loop.result import ScatterSize
+from mtu_cli.reports.close_loop_shown import in_shown_unit
+from mtu_cli.reports.document import finite
+from mtu_cli.reports.numbers import MISSING, plus_minus, significant
+
+
+def scatter_text(own: ScatterSize) -> str:
+    """Such as "reamed by 4.2 ± 0.2 um, the others by 1.6 um"."""
+    name, size, unit, _ = scatter_line(own)
+    others = _others(own)
+    if own.of is None or others is None:
+        return f"{name} = {size} {unit}"
+    return f"{own.of} by {size} {unit}, the others by {significant(others)} {unit}"
+
+
+def scatter_line(own: ScatterSize) -> list[str]:
+    """Name, value, unit, and no interval."""
+    value, u, unit = in_shown_unit(own.parameter)
+    return [own.parameter[0], plus_minus(value, u), unit, MISSING]
+
+
+def scatter_document(own: ScatterSize | None) -> dict[str, Any] | None:
+    """Of the report."""
+    if own is None:
+        return None
+    value, u, unit = in_shown_unit(own.parameter)
+    return {
+        "of": own.of,
+        "s": finite(value),
+        "u": finite(u),
+        "unit": unit,
+        "s_of_others": finite(_others(own)),
+    }
+
+
+def _others(own: ScatterSize) -> float | None:
+    if own.others is None:
+        return None
+    return in_shown_unit((*own.parameter[:2], own.others, 0.0))[0]

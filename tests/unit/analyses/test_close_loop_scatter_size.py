@@ -1,0 +1,119 @@
+"""How large a scatter is: of what was drawn, and of one table by the plain formula."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from crossed_tables import Floats
+from effect_tables import grid_places
+from effect_tables import table as points_table
+from separation_examples import LIBRARY, index
+from warm_day import described, found, step
+
+from mtu_cli.analyses.close_loop.describe import found_effects
+from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.result import ScatterSize
+from mtu_cli.analyses.close_loop.scatter_size import scatter_size
+from mtu_cli.model.effect_library import candidates
+from mtu_cli.stats.scatter_tests import log_variance_u
+
+PARTS, FEATURES, TABLES = 21, 24, 150
+NOISE = 1.5e-3
+SIZES = {"rotation-scatter": 2.5e-5, "scale-scatter": 2e-5, "operation-scatter": 4e-3}
+"""rad, mm/mm, mm."""
+
+
+@cache
+def ready() -> Prepared:
+    table = points_table(PARTS, FEATURES, places=grid_places(FEATURES, jitter=2.0))
+    table = replace(table, errors=drawn(0, "", table.places))
+    known = [c for c in candidates(table, LIBRARY) if c.name in (*SIZES, "scale-x", "backlash-x")]
+    return prepare(table, known)
+
+
+def drawn(seed: int, name: str, places: Floats) -> Floats:
+    rng = np.random.default_rng(seed)
+    errors = NOISE * rng.normal(size=(PARTS, FEATURES, 2))
+    x, y = (places[..., i] - places[..., i].mean() for i in (0, 1))
+    size = SIZES.get(name, 0.0) * rng.normal(size=(PARTS, 1))
+    if name == "rotation-scatter":
+        errors += np.stack([-size * y, size * x], axis=-1)
+    elif name == "scale-scatter":
+        errors += np.stack([size * x, size * y], axis=-1)
+    elif name == "operation-scatter":
+        errors[:, ::3] *= SIZES[name] / NOISE
+    return errors
+
+
+def size_in(seed: int, name: str) -> ScatterSize:
+    own = ready()
+    moved = own.with_table(replace(own.table, errors=drawn(seed, name, own.table.places)))
+    told = scatter_size(moved, (), step(moved, name))
+    assert told is not None
+    return told
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_sizes_are_those_that_were_drawn(name: str) -> None:
+    """In the mean, to the standard error of it; and u is how far they scatter about it."""
+    told = [size_in(seed, name).parameter for seed in range(TABLES)]
+    s, u = (np.array([own[i] for own in told]) for i in (2, 3))
+    # Of variances the estimate is without bias.
+    error = np.std(s**2) / np.sqrt(TABLES)
+    assert abs(np.mean(s**2) - SIZES[name] ** 2) < 4 * error + 0.01 * SIZES[name] ** 2
+    # The spread of 150 values is known to 6 %; of normal ones four of it are 24 %.
+    assert np.mean(u) == pytest.approx(np.std(s), rel=0.24)
+
+
+def test_an_operation_is_told_with_all_others() -> None:
+    told = size_in(1, "operation-scatter")
+    assert told.of == "drilled"
+    assert told.others == pytest.approx(NOISE, rel=0.1)
+    assert told.parameter[:2] == ("s", "um")
+    assert size_in(1, "rotation-scatter").parameter[:2] == ("s", "arcsec")
+    assert size_in(1, "scale-scatter").parameter[:2] == ("s", "um/m")
+    assert size_in(1, "scale-scatter").of is None
+
+
+def test_where_parts_do_not_turn_there_is_no_size() -> None:
+    """In about half of the tables the turns are fewer than noise makes by itself."""
+    own = ready()
+    sizes = []
+    for seed in range(60):
+        moved = own.with_table(replace(own.table, errors=drawn(seed, "", own.table.places)))
+        sizes.append(scatter_size(moved, (), step(moved, "rotation-scatter")))
+    none = sum(size is None for size in sizes)
+    assert 15 <= none <= 50
+    assert scatter_size(own, (), step(own, "scale-x")) is None
+
+
+def test_it_is_what_is_left_beside_the_effects_found() -> None:
+    own = ready()
+    errors = drawn(3, "rotation-scatter", own.table.places)
+    alone = size_in(3, "rotation-scatter")
+    errors[..., 0] += 5e-3 * np.broadcast_to(own.table.covariates["dir_x"], (PARTS, FEATURES))
+    moved = own.with_table(replace(own.table, errors=errors))
+    backlash, turn = step(moved, "backlash-x"), step(moved, "rotation-scatter")
+    effects = found_effects(described(moved, found(moved, backlash, turn)), [None] * 2)
+    assert effects[0].scatter is None
+    told = effects[1].scatter
+    assert told is not None
+    assert told.parameter[2] == pytest.approx(alone.parameter[2], rel=0.1)
+    assert effects[1].name == own.candidates[index(own, "rotation-scatter")].name
+
+
+@pytest.mark.parametrize("kind", ["normal", "laplace"])
+def test_u_of_the_logarithm_of_a_variance(kind: str) -> None:
+    """Against the spread over many samples; heavy tails make it larger."""
+    rng = np.random.default_rng(4)
+    draw = rng.normal if kind == "normal" else rng.laplace
+    samples = [draw(size=400) for _ in range(2000)]
+    spread = float(np.std([np.log(np.mean(a**2)) for a in samples]))
+    told = float(np.mean([log_variance_u(a, 1.0) for a in samples]))
+    assert told == pytest.approx(spread, rel=0.08)
+    assert log_variance_u(samples[0], 0.25) == pytest.approx(2 * log_variance_u(samples[0], 1.0))
+    assert np.isinf(log_variance_u(samples[0], 0.0))
+    assert np.isinf(log_variance_u(np.zeros(5), 1.0))

@@ -1,0 +1,109 @@
+"""What close-loop says of offsets that only one of a class has, of what has no name, of scatter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from close_loop_examples import effect, on_table, result
+
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, NeutralPoint, ScatterSize
+from mtu_cli.reports.close_loop import document, table
+from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.reports.tables import plain_text
+
+DRIFTS = ("unnamed-drift-y",)
+
+
+def words(found: CloseLoopResult) -> str:
+    return verdict_text(found.tables[0], found)
+
+
+def test_an_offset_that_one_of_a_class_has_not_is_no_fact() -> None:
+    """A trend is counted from its middle, a warm-up from its start: only one has an offset."""
+    names = ("trend-x", "warm-up-x")
+    trend = effect(
+        "trend-x",
+        parameters=(("slope", "um", 0.4, 0.014),),
+        equations={"Ex": "slope*(sequence - 9.5)"},
+        covariate="sequence",
+        class_names=names,
+    )
+    warms = effect(
+        "warm-up-x",
+        parameters=(("rise", "um", 7.5, 0.4),),
+        equations={"Ex": "rise*(1 - exp(-time_min/60))"},
+        covariate="time_min",
+        searched={"tau_min": (60.0, 41.0, 90.0)},
+        class_names=names,
+    )
+    shift = effect(
+        "offset-x",
+        parameters=(("shift", "um", 3.9, 0.3),),
+        equations={"Ex": "shift"},
+        kind="offset",
+    )
+    point = NeutralPoint(
+        axis="x", covariate="sequence", drift=(0,), offset=(1,), at=-0.2, u=0.9,
+        interval=(-2.0, 1.6), seen=(1.0, 18.0), given=(0, "trend-x"),
+    )  # fmt: skip
+
+    def said(*without: str) -> str:
+        own = replace(trend, rivals=(replace(warms, without=without),))
+        return words(result(replace(on_table("class", (own, shift)), neutral_points=(point,))))
+
+    fact = "verything is shifted along X by 3.90 ± 0.30 um (offset-x)."
+    assert fact in said()
+    assert fact not in said("offset-x")
+    assert "[41, 90] min; there is no offset-x then." in said("offset-x")
+    assert "with offset-x that is one cause: X is right at sequence = -0.2" in said("offset-x")
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [
+        (DRIFTS, "a smooth drift in y without a name explains as much as the names do, or is"),
+        (
+            (*DRIFTS, "unnamed-field-x"),
+            "a smooth drift in y without a name and a smooth field in x without a name explain as",
+        ),
+    ],
+)
+def test_what_has_no_name_is_told_with_its_axis(names: tuple[str, ...], told: str) -> None:
+    found = result(on_table("unexplained", (effect(),), nameless=names))
+    assert told in words(found)
+    assert document(found)["unexplained"]["without_name"] == list(names)
+
+
+def test_scatter_that_is_left_is_nothing_to_look_for() -> None:
+    def said(rms_um: float, fired: tuple[str, ...] = ()) -> str:
+        item = on_table("unexplained", (effect(),), nameless=DRIFTS, fired=fired)
+        return words(result(replace(item, unexplained_rms=1e-3 * rms_um, floor=3.6e-3)))
+
+    assert "an rms of 3.8 um, no more than repeatability (3.6)." in said(3.8)
+    assert "most along" not in said(3.8)
+    assert "most along" in said(5.0)
+    # A check that fires looks at more than the size of what is left.
+    assert "most along" in said(3.8, ("spatial-correlation",))
+
+
+@pytest.mark.parametrize(
+    ("size", "told", "s"),
+    [
+        (ScatterSize(parameter=("s", "arcsec", 2e-5, 3e-6)), "s = 4.13 ± 0.62 arcsec", 4.125),
+        (
+            ScatterSize(parameter=("s", "um", 4.2e-3, 0.2e-3), of="reamed", others=1.58e-3),
+            "reamed by 4.20 ± 0.20 um, the others by 1.6 um",
+            4.2,
+        ),
+    ],
+)
+def test_a_scatter_has_a_size(size: ScatterSize, told: str, s: float) -> None:
+    own = effect("rotation-scatter", parameters=(), equations={}, kind="scatter", scatter=size)
+    found = result(on_table("named", (own,)))
+    assert told in words(found)
+    assert told.split(" ± ")[0].split()[-1] + " ± " in plain_text(table(found))
+    written = document(found)["effects"][0]["scatter"]
+    assert written["s"] == pytest.approx(s, rel=1e-3)
+    assert (written["of"], written["unit"]) == (size.of, size.parameter[1])
+    assert written["s_of_others"] == (None if size.others is None else pytest.approx(1.58))
