@@ -19,15 +19,18 @@ from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
 from mtu_cli.analyses.close_loop.state import State, Step
-from mtu_cli.model.effect_library import candidates
+from mtu_cli.model.effect_library import EffectLibrary, candidates
 
 X, Y = np.meshgrid([20.0, 140.0, 265.0, 380.0], [15.0, 140.0, 290.0])
 PLACES = np.stack([X.ravel(), Y.ravel(), np.full(12, 10.0)], axis=1)
-FEW = replace(LIBRARY, families=tuple(
-    own
-    for own in LIBRARY.families
-    if own.family.family in ("thermal-growth", "thermal-drift", "offset")
-))  # fmt: skip
+
+
+def only(*families: str) -> EffectLibrary:
+    own = tuple(own for own in LIBRARY.families if own.family.family in families)
+    return replace(LIBRARY, families=own)
+
+
+FEW = only("thermal-growth", "thermal-drift", "offset")
 
 
 def day(
@@ -35,6 +38,7 @@ def day(
     growth: tuple[float, float],
     sensors: tuple[str, ...] = ("T_room_degC",),
     screw: float = 0.0,
+    library: EffectLibrary = FEW,
 ) -> Prepared:
     """Twelve parts at 20 to 26 degC; each axis grows by its own, from 0 and 20 degC on, with the
     first of the sensors, and X by `screw` more with the last.
@@ -48,7 +52,7 @@ def day(
     for axis, g in enumerate(growth):
         errors[..., axis] += g * (T - 20.0) * PLACES[:, axis]
     errors[..., 0] += screw * (last - 20.0) * PLACES[:, 0]
-    return prepare(replace(own, errors=errors), candidates(own, FEW), own.pass_dof)
+    return prepare(replace(own, errors=errors), candidates(own, library), own.pass_dof)
 
 
 def common(prepared: Prepared) -> Step:
@@ -161,6 +165,21 @@ def test_what_rules_out_a_growth_of_all_axes() -> None:
     assert of_no_size(apart, forms) == frozenset()
     other = min(members(apart, y, room))
     assert set(of_no_size(apart, [*forms, other])) == out
+
+
+def test_sizes_are_those_of_the_growths_whatever_was_found_before_them() -> None:
+    """A bend of two columns stands before the growths, which differ; it is as large as one."""
+    bends = only("thermal-growth", "curvature", "offset")
+    own = day(1, (24e-6, 12e-6), library=bends)
+    alike = day(1, (11e-6, 11e-6), library=bends)
+    names = own.scan.names
+    firsts = {names[i]: m for i, m, _ in reversed([*own.scan.walk()])}
+    (both,) = (
+        m for i, m, columns in own.scan.walk() if names[i] == "curvature-x" and len(columns) == 2
+    )
+    found = [both, firsts["thermal-growth-x"], firsts["thermal-growth-y"]]
+    assert of_no_size(own, found)
+    assert not of_no_size(alike, found)
 
 
 def test_a_growth_of_all_with_another_temperature_stays_a_rival() -> None:

@@ -309,6 +309,9 @@ def test_what_disagrees_is_refused(
         # Half of a result in %, or twice.
         ("(1 + h)/2", "%", {"h": "%"}),
         ("2*(1 - h)", "%", {"h": "%"}),
+        ("1 + h", "", {"h": "%"}),
+        ("-(1 + h)", "%", {"h": "%"}),
+        ("abs(h - 1)", "%", {"h": "%"}),
         # The share is from 1 um/m on.
         ("(h - 1)*L", "um", {"h": "um/m", "L": "m"}),
     ],
@@ -365,6 +368,9 @@ def test_grams(
         # A sum is the same the other way round.
         ("L*(a + 1)", "", {"L": "m", "a": "mm/m"}, "1 and mm/m are added"),
         ("a/(a + 1)", "1", {"a": "mm/m"}, "1 and mm/m are added"),
+        ("-(1 + h)", "1", {"h": "%"}, "1 and % are added"),
+        ("abs(1 + h)", "1", {"h": "%"}, "1 and % are added"),
+        ("sqrt(1 + h)", "1", {"h": "%"}, "1 and % are added"),
         # Behind a minus it is told where nothing else is wrong.
         ("L*(s - 1)", "m", {"L": "m", "s": "%"}, "1 and % are added"),
         ("L*(1 - a**2/2)", "mm", {"L": "mm", "a": "arcsec"}, "1 and arcsec*arcsec are added"),
