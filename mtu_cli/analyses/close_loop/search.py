@@ -85,7 +85,8 @@ def search(
     looked = state.looked
     steps = in_two_names(prepared, steps, unsure)
     steps, too_many = with_constants(prepared, gate, steps, alpha, most, unsure)
-    steps = _without_found(prepared, _beside_others(prepared, steps))
+    never = of_no_size(prepared, [step.member for step in steps if step.member >= 0])
+    steps = _without_found(prepared, _beside_others(prepared, steps, never), never)
     return Search(
         steps=tuple(steps),
         p=first_p,
@@ -147,11 +148,12 @@ def _nameless(scan: Scan, start: Evidence, last: Evidence, steps: list[Step]) ->
     return ()
 
 
-def _beside_others(prepared: Prepared, steps: list[Step]) -> list[Step]:
-    """The steps with their classes as they are beside all other effects."""
+def _beside_others(prepared: Prepared, steps: list[Step], never: frozenset[int]) -> list[Step]:
+    """The steps with their classes as they are beside all other effects, of which no member is one
+    of those that are `never` rivals.
+    """
     if sum(step.member >= 0 for step in steps) < 2:
         return steps
-    never = of_no_size(prepared, [step.member for step in steps if step.member >= 0])
     found = []
     for own in steps:
         if own.member < 0:
@@ -183,11 +185,10 @@ def _hidden(prepared: Prepared, step: Step, steps: Sequence[Step]) -> Column | N
     return own[0] if any(hides(scan, column, own[0]) for column in others) else None
 
 
-def _without_found(prepared: Prepared, steps: list[Step]) -> list[Step]:
+def _without_found(prepared: Prepared, steps: list[Step], never: frozenset[int]) -> list[Step]:
     """The steps without the others in their classes: what was found itself is no rival, nor is what
-    no axis has the size of, with all its members (`of_no_size`).
+    has `never` members alone: no axis has the size of it (`of_no_size`).
     """
-    never = of_no_size(prepared, [step.member for step in steps if step.member >= 0])
     owners = prepared.scan.owners()
     alive = {i for m, i in enumerate(owners) if m not in never}
     out = {step.index for step in steps} | (set(owners) - alive)
