@@ -6,7 +6,7 @@ import re
 import unicodedata
 
 WORDS = {
-    "part": ("part", "workpiece", "piece", "serial", "sample", "specimen", "werkstuck",
+    "part": ("part", "workpiece", "piece", "serial", "ser", "sample", "specimen", "werkstuck",
              "werkstueck", "teil", "bauteil", "prufteil", "prufling", "pruefling", "serien",
              "pieza", "pezzo"),
     "feature": ("feature", "hole", "bore", "characteristic", "char", "element", "merkmal",
