@@ -17,6 +17,7 @@ from mtu_cli.analyses.correct.roundness import Shape
 from mtu_cli.analyses.correct.strain import entries
 from mtu_cli.model.geometry import GeometryError, fit_circle, fit_plane
 from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.resolution import last_digit
 from mtu_cli.stats.least_squares import FloatArray
 
 OWN_HEIGHTS = 0.05
@@ -79,13 +80,17 @@ def bore(drawn: FloatArray) -> FloatArray:
 
 
 def _rounder(drawn: FloatArray, axis: FloatArray) -> bool:
-    """Whether points are less than half as far out of round seen along an axis."""
+    """Whether points are less than half as far out of round seen along an axis, and out of round
+    else by more than the drawing's digits make them.
+    """
     try:
         seen = fit_circle(drawn[:, axis == 0])
         own = fit_circle(drawn)
     except GeometryError:
         return False
-    return bool(np.std(seen.residuals) < ROUNDER * np.std(own.residuals) - ROUNDING_MM)
+    off = float(np.std(own.residuals))
+    rounder = np.std(seen.residuals) < ROUNDER * off - ROUNDING_MM
+    return bool(rounder and off > last_digit(drawn.ravel()))
 
 
 def leaning(shapes: Iterable[Shape], sizes: Sequence[Size]) -> tuple[Leaning, ...]:

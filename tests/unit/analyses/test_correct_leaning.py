@@ -222,3 +222,18 @@ def test_what_heights_make_is_laid_to_them(tmp_path: Path) -> None:
             message = told[0].message
             assert ("points of ring lie at different heights: a bore is" in message) == heights
             assert ("calibrated_mm" in message) != heights
+
+
+@pytest.mark.parametrize("digits", [2, 3])
+def test_an_inclined_bore_of_four_rounded_points_is_inclined(digits: int) -> None:
+    """By one degree: what its points are out of round is the drawing's rounding, no heights."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        lean, way, first = np.radians(1.0), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 1.0)
+        along = np.array([np.sin(lean) * np.cos(way), np.sin(lean) * np.sin(way), np.cos(lean)])
+        a = np.cross(along, [0.0, 0.0, 1.0])
+        a /= np.linalg.norm(a)
+        at = first + np.arange(4) * np.pi / 2.0
+        ring = np.outer(np.cos(at), a) + np.outer(np.sin(at), np.cross(along, a))
+        drawn = np.round([100.123, 50.456, -7.0] + 50.0 * ring, digits)
+        assert abs(bore(drawn) @ along) == pytest.approx(1.0, abs=1e-5)
