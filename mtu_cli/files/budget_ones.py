@@ -7,8 +7,7 @@ for a factor of something, is 100 %; so is one without which nothing would be wr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import partial
+from collections.abc import Iterator, Mapping
 from itertools import permutations
 
 from mtu_cli.files.budget_units import ANGLES, BudgetUnits, sizes_differ, times
@@ -27,6 +26,7 @@ def beside_ones(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[
     """
     results, wanted = [*_results(tree)], unit_exponents(stated, units.gram)
     found: list[tuple[Node, Node, str, float]] = []
+    unsure: dict[int, Node] = {}
     for node, one, other in _ones(tree):
         ratio = units.of(other, sure=False)
         if ratio is None or not sizes_differ(ratio, {SIZE: 0.0}):
@@ -35,14 +35,12 @@ def beside_ones(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[
             if wanted is None or not sizes_differ(ratio, wanted):
                 continue
         elif one is not node.left and node.operator == "-":
-            plain = rewritten(
-                tree, partial(_in_place, node, Binary("/", other, other, node.column))
-            )
-            if not _wrong(units, tree, stated) or _wrong(units, plain, stated):
-                continue
+            unsure[id(node)] = Binary("/", other, other, node.column)
         text = units.text(ratio)
         if not text.endswith(ANGLES) or not PRODUCT.isdisjoint(text):
             found.append((node, other, text, ratio[SIZE]))
+    if unsure and not _mended(units, tree, stated, unsure):
+        found = [own for own in found if id(own[0]) not in unsure]
     wrong = [node for node, *_ in found]
     for _, other, text, size in found:
         # One of a product that holds another is that one's fault.
@@ -52,8 +50,10 @@ def beside_ones(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[
             yield EquationError(what, first_column(other), hint, shown(other))
 
 
-def _in_place(node: Node, other: Node, own: Node) -> Node:
-    return other if own is node else own
+def _mended(units: BudgetUnits, tree: Node, stated: str | None, plain: Mapping[int, Node]) -> bool:
+    """Whether something is wrong, and nothing were if these nodes (by id) were plain numbers."""
+    other = rewritten(tree, lambda own: plain.get(id(own), own))
+    return _wrong(units, tree, stated) and not _wrong(units, other, stated)
 
 
 def _wrong(units: BudgetUnits, tree: Node, stated: str | None) -> bool:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from itertools import chain
+from math import isnan
 
 from mtu_cli.errors import Problem, counted
 from mtu_cli.files.components_contract import ReportedComponent, ReportedEffects, ReportedGroup
@@ -33,6 +33,7 @@ def component_problems(source: Source, name: str, item: ReportedComponent) -> li
         if what is not None:
             path = f"results.components.{name}.{key}"
             problems.append(Problem(what=what, file=source.shown, path=path))
+    problems += _half_known(source, name, item)
     problems += _without_dof(source, name, item)
     if item.degree != k - 1:
         problems.append(
@@ -44,6 +45,20 @@ def component_problems(source: Source, name: str, item: ReportedComponent) -> li
             )
         )
     return problems + unit_problem(source, name, item.unit)
+
+
+def _half_known(source: Source, name: str, item: ReportedComponent) -> Iterator[Problem]:
+    """A fit of as many readings as coefficients tells neither a covariance nor a repeatability; any
+    other tells all of both.
+    """
+    path = f"results.components.{name}"
+    lacks = [(i, j) for i, row in enumerate(item.covariance) for j, v in enumerate(row) if isnan(v)]
+    if len(lacks) == sum(map(len, item.covariance)):
+        return
+    places = [f"{path}.covariance.{i}.{j}" for i, j in lacks[:1]]
+    places += [f"{path}.s_repeat"] * isnan(item.s_repeat)
+    for place in places:
+        yield Problem(what="is not known", file=source.shown, path=place, expected="a number")
 
 
 def _without_dof(source: Source, name: str, item: ReportedComponent) -> Iterator[Problem]:
@@ -86,19 +101,19 @@ def group_problems(
                 expected=str(widths),
             )
         )
+    if problems:
+        return problems
     matrices = (group.pass_covariance, group.coefficient_covariance)
     if group.pass_dof == 0 and any(map(any_estimated, matrices)):
         problems.append(no_dof(source, f"{path}.pass_dof", PASSES, known=False))
-    if problems:
-        return problems
-    return [*_matrix_problems(source, path, group, known)]
+    return [*problems, *_matrix_problems(source, path, group, known)]
 
 
 def _matrix_problems(
     source: Source, path: str, group: ReportedGroup, known: dict[str, ReportedComponent]
 ) -> Iterator[Problem]:
     # Of as many readings as coefficients nobody can tell a covariance, but of passes everybody can.
-    bare = {name for name, own in known.items() if any(map(math.isnan, chain(*own.covariance)))}
+    bare = {name for name, own in known.items() if any(map(isnan, chain(*own.covariance)))}
     for key, may_lack in (("coefficient_covariance", bare), ("pass_covariance", set[str]())):
         matrix = getattr(group, key)
         what = covariance_fault(matrix, sum(group.widths), difference=key == "pass_covariance")
@@ -126,7 +141,7 @@ def _unknown_entry(
             (i, j)
             for i, row in enumerate(matrix)
             for j, value in enumerate(row)
-            if math.isnan(value) and not (lacks[i] or lacks[j])
+            if isnan(value) and not (lacks[i] or lacks[j])
         ),
         None,
     )

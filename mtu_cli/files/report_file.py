@@ -10,6 +10,7 @@ from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.contract_errors import in_words
+from mtu_cli.files.shown_values import shown_value
 from mtu_cli.files.sizes import WHAT, expected_size, too_large
 from mtu_cli.files.source import Source
 from mtu_cli.units import UNITS
@@ -85,9 +86,14 @@ def _problem(source: Source, item: Any, command: str) -> Problem:
         what=_what(item),
         file=source.shown,
         path=".".join(str(part) for part in item["loc"]),
-        value=None if item["type"] == "missing" else repr(item["input"]),
+        value=None if item["type"] == "missing" else _shown(item["input"]),
         expected=f"the report as `mtu {command}` writes it",
     )
+
+
+def _shown(value: Any) -> str:
+    # A text in its quotation marks: it may look like a number.
+    return repr(value) if isinstance(value, str) else shown_value(value)
 
 
 def _what(item: Any) -> str:

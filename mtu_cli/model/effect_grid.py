@@ -90,7 +90,10 @@ def coarseness(search: Search, values: FloatArray, grid: FloatArray) -> str | No
     if search.grid == "between" and len(grid) > 1:
         every = int(np.diff(np.searchsorted(np.unique(values), grid[:2]))[0])
         if every > 1:
-            return f"one in {every} of those of the data: of the others the nearest is told"
+            return (
+                f"one in {every} of those of the data: of the others the nearest is told, and what "
+                "is left of it may be told as another effect"
+            )
     return None
 
 

@@ -19,7 +19,8 @@ from mtu_cli.model.effect_binding import Binding, filled, of_candidates, of_memb
 from mtu_cli.model.effect_candidate import Candidate, Column, Member
 from mtu_cli.model.effect_data import TableData, copy_notes, labels
 from mtu_cli.model.effect_distinct import distinct
-from mtu_cli.model.effect_members import Batch, BoundTemplate, NoMember, check_column
+from mtu_cli.model.effect_lacks import NoMember, check_column
+from mtu_cli.model.effect_members import Batch, BoundTemplate
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.threads import one_blas_thread
 

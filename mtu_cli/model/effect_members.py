@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.files.covariates import STEADY_K
 from mtu_cli.files.effect_templates import CHOSEN, Template, number_of
 from mtu_cli.files.effect_text import equation_text, filled_tree, with_number
 from mtu_cli.files.effects_contract import Family
@@ -21,12 +20,9 @@ from mtu_cli.model.effect_binding import Binding, filled, resolved
 from mtu_cli.model.effect_candidate import Column, FloatArray, Member
 from mtu_cli.model.effect_data import POSITIONS, TableData, indicators, labels
 from mtu_cli.model.effect_grid import coarseness, grid_of, has_many_places, is_continuous
+from mtu_cli.model.effect_lacks import NoMember, check_column
 from mtu_cli.model.effect_slopes import slopes
 from mtu_cli.units import MINUTE, PARAMETER_UNITS
-
-
-class NoMember(Exception):  # noqa: N818  # no fault: it says why the data has no such member
-    """Why the data has no such member; empty where it could not have one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,6 +150,13 @@ class BoundTemplate:
             return self.data.number(found.name, found.kind)
         return self.data.values[found.name]
 
+    def parameter(self, name: str, bound: Binding) -> str:
+        """The name of a parameter, which no column of the equations has."""
+        own = filled(self.template.braced.get(name, name), bound)
+        while own in {resolved(raw, bound).name for raw in self.template.raw_names}:
+            own = f"own_{own}"
+        return own
+
     def parameters(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of each parameter; for angular components um is arcsec."""
         angular = self.data.table.unit == "arcsec"
@@ -164,7 +167,8 @@ class BoundTemplate:
             if self.binding.get("c") == "time_min":
                 shown = self._beside_time(name, shown)
             axes = self.data.table.axes if "{each}" in raw else ("",)
-            found |= {filled(raw, {**self.binding, "each": axis}): shown for axis in axes}
+            each = ({**self.binding, "each": axis} for axis in axes)
+            found |= {self.parameter(name, bound): shown for bound in each}
         return tuple(found.items())
 
     def _beside_time(self, parameter: str, unit: str) -> str:
@@ -207,7 +211,7 @@ class BoundTemplate:
                 if not (np.abs(lever) < LARGEST).all():
                     raise NoMember("its equation has no finite value in some places")
                 full = lever.reshape((1,) * (3 - lever.ndim) + lever.shape)
-                found[filled(braced.get(name, name), bound)][index] = full
+                found[self.parameter(name, bound)][index] = full
         return tuple(found.values())
 
     def members(
@@ -250,7 +254,9 @@ class BoundTemplate:
             for name in names(self.template.trees[key]):
                 raw = self.template.braced.get(name, name)
                 own = resolved(raw, bound)
-                if own.kind is not None:
+                if name in self.template.units:
+                    numbers[name] = self.parameter(name, bound)
+                elif own.kind is not None:
                     numbers[name] = self.data.number(own.name, own.kind)
                 else:
                     numbers[name] = own.name
@@ -261,7 +267,7 @@ class BoundTemplate:
         """The terms of these parameters in an equation; None where it has none."""
         tree: Node | None = None
         for name, lever in self.template.forms[key].coefficients.items():
-            if filled(self.template.braced.get(name, name), bound) in only:
+            if self.parameter(name, bound) in only:
                 term = Binary("*", Name(name, 0), lever, 0)
                 tree = term if tree is None else Binary("+", tree, term, 0)
         return tree
@@ -270,22 +276,6 @@ class BoundTemplate:
         """The column that the effect goes with: that of {T}, {c} or {v}, else the first used."""
         bound = [self.binding[mark] for mark in ("T", "c", "v") if mark in self.binding]
         return next(iter([*bound, *used]), None)
-
-
-def check_column(name: str, data: TableData) -> None:
-    """Raises NoMember, with the reason, unless a column or position is there and changes."""
-    if name in data.values:
-        if name not in data.changing:
-            span = float(np.ptp(data.values[name]))
-            more = f" by more than {STEADY_K:g} K" if span else ""
-            raise NoMember(f"{name} does not change{more}")
-        return
-    if name in data.table.axes and name not in POSITIONS:
-        # A component without an axis: no position of it is missing.
-        raise NoMember
-    if name in POSITIONS:
-        raise NoMember(f"the position along {name} is not known")
-    raise NoMember(f"{name} has gaps" if name in data.table.covariates else f"no column {name}")
 
 
 def _taken(columns: tuple[Column, ...], g: int) -> tuple[Column, ...]:

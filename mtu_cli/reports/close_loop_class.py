@@ -8,7 +8,7 @@ from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import is_nameless, pitch_is_open, should_be_told
 from mtu_cli.reports.close_loop_effects import effect_text
 from mtu_cli.reports.close_loop_notes import COPIED, copied
-from mtu_cli.reports.close_loop_sentences import one_cause, sentences
+from mtu_cli.reports.close_loop_sentences import Sentence, one_cause, sentences
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     capital,
@@ -30,7 +30,8 @@ Line = tuple[bool, str]
 def class_lines(item: TableResult) -> list[Line]:
     """What was found, each of what cannot be told apart on a line of its own, and what to do."""
     lines: list[Line] = []
-    for said in sentences(item):
+    # What is sure stands before what is one of several.
+    for said in sorted(sentences(item), key=lambda said: len(said.effects) == 1 < _names(said)):
         effect = said.effects[0] if len(said.effects) == 1 else None
         names = () if effect is None else class_of(effect)
         if effect is None or len(names) < 2:
@@ -48,6 +49,10 @@ def class_lines(item: TableResult) -> list[Line]:
         if effect is not None and (len(names) > 1 or pitch_is_open(effect)):
             lines += [(False, text) for text in _experiment(effect)]
     return lines
+
+
+def _names(said: Sentence) -> int:
+    return max((len(class_of(effect)) for effect in said.effects), default=0)
 
 
 def _rivals(item: TableResult, effect: FoundEffect, *, beside: bool) -> list[Line]:

@@ -13,12 +13,13 @@ from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Tab
 from mtu_cli.analyses.close_loop.shown import amplitude, pitch_is_open, things
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_scatter import scatter_text
+from mtu_cli.reports.close_loop_searched import AT, SEARCHED_DIGITS, searched_text
 from mtu_cli.reports.close_loop_shown import (
     Shown,
     either,
     parameters_of,
 )
-from mtu_cli.reports.numbers import MISSING, interval, plus_minus, significant, with_u
+from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import PARAMETER_UNITS
 
 SENTENCES = {
@@ -37,9 +38,9 @@ SENTENCES = {
     "warm-up": "{A} shifts by {value} while warming up, time constant {tau_min} min",
     "trend": "{A} shifts by {value} {each}",
     "scale-trend": "{A} {grows} by {size} {each}",
-    "wear-approach": "wear shifts {A} by {value} {each} against the direction of approach",
+    "wear-approach": "{A} {goes} {size} {each} {further} in the direction of approach, by wear",
     "step": "{A} jumps by {value} from {row} {at} on",
-    "backlash-step": "{A} {loses} {twice} at reversal{sides}, from {row} {at} on",
+    "backlash-step": "{A} {loses} {twice} {more}at reversal{sides}, from {row} {at} on",
     "operation": "{chosen} is shifted along {A} by {value}",
     "radial": "everything is shifted {outward} from the centre by {size}",
     "covariate": "{A} shifts by {value} per unit of {covariate}",
@@ -49,7 +50,6 @@ SENTENCES = {
 """By family; what is missing falls back to what the library says of the effect."""
 CHANGES = {"scale": "thermal-growth", "squareness": "thermal-squareness"}
 """The family of what changes with a temperature, by that of what is the same in all parts."""
-SEARCHED_DIGITS = 3
 TWICE = 2.0
 """The reversal value is twice the parameter, which acts in both directions (ISO 230-2, 2.13)."""
 
@@ -77,6 +77,10 @@ def _says(effect: FoundEffect, shown: tuple[Shown, ...]) -> str:
     return ": ".join(text for text in (f"{effect.says}{chosen}", values) if text)
 
 
+def _has(item: TableResult, name: str) -> bool:
+    return any(effect.name == name for effect in item.effects)
+
+
 def _values(shown: tuple[Shown, ...]) -> str:
     return ", ".join(f"{p.name} {_size(p.value, p.u, p.unit)}" for p in shown)
 
@@ -92,7 +96,7 @@ def _words(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> 
         "of": "positioning of " if item.table.component is None else "",
         "where": _where(effect, item),
         "values": _values(shown),
-        **{name: _searched(found, effect) for name, found in effect.searched.items()},
+        **{name: _searched(name, found, effect) for name, found in effect.searched.items()},
     }
     along = _along(effect)
     if along is not None:
@@ -104,7 +108,7 @@ def _words(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> 
     if effect.covariate is not None:
         words["covariate"] = effect.covariate
         words["each"] = _each(effect.covariate, row)
-    if "at" in effect.searched:
+    if AT in effect.searched:
         words["at"] = _first_after(effect, item)
     if len(shown) == 1:
         words |= _of_one(first, effect, item)
@@ -132,6 +136,9 @@ def _of_one(first: Shown, effect: FoundEffect, item: TableResult) -> dict[str, s
         # Where y rises and x with it, the axis of y leans over to that of x.
         "angle": "less" if first.value >= 0 else "more",
         "outward": "outward" if first.value >= 0 else "inward",
+        "goes": "goes" if first.value >= 0 else "stops",
+        "further": "further" if first.value >= 0 else "short",
+        "more": "more " if _has(item, f"backlash-{effect.axis}") else "",
     }
 
 
@@ -246,10 +253,10 @@ def direction_text(effect: FoundEffect, item: TableResult) -> str | None:
     )
 
 
-def _searched(found: tuple[float, float, float], effect: FoundEffect) -> str:
+def _searched(name: str, found: tuple[float, float, float], effect: FoundEffect) -> str:
     """With its interval, where that is one and not from the first of many values to the last."""
     several = pitch_is_open(effect)
-    value, ends = searched_text(found, several)
+    value, ends = searched_text(found, several, ends=name != AT)
     return value if several else f"{value} {ends}".rstrip()
 
 
@@ -263,25 +270,6 @@ def _alike(effect: FoundEffect) -> str:
     return f"; {name} {shown} fits as well, with a size of its own"
 
 
-def searched_text(found: tuple[float, float, float], several: bool = False) -> tuple[str, str]:
-    """What was searched, and its 95 % interval, to two digits of a quarter of its width; of one
-    of `several` values that fit alike to digits of its own. What fits best at an end of what was
-    searched has that end for no reason of the data.
-    """
-    value, low, high = found
-    if several:
-        ends = (significant(end, SEARCHED_DIGITS) for end in (low, high))
-        return significant(value, SEARCHED_DIGITS), f"[{', '.join(ends)}]"
-    if not high > low:
-        return significant(value, SEARCHED_DIGITS), MISSING
-    if value == high:
-        return f"at least {significant(low)}", ""
-    if value == low:
-        return f"at most {significant(high)}", ""
-    u = (high - low) / 4
-    return with_u(value, u)[0], interval(low, high, u)
-
-
 def _each(covariate: str, row: str) -> str:
     if covariate == "time_min":
         return "of time_min"  # Its parameters are per minute.
@@ -290,7 +278,7 @@ def _each(covariate: str, row: str) -> str:
 
 def _first_after(effect: FoundEffect, item: TableResult) -> str:
     """The first part after a step."""
-    at = effect.searched["at"][0]
+    at = effect.searched[AT][0]
     order = item.table.covariates.get("sequence")
     if order is None or len(order) != len(item.table.parts):
         return significant(at, 3)

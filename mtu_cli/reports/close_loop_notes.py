@@ -9,14 +9,13 @@ from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import things
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
 from mtu_cli.reports.close_loop_shown import (
-    OF_TEMPERATURES,
     growth_alone_notes,
     held_notes,
     one_cause_notes,
-    parameters_of,
     plural,
     something_left,
     stays,
+    sure_levels,
 )
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import p_value, plus_minus
@@ -25,8 +24,6 @@ LEVEL = (
     "{names}: {what} of its own: the error where the effects of its axis are 0. Beside a growth or "
     "a drift it holds their constant part and any offset"
 )
-SURE_LEVEL = 3.0
-"""Times its u from which on a level is told from 0."""
 MEANINGS = {
     "interaction-pattern": "the {columns} share a pattern that some {rows} have more of",
     "serial-correlation": "{rows} follow one another too smoothly to be scatter",
@@ -72,17 +69,12 @@ def effect_notes(item: TableResult) -> list[str]:
 
 def _level_notes(item: TableResult) -> list[str]:
     """Of levels that are told from 0, of effects that have no constant part: they are offsets."""
-    notes = []
-    for effect in item.effects:
-        levels = parameters_of(effect)[len(effect.sizes) :]
-        for own, axis in zip(levels, effect.levels, strict=True):
-            if effect.family in OF_TEMPERATURES or abs(own.value) < SURE_LEVEL * own.u:
-                continue
-            notes.append(
-                f"{effect.name}: its {own.name} is an offset of {axis.upper()}, "
-                f"{plus_minus(own.value, own.u)} {own.unit}, which is written with it"
-            )
-    return notes
+    return [
+        f"{effect.name}: its {own.name} is an offset of {axis.upper()}, "
+        f"{plus_minus(own.value, own.u)} {own.unit}, which is written with it"
+        for effect in item.effects
+        for own, axis in sure_levels(effect)
+    ]
 
 
 def _unsure_notes(item: TableResult) -> list[str]:

@@ -32,7 +32,7 @@ def rest_text(item: TableResult) -> str:
     if item.floor is not None and item.unexplained_rms is not None:
         scatter = item.unexplained_rms < NO_MORE * item.floor
         if scatter and not (item.fired or item.twofold):
-            return f"{left}, no more than repeatability ({floor})."
+            return f"{left}: about repeatability ({floor})."
     along = f"along {where.axis.upper()} ({at[0]} {item.table.unit}), and there "
     left += f": most {along if item.table.component is None else ''}at {column} {where.column}"
     left += f" ({at[1]} {item.table.unit})"

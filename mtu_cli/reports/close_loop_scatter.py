@@ -14,9 +14,11 @@ def scatter_text(own: ScatterSize) -> str:
     """Such as "reamed by 4.2 ± 0.2 um, the others by 1.6 um"."""
     name, size, unit, _ = scatter_line(own)
     others = _others(own)
+    axes = ", ".join(f"{axis.upper()} {significant(s)}" for axis, s in _by_axis(own).items())
+    each = f" ({axes})" if axes else ""
     if own.of is None or others is None:
-        return f"{name} = {size} {unit}"
-    return f"{own.of} by {size} {unit}, the others by {significant(others)} {unit}"
+        return f"{name} = {size} {unit}{each}"
+    return f"{own.of} by {size} {unit}{each}, the others by {significant(others)} {unit}"
 
 
 def scatter_line(own: ScatterSize) -> list[str]:
@@ -36,10 +38,17 @@ def scatter_document(own: ScatterSize | None) -> dict[str, Any] | None:
         "u": finite(u),
         "unit": unit,
         "s_of_others": finite(_others(own)),
+        "by_axis": _by_axis(own),
     }
 
 
 def _others(own: ScatterSize) -> float | None:
-    if own.others is None:
-        return None
-    return in_shown_unit((*own.parameter[:2], own.others, 0.0))[0]
+    return None if own.others is None else _shown(own, own.others)
+
+
+def _by_axis(own: ScatterSize) -> dict[str, float]:
+    return {axis: _shown(own, s) for axis, s in own.by_axis}
+
+
+def _shown(own: ScatterSize, s: float) -> float:
+    return in_shown_unit((*own.parameter[:2], s, 0.0))[0]

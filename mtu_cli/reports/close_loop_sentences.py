@@ -13,6 +13,7 @@ from mtu_cli.analyses.close_loop.result import (
 from mtu_cli.analyses.close_loop.shown import own_verdict
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.close_loop_effects import effect_text
+from mtu_cli.reports.close_loop_shown import class_of, either, sure_levels
 from mtu_cli.reports.numbers import plus_minus
 
 
@@ -67,11 +68,31 @@ def sentences(item: TableResult) -> list[Sentence]:
         else:
             text = f"{neutral.axis.upper()} is right at {right}"
             last.append(Sentence(effects=(), text=text, of=own))
-    return [
-        joined.get(e, Sentence(effects=(effect,), text=effect_text(effect, item)))
+    plain = (
+        joined.get(e, Sentence(effects=(effect,), text=_text(item, effect)))
         for e, effect in enumerate(item.effects)
         if e not in told or not effect.equations.keys() <= told[e]
-    ] + last
+    )
+    return [*plain, *last]
+
+
+def _text(item: TableResult, effect: FoundEffect) -> str:
+    """What is said of one effect, with the offset that it holds as its level."""
+    shifts = "".join(
+        f", and everything is shifted along {axis.upper()} by {plus_minus(own.value, own.u)} "
+        f"{own.unit}"
+        for own, axis in sure_levels(effect)
+    )
+    return f"{_if(item, effect)}{effect_text(effect, item)}{shifts}"
+
+
+def _if(item: TableResult, offset: FoundEffect) -> str:
+    """Which of a class have an offset that is not told from 0 beside the others."""
+    for effect in item.effects:
+        gone = {rival.name for rival in effect.rivals if offset.name in rival.without}
+        if gone:
+            return f"if it is {either(tuple(n for n in class_of(effect) if n not in gone))}, "
+    return ""
 
 
 def _alike(effects: tuple[FoundEffect, ...], item: TableResult) -> bool:
@@ -106,7 +127,7 @@ def one_cause(item: TableResult, place: int, own: FoundEffect) -> str | None:
     that is fixed somewhere, or right at a temperature, or has no offset.
     """
     if own.without:
-        return f"there is no {' or '.join(own.without)} then"
+        return f"{' and '.join(own.without)} is not told from 0 then"
     for point in item.fixed_points:
         if point.given != (place, own.name) or not point.told:
             continue

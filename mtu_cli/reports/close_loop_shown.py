@@ -30,6 +30,8 @@ LIKELY = 0.95
 
 
 DRIFTS = "thermal-drift"
+SURE_LEVEL = 3.0
+"""Times its u from which on a level is told from 0."""
 OF_TEMPERATURES = (DRIFTS, "thermal-growth", "thermal-squareness")
 """The families of what a temperature makes."""
 FITS_BETTER = f"that fits better than {REFERENCE_TEMPERATURE:g} degC"
@@ -112,6 +114,16 @@ def parameters_of(effect: FoundEffect) -> tuple[Shown, ...]:
             )
         )
     return tuple(found)
+
+
+def sure_levels(effect: FoundEffect) -> list[tuple[Shown, str]]:
+    """Its levels that are told from 0, each with its axis, where it has no constant part itself:
+    offsets.
+    """
+    levels = zip(parameters_of(effect)[len(effect.sizes) :], effect.levels, strict=True)
+    if effect.family in OF_TEMPERATURES:
+        return []
+    return [(own, axis) for own, axis in levels if abs(own.value) >= SURE_LEVEL * own.u]
 
 
 def class_of(effect: FoundEffect) -> tuple[str, ...]:

@@ -22,9 +22,10 @@ from mtu_cli.analyses.close_loop.shown import (
     pitch_is_open,
     things,
 )
-from mtu_cli.reports.close_loop_effects import direction_text, searched_text
+from mtu_cli.reports.close_loop_effects import direction_text
 from mtu_cli.reports.close_loop_notes import copied, effect_notes, left_text, level_text, untested
 from mtu_cli.reports.close_loop_scatter import scatter_line
+from mtu_cli.reports.close_loop_searched import AT, searched_text
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,
@@ -138,7 +139,7 @@ def _effect(effect: FoundEffect, item: TableResult) -> list[list[str]]:
         for p in parameters_of(effect)
     ]
     for name_searched, value in effect.searched.items():
-        best, ends = searched_text(value, pitch_is_open(effect))
+        best, ends = searched_text(value, pitch_is_open(effect), ends=name_searched != AT)
         lines.append([name_searched, best, "", ends])
     if effect.scatter is not None:
         lines.append(scatter_line(effect.scatter))
@@ -260,7 +261,8 @@ def _candidates(item: TableResult, several: bool) -> Sheet:
     if marked:
         notes[0] += "; *: found, or in the class of what was"
         first = next((i for i, judged in enumerate(best) if judged.name in marked), 0)
-        if above := [judged.name for judged in best[:first]]:
+        held = {f"offset-{axis}" for effect in item.effects for axis in effect.levels}
+        if above := [judged.name for judged in best[:first] if judged.name not in held]:
             # A scatter may be likelier at first: what moves the mean is taken out before it.
             notes.append(f"{listed(above, 3)}: at the first look; not beside what was found")
     return Sheet(title=f"Likeliest candidates{of}", columns=columns, rows=rows, notes=notes)

@@ -87,7 +87,7 @@ def _unsettled(outputs: Sequence[OutputBudget], run: MonteCarloResult) -> list[W
     if of_few and run.trials >= MANY:
         message = (
             f"{_listed(of_few)}: a few trials far out make the Monte Carlo u, which may not exist, "
-            "as of a ratio whose divisor may be 0; more trials do not help: use the interval"
+            "as of a ratio whose divisor may be 0; more trials may not help: use the interval"
         )
         found.append(Warned(code="heavy-tails", message=message))
     return found

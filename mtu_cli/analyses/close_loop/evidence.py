@@ -123,9 +123,8 @@ def _variances(scan: Scan, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     return entry, entry + scan.frame.strata.shape[0] * null.column
 
 
-def along_direction(scan: Scan, y: FloatArray, which: int) -> FloatArray:
-    """(P - 1,): the contrasts of the parts along a direction of the scan."""
-    direction = scan.directions[which]
+def along_direction(scan: Scan, y: FloatArray, direction: FloatArray) -> FloatArray:
+    """(P - 1,): the contrasts of the parts along a direction (A, 1 + k)."""
     total = np.zeros(scan.frame.strata.shape[0] - 1)
     for stratum in scan.frame.strata.all:
         if stratum.kind == "line":
@@ -134,7 +133,8 @@ def along_direction(scan: Scan, y: FloatArray, which: int) -> FloatArray:
 
 
 def _without_direction(scan: Scan, y: FloatArray, which: int) -> FloatArray:
-    total, direction = along_direction(scan, y, which), scan.directions[which]
+    direction = scan.directions[which]
+    total = along_direction(scan, y, direction)
     found = y.copy()
     for stratum in (s for s in scan.frame.strata.all if s.kind == "line"):
         found[stratum.slice] -= direction[stratum.axis, stratum.line] * total
@@ -189,6 +189,6 @@ def _direction_p(scan: Scan, y: FloatArray, name: str, noise: EntryNoise) -> flo
     which = 0 if name == "rotation-scatter" else 1
     if (noise.dof <= 0).any():
         return 1.0
-    total = along_direction(scan, y, which)
+    total = along_direction(scan, y, scan.directions[which])
     own = scan.turns[which]
     return own.p(float(total @ total), noise.variance, noise.dof, scan.predicted_dof)

@@ -63,7 +63,8 @@ def _of_other_forms(told: Described) -> Iterator[Constant]:
         axis = prepared.candidates[step.index].axis
         texts = prepared.members[step.member].equations.values()
         own = None
-        if axis is not None and not any(axis in names(parse(text)) for text in texts):
+        used = {name for text in texts for name in names(parse(text))}
+        if axis is not None and used.isdisjoint(axis):
             own = hidden_in(prepared, step)
         found = None if own is None else beside_all(prepared, members, first, *own)
         if found is not None:

@@ -48,12 +48,14 @@ class Otherwise:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScatterSize:
     """The standard deviation of a scatter as a `parameter` (name, unit, value, u) of `FoundEffect`;
-    of an operation (`of`) also that of all `others`, mm.
+    of an operation (`of`) also that of all `others`, mm. `by_axis` are those along each axis, where
+    axes may differ.
     """
 
     parameter: tuple[str, str, float, float]
     of: str | None = None
     others: float | None = None
+    by_axis: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

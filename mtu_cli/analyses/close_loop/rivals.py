@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from mtu_cli.analyses.close_loop.added import added
@@ -57,19 +57,26 @@ def all_instead(
 def with_rivals(
     effects: Sequence[FoundEffect], others: Sequence[Instead]
 ) -> tuple[FoundEffect, ...]:
-    """The effects, each with its rivals, and those with the offsets that are not told from 0 beside
-    them.
+    """The effects, each with its rivals, and those with the offsets of their axes that are told
+    from 0 beside what was found, and are not beside them.
     """
+    sure = {own.name for own in effects if own.kind == "offset" and _is_told(own)}
     return tuple(
-        replace(effect, rivals=tuple(map(_rival, (own for own in others if own.place == place))))
+        replace(effect, rivals=tuple(_rival(own, sure) for own in others if own.place == place))
         for place, effect in enumerate(effects)
     )
 
 
-def _rival(other: Instead) -> FoundEffect:
-    offsets = (own for own in other.effects if own.kind == "offset" and own is not other.rival)
-    gone = tuple(own.name for own in offsets if own.intervals[0][0] < 0 < own.intervals[0][1])
-    return replace(other.rival, without=gone)
+def _rival(other: Instead, sure: Collection[str]) -> FoundEffect:
+    offsets = (own for own in other.effects if own.name in sure and own is not other.rival)
+    along = other.rival.equations.keys()
+    gone = (own.name for own in offsets if own.equations.keys() <= along and not _is_told(own))
+    return replace(other.rival, without=tuple(gone))
+
+
+def _is_told(offset: FoundEffect) -> bool:
+    """Whether its 95 % interval tells it from 0."""
+    return not offset.intervals[0][0] < 0 < offset.intervals[0][1]
 
 
 def _rivals(told: Described, step: Step) -> Iterator[Step]:

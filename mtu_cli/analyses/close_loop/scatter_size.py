@@ -24,10 +24,8 @@ from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.result import ScatterSize
 from mtu_cli.analyses.close_loop.scatter_rivals import ROTATION
 from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.scatter_tests import log_variance_u
-
-RADIAN, GROWTH = "arcsec", "um/m"
 
 
 def scatter_size(prepared: Prepared, members: Sequence[int], step: Step) -> ScatterSize | None:
@@ -49,7 +47,7 @@ def _of_direction(
 ) -> ScatterSize | None:
     scan, which = prepared.scan, 0 if name == ROTATION else 1
     noise = scan.frame.noise(left, dof, scan.dof, scan.null.predicted_part, scan.predicted_dof)
-    t = along_direction(scan, left, which)
+    t = along_direction(scan, left, scan.directions[which])
     expected = float(np.append(noise.variance, 1.0) @ scan.turns[which].mean)
     places = prepared.table.places.mean(axis=0)[:, :2]
     reach = float(np.sum((places - places.mean(axis=0)) ** 2))
@@ -58,8 +56,29 @@ def _of_direction(
         return None
     s = np.sqrt((square - expected) / len(t) / reach)
     u = np.sqrt(2 / len(t)) * square / len(t) / reach / (2 * s)
-    unit = RADIAN if name == ROTATION else GROWTH
-    return ScatterSize(parameter=("s", unit, float(s), float(u)))
+    if name == ROTATION:
+        return ScatterSize(parameter=("s", "arcsec", float(s), float(u)))
+    by_axis = _growths(prepared, left, noise.variance, places)
+    return ScatterSize(parameter=("s", "um/m", float(s), float(u)), by_axis=by_axis)
+
+
+def _growths(
+    prepared: Prepared, left: FloatArray, variance: FloatArray, places: FloatArray
+) -> tuple[tuple[str, float], ...]:
+    """The same of x and of y alone, where each may grow by itself."""
+    scan, found = prepared.scan, []
+    size = float(np.linalg.norm(places - places.mean(axis=0)))
+    for i, axis in enumerate("xy"):
+        a = prepared.table.axes.index(axis)
+        w = np.zeros_like(scan.directions[1])
+        w[a] = scan.directions[1][a]
+        t = along_direction(scan, left, w)
+        reach = float(np.sum((places[:, i] - places[:, i].mean()) ** 2))
+        by_model = float(w.ravel() @ scan.null.predicted_part @ w.ravel())
+        excess = float(t @ t) / len(t) - variance[a] * reach / size**2 - by_model
+        share = reach / size
+        found.append((axis, float(np.sqrt(max(excess, 0.0))) / share if share else 0.0))
+    return tuple(found)
 
 
 def _of_operation(prepared: Prepared, left: FloatArray) -> ScatterSize:
@@ -69,7 +88,35 @@ def _of_operation(prepared: Prepared, left: FloatArray) -> ScatterSize:
     code = int(scan.operation[int(np.argmax(variance))])
     own = scan.operation == code
     level = float(np.mean(scan.null.interaction))
-    s, others = (float(np.sqrt(level * variance[which].mean())) for which in (own, ~own))
+    s = float(np.sqrt(level * variance[own].mean()))
+    rest, alone = (_of_columns(prepared, left, which) for which in (~own, own))
+    others = float(np.sqrt(level * variance[~own].mean() if rest is None else np.mean(rest)))
+    axes = [] if alone is None else zip(table.axes, np.sqrt(alone).tolist(), strict=True)
     entries, there, share = interaction_entries(scan, left)
     u = s * log_variance_u(entries[there & own], share) / 2
-    return ScatterSize(parameter=("s", table.unit, s, u), of=table.operations[code], others=others)
+    return ScatterSize(
+        parameter=("s", table.unit, s, u),
+        of=table.operations[code],
+        others=others,
+        by_axis=tuple(axes),
+    )
+
+
+def _of_columns(prepared: Prepared, left: FloatArray, which: np.ndarray) -> FloatArray | None:
+    """Variances (A,) of the entries of some columns beside their own parts, lines and means: those
+    of others, which may scatter by far more, are mixed in with what all columns have in common.
+    None where too few are there.
+    """
+    strata = prepared.scan.frame.strata
+    there = prepared.scan.frame.completion.observed[:, which]
+    P, H, A = len(there), int(which.sum()), strata.shape[2]
+    own = strata.tables(left)[:, which]
+    smooth = strata.columns[which, : 1 + strata.lines]
+    rows = (own - own.mean(axis=0)).transpose(0, 2, 1).reshape(-1, H)
+    rest = np.array([least_squares(smooth, row).residuals for row in rows])
+    own = rest.reshape(P, A, H).transpose(0, 2, 1)
+    dof = (P - 1) * (H - smooth.shape[1]) - int((~there).sum())
+    if dof <= 0 or smooth.shape[1] >= H:
+        return None
+    found: FloatArray = np.sum(own[there] ** 2, axis=0) / dof
+    return found

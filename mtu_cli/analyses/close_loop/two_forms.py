@@ -73,8 +73,11 @@ def difference(prepared: Prepared, one: int, other: int) -> tuple[int, int] | No
     owners = scan.owners()
     (first,), (second,) = flat[one], flat[other]
     for index, m, columns in scan.walk():
-        other = index != owners[one] and len(columns) == 1 and not is_same(scan, columns[0])
-        if other and _spanned(prepared, (first, second), columns[0]):
+        if index == owners[one] or len(columns) != 1 or is_same(scan, columns[0]):
+            continue
+        # A copy of one of them lies in the span as well, and is that form under another name.
+        copies = any(_spanned(prepared, (own,), columns[0]) for own in (first, second))
+        if not copies and _spanned(prepared, (first, second), columns[0]):
             return index, m
     return None
 

@@ -22,6 +22,7 @@ from mtu_cli.stats.scatter_tests import log_variance_u
 
 PARTS, FEATURES, TABLES = 21, 24, 150
 NOISE = 1.5e-3
+GROWS = "thermal-squareness-xy"
 SIZES = {"rotation-scatter": 2.5e-5, "scale-scatter": 2e-5, "operation-scatter": 4e-3}
 """rad, mm/mm, mm."""
 
@@ -30,7 +31,7 @@ SIZES = {"rotation-scatter": 2.5e-5, "scale-scatter": 2e-5, "operation-scatter":
 def ready() -> Prepared:
     table = points_table(PARTS, FEATURES, places=grid_places(FEATURES, jitter=2.0))
     table = replace(table, errors=drawn(0, "", table.places))
-    known = [c for c in candidates(table, LIBRARY) if c.name in (*SIZES, "scale-x", "backlash-x")]
+    known = [c for c in candidates(table, LIBRARY) if c.name in (*SIZES, "scale-x", GROWS)]
     return prepare(table, known)
 
 
@@ -78,6 +79,70 @@ def test_an_operation_is_told_with_all_others() -> None:
     assert size_in(1, "scale-scatter").of is None
 
 
+@pytest.mark.parametrize("ratio", [3.0, 20.0])
+def test_others_are_told_by_themselves(ratio: float) -> None:
+    """However much more one of them scatters, which all have in common with it."""
+    own, told = ready(), []
+    for seed in range(20):
+        errors = drawn(seed, "", own.table.places)
+        errors[:, ::3] *= ratio
+        moved = own.with_table(replace(own.table, errors=errors))
+        size = scatter_size(moved, (), step(moved, "operation-scatter"))
+        assert size is not None
+        assert size.others is not None
+        told.append((size.parameter[2] ** 2, size.others**2))
+    mean, error = np.mean(told, axis=0), np.std(told, axis=0) / np.sqrt(len(told))
+    truth = NOISE**2 * np.array([ratio**2, 1.0])
+    assert (np.abs(mean - truth) < 4 * error + 0.01 * truth).all()
+
+
+def test_an_operation_scatters_by_the_mean_of_its_axes() -> None:
+    own = ready()
+    errors = drawn(1, "operation-scatter", own.table.places)
+    errors[..., 1] *= 3
+    moved = own.with_table(replace(own.table, errors=errors))
+    told = scatter_size(moved, (), step(moved, "operation-scatter"))
+    assert told is not None
+    mean = np.sqrt((1 + 9) / 2)
+    assert told.parameter[2] == pytest.approx(mean * SIZES["operation-scatter"], rel=0.15)
+    assert told.others == pytest.approx(mean * NOISE, rel=0.15)
+
+
+def test_growths_are_told_of_each_axis() -> None:
+    """One number of both is right for neither where X grows alone."""
+    own, told = ready(), []
+    x = own.table.places[..., 0] - own.table.places[..., 0].mean()
+    axes = set()
+    for seed in range(60):
+        errors = drawn(seed, "", own.table.places)
+        grown = np.random.default_rng([9, seed]).normal(size=(PARTS, 1))
+        errors[..., 0] += 4e-5 * grown * x
+        moved = own.with_table(replace(own.table, errors=errors))
+        size = scatter_size(moved, (), step(moved, "scale-scatter"))
+        assert size is not None
+        told.append([s for _, s in size.by_axis])
+        axes.add(tuple(axis for axis, _ in size.by_axis))
+    assert axes == {("x", "y")}
+    squares = np.mean(np.square(told), axis=0)
+    error = np.std(np.square(told), axis=0) / np.sqrt(len(told))
+    assert abs(squares[0] - 4e-5**2) < 4 * error[0]
+    assert squares[1] < 1e-5**2
+    turned = scatter_size(own, (), step(own, "rotation-scatter"))
+    assert turned is None or turned.by_axis == ()
+
+
+def test_an_operation_is_told_of_each_axis() -> None:
+    own = ready()
+    errors = drawn(4, "", own.table.places)
+    errors[:, ::3, 0] *= 4
+    moved = own.with_table(replace(own.table, errors=errors))
+    told = scatter_size(moved, (), step(moved, "operation-scatter"))
+    assert told is not None
+    by_axis = dict(told.by_axis)
+    assert by_axis["x"] == pytest.approx(4 * NOISE, rel=0.2)
+    assert by_axis["y"] == pytest.approx(NOISE, rel=0.2)
+
+
 def test_where_parts_do_not_turn_there_is_no_size() -> None:
     """In about half of the tables the turns are fewer than noise makes by itself."""
     own = ready()
@@ -94,14 +159,18 @@ def test_it_is_what_is_left_beside_the_effects_found() -> None:
     own = ready()
     errors = drawn(3, "rotation-scatter", own.table.places)
     alone = size_in(3, "rotation-scatter")
-    errors[..., 0] += 5e-3 * np.broadcast_to(own.table.covariates["dir_x"], (PARTS, FEATURES))
+    # A change of the angle is of parts along the lines that a turn is of, too.
+    grows, turn = step(own, GROWS), step(own, "rotation-scatter")
+    errors[..., 0] += 3e-5 * own.members[grows.member].columns[0][0]
     moved = own.with_table(replace(own.table, errors=errors))
-    backlash, turn = step(moved, "backlash-x"), step(moved, "rotation-scatter")
-    effects = found_effects(described(moved, found(moved, backlash, turn)), [None] * 2)
+    effects = found_effects(described(moved, found(moved, grows, turn)), [None] * 2)
     assert effects[0].scatter is None
     told = effects[1].scatter
     assert told is not None
-    assert told.parameter[2] == pytest.approx(alone.parameter[2], rel=0.1)
+    with_it = scatter_size(moved, (), turn)
+    assert with_it is not None
+    assert with_it.parameter[2] > 1.05 * alone.parameter[2]
+    assert told.parameter[2] == pytest.approx(alone.parameter[2], rel=0.15)
     assert effects[1].name == own.candidates[index(own, "rotation-scatter")].name
 
 

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from crossed_tables import Floats
 from effect_tables import grid_places
+from effect_tables import table as points_table
 from loop_tables import candidate, crossed, offset, prepared_with, residuals, whole_column
 from scipy.special import logsumexp
 from scipy.stats import binom
+from separation_examples import LIBRARY as SHOP
 
 from mtu_cli.analyses.close_loop.classes import class_of
+from mtu_cli.analyses.close_loop.describe import candidate_name
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.estimate import raw_design
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
@@ -21,6 +24,7 @@ from mtu_cli.analyses.close_loop.ranking import posterior_of
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search, search
 from mtu_cli.model.effect_candidate import Column
+from mtu_cli.model.effect_library import candidates
 from mtu_cli.stats.family_gate import Gate
 
 SHAPE = (12, 10, 2)
@@ -316,3 +320,23 @@ def test_what_was_found_is_no_noise_of_what_could_have_been() -> None:
         assert len(found.members) == (size > 0)
         limits.append(minimum_detectable(first, gate, found, 0.05)["trend"])
     assert limits[1] == pytest.approx(limits[0], rel=0.02)
+
+
+def test_what_wanders_has_no_name_and_its_axis() -> None:
+    """Beside candidates of scatter, which stand between those of the mean and what has no name."""
+    table = points_table(18, 16, places=grid_places(16, jitter=2.0))
+    known = [
+        c
+        for c in candidates(table, SHOP)
+        if c.name in ("trend-x", "trend-y", "rotation-scatter", "scale-scatter")
+    ]
+    rng = np.random.default_rng(3)
+    walk = np.cumsum(rng.normal(0.0, 3e-3, (18, 1, 2)), axis=0)
+    errors = 1e-3 * rng.normal(size=table.errors.shape) + walk
+    own = prepare(replace(table, errors=errors), known)
+    found = search(own, calibrated(own.scan, 499, 3), alpha=0.05, most=4)
+    assert found.steps
+    assert found.without_name
+    told = [candidate_name(own, i) for i in found.nameless]
+    assert all(name.startswith("unnamed-") for name in told)
+    assert any(name.startswith("unnamed-drift-") for name in told)

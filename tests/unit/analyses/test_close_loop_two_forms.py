@@ -90,6 +90,24 @@ def test_two_forms_differ_by_lost_motion() -> None:
     assert hidden_in(own, step(own, "offset-x")) is None
 
 
+def test_a_copy_of_one_form_is_no_difference() -> None:
+    """Of a count of two values wear from the lower one on is lost motion from one part on."""
+    ways = np.where(np.arange(FEATURES) % 3, 1.0, -1.0)[None]
+    tool = np.repeat([1.0, 2.0], PARTS // 2)[:, None]
+    own: dict[str, Floats] = {"dir_x": ways, "sequence": SEQUENCE, "tool_parts": tool}
+    table = points_table(PARTS, FEATURES, covariates={**shop_covariates(PARTS, FEATURES), **own})
+    names = ("backlash-x", "wear-approach-x", "backlash-step-x")
+    prepared = prepare(
+        replace(table, errors=scatter(1, table.errors.shape)),
+        [c for c in candidates(table, LIBRARY) if c.name in names],
+    )
+    new = step(prepared, "wear-approach-x", of(prepared, "tool_parts", 1))
+    middle = step(prepared, "wear-approach-x", of(prepared, "tool_parts", 1.5))
+    assert difference(prepared, new.member, middle.member) is None
+    assert hidden_in(prepared, new) is None
+    assert in_two_names(prepared, [new, middle])[1] is middle
+
+
 def test_the_second_form_takes_the_name_of_what_they_differ_by() -> None:
     own, _ = ready()
     new, middle = (step(own, "wear-approach-x", of(own, "sequence", z)) for z in (1, 6.5))

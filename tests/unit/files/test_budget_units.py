@@ -383,6 +383,16 @@ def test_the_one_that_is_wrong_is_told_alone(
     assert told in found
 
 
+@pytest.mark.parametrize("equation", ["L*(s - 1) + M*(r - 1)", "L*(s - 1)*(r - 1)"])
+def test_ones_behind_a_minus_are_told_where_all_of_them_are_wrong(
+    tmp_path: Path, equation: str
+) -> None:
+    used = {"L": "mm", "M": "mm", "s": "%", "r": "%"}
+    found = faults(tmp_path, equation, "mm", {k: v for k, v in used.items() if k in equation})
+    assert len(found) == 2
+    assert all("1 and % are added" in text for text in found)
+
+
 def test_ones_of_a_product_are_told_each(tmp_path: Path) -> None:
     """The 1 that is taken from it has nothing wrong but them."""
     found = faults(tmp_path, "(1 + a)*(1 + b) - 1", "1", {"a": "%", "b": "%"})

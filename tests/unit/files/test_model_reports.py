@@ -316,6 +316,31 @@ def test_joint_covariances_are_covariances(
     assert found.endswith(f"results.joint_pass_covariance.0.{key}{entry}: {what}")
 
 
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        ({"covariance": [[None, 0.0], [0.0, 0.1]]}, "covariance.0.0"),
+        ({"covariance": [[0.1, None], [None, 0.1]]}, "covariance.0.1"),
+        ({"s_repeat": None}, "s_repeat"),
+        ({"covariance": [[None, None], [None, None]], "s_repeat": None}, None),
+    ],
+)
+def test_a_fit_tells_all_of_its_uncertainty_or_none(
+    tmp_path: Path, change: dict[str, Any], where: str | None
+) -> None:
+    """None where there are as many readings as coefficients."""
+    two = {
+        "degree": 1, "coefficients": [1.0, 2.0], "covariance": [[0.1, 0.0], [0.0, 0.1]],
+        "pass_covariance": [[0, 0], [0, 0]], "pass_covariance_moment": [[0, 0], [0, 0]],
+        "covariance_independent": None,
+    }  # fmt: skip
+    path = written(tmp_path, "f.json", "fit-components", FITTED | two | change)
+    if where is None:
+        assert read_report(path)
+        return
+    assert told(path) == [f"f.json: results.components.a.{where}: is not known; expected a number"]
+
+
 @pytest.mark.parametrize("key", ["coefficient_covariance", "pass_covariance"])
 @pytest.mark.parametrize("matrix", [[[None, 0], [0, 1]], [[None, None], [None, 1]]])
 def test_where_a_component_has_no_covariance_that_with_others_has_no_entries(

@@ -878,6 +878,26 @@ def test_families_of_the_user(tmp_path: Path) -> None:
     assert column(found["coolant"].members[2], 0, 1, own) == pytest.approx(expected)
 
 
+def test_a_parameter_has_a_name_that_no_column_of_its_equations_has(
+    library: EffectLibrary,
+) -> None:
+    """Whoever has a column called slope, or wear, has it in the equation, too."""
+    counts = np.asarray(np.arange(9) % 5 + 1, np.float64)[:, None]
+    load = np.random.default_rng(2).normal(size=(9, 1))
+    own = table(covariates={**shop_covariates(9, 12), "wear": counts, "slope": load})
+    found = by_name(candidates(own, library))
+    (along,) = (m for m in found["covariate-x"].members if m.covariate == "slope")
+    assert along.parameters == (("own_slope", "um"),)
+    assert along.equations["Ex"].startswith("own_slope*(slope - ")
+    for member in (m for m in found["wear-approach-y"].members if m.covariate == "wear"):
+        assert member.parameters == (("own_wear", "um"),)
+        form = linear_form(parse(member.equations["Ey"]), ["own_wear"])
+        lever = evaluate(form.coefficients["own_wear"], values_of(own))
+        np.testing.assert_allclose(np.broadcast_to(lever, (9, 12)), column(member, 0, 1, own))
+    others = (m for m in found["trend-x"].members if m.covariate == "wear")
+    assert all(m.parameters == (("slope", "um"),) for m in others)
+
+
 def test_columns_stay_small() -> None:
     own = table(500, 100, places=grid_places(100, jitter=2.0))
     found = candidates(own, effect_library())

@@ -55,7 +55,7 @@ def test_an_offset_that_one_of_a_class_has_not_is_no_fact() -> None:
     fact = "verything is shifted along X by 3.90 ± 0.30 um (offset-x)."
     assert fact in said()
     assert fact not in said("offset-x")
-    assert "[41, 90] min; there is no offset-x then." in said("offset-x")
+    assert "[41, 90] min; offset-x is not told from 0 then." in said("offset-x")
     assert "with offset-x that is one cause: X is right at sequence = -0.2" in said("offset-x")
 
 
@@ -80,17 +80,25 @@ def test_scatter_that_is_left_is_nothing_to_look_for() -> None:
         item = on_table("unexplained", (effect(),), nameless=DRIFTS, fired=fired)
         return words(result(replace(item, unexplained_rms=1e-3 * rms_um, floor=3.6e-3)))
 
-    assert "an rms of 3.8 um, no more than repeatability (3.6)." in said(3.8)
+    assert "an rms of 3.8 um: about repeatability (3.6)." in said(3.8)
     assert "most along" not in said(3.8)
     assert "most along" in said(5.0)
     # A check that fires looks at more than the size of what is left.
     assert "most along" in said(3.8, ("spatial-correlation",))
 
 
+X_ALONE = (("x", 26e-6), ("y", 0.0))
+
+
 @pytest.mark.parametrize(
     ("size", "told", "s"),
     [
         (ScatterSize(parameter=("s", "arcsec", 2e-5, 3e-6)), "s = 4.13 ± 0.62 arcsec", 4.125),
+        (
+            ScatterSize(parameter=("s", "um/m", 18.7e-6, 3.1e-6), by_axis=X_ALONE),
+            "s = 18.7 ± 3.1 um/m (X 26, Y 0)",
+            18.7,
+        ),
         (
             ScatterSize(parameter=("s", "um", 4.2e-3, 0.2e-3), of="reamed", others=1.58e-3),
             "reamed by 4.20 ± 0.20 um, the others by 1.6 um",
@@ -106,4 +114,68 @@ def test_a_scatter_has_a_size(size: ScatterSize, told: str, s: float) -> None:
     written = document(found)["effects"][0]["scatter"]
     assert written["s"] == pytest.approx(s, rel=1e-3)
     assert (written["of"], written["unit"]) == (size.of, size.parameter[1])
+    assert written["by_axis"] == pytest.approx({a: 1e6 * v for a, v in size.by_axis})
     assert written["s_of_others"] == (None if size.others is None else pytest.approx(1.58))
+
+
+@pytest.mark.parametrize(
+    ("wear", "told"),
+    [
+        (
+            0.6,
+            "X goes 0.600 ± 0.020 um per count of tool_parts further in the direction of approach",
+        ),
+        (
+            -0.6,
+            "X stops 0.600 ± 0.020 um per count of tool_parts short in the direction of approach",
+        ),
+    ],
+)
+def test_which_way_wear_goes(wear: float, told: str) -> None:
+    own = effect(
+        "wear-approach-x",
+        parameters=(("wear", "um", wear, 0.02),),
+        equations={"Ex": "wear*(tool_parts - 1)*dir_x"},
+        covariate="tool_parts",
+    )
+    assert f"{told}, by wear" in words(result(on_table("named", (own,))))
+
+
+def test_lost_motion_from_one_part_on_is_more_where_some_was_there_before() -> None:
+    later = effect(
+        "backlash-step-x",
+        parameters=(("lost_motion", "um", -2.8, 0.15),),
+        equations={"Ex": "lost_motion*step(sequence - 8.5)*dir_x"},
+        searched={"at": (8.5, 7.5, 9.5)},
+    )
+    before = effect("backlash-x", parameters=(("lost_motion", "um", -1.2, 0.12),))
+    alone = words(result(on_table("named", (later,))))
+    assert "X loses 5.60 ± 0.30 um at reversal, short from both sides, from part " in alone
+    both = words(result(on_table("named", (later, before))))
+    assert "X loses 5.60 ± 0.30 um more at reversal, short from both sides, from part " in both
+    other = replace(before, name="backlash-y", axis="y")
+    assert "um more at" not in words(result(on_table("named", (later, other))))
+
+
+def test_an_offset_in_a_level_is_told_with_its_effect() -> None:
+    def said(family: str, level: float) -> str:
+        own = effect(
+            f"{family}-x",
+            parameters=(("cubic", "um/m^3", 480.0, 120.0), ("level", "um", level, 0.3)),
+            equations={"Ex": "cubic*(x - 75)**3 + level"},
+        )
+        return words(result(on_table("named", (own,))))
+
+    shifted = ", and everything is shifted along X by 3.78 ± 0.30 um (curvature-x)."
+    assert shifted in said("curvature", 3.78)
+    assert "everything is shifted" not in said("curvature", 0.78)
+    # That of a drift holds its own constant part.
+    assert "everything is shifted" not in said("thermal-drift", 3.78)
+
+
+def test_what_is_sure_stands_before_what_is_one_of_several() -> None:
+    doubtful = effect("backlash-x", class_names=("backlash-x", "trend-x"))
+    surely = effect("backlash-y", equations={"Ey": "lost_motion*dir_y"})
+    said = words(result(on_table("class", (doubtful, surely))))
+    assert said.startswith("Y gains")
+    assert "Beside that backlash-x or trend-x: this data cannot tell which" in said

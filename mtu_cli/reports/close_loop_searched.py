@@ -1,0 +1,30 @@
+"""What was searched, such as a pitch or a time constant, with its interval."""
+
+from __future__ import annotations
+
+from mtu_cli.reports.numbers import MISSING, interval, significant, with_u
+
+SEARCHED_DIGITS = 3
+AT = "at"
+"""What is searched between the parts: the first and the last of them are ends of the data."""
+
+
+def searched_text(
+    found: tuple[float, float, float], several: bool = False, *, ends: bool = True
+) -> tuple[str, str]:
+    """What was searched, and its 95 % interval, to two digits of a quarter of its width; of one
+    of `several` values that fit alike to digits of its own. What fits best at an end of what was
+    searched has that end for no reason of the data, but where the data themselves end (no `ends`).
+    """
+    value, low, high = found
+    if several:
+        both = (significant(end, SEARCHED_DIGITS) for end in (low, high))
+        return significant(value, SEARCHED_DIGITS), f"[{', '.join(both)}]"
+    if not high > low:
+        return significant(value, SEARCHED_DIGITS), MISSING
+    if ends and value == high:
+        return f"at least {significant(low)}", ""
+    if ends and value == low:
+        return f"at most {significant(high)}", ""
+    u = (high - low) / 4
+    return with_u(value, u)[0], interval(low, high, u)
