@@ -95,7 +95,8 @@ def _doubts(result: CloseLoopResult, written: bool) -> list[Warned]:
         CLASS: "of effects that this data cannot tell apart, the likeliest is written",
         UNEXPLAINED: "what is written is a hint: something may be there that no effect describes",
     }
-    if not written or result.verdict not in doubts or not result.effects:
+    added = any(effect.equations for effect in result.effects)
+    if not written or result.verdict not in doubts or not added:
         return []
     return [Warned(code=f"written-{result.verdict}", message=doubts[result.verdict])]
 

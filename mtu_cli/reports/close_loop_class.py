@@ -8,7 +8,7 @@ from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import is_nameless, pitch_is_open, should_be_told
 from mtu_cli.reports.close_loop_effects import effect_text
 from mtu_cli.reports.close_loop_notes import COPIED, copied
-from mtu_cli.reports.close_loop_sentences import Sentence, one_cause, sentences
+from mtu_cli.reports.close_loop_sentences import Sentence, if_one_of, one_cause, sentences
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     capital,
@@ -31,7 +31,7 @@ def class_lines(item: TableResult) -> list[Line]:
     """What was found, each of what cannot be told apart on a line of its own, and what to do."""
     lines: list[Line] = []
     # What is sure stands before what is one of several.
-    for said in sorted(sentences(item), key=lambda said: len(said.effects) == 1 < _names(said)):
+    for said in sorted(sentences(item), key=lambda said: _is_open(item, said)):
         effect = said.effects[0] if len(said.effects) == 1 else None
         names = () if effect is None else class_of(effect)
         if effect is None or len(names) < 2:
@@ -51,8 +51,12 @@ def class_lines(item: TableResult) -> list[Line]:
     return lines
 
 
-def _names(said: Sentence) -> int:
-    return max((len(class_of(effect)) for effect in said.effects), default=0)
+def _is_open(item: TableResult, said: Sentence) -> bool:
+    """Whether it is of one of several, or follows from one of them."""
+    if len(said.effects) != 1:
+        return False
+    (effect,) = said.effects
+    return len(class_of(effect)) > 1 or bool(if_one_of(item, effect))
 
 
 def _rivals(item: TableResult, effect: FoundEffect, *, beside: bool) -> list[Line]:

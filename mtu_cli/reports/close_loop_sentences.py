@@ -83,10 +83,10 @@ def _text(item: TableResult, effect: FoundEffect) -> str:
         f"{own.unit}"
         for own, axis in sure_levels(effect)
     )
-    return f"{_if(item, effect)}{effect_text(effect, item)}{shifts}"
+    return f"{if_one_of(item, effect)}{effect_text(effect, item)}{shifts}"
 
 
-def _if(item: TableResult, offset: FoundEffect) -> str:
+def if_one_of(item: TableResult, offset: FoundEffect) -> str:
     """Which of a class have an offset that is not told from 0 beside the others."""
     for effect in item.effects:
         gone = {rival.name for rival in effect.rivals if offset.name in rival.without}

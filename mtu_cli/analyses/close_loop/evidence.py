@@ -180,8 +180,18 @@ def _operations_p(scan: Scan, y: FloatArray) -> float:
     # Of two operations one against the other says it all.
     for c in codes[:1] if len(codes) == 2 else codes:
         own = there & (scan.operation == c)
-        p.append(two_scatters_p(entries[own], entries[there & ~own], share)[0])
+        p.append(_scatters_apart(entries[own], entries[there & ~own], share))
     return min(1.0, len(p) * min(p))
+
+
+def _scatters_apart(a: FloatArray, b: FloatArray, share: float) -> float:
+    """p of entries (n, A) of one variance along all axes together, or along one of them: what
+    scatters along one is lost among the others.
+    """
+    A = a.shape[1]
+    each = [two_scatters_p(a[:, i], b[:, i], share)[0] for i in range(A)] if A > 1 else []
+    together = two_scatters_p(a, b, share)[0]
+    return min(1.0, 2 * min(together, A * min(each))) if each else together
 
 
 def _direction_p(scan: Scan, y: FloatArray, name: str, noise: EntryNoise) -> float:

@@ -53,9 +53,12 @@ def set_aside(table: ResidualTable) -> tuple[ResidualTable, tuple[Gross, ...]]:
     P, H, _ = table.errors.shape
     if P * H < 12 or (1 < P < FEWEST) or (1 < H < FEWEST):
         return table, ()
-    left, taken = _polished(np.where(table.there[:, :, None], table.errors, np.nan), table.places)
-    worst = _scores(left, taken)
-    gross = worst > _limit(P * H)
+    plain, few = _polished(np.where(table.there[:, :, None], table.errors, np.nan))
+    left, lines = (plain, 0) if min(P, H) == 1 else _without_lines(plain, table.places)
+    worst, limit = _scores(left, few + lines), _limit(P * H)
+    # A corner that does not bend its part's line is far from it by chance: the others' line is not
+    # known so well there. What is gross is off without any line, too.
+    gross = (worst > limit) & (_scores(plain, few) > limit - MARGIN)
     if not gross.any() or gross.sum() > max(MOST * P * H, 1):
         return table, ()
     kept = _still_needed(table.there & ~gross, gross)
@@ -96,8 +99,8 @@ def _scores(left: FloatArray, taken: int) -> FloatArray:
     return worst
 
 
-def _polished(errors: FloatArray, places: FloatArray) -> tuple[FloatArray, int]:
-    """Errors less their medians and lines, and how many parameters an axis that took."""
+def _polished(errors: FloatArray) -> tuple[FloatArray, int]:
+    """Errors less their medians, and how many parameters an axis that took."""
     left = errors.copy()
     P, H, _ = errors.shape
     if P == 1 or H == 1:
@@ -105,8 +108,7 @@ def _polished(errors: FloatArray, places: FloatArray) -> tuple[FloatArray, int]:
     for _ in range(SWEEPS):
         left = left - _medians(left, axis=1)
         left = left - _medians(left, axis=0)
-    left, lines = _without_lines(left, places)
-    return left, P + H - 1 + lines
+    return left, P + H - 1
 
 
 def _medians(values: FloatArray, axis: int) -> FloatArray:

@@ -56,28 +56,28 @@ def _of_direction(
         return None
     s = np.sqrt((square - expected) / len(t) / reach)
     u = np.sqrt(2 / len(t)) * square / len(t) / reach / (2 * s)
-    if name == ROTATION:
-        return ScatterSize(parameter=("s", "arcsec", float(s), float(u)))
-    by_axis = _growths(prepared, left, noise.variance, places)
-    return ScatterSize(parameter=("s", "um/m", float(s), float(u)), by_axis=by_axis)
+    unit = "arcsec" if name == ROTATION else "um/m"
+    by_axis = _by_axis(prepared, left, noise.variance, scan.directions[which], np.sqrt(reach))
+    return ScatterSize(parameter=("s", unit, float(s), float(u)), by_axis=by_axis)
 
 
-def _growths(
-    prepared: Prepared, left: FloatArray, variance: FloatArray, places: FloatArray
+def _by_axis(
+    prepared: Prepared, left: FloatArray, variance: FloatArray, direction: FloatArray, size: float
 ) -> tuple[tuple[str, float], ...]:
-    """The same of x and of y alone, where each may grow by itself."""
+    """The same of the errors along each axis alone: a turn or a growth moves both alike. `size`
+    mm is the root of the sum of r^2.
+    """
     scan, found = prepared.scan, []
-    size = float(np.linalg.norm(places - places.mean(axis=0)))
-    for i, axis in enumerate("xy"):
-        a = prepared.table.axes.index(axis)
-        w = np.zeros_like(scan.directions[1])
-        w[a] = scan.directions[1][a]
+    for a, axis in enumerate(prepared.table.axes):
+        share = float(np.sum(direction[a] ** 2))
+        if share == 0:
+            continue
+        w = np.zeros_like(direction)
+        w[a] = direction[a]
         t = along_direction(scan, left, w)
-        reach = float(np.sum((places[:, i] - places[:, i].mean()) ** 2))
         by_model = float(w.ravel() @ scan.null.predicted_part @ w.ravel())
-        excess = float(t @ t) / len(t) - variance[a] * reach / size**2 - by_model
-        share = reach / size
-        found.append((axis, float(np.sqrt(max(excess, 0.0))) / share if share else 0.0))
+        excess = float(t @ t) / len(t) - variance[a] * share - by_model
+        found.append((axis, float(np.sqrt(max(excess, 0.0))) / (share * size)))
     return tuple(found)
 
 

@@ -180,3 +180,17 @@ def test_a_part_that_was_measured_on_one_line_is_judged_with_the_others() -> Non
     errors[4, 2, 1] += 60.0
     _, (one,) = set_aside(replace(residuals(errors, there=there), places=places))
     assert (one.part, one.feature) == ("P5", "H3")
+
+
+def test_corners_of_parts_go_farther_by_chance_than_their_middle() -> None:
+    """Sixteen holes in a square: a corner bends the line of its part, or is far from the line of
+    the others.
+    """
+    x, y = np.meshgrid(np.linspace(0.0, 300.0, 4), np.linspace(0.0, 240.0, 4))
+    places = np.stack([x.ravel(), y.ravel(), np.full(16, 10.0)], axis=1)
+    rng, count, touched = np.random.default_rng(6), 200, 0
+    for _ in range(count):
+        table = residuals(rng.normal(size=(20, 16, 3)) + 0.5 * rng.normal(size=(20, 1, 3)))
+        table = replace(table, places=np.broadcast_to(places, (20, 16, 3)).copy())
+        touched += bool(set_aside(table)[1])
+    assert touched <= binom.ppf(1 - 1e-3, count, 0.02)

@@ -127,8 +127,23 @@ def test_growths_are_told_of_each_axis() -> None:
     error = np.std(np.square(told), axis=0) / np.sqrt(len(told))
     assert abs(squares[0] - 4e-5**2) < 4 * error[0]
     assert squares[1] < 1e-5**2
-    turned = scatter_size(own, (), step(own, "rotation-scatter"))
-    assert turned is None or turned.by_axis == ()
+
+
+def test_turns_are_told_of_each_axis() -> None:
+    """Where y alone leans over, part by part, parts do not turn: a turn moves both alike."""
+    own = ready()
+    x = own.table.places[..., 0] - own.table.places[..., 0].mean()
+    errors = drawn(2, "", own.table.places)
+    angle = np.random.default_rng(8).normal(size=(PARTS, 1))
+    errors[..., 1] += 4e-5 * angle * x
+    moved = own.with_table(replace(own.table, errors=errors))
+    told = scatter_size(moved, (), step(moved, "rotation-scatter"))
+    assert told is not None
+    by_axis = dict(told.by_axis)
+    assert by_axis["y"] == pytest.approx(4e-5 * np.std(angle, ddof=1), rel=0.1)
+    assert by_axis["x"] < 1e-5
+    both = dict(size_in(1, "rotation-scatter").by_axis)
+    assert both["x"] == pytest.approx(both["y"], rel=0.35)
 
 
 def test_an_operation_is_told_of_each_axis() -> None:

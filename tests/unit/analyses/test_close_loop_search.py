@@ -19,6 +19,7 @@ from mtu_cli.analyses.close_loop.classes import class_of
 from mtu_cli.analyses.close_loop.describe import candidate_name
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.estimate import raw_design
+from mtu_cli.analyses.close_loop.evidence import _scatters_apart
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.ranking import posterior_of
 from mtu_cli.analyses.close_loop.scan import calibrated
@@ -26,6 +27,7 @@ from mtu_cli.analyses.close_loop.search import Search, search
 from mtu_cli.model.effect_candidate import Column
 from mtu_cli.model.effect_library import candidates
 from mtu_cli.stats.family_gate import Gate
+from mtu_cli.stats.scatter_tests import two_scatters_p
 
 SHAPE = (12, 10, 2)
 RNG = np.random.default_rng(1)
@@ -340,3 +342,24 @@ def test_what_wanders_has_no_name_and_its_axis() -> None:
     told = [candidate_name(own, i) for i in found.nameless]
     assert all(name.startswith("unnamed-") for name in told)
     assert any(name.startswith("unnamed-drift-") for name in told)
+
+
+@pytest.mark.parametrize("axes", [(0,), (0, 1)])
+def test_an_operation_that_scatters_along_one_axis_is_seen(axes: tuple[int, ...]) -> None:
+    """Of all axes together it would be lost among the others."""
+    rng = np.random.default_rng(5)
+    a, b = rng.normal(size=(2, 300, 3))
+    clean = _scatters_apart(a, b, 0.8)
+    assert clean > 0.05
+    a[:, list(axes)] *= 1.35
+    assert _scatters_apart(a, b, 0.8) < 1e-3
+    assert two_scatters_p(a[:, :1], b[:, :1], 0.8)[0] <= _scatters_apart(a[:, :1], b[:, :1], 0.8)
+
+
+def test_scatters_apart_are_as_rare_as_their_p() -> None:
+    rng = np.random.default_rng(6)
+    p = []
+    for _ in range(1000):
+        a, b = rng.normal(size=(2, 200, 2))
+        p.append(_scatters_apart(a, b, 1.0))
+    assert binom.sf(sum(own < 0.05 for own in p), len(p), 0.05) > 1e-3

@@ -918,3 +918,21 @@ def test_the_built_in_file_is_part_of_the_package() -> None:
 
     patterns = tomllib.loads(pyproject)["tool"]["setuptools"]["package-data"]["mtu_cli"]
     assert any(BUILT_IN.relative_to(BUILT_IN.parents[1]).match(pattern) for pattern in patterns)
+
+
+@pytest.mark.parametrize("off", [0, 1])
+@pytest.mark.parametrize("first", [0, 1])
+def test_of_two_operations_the_one_that_errs_is_shifted(
+    library: EffectLibrary, off: int, first: int
+) -> None:
+    """Whichever stands first in the file."""
+    own = table(operations=("drilled", "milled"))
+    codes = (np.arange(12) + first) % 2
+    errors = np.zeros((9, 12, 2))
+    errors[:, codes == off, 0] = 4e-3
+    found = by_name(candidates(replace(own, operation=codes, errors=errors), library))
+    (member,) = found["operation-x"].members
+    assert member.chosen == ("drilled", "milled")[off]
+    # Along y nothing errs: the first one stands for both.
+    (member,) = found["operation-y"].members
+    assert member.chosen == "drilled"
