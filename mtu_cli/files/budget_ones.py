@@ -39,8 +39,8 @@ def beside_ones(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[
         text = units.text(ratio)
         if not text.endswith(ANGLES) or not PRODUCT.isdisjoint(text):
             found.append((node, other, text, ratio[SIZE]))
-    if unsure and not _mended(units, tree, stated, unsure):
-        found = [own for own in found if id(own[0]) not in unsure]
+    guilty = _guilty(units, tree, stated, unsure)
+    found = [own for own in found if id(own[0]) not in unsure or id(own[0]) in guilty]
     wrong = [node for node, *_ in found]
     for _, other, text, size in found:
         # One of a product that holds another is that one's fault.
@@ -50,10 +50,21 @@ def beside_ones(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[
             yield EquationError(what, first_column(other), hint, shown(other))
 
 
+def _guilty(
+    units: BudgetUnits, tree: Node, stated: str | None, unsure: Mapping[int, Node]
+) -> set[int]:
+    """Those of the nodes (by id) that mend the equation, all together or else each alone."""
+    if not unsure or not _wrong(units, tree, stated):
+        return set()
+    if _mended(units, tree, stated, unsure):
+        return {*unsure}
+    return {key for key, own in unsure.items() if _mended(units, tree, stated, {key: own})}
+
+
 def _mended(units: BudgetUnits, tree: Node, stated: str | None, plain: Mapping[int, Node]) -> bool:
-    """Whether something is wrong, and nothing were if these nodes (by id) were plain numbers."""
+    """Whether nothing were wrong if these nodes (by id) were plain numbers."""
     other = rewritten(tree, lambda own: plain.get(id(own), own))
-    return _wrong(units, tree, stated) and not _wrong(units, other, stated)
+    return not _wrong(units, other, stated)
 
 
 def _wrong(units: BudgetUnits, tree: Node, stated: str | None) -> bool:

@@ -59,12 +59,12 @@ def distinct(
 
 
 def _error(member: Member, data: TableData) -> float:
-    """The size of the mean error of what is chosen, along the axes of the columns."""
+    """The size of the median error of what is chosen, along the axes of the columns."""
     table, square = data.table, 0.0
     for column in member.columns:
         for axis, lever in column.items():
             own = (np.broadcast_to(lever, table.there.shape) != 0) & table.there
-            square += float(np.mean(table.errors[..., axis][own])) ** 2 if own.any() else 0.0
+            square += float(np.median(table.errors[..., axis][own])) ** 2 if own.any() else 0.0
     return float(np.sqrt(square))
 
 

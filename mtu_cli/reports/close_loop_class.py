@@ -31,7 +31,7 @@ def class_lines(item: TableResult) -> list[Line]:
     """What was found, each of what cannot be told apart on a line of its own, and what to do."""
     lines: list[Line] = []
     # What is sure stands before what is one of several.
-    for said in sorted(sentences(item), key=lambda said: _is_open(item, said)):
+    for said in sorted(sentences(item), key=lambda said: _order(item, said)):
         effect = said.effects[0] if len(said.effects) == 1 else None
         names = () if effect is None else class_of(effect)
         if effect is None or len(names) < 2:
@@ -51,12 +51,14 @@ def class_lines(item: TableResult) -> list[Line]:
     return lines
 
 
-def _is_open(item: TableResult, said: Sentence) -> bool:
-    """Whether it is of one of several, or follows from one of them."""
+def _order(item: TableResult, said: Sentence) -> int:
+    """0 of what is sure, 1 of one of several, 2 of what follows from one of them."""
+    if any(len(class_of(effect)) > 1 for effect in said.of):
+        return 2
     if len(said.effects) != 1:
-        return False
+        return 0
     (effect,) = said.effects
-    return len(class_of(effect)) > 1 or bool(if_one_of(item, effect))
+    return 2 if if_one_of(item, effect) else int(len(class_of(effect)) > 1)
 
 
 def _rivals(item: TableResult, effect: FoundEffect, *, beside: bool) -> list[Line]:

@@ -77,8 +77,16 @@ def _says(effect: FoundEffect, shown: tuple[Shown, ...]) -> str:
     return ": ".join(text for text in (f"{effect.says}{chosen}", values) if text)
 
 
-def _has(item: TableResult, name: str) -> bool:
-    return any(effect.name == name for effect in item.effects)
+def _beside_backlash(value: float, effect: FoundEffect, item: TableResult) -> dict[str, str]:
+    """How lost motion that begins at one part changes what was there before."""
+    name = f"backlash-{effect.axis}"
+    before = next((own for own in item.effects if own.name == name and own is not effect), None)
+    if before is None:
+        return {"more": ""}
+    was = before.parameters[0][2]
+    if was * value >= 0:
+        return {"more": "more "}
+    return {"more": "less ", "loses": _reversal(was, item)["loses"], "sides": ""}
 
 
 def _values(shown: tuple[Shown, ...]) -> str:
@@ -138,7 +146,7 @@ def _of_one(first: Shown, effect: FoundEffect, item: TableResult) -> dict[str, s
         "outward": "outward" if first.value >= 0 else "inward",
         "goes": "goes" if first.value >= 0 else "stops",
         "further": "further" if first.value >= 0 else "short",
-        "more": "more " if _has(item, f"backlash-{effect.axis}") else "",
+        **_beside_backlash(first.value, effect, item),
     }
 
 

@@ -14,11 +14,16 @@ def scatter_text(own: ScatterSize) -> str:
     """Such as "reamed by 4.2 ± 0.2 um, the others by 1.6 um"."""
     name, size, unit, _ = scatter_line(own)
     others = _others(own)
-    axes = ", ".join(f"{axis.upper()} {significant(s)}" for axis, s in _by_axis(own).items())
-    each = f" ({axes})" if axes else ""
-    if own.of is None or others is None:
+    each, rest = (_each(own, which) for which in (own.by_axis, own.others_by_axis))
+    if own.of is None:
         return f"{name} = {size} {unit}{each}"
-    return f"{own.of} by {size} {unit}{each}, the others by {significant(others)} {unit}"
+    beside = "" if others is None else f", the others by {significant(others)} {unit}{rest}"
+    return f"{own.of} by {size} {unit}{each}{beside}"
+
+
+def _each(own: ScatterSize, by_axis: tuple[tuple[str, float], ...]) -> str:
+    axes = ", ".join(f"{axis.upper()} {significant(_shown(own, s))}" for axis, s in by_axis)
+    return f" ({axes})" if axes else ""
 
 
 def scatter_line(own: ScatterSize) -> list[str]:
@@ -38,16 +43,13 @@ def scatter_document(own: ScatterSize | None) -> dict[str, Any] | None:
         "u": finite(u),
         "unit": unit,
         "s_of_others": finite(_others(own)),
-        "by_axis": _by_axis(own),
+        "by_axis": {axis: _shown(own, s) for axis, s in own.by_axis},
+        "others_by_axis": {axis: _shown(own, s) for axis, s in own.others_by_axis},
     }
 
 
 def _others(own: ScatterSize) -> float | None:
     return None if own.others is None else _shown(own, own.others)
-
-
-def _by_axis(own: ScatterSize) -> dict[str, float]:
-    return {axis: _shown(own, s) for axis, s in own.by_axis}
 
 
 def _shown(own: ScatterSize, s: float) -> float:

@@ -82,6 +82,7 @@ def _text(item: TableResult, effect: FoundEffect) -> str:
         f", and everything is shifted along {axis.upper()} by {plus_minus(own.value, own.u)} "
         f"{own.unit}"
         for own, axis in sure_levels(effect)
+        if item.table.component is None
     )
     return f"{if_one_of(item, effect)}{effect_text(effect, item)}{shifts}"
 

@@ -18,6 +18,8 @@ from mtu_cli.stats.uneven import uneven
 OPERATIONS = "operation-scatter"
 UNEVEN = 0.01
 """p of operations of one scatter below which members are judged by that of their own entries."""
+LONE = 0.2
+"""Of the rate of a test of operations, what single axes have: as a rule all scatter alike."""
 LEAST_OF_ALL = 0.1
 """Share of an operation's mean square that is its own variance at least."""
 CHECKS = (*DRAWN, *SCATTER_CHECKS)
@@ -185,13 +187,13 @@ def _operations_p(scan: Scan, y: FloatArray) -> float:
 
 
 def _scatters_apart(a: FloatArray, b: FloatArray, share: float) -> float:
-    """p of entries (n, A) of one variance along all axes together, or along one of them: what
-    scatters along one is lost among the others.
+    """p of entries (n, A) of one variance along all axes together, or (in `LONE` of its errors of
+    the first kind) along one of them: what scatters along one is lost among the others.
     """
     A = a.shape[1]
     each = [two_scatters_p(a[:, i], b[:, i], share)[0] for i in range(A)] if A > 1 else []
     together = two_scatters_p(a, b, share)[0]
-    return min(1.0, 2 * min(together, A * min(each))) if each else together
+    return min(1.0, together / (1 - LONE), A * min(each) / LONE) if each else together
 
 
 def _direction_p(scan: Scan, y: FloatArray, name: str, noise: EntryNoise) -> float:

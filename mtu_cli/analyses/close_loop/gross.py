@@ -26,6 +26,8 @@ NORMAL_MAD = 1.4826
 LINE_SWEEPS = 4
 NOTHING = 1e-12
 """Share of the places' squares below which they do not differ along a direction."""
+MANY = 6
+"""Times the parameters of a line from which on the others of a part know it well."""
 FAR = 3.0
 """Standard deviations beyond which an entry does not bend its part's line."""
 
@@ -56,9 +58,11 @@ def set_aside(table: ResidualTable) -> tuple[ResidualTable, tuple[Gross, ...]]:
     plain, few = _polished(np.where(table.there[:, :, None], table.errors, np.nan))
     left, lines = (plain, 0) if min(P, H) == 1 else _without_lines(plain, table.places)
     worst, limit = _scores(left, few + lines), _limit(P * H)
-    # A corner that does not bend its part's line is far from it by chance: the others' line is not
-    # known so well there. What is gross is off without any line, too.
-    gross = (worst > limit) & (_scores(plain, few) > limit - MARGIN)
+    # A corner that does not bend its part's line is far from it by chance: the line of few others
+    # is not known so well there. What is gross is off without any line, too.
+    gross = worst > limit
+    if lines and MANY * (_slopes(table.places).shape[2] + 2) > H:
+        gross &= _scores(plain, few) > limit - MARGIN
     if not gross.any() or gross.sum() > max(MOST * P * H, 1):
         return table, ()
     kept = _still_needed(table.there & ~gross, gross)

@@ -56,6 +56,7 @@ class ScatterSize:
     of: str | None = None
     others: float | None = None
     by_axis: tuple[tuple[str, float], ...] = ()
+    others_by_axis: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

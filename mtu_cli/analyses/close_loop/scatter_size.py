@@ -24,8 +24,15 @@ from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.result import ScatterSize
 from mtu_cli.analyses.close_loop.scatter_rivals import ROTATION
 from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.scatter_tests import log_variance_u
+
+FEWEST = 3
+"""Parts that tell a scatter."""
+TINY = 1e-9
+"""Of the squares of columns: directions with less do not differ from the others."""
+LEAST_SHARE = 0.05
+"""Of the squares of a turn or growth, below which the places tell nothing of an axis."""
 
 
 def scatter_size(prepared: Prepared, members: Sequence[int], step: Step) -> ScatterSize | None:
@@ -70,7 +77,7 @@ def _by_axis(
     scan, found = prepared.scan, []
     for a, axis in enumerate(prepared.table.axes):
         share = float(np.sum(direction[a] ** 2))
-        if share == 0:
+        if share < LEAST_SHARE:
             continue
         w = np.zeros_like(direction)
         w[a] = direction[a]
@@ -82,41 +89,71 @@ def _by_axis(
 
 
 def _of_operation(prepared: Prepared, left: FloatArray) -> ScatterSize:
-    """The operation that scatters most against all others."""
+    """The operation that scatters most against all others, along any axis."""
     scan, table = prepared.scan, prepared.table
     variance = variance_by_operation(scan, left)
-    code = int(scan.operation[int(np.argmax(variance))])
+    code, alone, rest = _most(prepared, left)
+    if code is None:
+        code = int(scan.operation[int(np.argmax(variance))])
     own = scan.operation == code
-    level = float(np.mean(scan.null.interaction))
-    s = float(np.sqrt(level * variance[own].mean()))
-    rest, alone = (_of_columns(prepared, left, which) for which in (~own, own))
-    others = float(np.sqrt(level * variance[~own].mean() if rest is None else np.mean(rest)))
-    axes = [] if alone is None else zip(table.axes, np.sqrt(alone).tolist(), strict=True)
+    if alone is None:
+        alone = np.full(1, float(np.mean(scan.null.interaction)) * float(variance[own].mean()))
+    s = float(np.sqrt(np.mean(alone)))
     entries, there, share = interaction_entries(scan, left)
     u = s * log_variance_u(entries[there & own], share) / 2
     return ScatterSize(
         parameter=("s", table.unit, s, u),
         of=table.operations[code],
-        others=others,
-        by_axis=tuple(axes),
+        others=None if rest is None else float(np.sqrt(np.mean(rest))),
+        by_axis=_along(table.axes, alone),
+        others_by_axis=() if rest is None else _along(table.axes, rest),
     )
 
 
+def _along(axes: tuple[str, ...], variances: FloatArray) -> tuple[tuple[str, float], ...]:
+    if not 1 < len(axes) == len(variances):
+        return ()
+    return tuple(zip(axes, np.sqrt(variances).tolist(), strict=True))
+
+
+def _most(
+    prepared: Prepared, left: FloatArray
+) -> tuple[int | None, FloatArray | None, FloatArray | None]:
+    """The operation with the largest ratio of variances to all others, and both (A,); None of what
+    too few columns tell.
+    """
+    best = 0.0
+    found: tuple[int | None, FloatArray | None, FloatArray | None] = (None, None, None)
+    for code in np.unique(prepared.scan.operation).tolist():
+        own = prepared.scan.operation == code
+        alone, rest = (_of_columns(prepared, left, which) for which in (own, ~own))
+        if alone is None or rest is None:
+            continue
+        ratio = float(np.max(alone / np.maximum(rest, 1e-300)))
+        if ratio > best:
+            best, found = ratio, (int(code), alone, rest)
+    return found
+
+
 def _of_columns(prepared: Prepared, left: FloatArray, which: np.ndarray) -> FloatArray | None:
-    """Variances (A,) of the entries of some columns beside their own parts, lines and means: those
-    of others, which may scatter by far more, are mixed in with what all columns have in common.
-    None where too few are there.
+    """Variances (A,) of the entries of some columns beside their own parts, lines and means, by the
+    parts that have all of them: those of others, which may scatter by far more, are mixed in with
+    what all columns have in common. None where too few are there.
     """
     strata = prepared.scan.frame.strata
-    there = prepared.scan.frame.completion.observed[:, which]
-    P, H, A = len(there), int(which.sum()), strata.shape[2]
-    own = strata.tables(left)[:, which]
-    smooth = strata.columns[which, : 1 + strata.lines]
-    rows = (own - own.mean(axis=0)).transpose(0, 2, 1).reshape(-1, H)
-    rest = np.array([least_squares(smooth, row).residuals for row in rows])
-    own = rest.reshape(P, A, H).transpose(0, 2, 1)
-    dof = (P - 1) * (H - smooth.shape[1]) - int((~there).sum())
-    if dof <= 0 or smooth.shape[1] >= H:
+    whole = prepared.scan.frame.completion.observed[:, which].all(axis=1)
+    own = strata.tables(left)[whole][:, which]
+    if len(own) < FEWEST:
         return None
-    found: FloatArray = np.sum(own[there] ** 2, axis=0) / dof
+    smooth = strata.columns[which, : 1 + strata.lines]
+    # Holes in a row have fewer directions than the part.
+    square, turn = np.linalg.eigh(smooth.T @ smooth)
+    kept = square > TINY * square[-1]
+    basis = smooth @ turn[:, kept] / np.sqrt(square[kept])
+    own = own - own.mean(axis=0)
+    own = own - np.einsum("hk,gk,pga->pha", basis, basis, own)
+    dof = (len(own) - 1) * (int(which.sum()) - basis.shape[1])
+    if dof <= 0:
+        return None
+    found: FloatArray = np.sum(own**2, axis=(0, 1)) / dof
     return found

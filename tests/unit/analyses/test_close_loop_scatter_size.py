@@ -129,6 +129,64 @@ def test_growths_are_told_of_each_axis() -> None:
     assert squares[1] < 1e-5**2
 
 
+def test_holes_in_a_row_have_fewer_directions() -> None:
+    """What four holes in a row scatter by is told of themselves, as that of others is."""
+    x = np.array([10.0, 60.0, 110.0, 160.0, *np.tile([10.0, 60.0, 110.0, 160.0], 2)])
+    y = np.repeat([5.0, 80.0, 140.0], 4)
+    places = np.stack([x, y, np.full(12, 10.0)], axis=1)
+    table = points_table(12, 12, places=places, operations=("reamed", "drilled"))
+    table = replace(table, operation=(np.arange(12) >= 4).astype(int))
+    rng, told = np.random.default_rng(5), []
+    for _ in range(40):
+        errors = NOISE * rng.normal(size=(12, 12, 2))
+        errors[:, :4] *= 3
+        own = replace(table, errors=errors)
+        known = [c for c in candidates(own, LIBRARY) if c.name == "operation-scatter"]
+        prepared = prepare(own, known)
+        size = scatter_size(prepared, (), step(prepared, "operation-scatter"))
+        assert size is not None
+        assert size.others is not None
+        told.append([size.parameter[2] ** 2, *(s**2 for _, s in size.by_axis), size.others**2])
+    mean = np.sqrt(np.mean(told, axis=0)) / NOISE
+    np.testing.assert_allclose(mean, [3.0, 3.0, 3.0, 1.0], rtol=0.1)
+
+
+def test_where_the_places_hardly_differ_an_axis_is_left_out() -> None:
+    own = ready()
+    places = own.table.places.copy()
+    places[..., 1] = 50.0 + 1e-3 * np.arange(FEATURES)
+    table = replace(own.table, places=places)
+    x = places[..., 0] - places[..., 0].mean()
+    grown = 5e-5 * np.random.default_rng(4).normal(size=(PARTS, 1))
+    errors = drawn(4, "", own.table.places)
+    errors[..., 0] += grown * x
+    known = [c for c in candidates(table, LIBRARY) if c.name == "scale-scatter"]
+    moved = prepare(replace(table, errors=errors), known)
+    told = scatter_size(moved, (), step(moved, "scale-scatter"))
+    assert told is not None
+    assert [axis for axis, _ in told.by_axis] == ["x"]
+
+
+def test_missing_cells_leave_the_scatter_of_an_operation_as_it_is() -> None:
+    """Parts that lack one of its holes take no part in it."""
+    own, rng, told = ready(), np.random.default_rng(9), []
+    for seed in range(20):
+        errors = drawn(seed, "operation-scatter", own.table.places)
+        gone = rng.random((PARTS, FEATURES)) < 0.03
+        repeats = np.where(gone, 0, own.table.repeats)
+        errors[gone] = np.nan
+        table = replace(own.table, errors=errors, repeats=repeats)
+        known = [c for c in candidates(table, LIBRARY) if c.name == "operation-scatter"]
+        prepared = prepare(table, known)
+        size = scatter_size(prepared, (), step(prepared, "operation-scatter"))
+        assert size is not None
+        if size.others is not None:
+            told.append([size.parameter[2] ** 2, size.others**2])
+    assert len(told) > 10
+    mean = np.sqrt(np.mean(told, axis=0))
+    np.testing.assert_allclose(mean, [SIZES["operation-scatter"], NOISE], rtol=0.07)
+
+
 def test_turns_are_told_of_each_axis() -> None:
     """Where y alone leans over, part by part, parts do not turn: a turn moves both alike."""
     own = ready()

@@ -393,6 +393,13 @@ def test_ones_behind_a_minus_are_told_where_all_of_them_are_wrong(
     assert all("1 and % are added" in text for text in found)
 
 
+def test_a_one_that_is_right_hides_no_other(tmp_path: Path) -> None:
+    """t is from 1 % on, and cancels with c; the 1 behind a is a plain number."""
+    used = {"L": "mm", "a": "ppm", "c": "1/%", "t": "%", "h": "mm"}
+    (found,) = faults(tmp_path, "L*(a - 1) + L*c*(t - 1) + h", "mm", used)
+    assert "1 and ppm are added" in found
+
+
 def test_ones_of_a_product_are_told_each(tmp_path: Path) -> None:
     """The 1 that is taken from it has nothing wrong but them."""
     found = faults(tmp_path, "(1 + a)*(1 + b) - 1", "1", {"a": "%", "b": "%"})

@@ -104,6 +104,11 @@ X_ALONE = (("x", 26e-6), ("y", 0.0))
             "reamed by 4.20 ± 0.20 um, the others by 1.6 um",
             4.2,
         ),
+        (
+            ScatterSize(parameter=("s", "um", 4.2e-3, 0.2e-3), of="reamed"),
+            "reamed by 4.20 ± 0.20 um",
+            4.2,
+        ),
     ],
 )
 def test_a_scatter_has_a_size(size: ScatterSize, told: str, s: float) -> None:
@@ -153,6 +158,9 @@ def test_lost_motion_from_one_part_on_is_more_where_some_was_there_before() -> N
     assert "X loses 5.60 ± 0.30 um at reversal, short from both sides, from part " in alone
     both = words(result(on_table("named", (later, before))))
     assert "X loses 5.60 ± 0.30 um more at reversal, short from both sides, from part " in both
+    less = replace(later, parameters=(("lost_motion", "um", 0.8e-3, 0.15e-3),))
+    shrinks = words(result(on_table("named", (less, before))))
+    assert "X loses 1.60 ± 0.30 um less at reversal, from part " in shrinks
     other = replace(before, name="backlash-y", axis="y")
     assert "um more at" not in words(result(on_table("named", (later, other))))
 
