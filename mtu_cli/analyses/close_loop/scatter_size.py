@@ -92,9 +92,7 @@ def _of_operation(prepared: Prepared, left: FloatArray) -> ScatterSize:
     """The operation that scatters most against all others, along any axis."""
     scan, table = prepared.scan, prepared.table
     variance = variance_by_operation(scan, left)
-    code, alone, rest = _most(prepared, left)
-    if code is None:
-        code = int(scan.operation[int(np.argmax(variance))])
+    code, alone, rest = _most(prepared, left, int(scan.operation[int(np.argmax(variance))]))
     own = scan.operation == code
     if alone is None:
         alone = np.full(1, float(np.mean(scan.null.interaction)) * float(variance[own].mean()))
@@ -117,22 +115,21 @@ def _along(axes: tuple[str, ...], variances: FloatArray) -> tuple[tuple[str, flo
 
 
 def _most(
-    prepared: Prepared, left: FloatArray
-) -> tuple[int | None, FloatArray | None, FloatArray | None]:
-    """The operation with the largest ratio of variances to all others, and both (A,); None of what
-    too few columns tell.
+    prepared: Prepared, left: FloatArray, likeliest: int
+) -> tuple[int, FloatArray | None, FloatArray | None]:
+    """The operation with the largest ratio of variances to all others, and both (A,), None of what
+    too few columns tell. Where one of them tells none, it may be that one: the `likeliest` by what
+    all columns have in common is taken.
     """
-    best = 0.0
-    found: tuple[int | None, FloatArray | None, FloatArray | None] = (None, None, None)
+    told, ratio = {}, {}
     for code in np.unique(prepared.scan.operation).tolist():
         own = prepared.scan.operation == code
-        alone, rest = (_of_columns(prepared, left, which) for which in (own, ~own))
-        if alone is None or rest is None:
-            continue
-        ratio = float(np.max(alone / np.maximum(rest, 1e-300)))
-        if ratio > best:
-            best, found = ratio, (int(code), alone, rest)
-    return found
+        alone, rest = told[code] = tuple(_of_columns(prepared, left, w) for w in (own, ~own))
+        if alone is not None and rest is not None:
+            ratio[code] = float(np.max(alone / np.maximum(rest, 1e-300)))
+    most = max(ratio, key=lambda code: ratio[code]) if len(ratio) == len(told) else likeliest
+    alone, rest = told[most]
+    return most, alone, rest
 
 
 def _of_columns(prepared: Prepared, left: FloatArray, which: np.ndarray) -> FloatArray | None:

@@ -151,6 +151,23 @@ def test_holes_in_a_row_have_fewer_directions() -> None:
     np.testing.assert_allclose(mean, [3.0, 3.0, 3.0, 1.0], rtol=0.1)
 
 
+def test_an_operation_of_few_holes_may_be_the_one() -> None:
+    """Three holes tell nothing by themselves, and the others scatter no more for that."""
+    table = points_table(PARTS, FEATURES, places=grid_places(FEATURES, jitter=2.0))
+    operation = np.where(np.arange(FEATURES) < 3, 1, np.arange(FEATURES) % 2 * 2)
+    for seed in range(10):
+        errors = drawn(seed, "", table.places)
+        errors[:, :3] *= 6
+        own = replace(table, operation=operation, errors=errors)
+        known = [c for c in candidates(own, LIBRARY) if c.name == "operation-scatter"]
+        prepared = prepare(own, known)
+        size = scatter_size(prepared, (), step(prepared, "operation-scatter"))
+        assert size is not None
+        assert size.of == own.operations[1]
+        assert size.parameter[2] > 3 * NOISE
+        assert size.others == pytest.approx(NOISE, rel=0.15)
+
+
 def test_where_the_places_hardly_differ_an_axis_is_left_out() -> None:
     own = ready()
     places = own.table.places.copy()
