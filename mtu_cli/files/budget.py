@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from mtu_cli.errors import did_you_mean
 from mtu_cli.files.budget_checks import check_coverage, check_inputs, check_joint
 from mtu_cli.files.budget_contract import Budget, Contribution, Correlation, Coverage, Input
 from mtu_cli.files.budget_fahrenheit import unconverted
+from mtu_cli.files.budget_notices import notices, stated_unit
 from mtu_cli.files.budget_ones import beside_ones
 from mtu_cli.files.budget_readings import reading_notices
 from mtu_cli.files.budget_sizes import check_sizes
@@ -17,7 +18,7 @@ from mtu_cli.files.budget_units import BudgetUnits
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings, Notice, check_contract, is_identifier
 from mtu_cli.files.source import Source
-from mtu_cli.files.unit_text import GRAMS, meant
+from mtu_cli.files.unit_text import GRAMS
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 from mtu_cli.language import EquationError, Node, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
@@ -35,8 +36,6 @@ __all__ = [
 
 OUTPUT_NAMES = ("y", "Y", "result")
 """Of an equation whose quantity has no name, the first that no input has."""
-SHOWN_UNITS = 6
-"""Inputs without a unit that a warning names."""
 RESERVED = frozenset(BUDGET_FUNCTIONS) | {"pi"}
 
 
@@ -112,12 +111,7 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
         budget=budget,
         trees=trees,
         single=budget.equation is not None,
-        warnings=(
-            *_unused(budget, trees, document),
-            *_unclear_units(budget, document),
-            *_unstated_units(budget, trees, document),
-            *reading_notices(budget, document),
-        ),
+        warnings=(*notices(budget, trees, document), *reading_notices(budget, document)),
         document=document,
     )
 
@@ -173,12 +167,11 @@ def _check_tree_units(
 ) -> None:
     """What is at fault whichever of its `units` a g is."""
     first, *others = units
-    if place == ("equation",):
-        stated, path = (budget.quantity.unit if budget.quantity else None), ("quantity", "unit")
-    else:
-        output = str(place[-1])
-        stated, path = (budget.units or {}).get(output), ("units", output)
-    found, *also = ([*beside_ones(own, tree, stated)] or [*own.faults(tree)] for own in units)
+    path = ("quantity", "unit") if place == ("equation",) else ("units", str(place[-1]))
+    stated = stated_unit(budget, place)
+    found, *also = (
+        [*beside_ones(own, tree, stated)] or [*own.faults(tree, stated)] for own in units
+    )
     columns = [{error.column for error in own} for own in also]
     shared = [error for error in found if all(error.column in own for own in columns)]
     for error in shared:
@@ -225,55 +218,3 @@ def _add(findings: Findings, path: YamlPath, error: EquationError) -> None:
     findings.problems.append(
         error.problem(file=document.source.shown, line=line, path=path_text(path))
     )
-
-
-def _unused(
-    budget: Budget, trees: Mapping[str, Node], document: YamlDocument
-) -> tuple[Notice, ...]:
-    used = {name for tree in trees.values() for name in names(tree)}
-    shown = document.source.shown
-    return tuple(
-        Notice(
-            code="unused-input",
-            message=f"{shown}:{document.line_of('inputs', name)}: inputs.{name}: in no equation",
-        )
-        for name in budget.inputs
-        if name not in used
-    )
-
-
-def _unstated_units(
-    budget: Budget, trees: Mapping[str, Node], document: YamlDocument
-) -> tuple[Notice, ...]:
-    """That inputs without a unit are left alone, where others have theirs: who states some expects
-    that they are checked. A budget of plain numbers throughout says nothing of units.
-    """
-    used = {name for tree in trees.values() for name in names(tree)}
-    without = [name for name, item in budget.inputs.items() if item.unit is None and name in used]
-    if not without or all(item.unit is None for item in budget.inputs.values()):
-        return ()
-    more = f" and {len(without) - SHOWN_UNITS} more" if len(without) > SHOWN_UNITS else ""
-    one = len(without) == 1
-    text = (
-        f"{document.source.shown}:{document.line_of('inputs', without[0])}: "
-        f"{'input' if one else 'inputs'} {', '.join(without[:SHOWN_UNITS])}{more}: no `unit:`, so "
-        f"that no term with {'it' if one else 'one of them'} is checked; `unit: '1'` is that of a "
-        "plain number"
-    )
-    return (Notice(code="unit-not-stated", message=text),)
-
-
-def _unclear_units(budget: Budget, document: YamlDocument) -> tuple[Notice, ...]:
-    """Units that are left alone, as nothing tells what stands under their line."""
-    shown = document.source.shown
-    found = []
-    for name, item in budget.inputs.items():
-        clear = meant(item.unit)
-        if clear is not None:
-            line = document.line_of("inputs", name, "unit")
-            text = (
-                f"{shown}:{line}: inputs.{name}.unit: {item.unit!r} is not read, so that no sum "
-                f"with it is checked; is {clear} meant?"
-            )
-            found.append(Notice(code="unit-unclear", message=text))
-    return tuple(found)

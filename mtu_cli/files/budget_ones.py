@@ -8,9 +8,11 @@ for a factor of something, is 100 %; so is one without which nothing would be wr
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import permutations
 
-from mtu_cli.files.budget_units import ANGLES, BudgetUnits, sizes_differ, times
+from mtu_cli.files.budget_unit_texts import ANGLES, sizes_differ, times
+from mtu_cli.files.budget_units import BudgetUnits
 from mtu_cli.files.unit_text import SIZE, unit_exponents
 from mtu_cli.language import EquationError, Node
 from mtu_cli.language.dimensions import first_column, literal_value, shown
@@ -20,34 +22,68 @@ PRODUCT = frozenset("*/^ ")
 """What a unit has that is no single angle."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Beside:
+    """A ratio beside a 1: the sum, the ratio, its unit, log10 of that, and whether the 1 is a
+    plain number for sure.
+    """
+
+    sum: Node
+    ratio: Node
+    unit: str
+    size: float
+    sure: bool
+
+    @property
+    def hint(self) -> str:
+        return f"what is in {self.unit} {times(self.size)}"
+
+
 def beside_ones(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[EquationError]:
     """Where a ratio in a unit of its own (um/m, %) is added to 1, of which it is a share, in an
     equation that is to give the `stated` unit. Beside an angle a 1 may be 1 deg.
     """
-    results, wanted = [*_results(tree)], unit_exponents(stated, units.gram)
-    found: list[tuple[Node, Node, str, float]] = []
+    found = [own for own in _beside(units, tree, stated) if own.sure]
+    wrong = [own.sum for own in found]
+    for own in found:
+        # One of a product that holds another is that one's fault.
+        if not any(inner in wrong for inner in walk(own.ratio)):
+            hint = f"plain numbers: {own.hint}"
+            what = f"the plain number 1 and {own.unit} are added"
+            yield EquationError(what, first_column(own.ratio), hint, shown(own.ratio))
+
+
+def ones_in_units(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[tuple[str, str]]:
+    """Sums in which a 1 is taken for 1 % (or 1 ppm), as nobody knows better: the sum, and the words
+    for what the 1 is there and how it would be a plain number.
+    """
+    for own in _beside(units, tree, stated):
+        if not own.sure:
+            what = f"the 1 is taken for 1 {own.unit}; if a plain number is meant, {own.hint}"
+            yield shown(own.sum), what
+
+
+def _beside(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[_Beside]:
+    results, wanted = [*_results(tree)], unit_exponents(stated, units.texts.gram)
+    found: list[_Beside] = []
     unsure: dict[int, Node] = {}
     for node, one, other in _ones(tree):
         ratio = units.of(other, sure=False)
         if ratio is None or not sizes_differ(ratio, {SIZE: 0.0}):
             continue
+        text = units.texts.text(ratio)
+        if text.endswith(ANGLES) and PRODUCT.isdisjoint(text):
+            continue
+        sure = True
         if node in results:
-            if wanted is None or not sizes_differ(ratio, wanted):
-                continue
+            sure = wanted is not None and sizes_differ(ratio, wanted)
         elif one is not node.left and node.operator == "-":
             unsure[id(node)] = Binary("/", other, other, node.column)
-        text = units.text(ratio)
-        if not text.endswith(ANGLES) or not PRODUCT.isdisjoint(text):
-            found.append((node, other, text, ratio[SIZE]))
+        found.append(_Beside(node, other, text, ratio[SIZE], sure))
     guilty = _guilty(units, tree, stated, unsure)
-    found = [own for own in found if id(own[0]) not in unsure or id(own[0]) in guilty]
-    wrong = [node for node, *_ in found]
-    for _, other, text, size in found:
-        # One of a product that holds another is that one's fault.
-        if not any(inner in wrong for inner in walk(other)):
-            hint = f"plain numbers: what is in {text} {times(size)}"
-            what = f"the plain number 1 and {text} are added"
-            yield EquationError(what, first_column(other), hint, shown(other))
+    for own in found:
+        key = id(own.sum)
+        yield replace(own, sure=key in guilty) if key in unsure else own
 
 
 def _guilty(

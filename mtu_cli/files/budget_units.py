@@ -8,11 +8,23 @@ unit is not stated or not known. A literal that is added has the unit of what it
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import permutations, product
+from itertools import permutations
 
+from mtu_cli.files.budget_unit_texts import (
+    ANGLES,
+    BARE,
+    BASES,
+    COMMON,
+    PLAIN,
+    RADIANS,
+    UnitTexts,
+    differ,
+    same,
+    sizes_differ,
+    times,
+)
 from mtu_cli.files.unit_text import GRAMS, SIZE, Exponents, unit_exponents
 from mtu_cli.language import EquationError, Node
 from mtu_cli.language.dimensions import (
@@ -24,31 +36,10 @@ from mtu_cli.language.dimensions import (
     exponent,
     first_column,
     shown,
+    terms,
 )
 from mtu_cli.language.tree import Binary, Call, Number, children, walk
 
-BASES = ("m", "kg", "s", "A", "K", SIZE)
-TURNS = ("deg", "arcmin", "arcsec")
-COMMON = (
-    "mm", "um", "nm", "m", "km", "mm^2", "um^2", "m^2", "mm^3", "degC", "1/degC", "s", "ms", "m/s",
-    "V", "mV", "kV", "A", "mA", "ohm", "kohm", "W", "mW", "N", "kN", "J", "Pa", "kPa", "MPa", "kg",
-    "g", "g/mm^3", "g/cm^3", "kg/m^3", "%", "ppm", *TURNS,
-)  # fmt: skip
-"""What a unit is called that the file does not name."""
-ANGLES = (
-    "rad", "deg", "arcmin", "arcsec", "\u00b0", "radian", "degree", "arcminute", "arcsecond",
-)  # fmt: skip
-FACTORS = 3
-"""Units of inputs, at most, by which another one is told."""
-MOST = 8
-"""Of so many of them: there are ever more products."""
-_ONE = re.compile(r"[^\s*./()\d][^\s*./()]*")
-"""A unit that may stand in a product: of um/m*K nobody knows what is meant."""
-_NAME = re.compile(r"[A-Za-z%\u00b0\u00b5\u03bc\u2126\u03a9]+")
-BARE = "units of"
-"""How a unit begins that is told by base units."""
-LEAST, ROUNDED = 0.9e-6, 1e-9
-"""Of a factor that is told as a divisor, and how near to a whole number that is."""
 SIMPLE = 12
 """Numerator and denominator of the largest simple fraction."""
 
@@ -67,14 +58,10 @@ def _simple(value: float) -> Exponent:
 
 @dataclass(frozen=True, slots=True)
 class BudgetUnits:
-    """What the units of the inputs tell: a scale for each of `BASES`, and units by their text, of
-    which some are `stated`. A g is taken for `gram`.
-    """
+    """What the units of the inputs tell: a scale for each of `BASES`, and what they are called."""
 
     scales: Mapping[str, Scale]
-    named: Mapping[str, Exponents | None]
-    stated: Sequence[str]
-    gram: Exponents
+    texts: UnitTexts
 
     @classmethod
     def of_inputs(cls, units: Mapping[str, str | None], gram: Exponents = GRAMS[0]) -> BudgetUnits:
@@ -94,19 +81,20 @@ class BudgetUnits:
             )
             for base in BASES
         }
-        return cls(scales, named, tuple(dict.fromkeys(filter(None, units.values()))), gram)
+        stated = tuple(dict.fromkeys(filter(None, units.values())))
+        return cls(scales, UnitTexts(named, stated, gram))
 
-    def faults(self, tree: Node) -> Iterator[EquationError]:
+    def faults(self, tree: Node, stated: str | None = None) -> Iterator[EquationError]:
         """Where numbers of different units are added, and where a function of plain numbers has
-        others.
+        others. Of two units the one that is not `stated` is told to be changed.
         """
-        apart = self.disagree(tree)
+        apart, wanted = self.disagree(tree), unit_exponents(stated, self.texts.gram)
         for node in walk(tree):
             match node:
                 case Binary("+" | "-", left, right, column) if apart:
-                    yield from self.pair(left, right, column, "are added")
+                    yield from self._pair(left, right, column, "are added", wanted)
                 case Call("atan2", (left, right), column):
-                    yield from self.pair(left, right, column, "are compared")
+                    yield from self._pair(left, right, column, "are compared", wanted)
                 case Call(function, (argument,)) if function in NUMBERS:
                     yield from self.plain(argument, f"{function} of numbers in")
                 case Binary("**", _, power):
@@ -123,29 +111,33 @@ class BudgetUnits:
 
     def result_fault(self, tree: Node, stated: str | None) -> EquationError | None:
         """The fault of an equation that gives another unit than the `stated` one, if it does."""
-        wanted = unit_exponents(stated, self.gram)
+        wanted = unit_exponents(stated, self.texts.gram)
         if stated is None or wanted is None:
             return None
         for sure in (True, False):
             found = self.of(tree, sure)
             if found is None:
                 continue
-            if _differ(found, wanted) if sure else sizes_differ(found, wanted):
+            if differ(found, wanted) if sure else sizes_differ(found, wanted):
                 return self._given(tree, found, stated, wanted)
         return None
 
-    def pair(self, left: Node, right: Node, column: int, verb: str) -> Iterator[EquationError]:
+    def _pair(
+        self, left: Node, right: Node, column: int, verb: str, wanted: Exponents | None
+    ) -> Iterator[EquationError]:
         for sure in (True, False):
             one, other = self.of(left, sure), self.of(right, sure)
             if one is None or other is None:
                 continue
-            if _differ(one, other) if sure else sizes_differ(one, other):
-                first, second = self.text(one), self.text(other)
+            if differ(one, other) if sure else sizes_differ(one, other):
+                texts = self.texts.two(one, other)
                 hint = "terms of one unit"
-                if not _differ(one, other):
-                    factor = times(other[SIZE] - one[SIZE])
-                    hint = f"one unit: what is in {second} {factor}"
-                yield EquationError(f"{first} and {second} {verb}", column, hint)
+                if not differ(one, other):
+                    off, changed = other[SIZE] - one[SIZE], texts[1]
+                    if wanted is not None and same(other, wanted):
+                        off, changed = -off, texts[0]
+                    hint = f"one unit: what is in {changed} {times(off)}"
+                yield EquationError(f"{texts[0]} and {texts[1]} {verb}", column, hint)
                 return
 
     def plain(self, argument: Node, of: str) -> Iterator[EquationError]:
@@ -156,45 +148,38 @@ class BudgetUnits:
             found = self.of(argument, sure)
             if found is None:
                 continue
-            if _differ(found, {}) if sure else sizes_differ(found, {SIZE: 0.0}):
+            if differ(found, {}) if sure else sizes_differ(found, {SIZE: 0.0}):
                 hint = "a plain number, or an angle in rad"
-                if not _differ(found, {}):
+                if not differ(found, {}):
                     hint += f": what is inside {times(found[SIZE])}"
                 column = first_column(argument)
-                yield EquationError(f"{of} {self.text(found)}", column, hint, shown(argument))
+                yield EquationError(f"{of} {self.texts.text(found)}", column, hint, shown(argument))
                 return
 
     def _given(self, tree: Node, found: Exponents, stated: str, wanted: Exponents) -> EquationError:
         """What an equation gives instead of the `stated` unit, and first how it would give that."""
-        told = self.text(found)
+        told = self.texts.text(found)
         ways = ["an equation that gives this unit"]
-        if not _differ(found, wanted):
-            angle = stated.casefold().rstrip("s").endswith(ANGLES)
-            told = told.replace("plain numbers", "rad" if angle else "plain numbers")
+        if not differ(found, wanted):
+            if stated.casefold().rstrip("s").endswith(ANGLES):
+                told = told.replace(PLAIN, RADIANS)
             off = found[SIZE] - wanted[SIZE]
-            ways = [] if self._has_shift(tree) else [f"the equation {times(off)}"]
+            ways = [] if self._has_shift(tree) else [f"{self._that_gives(tree)} {times(off)}"]
             if told.startswith(BARE):
-                told, *others = self._like(stated, found) or (f"{BARE} {10.0**off:.6g} {stated}",)
+                bare = (f"{BARE} {10.0**off:.6g} {stated}",)
+                told, *others = self.texts.like(stated, found) or bare
                 ways += others
         if not told.startswith(BARE) or not ways:
             ways.append(f"{told} here")
         return EquationError(f"the equation gives {told}", first_column(tree), ", or ".join(ways))
 
-    def _like(self, stated: str, found: Exponents) -> tuple[str, str] | None:
-        """A unit as the `stated` one with one of its units as inputs have it, N*mm for N*m; and
-        what those inputs would be instead.
+    def _that_gives(self, tree: Node) -> str:
+        """What has the unit that an equation gives: beside terms of which nobody knows (da*60, to
+        get arcsec from arcmin) it is one term.
         """
-        for part in _NAME.finditer(stated):
-            own = unit_exponents(part[0], self.gram)
-            for text in self.stated if own is not None else ():
-                item = self.named.get(text)
-                if item is None or own is None or _differ(item, own) or not _NAME.fullmatch(text):
-                    continue
-                like = stated[: part.start()] + text + stated[part.end() :]
-                exponents = unit_exponents(like, self.gram)
-                if exponents is not None and _same(exponents, found):
-                    return like, f"inputs in {part[0]} instead of {text}"
-        return None
+        own = [(term, self.of(term, sure=False)) for term in terms(tree)]
+        known = [term for term, unit in own if unit is not None]
+        return "the equation" if len(known) == len(own) else " and ".join(map(shown, known))
 
     def _has_shift(self, tree: Node) -> bool:
         """Whether a literal is added to plain numbers of another size, or to what is not known:
@@ -223,41 +208,6 @@ class BudgetUnits:
             found[base] = value
         return found
 
-    def text(self, found: Exponents) -> str:
-        """A unit as the file calls it, or by those that it does (arcsec*mm), or in base units."""
-        if not _differ(found, {}) and abs(found[SIZE]) < SAME:
-            return "plain numbers"
-        for text, item in self.named.items():
-            if item is not None and _same(found, item):
-                return text
-        if (told := self._product(found)) is not None:
-            return told
-        bases = [
-            base if found[base] == 1 else f"{base}^{found[base]:g}"
-            for base in BASES[:-1]
-            if found[base]
-        ]
-        return " ".join([f"{BARE} {10.0 ** found[SIZE]:.6g}", *bases])
-
-    def _product(self, found: Exponents) -> str | None:
-        """A unit as the shortest product of those of the inputs; None where there is none."""
-        texts = [text for text in self.stated if _ONE.fullmatch(text)][:MOST]
-        units = {text: item for text in (*texts, *TURNS) if (item := self.named.get(text))}
-        factors = [(f"{sign}{text}", item) for text, item in units.items() for sign in "*/"]
-        for count in range(1, FACTORS):
-            for first, *others in product(factors[::2], *[factors] * count):
-                if _same(found, _multiplied(first, *others)):
-                    return "".join(text for text, _ in (first, *others)).removeprefix("*")
-        return None
-
-
-def _multiplied(*factors: tuple[str, Exponents]) -> dict[str, float]:
-    """Exponents of a product of factors that are told as `*mm` or `/min`."""
-    return {
-        base: sum(item.get(base, 0.0) * (-1.0 if text[0] == "/" else 1.0) for text, item in factors)
-        for base in BASES
-    }
-
 
 def _literals(node: Node, added: bool) -> Iterator[Node]:
     """Numbers of a term but for those of powers, and for those of sums unless `added`."""
@@ -273,28 +223,3 @@ def _literals(node: Node, added: bool) -> Iterator[Node]:
         case _:
             for item in children(node):
                 yield from _literals(item, added)
-
-
-def _differ(one: Exponents, other: Exponents) -> bool:
-    return any(abs(one.get(base, 0.0) - other.get(base, 0.0)) > SAME for base in BASES[:-1])
-
-
-def _same(one: Exponents, other: Exponents) -> bool:
-    return not _differ(one, other) and not sizes_differ(one, other)
-
-
-def sizes_differ(one: Exponents, other: Exponents) -> bool:
-    """Whether two units of one dimension are not the same; of several dimensions they may be."""
-    return not _differ(one, other) and abs(one[SIZE] - other[SIZE]) > SAME
-
-
-def times(logarithm: float) -> str:
-    """A factor in words: times 0.0254, times pi/180, divided by 1000."""
-    ratio = 10.0**logarithm
-    for text, value in (("180/pi", 180 / math.pi), ("pi/180", math.pi / 180)):
-        if math.isclose(ratio, value, rel_tol=SAME):
-            return f"times {text}"
-    below = round(1.0 / ratio) if LEAST < ratio < 1.0 else 0
-    if below and math.isclose(below * ratio, 1.0, rel_tol=ROUNDED):
-        return f"divided by {below}"
-    return f"times {ratio:.6g}"

@@ -1,0 +1,105 @@
+"""What a budget is told to think of, without a fault: units that are left alone, and a 1 that may
+be meant as a plain number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from mtu_cli.files.budget_contract import Budget
+from mtu_cli.files.budget_ones import ones_in_units
+from mtu_cli.files.budget_units import BudgetUnits
+from mtu_cli.files.contract_errors import path_text
+from mtu_cli.files.contracts import Notice
+from mtu_cli.files.unit_text import meant
+from mtu_cli.files.yaml_file import YamlDocument, YamlPath
+from mtu_cli.language import Node, names
+
+SHOWN_UNITS = 6
+"""Inputs without a unit that a warning names."""
+
+
+def notices(
+    budget: Budget, trees: Mapping[str, Node], document: YamlDocument
+) -> tuple[Notice, ...]:
+    """All of them, in the order in which they are told."""
+    return (
+        *_unused(budget, trees, document),
+        *_unclear_units(budget, document),
+        *_ones_in_units(budget, trees, document),
+        *_unstated_units(budget, trees, document),
+    )
+
+
+def stated_unit(budget: Budget, place: YamlPath) -> str | None:
+    """The unit that the result of the equation at a place is to have, if the file says so."""
+    if place == ("equation",):
+        return budget.quantity.unit if budget.quantity is not None else None
+    return (budget.units or {}).get(str(place[-1]))
+
+
+def _unused(
+    budget: Budget, trees: Mapping[str, Node], document: YamlDocument
+) -> tuple[Notice, ...]:
+    used = {name for tree in trees.values() for name in names(tree)}
+    shown = document.source.shown
+    return tuple(
+        Notice(
+            code="unused-input",
+            message=f"{shown}:{document.line_of('inputs', name)}: inputs.{name}: in no equation",
+        )
+        for name in budget.inputs
+        if name not in used
+    )
+
+
+def _unstated_units(
+    budget: Budget, trees: Mapping[str, Node], document: YamlDocument
+) -> tuple[Notice, ...]:
+    """That inputs without a unit are left alone, where others have theirs: who states some expects
+    that they are checked. A budget of plain numbers throughout says nothing of units.
+    """
+    used = {name for tree in trees.values() for name in names(tree)}
+    without = [name for name, item in budget.inputs.items() if item.unit is None and name in used]
+    if not without or all(item.unit is None for item in budget.inputs.values()):
+        return ()
+    more = f" and {len(without) - SHOWN_UNITS} more" if len(without) > SHOWN_UNITS else ""
+    one = len(without) == 1
+    text = (
+        f"{document.source.shown}:{document.line_of('inputs', without[0])}: "
+        f"{'input' if one else 'inputs'} {', '.join(without[:SHOWN_UNITS])}{more}: no `unit:`, so "
+        f"that no term with {'it' if one else 'one of them'} is checked; `unit: '1'` is that of a "
+        "plain number"
+    )
+    return (Notice(code="unit-not-stated", message=text),)
+
+
+def _ones_in_units(
+    budget: Budget, trees: Mapping[str, Node], document: YamlDocument
+) -> tuple[Notice, ...]:
+    """What a 1 is taken for beside a share in a unit of its own."""
+    units = BudgetUnits.of_inputs({name: item.unit for name, item in budget.inputs.items()})
+    found = []
+    for name, tree in trees.items():
+        place: YamlPath = ("equation",) if budget.equation is not None else ("equations", name)
+        for term, what in ones_in_units(units, tree, stated_unit(budget, place)):
+            line = document.line_of(*place)
+            text = f"{document.source.shown}:{line}: {path_text(place)}: in {term!r} {what}"
+            found.append(Notice(code="one-in-unit", message=text))
+    return tuple(found)
+
+
+def _unclear_units(budget: Budget, document: YamlDocument) -> tuple[Notice, ...]:
+    """Units that are left alone, as nothing tells what stands under their line."""
+    shown = document.source.shown
+    found = []
+    for name, item in budget.inputs.items():
+        clear = meant(item.unit)
+        if clear is not None:
+            line = document.line_of("inputs", name, "unit")
+            text = (
+                f"{shown}:{line}: inputs.{name}.unit: {item.unit!r} is not read, so that no sum "
+                f"with it is checked; is {clear} meant?"
+            )
+            found.append(Notice(code="unit-unclear", message=text))
+    return tuple(found)
