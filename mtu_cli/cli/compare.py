@@ -59,11 +59,18 @@ def _met(result: CompareResult, gate: str) -> list[str]:
             expected="two or more parts, in which features or lengths of the part were measured, "
             "and a machine that was read in enough passes (see the warnings without --fail-if)",
         )
-    return [
+    single = [
         " ".join(word for word in label if word)
         for label, faulty, unclear in answers
         if faulty or unclear
     ]
+    return [*single, *_met_together(result, gate)]
+
+
+def _met_together(result: CompareResult, gate: str) -> list[str]:
+    """Operations whose features scatter too much all together, where none does by itself."""
+    found = [item for item in result.features.at_once if item.verdict == gate and item.others]
+    return [f"{item.operation} features all together".strip() for item in found]
 
 
 def _answers(kind: Compared, gate: str) -> Sequence[bool | None]:

@@ -25,12 +25,14 @@ from mtu_cli.model.temperature_noise import temperature_blocks
 from mtu_cli.model.thermal_terms import told_name
 from mtu_cli.model.variance import (
     Block,
+    PassSquare,
     Variance,
     block_variance,
     drawable_passes,
     joined,
     noise_covariance,
     of_rows,
+    pass_squares,
 )
 from mtu_cli.stats.coverage import effective_dof
 from mtu_cli.stats.least_squares import FloatArray
@@ -77,10 +79,18 @@ class Prediction:
 
     def covariance_of(self, A: FloatArray) -> FloatArray:
         """Covariance (m, m) of the linear measurands A E, A (m, n*a); as `covariance` has it."""
+        total = self.scatter_of(A)
+        for block in self.blocks:
+            g = A @ block.G
+            total += g @ block.C @ g.T
+        return total
+
+    def scatter_of(self, A: FloatArray) -> FloatArray:
+        """The part of that which differs from one part to the next: of passes and visits."""
         total = np.zeros((len(A), len(A)))
         for block in self.blocks:
             g = A @ block.G
-            total += g @ (block.C + block.D) @ g.T
+            total += g @ block.D @ g.T
             for column in block.noise.T:
                 visits = (A * column).reshape(len(A), -1, len(self.axes)).sum(axis=2)
                 total += visits @ visits.T
@@ -97,6 +107,10 @@ class Prediction:
             blocks=tuple(of_rows(block, rows) for block in self.blocks),
             independent_variance=self.independent_variance[rows],
         )
+
+    def pass_squares(self, A: FloatArray) -> list[PassSquare | None]:
+        """What of the mean squares of `variance`, in their order, is of passes."""
+        return [found for block in self.blocks for found in pass_squares(block, A)]
 
     def _assembled(self, passes: Sequence[FloatArray]) -> FloatArray:
         rows = len(self.mean)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,24 @@ class MeanSquares:
     of_mean: FloatArray
     of_part: FloatArray
     dof: FloatArray
+
+
+class PassSquare(NamedTuple):
+    """A mean square of passes as a matrix: `S` (k, k), seen from measurands by `g` (m, k)."""
+
+    g: FloatArray
+    S: FloatArray
+
+    def independent(self, weights: FloatArray) -> float:
+        """How many times the degrees of freedom of one measurand the `weights` (m,) of all have.
+
+        Of a Wishart matrix of nu degrees of freedom the weighted sum of g'S g has those of a
+        chi-squared, nu tr(K S)^2/tr(K S K S), K = sum w g g' (Box, Ann. Math. Statist. 25 (1954)
+        290, theorem 3.1).
+        """
+        KS = (self.g * weights[:, None]).T @ self.g @ self.S
+        square = float((KS * KS.T).sum())
+        return max(float(np.trace(KS)) ** 2 / square, 1.0) if square > 0 else 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,6 +147,17 @@ def block_variance(block: Block, A: FloatArray | None, axes: int) -> tuple[Float
         of_mean=np.array([of_C, *none]), of_part=np.array([of_D, *visits]), dof=dof
     )
     return split, squares
+
+
+def pass_squares(block: Block, A: FloatArray) -> list[PassSquare | None]:
+    """What of the mean squares of `block_variance`, in their order, is of passes."""
+    g, repeats = A @ block.G, [None] * len(block.repeat_dof)
+    if block.between is None:
+        return [PassSquare(g, block.D), *repeats] if block.pass_dof > 0 else [None]
+    if block.half_differences is None:
+        return [PassSquare(g, block.between), *repeats]
+    mean = block.between - block.half_differences
+    return [PassSquare(g, mean), PassSquare(g, block.half_differences), *repeats]
 
 
 def _visits(column: FloatArray, A: FloatArray | None, axes: int) -> FloatArray:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary, Undecided
+from mtu_cli.analyses.compare import AllAtOnce, Compared, CompareResult, Range, Summary, Undecided
 from mtu_cli.reports.compare_figure import figure
 from mtu_cli.reports.compare_table import table
 from mtu_cli.reports.compare_words import (
@@ -144,6 +144,7 @@ def _summary(item: Summary, kind: str, stands_out: Sequence[str]) -> dict[str, A
         "reading_stands_out": item.pulled,
         "under_predicted_factor": _ends(item.under_factor) or [],
         "scatter_undecided": _undecided(item.undecided),
+        **({"all_at_once": _all_at_once(item.at_once)} if kind == "features" else {}),
         "ratio_u": _ends(item.ratio_u),
         "ratio_scatter": _ends(item.ratio_scatter),
         "ratio_range": _ends(item.ratio_range),
@@ -167,6 +168,26 @@ def _undecided(found: Undecided | None) -> dict[str, Any]:
         "factor": _ends(found.factor),
         "largest": {"id": name, "axis": axis or None},
         "p_familywise": found.p,
+    }
+
+
+def _all_at_once(found: AllAtOnce | None) -> dict[str, Any] | None:
+    """The scatter of all items together, null where it was not tested."""
+    if found is None:
+        return None
+    others = found.others
+    return {
+        "items": found.items,
+        "ratio_scatter": found.ratio,
+        "p_scatter_familywise": found.p,
+        "verdict": found.verdict or "consistent",
+        "others": {"items": 0}
+        if others is None
+        else {
+            "items": others.items,
+            "ratio_scatter": others.ratio,
+            "p_scatter_familywise": others.p,
+        },
     }
 
 

@@ -22,7 +22,8 @@ def verdict_text(item: Summary, kind: str, *, stands_out: Sequence[str] = ()) ->
     nor is anything called consistent whose scatter is undecided.
     """
     name = f"{item.operation} {kind}" if item.operation else kind
-    found = (_under(item), _biased(item), _unclear(item), _pulled(item, stands_out), _over(item))
+    of_single = (_under(item), _biased(item), _unclear(item), _pulled(item, stands_out))
+    found = (*of_single, _over(item), _at_once(item))
     faults = [text for text in found if text]
     left = [text for text in (_undecided(item),) if text]
     if item.not_tested == item.items:
@@ -118,7 +119,11 @@ def cause_text(result: CompareResult) -> str | None:
     whole = result.stands_out or result
     summaries = (*whole.feature_summaries, *whole.length_summaries)
     if any(
-        item.biased or item.under_predicted or item.inconsistent > item.pulled or item.undecided
+        item.biased
+        or item.under_predicted
+        or item.inconsistent > item.pulled
+        or item.undecided
+        or (item.at_once is not None and item.at_once.verdict == "under-predicted")
         for item in summaries
     ):
         return "mtu close-loop looks for the cause in the same files."
@@ -174,6 +179,19 @@ def _over(item: Summary) -> str | None:
         return f"over-predicted: no scatter is seen where some is predicted ({count})"
     times = "less than" if item.over_factor is None else f"{_times(item.over_factor)} times"
     return f"over-predicted: the scatter is {times} the predicted one ({count})"
+
+
+def _at_once(item: Summary) -> str | None:
+    """The scatter of all that show none by themselves."""
+    found = item.at_once
+    if found is None or found.others is None:
+        return None
+    others = found.others
+    which = "them" if others.items == item.items else f"the {others.items} others"
+    return (
+        f"{found.verdict} all together: none of {which} shows it by itself, but their scatter is "
+        f"{significant(others.ratio)} times the predicted one (p {p_value(others.p)})"
+    )
 
 
 def _undecided(item: Summary) -> str | None:

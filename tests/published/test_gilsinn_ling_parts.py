@@ -80,7 +80,7 @@ def table_10(kind: str) -> Evidence:
     foretold = Foretold(
         mean=own_mean, total=own_u**2, coefficients=zero, scatter=own_u**2,
         independent=own_u**2, holes=np.full(len(LENGTHS), np.nan), of_mean=zero[None],
-        of_part=own_u[None] ** 2, dof=np.array([np.inf]),
+        of_part=own_u[None] ** 2, dof=np.array([np.inf]), joint={},
     )  # fmt: skip
     return evidence(tables, foretold, 2.0)
 

@@ -24,6 +24,7 @@ from mtu_cli.analyses.compare.summary import Range, Summary, Undecided, summaris
 from mtu_cli.analyses.compare.verdicts import (
     FAMILY_RATE,
     VERDICTS,
+    AllAtOnce,
     Compared,
     Verdict,
     judged,
@@ -46,6 +47,7 @@ from mtu_cli.stats.least_squares import FloatArray
 __all__ = [
     "FAMILY_RATE",
     "VERDICTS",
+    "AllAtOnce",
     "CompareResult",
     "Compared",
     "Evidence",
@@ -111,7 +113,8 @@ def compare(
 
     The machine is predicted once an operation, with `covariates`, or the points' own: what these
     change from part to part is taken out of the points. Means and scatter are tested item by item
-    (`Evidence`), as one family (Holm, 5 %): of clean studies one in twenty is no "consistent".
+    (`Evidence`), and the scatter of all features at once, as one family (Holm, 5 %): of clean
+    studies one in twenty is no "consistent".
 
     Raises InputError for points that cannot be what they claim or share no axis with the
     machine, and for a missing covariate or one with gaps.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
 import numpy as np
 
+from mtu_cli.analyses.compare.together import Joint, Together, together
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.stats.anova import OneWay, one_way
 from mtu_cli.stats.least_squares import FloatArray
@@ -18,6 +20,8 @@ FEWEST_PARTS = 5
 hardly a variance then, and a mean that is off cannot be told from parts that scatter."""
 HOPELESS = 10.0
 """A scatter test that would not see scatter of so many times the predicted is withheld."""
+ROUNDING = 1e-9
+"""Share of an expected MS_between."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +32,8 @@ class Foretold:
     `scatter` (from part to part: passes and visits), and under the papers' independence,
     `independent`. `of_mean` and `of_part` (K, items) are the mean squares of `dof` (K,) behind
     coefficients and scatter (see `variance.MeanSquares`). `holes` is g'V g of the measured
-    hole variances V, for lengths; nan where there are none.
+    hole variances V, for lengths; nan where there are none. `joint` tells of the
+    items of each operation, in their order, how they scatter together.
     """
 
     mean: FloatArray
@@ -40,6 +45,7 @@ class Foretold:
     of_mean: FloatArray
     of_part: FloatArray
     dof: FloatArray
+    joint: Mapping[str, Joint]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +86,8 @@ class Evidence:
     Ratios are measured over predicted, nan where nothing is predicted: `ratio_u` and
     `ratio_range` of `u` and `width`, `paper_ratio_u` and `paper_ratio_range` of the paper's
     own two sides, `ratio_scatter` of s_part and the root of (D + visit). `ms_share` =
-    sqrt(MS_between)/s_part says how much of the paper's scatter is not the parts'.
+    sqrt(MS_between)/s_part says how much of the paper's scatter is not the parts'. `together` is
+    what tests the scatter of all items of an operation at once.
     """
 
     labels: tuple[tuple[str, str, str], ...]
@@ -104,6 +111,7 @@ class Evidence:
     paper_ratio_u: FloatArray
     paper_ratio_range: FloatArray
     ms_share: FloatArray
+    together: tuple[Together, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,6 +171,7 @@ def evidence(tables: MeasuredTables, foretold: Foretold, k: float) -> Evidence:
         paper_ratio_u=ratio(paper.u, independent.u),
         paper_ratio_range=ratio(paper.width, independent.width),
         ms_share=ratio(np.sqrt(table.ms_between), s_part),
+        together=tuple(_together(tables.labels, table, foretold, scatter)),
     )
 
 
@@ -227,6 +236,19 @@ def _scatter(table: OneWay, foretold: Foretold) -> _Scatter:
         p=np.minimum(2 * np.fmin(high, low), 1.0),
         p_hopeless=np.where(expected > 0, 2 * hopeless, 0.0),
     )
+
+
+def _together(
+    labels: Sequence[tuple[str, str, str]], table: OneWay, foretold: Foretold, scatter: _Scatter
+) -> Iterator[Together]:
+    """The items of every operation, those with a predicted scatter and a measured one."""
+    for operation, joint in foretold.joint.items():
+        place = np.array([i for i, label in enumerate(labels) if label[0] == operation])
+        # A datum leaves no more of some features than rounding.
+        of_parts = table.n0[place] * foretold.scatter[place]
+        kept = np.isfinite(scatter.p[place]) & (of_parts > ROUNDING * scatter.expected[place])
+        own = place[kept]
+        yield together(operation, own, scatter.expected[own], table, joint.only(kept))
 
 
 def _by_dof(values: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:

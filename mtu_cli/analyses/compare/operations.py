@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtu_cli.analyses.compare.evidence import Evidence, Foretold, paper_length_variance
+from mtu_cli.analyses.compare.together import Joint
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.model.basis import TIME
@@ -222,6 +223,7 @@ def _gathered(
     columns = {name: np.zeros(m) for name in ("mean", "total", "coefficients", "scatter")}
     independent, hole_variance = np.zeros(m), np.full(m, np.nan)
     squares: list[MeanSquares] = []
+    joint: dict[str, Joint] = {}
     for operation, prediction in predictions.items():
         own = np.array([i for i, label in enumerate(labels) if label[0] == operation], int)
         if not len(own):
@@ -234,6 +236,9 @@ def _gathered(
         columns["scatter"][own] = np.maximum(found.passes + found.repeatability, 0.0)
         independent[own] = A**2 @ prediction.independent_variance
         squares.append(_spread(found.squares, own, m))
+        joint[operation] = Joint(
+            prediction.scatter_of(A), found.squares, prediction.pass_squares(A)
+        )
         if holes is not None:
             V = _of_holes(prediction, holes, operation)
             hole_variance[own] = [paper_length_variance(g, V) for g in A]
@@ -244,6 +249,7 @@ def _gathered(
         of_mean=np.concatenate([item.of_mean for item in squares]),
         of_part=np.concatenate([item.of_part for item in squares]),
         dof=np.concatenate([item.dof for item in squares]),
+        joint=joint,
     )
 
 

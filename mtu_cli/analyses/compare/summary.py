@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.compare.verdicts import VERDICTS, Answers, Compared, Verdict
+from mtu_cli.analyses.compare.verdicts import VERDICTS, AllAtOnce, Answers, Compared, Verdict
 from mtu_cli.stats.least_squares import FloatArray
 
-LARGE, UNDECIDED_P = 2.0, 1.0
-"""A ratio of scatter that matters though no test finds it, where its family-wise p is below the
-bound: of a clean study chance makes as much, by Bonferroni, of less than one item."""
+LARGE = 2.0
+"""A ratio of scatter that matters though no test finds it, where chance alone is `unlikely`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +48,7 @@ class Summary:
     under- and over-predicted, `bias_size` |bias| (mm) of the biased or inconsistent, but the
     `pulled`; `undecided` is what may be under-predicted, too. `n0` and `ms_share` say
     what the paper's scatter, from MS_between, is of the parts' own: sqrt(n0) times, or somewhat
-    more.
+    more. `at_once` is what all items together show, None where that was not tested.
     """
 
     operation: str
@@ -76,6 +75,7 @@ class Summary:
     undecided: Undecided | None
     n0: Range | None
     ms_share: Range | None
+    at_once: AllAtOnce | None
 
 
 def summarised(found: Compared) -> tuple[Summary, ...]:
@@ -120,13 +120,14 @@ def _summary(found: Compared, operation: str) -> Summary:
         undecided=_undecided(found, own),
         n0=_range(found.one_way.n0[own]),
         ms_share=_range(found.ms_share[own]),
+        at_once=next((item for item in found.at_once if item.operation == operation), None),
     )
 
 
 def _undecided(found: Compared, own: np.ndarray) -> Undecided | None:
     """What the tests leave open, but for readings that stand out: these are told by themselves."""
     p, ratio = found.p_scatter, found.ratio_scatter
-    large = own & (ratio >= LARGE) & (p < UNDECIDED_P)
+    large = own & (ratio >= LARGE) & np.array(found.unlikely)
     large &= ~_yes(found.under_predicted) & ~np.array(found.pulled)
     factor = _range(ratio[large])
     if factor is None:

@@ -6,17 +6,38 @@ from dataclasses import dataclass, fields, replace
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mtu_cli.analyses.compare.evidence import FEWEST_PARTS, Evidence
+from mtu_cli.analyses.compare.evidence import FEWEST_PARTS, HOPELESS, Evidence
+from mtu_cli.analyses.compare.together import Jointly
 from mtu_cli.stats.family import holm
 from mtu_cli.stats.least_squares import FloatArray
 
 Verdict = Literal["consistent", "biased", "under-predicted", "over-predicted", "inconsistent"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 FAMILY_RATE = 0.05
+JOINT_SHARE = 0.2
+"""Of that rate what the tests of all features of an operation at once may take."""
 
 Answers = tuple[bool | None, ...]
 """One an item; None where it was not tested."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AllAtOnce:
+    """The scatter of the `items` of an operation together: `ratio`, measured over predicted, and
+    `p`, adjusted over the study. `verdict` is None where it is as predicted.
+
+    `others` is what the same test says of those that show no fault by themselves, None where these
+    do not scatter that way or are fewer than two.
+    """
+
+    operation: str
+    items: int
+    ratio: float
+    p: float
+    verdict: Verdict | None
+    others: Jointly | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +52,9 @@ class Compared(Evidence):
     correction would mend it), inconsistent (one of the two), over-predicted (more was feared
     than came), consistent; None where nothing was tested. `withheld` items are those whose
     scatter was measured, but against predictions of so few degrees of freedom that no scatter
-    would be found too large.
+    would be found too large. `unlikely` is scatter of which chance makes as much at less than one
+    item of a clean study, by Bonferroni. `at_once` has an entry for every operation whose features
+    could be tested together; lengths, which are made of features, have none.
     """
 
     biased: Answers
@@ -40,14 +63,17 @@ class Compared(Evidence):
     inconsistent: Answers
     pulled: tuple[bool, ...]
     withheld: tuple[bool, ...]
+    unlikely: tuple[bool, ...]
     verdicts: tuple[Verdict | None, ...]
+    at_once: tuple[AllAtOnce, ...] = ()
 
 
 def judged(features: Evidence, lengths: Evidence | None) -> tuple[Compared, Compared | None]:
     """Verdicts at a family-wise rate of 5 % over bias and scatter of features and lengths.
 
     Scatter tests without a chance of finding anything, whatever is measured, are no part of
-    the family.
+    the family. Those of all features of an operation at once have JOINT_SHARE of the rate to
+    themselves (weighted Bonferroni): among a hundred others they would see no more than these.
     """
     kinds = [features] if lengths is None else [features, lengths]
     p_bias = np.concatenate([kind.p_bias for kind in kinds])
@@ -56,17 +82,24 @@ def judged(features: Evidence, lengths: Evidence | None) -> tuple[Compared, Comp
     tests = np.isfinite(p_bias).sum() + np.isfinite(p_scatter).sum()
     withheld = np.isfinite(p_scatter) & (hopeless > FAMILY_RATE / max(tests, 1))
     p_scatter = np.where(withheld, np.nan, p_scatter)
+    share = JOINT_SHARE if _tests_at_once(features) else 0.0
     adjusted = holm(np.concatenate([p_bias, p_scatter]))
-    bias, scatter = np.split(adjusted, 2)
+    unlikely = adjusted[len(p_bias) :] < 1.0
+    bias, scatter = np.split(np.minimum(adjusted / (1 - share), 1.0), 2)
     n = len(features.labels)
-    found = _judged(features, bias[:n], scatter[:n], withheld[:n])
+    found = _judged(features, bias[:n], scatter[:n], withheld[:n], unlikely[:n])
+    found = replace(found, at_once=_at_once(found))
     if lengths is None:
         return found, None
-    return found, _judged(lengths, bias[n:], scatter[n:], withheld[n:])
+    return found, _judged(lengths, bias[n:], scatter[n:], withheld[n:], unlikely[n:])
 
 
 def _judged(
-    kind: Evidence, p_bias: FloatArray, p_scatter: FloatArray, withheld: np.ndarray
+    kind: Evidence,
+    p_bias: FloatArray,
+    p_scatter: FloatArray,
+    withheld: np.ndarray,
+    unlikely: np.ndarray,
 ) -> Compared:
     few = kind.one_way.parts < FEWEST_PARTS
     off = [_answer(p) for p in p_bias]
@@ -89,6 +122,7 @@ def _judged(
         inconsistent=tuple(unclear),
         pulled=(False,) * len(off),
         withheld=tuple(withheld.tolist()),
+        unlikely=tuple(unlikely.tolist()),
         verdicts=tuple(map(_gravest, biased, under, over, unclear)),
     )
 
@@ -105,7 +139,54 @@ def less_pulled(found: Compared, off: FloatArray, k: float) -> Compared:
         for x, u, o in zip(pulled, found.under_predicted, found.inconsistent, strict=True)
     )
     verdicts = map(_gravest, found.biased, found.under_predicted, found.over_predicted, unclear)
-    return replace(found, pulled=pulled, inconsistent=unclear, verdicts=tuple(verdicts))
+    less = replace(found, pulled=pulled, inconsistent=unclear, verdicts=tuple(verdicts))
+    return replace(less, at_once=_at_once(less))
+
+
+def _tests_at_once(kind: Evidence) -> dict[str, Jointly]:
+    """Of all items of each operation, those tests that have a chance of finding anything."""
+    every = {
+        own.operation: own.test(np.full(len(own.own), True), HOPELESS) for own in kind.together
+    }
+    known = {operation: own for operation, own in every.items() if own is not None}
+    least = JOINT_SHARE * FAMILY_RATE / max(len(known), 1)
+    return {operation: own for operation, own in known.items() if own.p_hopeless <= least}
+
+
+def _at_once(found: Compared) -> tuple[AllAtOnce, ...]:
+    tests = _tests_at_once(found)
+    adjusted = np.minimum(holm(np.array([own.p for own in tests.values()])) / JOINT_SHARE, 1.0)
+    entries = []
+    for (operation, test), p in zip(tests.items(), adjusted, strict=True):
+        own = next(item for item in found.together if item.operation == operation)
+        verdict = _way(test) if p <= FAMILY_RATE else None
+        others = None if verdict is None else own.test(_faultless(found)[own.own], HOPELESS)
+        if others is not None:
+            # To leave out what was found makes the rest less: no more is claimed than is there.
+            others = replace(others, p=min(others.p * len(tests) / JOINT_SHARE, 1.0))
+            if others.p > FAMILY_RATE or _way(others) != verdict:
+                others = None
+        entries.append(
+            AllAtOnce(
+                operation=operation,
+                items=test.items,
+                ratio=test.ratio,
+                p=float(p),
+                verdict=verdict,
+                others=others,
+            )
+        )
+    return tuple(entries)
+
+
+def _way(test: Jointly) -> Verdict:
+    return "under-predicted" if test.ratio > 1 else "over-predicted"
+
+
+def _faultless(found: Compared) -> NDArray[np.bool_]:
+    """Items (items,) whose scatter shows no fault by itself."""
+    faults = zip(found.under_predicted, found.over_predicted, found.pulled, strict=True)
+    return np.array([not any(own) for own in faults], bool)
 
 
 def _answer(p: float) -> bool | None:

@@ -44,6 +44,7 @@ def foretold(
         of_mean=np.array([[coefficients], [0.0]]),
         of_part=np.array([[0.0], [scatter]]),
         dof=np.array(dof),
+        joint={},
     )
 
 

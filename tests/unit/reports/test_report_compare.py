@@ -58,6 +58,7 @@ def compared(labels: Labels, seed: int) -> Compared:
         of_mean=0.2 * u2[None],
         of_part=0.8 * u2[None],
         dof=np.array([np.inf]),
+        joint={},
     )
     tables = MeasuredTables(labels=tuple(labels), parts=tuple("12345"), cells=cells)
     found, _ = judged(evidence(tables, foretold, K), None)
@@ -93,6 +94,11 @@ def odd(result: CompareResult, *parts: str) -> StandsOut:
         feature_summaries=result.feature_summaries,
         length_summaries=result.length_summaries,
     )
+
+
+def with_p(found: Compared, ratio: FloatArray, p: FloatArray) -> Compared:
+    """The same with scatters of these sizes and p."""
+    return replace(found, ratio_scatter=ratio, p_scatter=p, unlikely=tuple((p < 1).tolist()))
 
 
 def with_features(result: CompareResult, features: Compared) -> CompareResult:
@@ -273,7 +279,7 @@ def test_scatter_that_is_large_but_no_finding_is_told_as_undecided(two: CompareR
     found, m = decreed(two.features, biased=(1,)), len(two.features.labels)
     ratio, p = np.ones(m), np.ones(m)
     ratio[[0, 2, 5, 50]], p[[0, 2, 5, 50]] = (3.52, 2.4, 1.9, 9.0), (0.454, 0.49, 0.1, 1.0)
-    result = with_features(two, replace(found, ratio_scatter=ratio, p_scatter=p))
+    result = with_features(two, with_p(found, ratio, p))
     drilled, milled = document(result)["summary"]["features"]
     assert drilled["verdict_text"].endswith(
         "(1 of 48); undecided: the scatter is 2.4 to 3.5 times the predicted one (2 of 48, most at "
@@ -285,9 +291,7 @@ def test_scatter_that_is_large_but_no_finding_is_told_as_undecided(two: CompareR
     }  # fmt: skip
     assert milled["scatter_undecided"] == {"items": 0, "factor": []}
     assert "undecided" not in milled["verdict_text"]
-    one = with_features(
-        two, replace(found, ratio_scatter=ratio, p_scatter=np.where(p > 0.46, 1.0, p))
-    )
+    one = with_features(two, with_p(found, ratio, np.where(p > 0.46, 1.0, p)))
     consistent = with_features(one, replace(one.features, biased=(False,) * m, verdicts=NO * m))
     entry = document(consistent)["summary"]["features"][0]
     beyond = "drilled features: no difference from what was predicted is beyond chance"
@@ -306,7 +310,7 @@ def test_scatter_that_is_large_but_no_finding_is_told_as_undecided(two: CompareR
         replace(found, under_predicted=(True, *(False,) * (m - 1))),
         replace(found, pulled=(True, *(False,) * (m - 1))),
     ):
-        own = replace(other, ratio_scatter=ratio, p_scatter=np.where(p > 0.46, 1.0, p))
+        own = with_p(other, ratio, np.where(p > 0.46, 1.0, p))
         assert summarised(own)[0].undecided is None
 
 
