@@ -6,6 +6,9 @@ from dataclasses import replace
 
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import is_nameless, pitch_is_open, should_be_told
+from mtu_cli.language import names as names_in
+from mtu_cli.language import parse
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.close_loop_effects import effect_text
 from mtu_cli.reports.close_loop_notes import COPIED, copied
 from mtu_cli.reports.close_loop_sentences import Sentence, if_one_of, one_cause, sentences
@@ -19,6 +22,9 @@ from mtu_cli.reports.close_loop_shown import (
 )
 from mtu_cli.reports.numbers import significant
 
+ON_MACHINE = "look for each of them on the machine itself"
+BEND, PLACES = "straightness-", 4
+"""A line of third order with a free mean goes through any three places."""
 OTHER_PLACES = "measure features at more, and uneven, distances along the axis"
 NO_DISTANCE = 0.05
 """Standard deviations below which rivals are the same in the data so far."""
@@ -103,7 +109,7 @@ def _experiment(effect: FoundEffect) -> list[str]:
     if effect.inseparable and any(name.startswith("cyclic-") for name in class_of(effect)):
         return [f"No further parts like these tell them apart. To tell: {OTHER_PLACES}."]
     if effect.inseparable:
-        return ["No further parts tell these apart: look for each of them on the machine itself."]
+        return _no_parts(effect)
     if planned is None and pitch_is_open(effect):
         return [f"To tell: {OTHER_PLACES}."]
     if planned is None:
@@ -122,3 +128,26 @@ def _experiment(effect: FoundEffect) -> list[str]:
         f"To tell: {planned.do}: that should set them a further {further} standard deviations "
         f"apart (so far {now})."
     ]
+
+
+def _no_parts(effect: FoundEffect) -> list[str]:
+    """What to do where no further parts tell a class apart. A bend is the same as a lean, as long
+    as it has a free parameter for every place that the features have, and tells itself beyond.
+    """
+    names = class_of(effect)
+    bends = [name for name in names if name.startswith(BEND)]
+    others = tuple(name for name in names if name not in bends)
+    if len(bends) != 1 or not others:
+        return [f"No further parts tell these apart: {ON_MACHINE}."]
+    (bend,) = bends
+    # One that was not estimated is the same as the effect, along the same axis.
+    own = next((rival for rival in (effect, *effect.rivals) if rival.name == bend), effect)
+    known = {name for text in own.equations.values() for name in names_in(parse(text))}
+    along = [axis for axis in AXES if axis in known]
+    if len(along) != 1:
+        return [f"No further parts tell these apart: {ON_MACHINE}."]
+    rest = others[0] if len(others) == 1 else "the others"
+    texts = [f"Features at {PLACES} or more different {along[0]} in all tell {bend} from {rest}."]
+    if len(others) > 1:
+        texts.append(f"No further parts tell {either(others)} apart: {ON_MACHINE}.")
+    return texts

@@ -94,6 +94,26 @@ def test_no_parts_are_advised_that_tell_nothing_apart() -> None:
         assert said in text
 
 
+def test_a_bend_is_told_from_a_lean_by_more_places() -> None:
+    """A line of third order goes through any three heights; a fourth tells it from a tilt."""
+    (own,) = ambiguous().tables[0].effects
+    none = replace(own, experiment=None, inseparable=True, rivals=(), class_names=("abbe-x",))
+    tilt = replace(
+        none, name="abbe-x", aliases=("straightness-x",), equations={"Ex": "tilt*(z - 50)"}
+    )
+    text = words(result(on_table("class", (tilt,))))
+    more = "Features at 4 or more different z in all tell straightness-x from"
+    assert f"{more} abbe-x." in text
+    assert "No further parts" not in text
+    three = replace(tilt, class_names=("abbe-x", "squareness-xz"))
+    text = words(result(on_table("class", (three,))))
+    assert f"{more} the others. No further parts tell abbe-x or squareness-xz apart: look" in text
+    # Along which axis it bends is not known where it was not estimated: y and z are one here.
+    both = replace(tilt, equations={"Ex": "tilt*(z - y)"})
+    text = words(result(on_table("class", (both,))))
+    assert "No further parts tell these apart: look for each of them" in text
+
+
 def test_a_class_is_not_told_as_one_name() -> None:
     text = words(ambiguous())
     assert text.startswith(
