@@ -4,13 +4,14 @@ t (P - 1) are the contrasts of the parts along the unit vector of a turn (or a g
 at distances r from their middle: t't has the mean (P - 1) s^2 sum r^2 + n, n by what scatters
 parts else (see `direction_noise`). Solved for s that is the estimate of moments, with the u of a
 sum of squares of P - 1 degrees of freedom. Variances of operations are told apart by what is left
-of entries beside parts and columns; u(ln s^2)^2 = (2 + excess kurtosis) / degrees of freedom (Box,
-Biometrika 40 (1953) 318).
+of their entries beside their own lines and columns (`lines_and_columns`), u(ln s^2)^2 = (2 + excess
+kurtosis) / degrees of freedom (Box, Biometrika 40 (1953) 318).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,12 +26,15 @@ from mtu_cli.analyses.close_loop.result import ScatterSize
 from mtu_cli.analyses.close_loop.scatter_rivals import ROTATION
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.lines_and_columns import beside_lines_and_columns
 from mtu_cli.stats.scatter_tests import log_variance_u
 
-FEWEST = 3
-"""Parts that tell a scatter."""
-TINY = 1e-9
-"""Of the squares of columns: directions with less do not differ from the others."""
+FEWEST = 4
+"""Degrees of freedom that tell a scatter: its u is a third of it then."""
+ROUNDING = 1e-12
+"""Of the variance of all entries."""
+LEAST_LEFT = 1e-3
+"""Of an entry's variance beside its part's line, below which nothing is told of its tails."""
 LEAST_SHARE = 0.05
 """Of the squares of a turn or growth, below which the places tell nothing of an axis."""
 
@@ -89,22 +93,27 @@ def _by_axis(
 
 
 def _of_operation(prepared: Prepared, left: FloatArray) -> ScatterSize:
-    """The operation that scatters most against all others, along any axis."""
+    """The operation that scatters most against all others, along any axis.
+
+    Where its own columns are too few to tell (no more than a line of a part takes), its size is
+    what `variance_by_operation` has of all columns, of all axes together.
+    """
     scan, table = prepared.scan, prepared.table
     variance = variance_by_operation(scan, left)
     code, alone, rest = _most(prepared, left, int(scan.operation[int(np.argmax(variance))]))
     own = scan.operation == code
     if alone is None:
-        alone = np.full(1, float(np.mean(scan.null.interaction)) * float(variance[own].mean()))
-    s = float(np.sqrt(np.mean(alone)))
-    entries, there, share = interaction_entries(scan, left)
-    u = s * log_variance_u(entries[there & own], share) / 2
+        s = float(np.sqrt(np.mean(scan.null.interaction) * variance[own].mean()))
+        entries, there, share = interaction_entries(scan, left)
+        u = s * log_variance_u(entries[there & own], share) / 2
+    else:
+        s, u = alone.root, alone.u
     return ScatterSize(
         parameter=("s", table.unit, s, u),
         of=table.operations[code],
-        others=None if rest is None else float(np.sqrt(np.mean(rest))),
-        by_axis=_along(table.axes, alone),
-        others_by_axis=() if rest is None else _along(table.axes, rest),
+        others=None if rest is None else rest.root,
+        by_axis=() if alone is None else _along(table.axes, alone.variance),
+        others_by_axis=() if rest is None else _along(table.axes, rest.variance),
     )
 
 
@@ -114,43 +123,71 @@ def _along(axes: tuple[str, ...], variances: FloatArray) -> tuple[tuple[str, flo
     return tuple(zip(axes, np.sqrt(variances).tolist(), strict=True))
 
 
+class _Spread(NamedTuple):
+    """Variances (A,) of the entries of some columns, and u of their logarithms."""
+
+    variance: FloatArray
+    u_of_log: FloatArray
+
+    @property
+    def root(self) -> float:
+        """The standard deviation of all axes together."""
+        return float(np.sqrt(np.mean(self.variance)))
+
+    @property
+    def u(self) -> float:
+        """The standard uncertainty of that."""
+        u_of_mean = np.sqrt(np.sum((self.variance * self.u_of_log) ** 2)) / len(self.variance)
+        return float(u_of_mean / (2 * self.root)) if self.root > 0 else np.inf
+
+
 def _most(
     prepared: Prepared, left: FloatArray, likeliest: int
-) -> tuple[int, FloatArray | None, FloatArray | None]:
-    """The operation with the largest ratio of variances to all others, and both (A,), None of what
-    too few columns tell. Where one of them tells none, it may be that one: the `likeliest` by what
-    all columns have in common is taken.
+) -> tuple[int, _Spread | None, _Spread | None]:
+    """The operation that stands out most among all others, along any axis, by the logarithm of the
+    variances' ratio in its u; and both, None of what too few columns tell. Where one of the
+    operations tells none, it may be that one: the `likeliest` by what all columns have in common
+    is taken.
     """
-    told, ratio = {}, {}
+    told, clear = {}, {}
     for code in np.unique(prepared.scan.operation).tolist():
         own = prepared.scan.operation == code
         alone, rest = told[code] = tuple(_of_columns(prepared, left, w) for w in (own, ~own))
         if alone is not None and rest is not None:
-            ratio[code] = float(np.max(alone / np.maximum(rest, 1e-300)))
-    most = max(ratio, key=lambda code: ratio[code]) if len(ratio) == len(told) else likeliest
+            clear[code] = _clearness(alone, rest)
+    known = len(clear) == len(told) and max(clear.values()) > -np.inf
+    most = max(clear, key=lambda code: clear[code]) if known else likeliest
     alone, rest = told[most]
     return most, alone, rest
 
 
-def _of_columns(prepared: Prepared, left: FloatArray, which: np.ndarray) -> FloatArray | None:
-    """Variances (A,) of the entries of some columns beside their own parts, lines and means, by the
-    parts that have all of them: those of others, which may scatter by far more, are mixed in with
-    what all columns have in common. None where too few are there.
+def _clearness(alone: _Spread, rest: _Spread) -> float:
+    """The largest log ratio of two variances over the axes, in its standard uncertainty; an axis
+    along which nothing scatters tells none.
+    """
+    told = (alone.variance > 0) & (rest.variance > 0)
+    if not told.any():
+        return -np.inf
+    u = np.hypot(alone.u_of_log[told], rest.u_of_log[told])
+    return float(np.max(np.log(alone.variance[told] / rest.variance[told]) / u))
+
+
+def _of_columns(prepared: Prepared, left: FloatArray, which: np.ndarray) -> _Spread | None:
+    """The entries of some columns beside their own parts, lines and means: those of others, which
+    may scatter by far more, are mixed in with what all columns have in common. None where too few
+    are there.
     """
     strata = prepared.scan.frame.strata
-    whole = prepared.scan.frame.completion.observed[:, which].all(axis=1)
-    own = strata.tables(left)[whole][:, which]
-    if len(own) < FEWEST:
-        return None
+    there = prepared.scan.frame.completion.observed[:, which]
     smooth = strata.columns[which, : 1 + strata.lines]
-    # Holes in a row have fewer directions than the part.
-    square, turn = np.linalg.eigh(smooth.T @ smooth)
-    kept = square > TINY * square[-1]
-    basis = smooth @ turn[:, kept] / np.sqrt(square[kept])
-    own = own - own.mean(axis=0)
-    own = own - np.einsum("hk,gk,pga->pha", basis, basis, own)
-    dof = (len(own) - 1) * (int(which.sum()) - basis.shape[1])
-    if dof <= 0:
+    entries, share, dof = beside_lines_and_columns(strata.tables(left)[:, which], there, smooth)
+    if dof < FEWEST:
         return None
-    found: FloatArray = np.sum(own**2, axis=(0, 1)) / dof
-    return found
+    variance = np.sum(entries**2, axis=(0, 1)) / dof
+    # What rounding leaves of an axis along which nothing differs is no scatter.
+    variance = np.where(variance > ROUNDING * prepared.scan.null.interaction, variance, 0.0)
+    # Entries of which a line leaves less would look like ones of heavy tails beside the others.
+    seen = share > LEAST_LEFT
+    alike = entries[seen] / np.sqrt(share[seen])[:, None]
+    known = [log_variance_u(column, dof / len(alike)) for column in alike.T]
+    return _Spread(variance, np.array(known))
