@@ -26,8 +26,8 @@ NORMAL_MAD = 1.4826
 LINE_SWEEPS = 4
 NOTHING = 1e-12
 """Share of the places' squares below which they do not differ along a direction."""
-MANY = 6
-"""Times the parameters of a line from which on the others of a part know it well."""
+SMALLEST = 1e-9
+"""Variance of slopes over that of entries, and the other way round, that is none."""
 FAR = 3.0
 """Standard deviations beyond which an entry does not bend its part's line."""
 
@@ -56,13 +56,10 @@ def set_aside(table: ResidualTable) -> tuple[ResidualTable, tuple[Gross, ...]]:
     if P * H < 12 or (1 < P < FEWEST) or (1 < H < FEWEST):
         return table, ()
     plain, few = _polished(np.where(table.there[:, :, None], table.errors, np.nan))
-    left, lines = (plain, 0) if min(P, H) == 1 else _without_lines(plain, table.places)
-    worst, limit = _scores(left, few + lines), _limit(P * H)
-    # A corner that does not bend its part's line is far from it by chance: the line of few others
-    # is not known so well there. What is gross is off without any line, too.
-    gross = worst > limit
-    if lines and MANY * (_slopes(table.places).shape[2] + 2) > H:
-        gross &= _scores(plain, few) > limit - MARGIN
+    left, share, lines = _without_lines(plain, table.places)
+    # A line takes the place of its part's median.
+    worst = _scores(left / np.sqrt(share), few - lines)
+    gross = worst > _limit(P * H)
     if not gross.any() or gross.sum() > max(MOST * P * H, 1):
         return table, ()
     kept = _still_needed(table.there & ~gross, gross)
@@ -126,15 +123,18 @@ def _medians(values: FloatArray, axis: int) -> FloatArray:
     return found
 
 
-def _without_lines(errors: FloatArray, places: FloatArray) -> tuple[FloatArray, int]:
-    """Errors (P, H, A) less a robust straight line of each part along the places (P, H, d), and
-    the number of its slopes: parts turn and grow, and that is no gross error of single entries.
+def _without_lines(errors: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+    """Errors (P, H, A) less a robust straight line of each part along the places (P, H, d); what
+    their variances are of those of single entries, (P, H, A); and how many parts have a line.
+
+    Parts turn and grow, and that is no gross error of single entries. A corner goes with its
+    part's line, or is far from that of few others by chance: see `_shrunken`.
     """
     P, H, _ = errors.shape
     X = _slopes(places)
     k = X.shape[2]
-    if k == 0 or 2 * (k + 2) > H:
-        return errors, 0
+    if min(P, H) == 1 or k == 0 or 2 * (k + 2) > H:
+        return errors, np.ones_like(errors), 0
     X = np.concatenate([np.ones((P, H, 1)), X], axis=2)
     left = errors
     # A line through few entries goes where the one that it should judge pulls it.
@@ -144,8 +144,50 @@ def _without_lines(errors: FloatArray, places: FloatArray) -> tuple[FloatArray, 
         spread = NORMAL_MAD * np.nanmedian(np.abs(left), axis=(0, 1)) / np.sqrt(share)
         near = np.isfinite(left) & (np.abs(left) <= FAR * np.maximum(spread, 1e-300))
         near &= enough[:, None, None]
-        left = errors - np.einsum("phi,pia->pha", X, _lines(X, np.where(near, errors, 0.0), near))
-    return left, k * int(enough.sum())
+        slopes = _lines(X, np.where(near, errors, 0.0), near)
+        left = errors - np.einsum("phi,pia->pha", X, slopes)
+    fitted, h = _shrunken(X, np.where(near, errors, 0.0), near, slopes, spread)
+    of_lines = np.where(near, np.maximum(1.0 - h, LEAST), 1.0 + h)
+    apart = enough[:, None, None]
+    return (
+        np.where(apart, errors - fitted, errors),
+        np.where(apart, of_lines, 1.0),
+        int(enough.sum()),
+    )
+
+
+def _shrunken(
+    X: FloatArray,
+    y: FloatArray,
+    near: NDArray[np.bool_],
+    slopes: FloatArray,
+    spread: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Lines of parts (P, H, A) whose slopes are drawn from normal distributions about 0, and h of
+    every entry: what is not of the line has the variance 1 - h, or 1 + h where it was not `near`
+    and the line was fitted without it, of single entries, whose standard deviation is `spread`.
+
+    The best linear prediction, (X'X + L)^-1 X'y, L = spread^2 over the variance of each slope from
+    part to part: that of the fitted `slopes` (P, i, A) less what single entries make of it. Where
+    parts do not turn, no line is taken off them.
+    """
+    noise = spread[:, None] ** 2
+    G = np.einsum("phi,pha,phj->paij", X, near.astype(float), X)
+    has_line = np.asarray(near.any(axis=1))
+    # A slope that a part's places do not tell is not counted.
+    by_chance = 1.0 / np.maximum(np.einsum("paii->pai", G), 1e-300)
+    squares, chance = slopes.transpose(0, 2, 1) ** 2, by_chance * noise
+    n = np.maximum(has_line.sum(axis=0), 1)[:, None]
+    of_parts = np.where(has_line[..., None], squares - chance, 0.0).sum(axis=0) / n
+    L = np.clip(noise / np.maximum(of_parts, 1e-300), SMALLEST, 1 / SMALLEST)
+    L[:, 0] = 0.0
+    eye = np.eye(X.shape[2])
+    whole = G + L[:, :, None] * eye + np.where(has_line, 0.0, 1.0)[..., None, None] * eye
+    wanted = np.einsum("phi,pha->pai", X, y)
+    lines = np.linalg.solve(whole, wanted[..., None])[..., 0]
+    inverse = np.linalg.solve(whole, np.broadcast_to(eye, whole.shape))
+    h = np.einsum("phi,paij,phj->pha", X, inverse, X)
+    return np.einsum("phi,pai->pha", X, lines), h
 
 
 def _slopes(places: FloatArray) -> FloatArray:

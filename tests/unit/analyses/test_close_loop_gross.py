@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from crossed_tables import Floats, half_measured, holes
 from loop_tables import crossed, residuals
+from numpy.typing import NDArray
 from scipy.stats import binom, norm
 
 from mtu_cli.analyses.close_loop.gross import _medians, set_aside
@@ -194,3 +195,53 @@ def test_corners_of_parts_go_farther_by_chance_than_their_middle() -> None:
         table = replace(table, places=np.broadcast_to(places, (20, 16, 3)).copy())
         touched += bool(set_aside(table)[1])
     assert touched <= binom.ppf(1 - 1e-3, count, 0.02)
+
+
+def some_holes(rng: np.random.Generator, each: int) -> NDArray[np.bool_]:
+    """21 parts of 24 holes, each measured at some of them."""
+    there = np.zeros((21, 24), bool)
+    for row in there:
+        row[rng.choice(24, each, replace=False)] = True
+    return there
+
+
+def lone_corner() -> Floats:
+    """23 holes in a patch, one far from them: it makes the line of its part, or none."""
+    x, y = np.append(10.0 + np.arange(23), 140.0), np.append(15.0 + np.arange(23) % 5, 140.0)
+    return np.stack([x, y, np.full(24, 127.0)], axis=1)
+
+
+@pytest.mark.parametrize("case", ["eight", "twelve", "corner"])
+def test_few_holes_of_a_part_and_a_lone_corner_are_left_alone(case: str) -> None:
+    """A place that decides on its part's line is as far off as chance makes it there."""
+    rng, count, touched = np.random.default_rng(3), 150, 0
+    for _ in range(count):
+        errors = rng.normal(size=(21, 24, 2))
+        there = some_holes(rng, 8 if case == "eight" else 12) if case != "corner" else None
+        table = residuals(errors) if there is None else residuals(errors, there=there)
+        if case == "corner":
+            table = replace(table, places=np.broadcast_to(lone_corner(), table.places.shape).copy())
+        touched += bool(set_aside(table)[1])
+    assert touched <= binom.ppf(1 - 1e-3, count, 0.01)
+
+
+@pytest.mark.parametrize("holes_of_each", [12, 16, 24])
+def test_gross_entries_of_parts_that_turn_are_found(holes_of_each: int) -> None:
+    """Ten standard deviations off, anywhere, where turns make corners go as far."""
+    rng, found = np.random.default_rng(8), 0
+    for _ in range(40):
+        places = rng.uniform(-70, 70, (holes_of_each, 2))
+        turn = 0.07 * rng.normal(size=(20, 1))
+        errors = rng.normal(size=(20, holes_of_each, 2))
+        errors[..., 0] -= turn * places[:, 1]
+        errors[..., 1] += turn * places[:, 0]
+        part, hole = rng.integers(20), rng.integers(holes_of_each)
+        errors[part, hole, 0] += 10.0
+        table = residuals(errors)
+        moved = table.places.copy()
+        moved[..., :2] = places
+        aside = set_aside(replace(table, places=moved))[1]
+        found += [(own.part, own.feature) for own in aside] == [
+            (table.parts[part], table.features[hole])
+        ]
+    assert found >= 36
