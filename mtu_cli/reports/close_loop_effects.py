@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.one_phase import least_amplitude
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import amplitude, pitch_is_open, things
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_scatter import scatter_text
@@ -50,17 +49,19 @@ SENTENCES = {
 """By family; what is missing falls back to what the library says of the effect."""
 CHANGES = {"scale": "thermal-growth", "squareness": "thermal-squareness"}
 """The family of what changes with a temperature, by that of what is the same in all parts."""
+LATER_BACKLASH = "backlash-step"
 TWICE = 2.0
 """The reversal value is twice the parameter, which acts in both directions (ISO 230-2, 2.13)."""
 
 
 def effect_text(effect: FoundEffect, item: TableResult) -> str:
     """Such as "X loses 8.2 ± 0.6 um at reversal"."""
-    return _sentence(effect, item) + _alike(effect)
-
-
-def _sentence(effect: FoundEffect, item: TableResult) -> str:
     shown = parameters_of(effect)[: len(effect.sizes)]
+    return sentence_text(effect, item, shown) + _alike(effect)
+
+
+def sentence_text(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> str:
+    """What is said of an effect whose parameters are `shown`, or would be."""
     sentence = SENTENCES.get(effect.family)
     if sentence is None or not shown:
         return _says(effect, shown)
@@ -77,10 +78,16 @@ def _says(effect: FoundEffect, shown: tuple[Shown, ...]) -> str:
     return ": ".join(text for text in (f"{effect.says}{chosen}", values) if text)
 
 
+def lost_before(effect: FoundEffect, item: TableResult) -> FoundEffect | None:
+    """The lost motion of an axis that is there before more or less of it begins at one part."""
+    if effect.family != LATER_BACKLASH:
+        return None
+    return next((own for own in item.effects if own.name == f"backlash-{effect.axis}"), None)
+
+
 def _beside_backlash(value: float, effect: FoundEffect, item: TableResult) -> dict[str, str]:
     """How lost motion that begins at one part changes what was there before."""
-    name = f"backlash-{effect.axis}"
-    before = next((own for own in item.effects if own.name == name and own is not effect), None)
+    before = lost_before(effect, item)
     if before is None:
         return {"more": ""}
     was = before.parameters[0][2]
@@ -117,7 +124,7 @@ def _words(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> 
         words["covariate"] = effect.covariate
         words["each"] = _each(effect.covariate, row)
     if AT in effect.searched:
-        words["at"] = _first_after(effect, item)
+        words["at"] = first_after(effect, item)
     if len(shown) == 1:
         words |= _of_one(first, effect, item)
     if len({p.unit for p in shown}) == 1:
@@ -198,42 +205,14 @@ def _grows(effect: FoundEffect, item: TableResult, value: float) -> str:
 
 
 def _reversal(value: float, item: TableResult) -> dict[str, str]:
-    """An axis with play stops short after a move towards + (forward), and loses; one that goes too
-    far gains.
+    """Words of a lost motion: an axis with play stops short after a move towards + (forward), and
+    loses; one that goes too far gains.
     """
     if item.table.component is not None:
         return {"loses": "changes by", "sides": "" if value > 0 else ", lower forward"}
     if value > 0:
         return {"loses": "gains", "sides": ", too far from both sides"}
     return {"loses": "loses", "sides": ", short from both sides"}
-
-
-def sum_texts(item: TableResult, result: CloseLoopResult) -> list[str]:
-    """What squarenesses of one pair of axes come to, found along each of them.
-
-    Of E_x = a y and E_y = b x the angle of the axes is off by a + b, whichever of the two is a
-    squareness and which a turn.
-    """
-    place, at = 0, {}
-    for effect in result.effects:
-        at[id(effect)] = place
-        place += len(effect.parameters)
-    found: dict[str, list[FoundEffect]] = {}
-    for effect in item.effects:
-        if effect.family == "squareness" and len(effect.parameters) == 1:
-            found.setdefault(effect.name, []).append(effect)
-    texts = []
-    for own in (own for own in found.values() if len(own) > 1):
-        first, places = parameters_of(own[0])[0], [at[id(effect)] for effect in own]
-        total = sum(parameters_of(effect)[0].value for effect in own)
-        variance = result.covariance[np.ix_(places, places)].sum()
-        u = math.sqrt(variance) / PARAMETER_UNITS[first.unit].to_internal
-        words = _words(own[0], item, (replace(first, value=total, u=u),))
-        angle = SENTENCES["squareness"].format(**words)
-        texts.append(
-            f"{own[0].name} was found along both axes: together {angle}, and all is turned."
-        )
-    return texts
 
 
 def direction_text(effect: FoundEffect, item: TableResult) -> str | None:
@@ -243,7 +222,7 @@ def direction_text(effect: FoundEffect, item: TableResult) -> str | None:
     shown = parameters_of(effect)
     if effect.family == "squareness":
         return "+ where the right angle is too small (of `mtu orthogonality`: too large)"
-    if effect.family not in ("backlash", "backlash-step") or len(shown) != 1:
+    if effect.family not in ("backlash", LATER_BACKLASH) or len(shown) != 1:
         return None
     first, over = shown[0], shown[0].value >= 0
     size = _size(TWICE * abs(first.value), TWICE * first.u, first.unit)
@@ -251,6 +230,10 @@ def direction_text(effect: FoundEffect, item: TableResult) -> str | None:
         way = "higher" if over else "lower"
         return f"{item.table.component} is {size} {way} forward than in reverse"
     subject = _subject(effect, item)
+    if lost_before(effect, item) is not None:
+        way = "+" if over else "-"
+        stands = f"after a move to + {subject} stands {size} further to {way} than after one to -"
+        return f"{stands}, compared with what it did before"
     way, meant = (
         ("+", "it goes too far, as play that is corrected too much does")
         if over
@@ -284,7 +267,7 @@ def _each(covariate: str, row: str) -> str:
     return f"from {row} to {row}" if covariate == "sequence" else f"per count of {covariate}"
 
 
-def _first_after(effect: FoundEffect, item: TableResult) -> str:
+def first_after(effect: FoundEffect, item: TableResult) -> str:
     """The first part after a step."""
     at = effect.searched[AT][0]
     order = item.table.covariates.get("sequence")

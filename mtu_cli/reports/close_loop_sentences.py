@@ -77,7 +77,9 @@ def sentences(item: TableResult) -> list[Sentence]:
 
 
 def _text(item: TableResult, effect: FoundEffect) -> str:
-    """What is said of one effect, with the offset that it holds as its level."""
+    """What is said of one effect, with the offset that it holds as its level: but of a component,
+    whose readings are 0 wherever the instrument was set to 0.
+    """
     shifts = "".join(
         f", and everything is shifted along {axis.upper()} by {plus_minus(own.value, own.u)} "
         f"{own.unit}"

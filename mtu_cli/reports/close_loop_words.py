@@ -15,7 +15,6 @@ from mtu_cli.analyses.close_loop.shown import (
 )
 from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
 from mtu_cli.reports.close_loop_class import class_lines, members
-from mtu_cli.reports.close_loop_effects import sum_texts
 from mtu_cli.reports.close_loop_notes import MEANINGS, of_p
 from mtu_cli.reports.close_loop_rest import nameless_text, rest_text, together
 from mtu_cli.reports.close_loop_sentences import Sentence, sentences
@@ -29,6 +28,7 @@ from mtu_cli.reports.close_loop_shown import (
     size_of,
     stays,
 )
+from mtu_cli.reports.close_loop_sums import sum_texts
 from mtu_cli.reports.numbers import p_value, significant
 
 PART_VARIANCE, TURNED = "part-variance", "rotation-scatter"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from close_loop_examples import effect, on_table, result
+from close_loop_examples import effect, on_component, on_table, result
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, NeutralPoint, ScatterSize
 from mtu_cli.reports.close_loop import document, table
+from mtu_cli.reports.close_loop_effects import direction_text
 from mtu_cli.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
 
@@ -165,6 +167,38 @@ def test_lost_motion_from_one_part_on_is_more_where_some_was_there_before() -> N
     assert "um more at" not in words(result(on_table("named", (later, other))))
 
 
+@pytest.mark.parametrize(
+    ("later", "whole"),
+    [
+        (-2.8, "X loses 8.00 ± 0.36 um at reversal, short from both sides"),
+        (0.8, "X loses 0.80 ± 0.36 um at reversal, short from both sides"),
+        (3.2, "X gains 4.00 ± 0.36 um at reversal, too far from both sides"),
+    ],
+)
+def test_what_an_axis_loses_from_one_part_on_is_told_in_all(later: float, whole: str) -> None:
+    """u of the sum holds the covariance: 2 sqrt(0.15^2 + 0.12^2 - 2 0.00225) um."""
+    step = effect(
+        "backlash-step-x",
+        parameters=(("lost_motion", "um", later, 0.15),),
+        equations={"Ex": "lost_motion*step(sequence - 8.5)*dir_x"},
+        searched={"at": (8.5, 7.5, 9.5)},
+    )
+    before = effect("backlash-x", parameters=(("lost_motion", "um", -1.2, 0.12),))
+    covariance = 1e-6 * np.array([[0.0225, -0.00225], [-0.00225, 0.0144]])
+    told = replace(result(on_table("named", (step, before))), covariance=covariance)
+    text = words(told)
+    assert f"In all, from part P9 on: {whole}." in text
+    way = direction_text(step, told.tables[0]) or ""
+    assert way.endswith(", compared with what it did before")
+    assert "too far, as play" not in way
+    # One of several names is no sum.
+    one = replace(step, class_names=("backlash-step-x", "abbe-x"))
+    doubtful = replace(result(on_table("class", (one, before))), covariance=covariance)
+    assert "In all" not in words(doubtful)
+    alone = replace(result(on_table("named", (step,))), covariance=covariance[:1, :1])
+    assert "In all" not in words(alone)
+
+
 def test_an_offset_in_a_level_is_told_with_its_effect() -> None:
     def said(family: str, level: float) -> str:
         own = effect(
@@ -187,3 +221,16 @@ def test_what_is_sure_stands_before_what_is_one_of_several() -> None:
     said = words(result(on_table("class", (doubtful, surely))))
     assert said.startswith("Y gains")
     assert "Beside that backlash-x or trend-x: this data cannot tell which" in said
+
+
+def test_a_level_of_a_component_is_no_shift() -> None:
+    """Its readings are 0 where the instrument was set to 0."""
+    own = effect(
+        "curvature-x",
+        parameters=(("cubic", "um/m^3", 480.0, 120.0), ("level", "um", 3.78, 0.3)),
+        equations={"Ex": "cubic*(x - 75)**3 + level"},
+    )
+    assert "shifted along X by 3.78" in words(result(on_table("named", (own,))))
+    text = words(result(on_component("dx_x", "um", "named", (own,))))
+    assert "bends along the travel" in text
+    assert "shifted" not in text
