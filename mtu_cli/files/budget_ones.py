@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import permutations
+from itertools import combinations, permutations
 
 from mtu_cli.files.budget_unit_texts import ANGLES, sizes_differ, times
 from mtu_cli.files.budget_units import BudgetUnits
@@ -18,14 +18,16 @@ from mtu_cli.language import EquationError, Node
 from mtu_cli.language.dimensions import first_column, literal_value, shown
 from mtu_cli.language.tree import Binary, Call, Negative, rewritten, walk
 
+MOST = 8
+"""Ones of which some are tried together: of many there are ever more ways."""
 PRODUCT = frozenset("*/^ ")
 """What a unit has that is no single angle."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Beside:
-    """A ratio beside a 1: the sum, the ratio, its unit, log10 of that, and whether the 1 is a
-    plain number for sure.
+    """A ratio beside a 1: the sum, the ratio, its unit, log10 of that, whether the 1 is a plain
+    number for sure, and whether it is that here or at another place.
     """
 
     sum: Node
@@ -33,6 +35,7 @@ class _Beside:
     unit: str
     size: float
     sure: bool
+    one_of: bool = False
 
     @property
     def hint(self) -> str:
@@ -43,7 +46,8 @@ def beside_ones(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[
     """Where a ratio in a unit of its own (um/m, %) is added to 1, of which it is a share, in an
     equation that is to give the `stated` unit. Beside an angle a 1 may be 1 deg.
     """
-    found = [own for own in _beside(units, tree, stated) if own.sure]
+    every = [*_beside(units, tree, stated)]
+    found = [own for own in every if own.sure]
     wrong = [own.sum for own in found]
     for own in found:
         # One of a product that holds another is that one's fault.
@@ -51,6 +55,13 @@ def beside_ones(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[
             hint = f"plain numbers: {own.hint}"
             what = f"the plain number 1 and {own.unit} are added"
             yield EquationError(what, first_column(own.ratio), hint, shown(own.ratio))
+    either = [own for own in every if own.one_of]
+    if either:
+        first = either[0]
+        names = " or ".join(dict.fromkeys(repr(shown(own.sum)) for own in either))
+        hint = f"plain numbers in one of them: {first.hint}"
+        what = f"the plain number 1 and {first.unit} are added in {names}"
+        yield EquationError(what, first_column(first.ratio), hint)
 
 
 def ones_in_units(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[tuple[str, str]]:
@@ -80,21 +91,31 @@ def _beside(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[_Bes
         elif one is not node.left and node.operator == "-":
             unsure[id(node)] = Binary("/", other, other, node.column)
         found.append(_Beside(node, other, text, ratio[SIZE], sure))
-    guilty = _guilty(units, tree, stated, unsure)
+    ways = _guilty(units, tree, stated, unsure)
     for own in found:
         key = id(own.sum)
-        yield replace(own, sure=key in guilty) if key in unsure else own
+        if key not in unsure:
+            yield own
+            continue
+        guilty = any(key in way for way in ways)
+        yield replace(own, sure=guilty and len(ways) == 1, one_of=guilty and len(ways) > 1)
 
 
 def _guilty(
     units: BudgetUnits, tree: Node, stated: str | None, unsure: Mapping[int, Node]
-) -> set[int]:
-    """Those of the nodes (by id) that mend the equation, all together or else each alone."""
+) -> list[frozenset[int]]:
+    """The fewest nodes (by id) that mend the equation, in all ways in which so many do."""
     if not unsure or not _wrong(units, tree, stated):
-        return set()
-    if _mended(units, tree, stated, unsure):
-        return {*unsure}
-    return {key for key, own in unsure.items() if _mended(units, tree, stated, {key: own})}
+        return []
+    for count in range(1, len(unsure) if len(unsure) <= MOST else 2):
+        ways = [
+            frozenset(some)
+            for some in combinations(unsure, count)
+            if _mended(units, tree, stated, {key: unsure[key] for key in some})
+        ]
+        if ways:
+            return ways
+    return [frozenset(unsure)] if _mended(units, tree, stated, unsure) else []
 
 
 def _mended(units: BudgetUnits, tree: Node, stated: str | None, plain: Mapping[int, Node]) -> bool:

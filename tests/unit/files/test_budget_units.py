@@ -401,6 +401,40 @@ def test_a_one_that_is_right_hides_no_other(tmp_path: Path) -> None:
     assert "1 and ppm are added" in found
 
 
+def test_the_fewest_ones_that_mend_an_equation_are_told(tmp_path: Path) -> None:
+    """Two of three are wrong."""
+    used = {"L": "mm", "a": "ppm", "b": "%", "c": "1/%", "t": "%", "h": "mm"}
+    found = faults(tmp_path, "L*(a - 1) + L*(b - 1) + L*c*(t - 1) + h", "mm", used)
+    assert len(found) == 2
+    assert "1 and ppm are added at column 4: 'a'" in found[0]
+    assert "1 and % are added at column 16: 'b'" in found[1]
+
+
+@pytest.mark.parametrize(
+    ("equation", "unit", "told"),
+    [
+        ("L*c*(b - 1)*(t - 1) + h", "mm", "'b - 1' or 't - 1' at column 6"),
+        ("(b - 1)*(t - 1)", "%", "'b - 1' or 't - 1' at column 2"),
+    ],
+)
+def test_one_of_two_ones_is_told_as_one(
+    tmp_path: Path, equation: str, unit: str, told: str
+) -> None:
+    """Either is wrong, and who mended both would have it wrong again."""
+    used = {"L": "mm", "b": "%", "c": "1/%", "t": "%", "h": "mm"}
+    own = {name: text for name, text in used.items() if name in equation}
+    (found,) = faults(tmp_path, equation, unit, own)
+    assert f"the plain number 1 and % are added in {told}; expected plain numbers in one" in found
+
+
+def test_many_ones_do_not_take_long(tmp_path: Path) -> None:
+    """Thirty of them have a thousand million ways, of which all at once is one."""
+    used = {f"s{i}": "%" for i in range(30)} | {"L": "mm"}
+    equation = "L*(" + " + ".join(f"(s{i} - 1)" for i in range(30)) + ")"
+    found = faults(tmp_path, equation, "mm", used)
+    assert len(found) == 30
+
+
 def test_ones_of_a_product_are_told_each(tmp_path: Path) -> None:
     """The 1 that is taken from it has nothing wrong but them."""
     found = faults(tmp_path, "(1 + a)*(1 + b) - 1", "1", {"a": "%", "b": "%"})
