@@ -90,6 +90,7 @@ def test_scatter_that_is_left_is_nothing_to_look_for() -> None:
 
 
 X_ALONE = (("x", 26e-6), ("y", 0.0))
+REAMED, REST = (("x", 5.6e-3), ("y", 2.0e-3)), (("x", 1.7e-3), ("y", 1.4e-3))
 
 
 @pytest.mark.parametrize(
@@ -111,6 +112,17 @@ X_ALONE = (("x", 26e-6), ("y", 0.0))
             "reamed by 4.20 ± 0.20 um",
             4.2,
         ),
+        (
+            ScatterSize(
+                parameter=("s", "um", 4.2e-3, 0.2e-3),
+                of="reamed",
+                others=1.58e-3,
+                by_axis=REAMED,
+                others_by_axis=REST,
+            ),
+            "reamed by 4.20 ± 0.20 um (X 5.6, Y 2.0), the others by 1.6 um (X 1.7, Y 1.4)",
+            4.2,
+        ),
     ],
 )
 def test_a_scatter_has_a_size(size: ScatterSize, told: str, s: float) -> None:
@@ -121,7 +133,9 @@ def test_a_scatter_has_a_size(size: ScatterSize, told: str, s: float) -> None:
     written = document(found)["effects"][0]["scatter"]
     assert written["s"] == pytest.approx(s, rel=1e-3)
     assert (written["of"], written["unit"]) == (size.of, size.parameter[1])
-    assert written["by_axis"] == pytest.approx({a: 1e6 * v for a, v in size.by_axis})
+    for name, told_of in (("by_axis", size.by_axis), ("others_by_axis", size.others_by_axis)):
+        per = 1e3 if size.of is not None else 1e6
+        assert written[name] == pytest.approx({axis: per * value for axis, value in told_of})
     assert written["s_of_others"] == (None if size.others is None else pytest.approx(1.58))
 
 
