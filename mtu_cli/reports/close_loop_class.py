@@ -83,7 +83,12 @@ def _rivals(item: TableResult, effect: FoundEffect, *, beside: bool) -> list[Lin
         (True, f"If {name}: {text}{'' if one or cause is None else f'; {cause}'}.")
         for name, text, cause in known
     ]
-    return [(False, lead), *lines, *([(False, f"Whichever it is, {one}.")] if one else [])]
+    left = [x for x in names if not is_nameless(x) and x not in {name for name, *_ in known}]
+    if 0 < len(left) < RIVALS:
+        # The same on these points, and far less likely.
+        lines.append((True, f"What {either(tuple(left))} would be is not estimated."))
+    which = f"If {either(tuple(name for name, *_ in known))}" if left else "Whichever it is"
+    return [(False, lead), *lines, *([(False, f"{which}, {one}.")] if one else [])]
 
 
 def members(item: TableResult, effect: FoundEffect) -> list[tuple[str, str, str | None]]:

@@ -114,6 +114,20 @@ def test_a_bend_is_told_from_a_lean_by_more_places() -> None:
     assert "No further parts tell these apart: look for each of them" in text
 
 
+def test_what_was_not_estimated_of_a_class_is_told() -> None:
+    """A rival that is the same on these points has no size of its own."""
+    (own,) = ambiguous().tables[0].effects
+    tilt = replace(
+        own, name="abbe-x", class_names=("abbe-x", "squareness-xz"), aliases=("straightness-x",)
+    )
+    lean = replace(tilt, name="squareness-xz", family="squareness", axis="xz", rivals=())
+    text = words(result(on_table("class", (replace(tilt, rivals=(lean,)),))))
+    assert "If squareness-xz: X and Z are out of square" in text
+    assert "What straightness-x would be is not estimated." in text
+    every = replace(tilt, aliases=(), rivals=(lean,))
+    assert "not estimated" not in words(result(on_table("class", (every,))))
+
+
 def test_a_class_is_not_told_as_one_name() -> None:
     text = words(ambiguous())
     assert text.startswith(
