@@ -183,11 +183,11 @@ def _shrunken(
     L[:, 0] = 0.0
     eye = np.eye(X.shape[2])
     whole = G + L[:, :, None] * eye + np.where(has_line, 0.0, 1.0)[..., None, None] * eye
-    wanted = np.einsum("phi,pha->pai", X, y)
-    lines = np.linalg.solve(whole, wanted[..., None])[..., 0]
-    inverse = np.linalg.solve(whole, np.broadcast_to(eye, whole.shape))
-    h = np.einsum("phi,paij,phj->pha", X, inverse, X)
-    return np.einsum("phi,pai->pha", X, lines), h
+    square, turn = np.linalg.eigh(whole)
+    wanted = np.einsum("phi,pha,paij->paj", X, y, turn) / square
+    along = np.einsum("phi,paij->phaj", X, turn)
+    h = np.sum(along**2 / square[:, None], axis=3)
+    return np.einsum("phaj,paj->pha", along, wanted), h
 
 
 def _slopes(places: FloatArray) -> FloatArray:
