@@ -248,7 +248,7 @@ def _together(
         of_parts = table.n0[place] * foretold.scatter[place]
         kept = np.isfinite(scatter.p[place]) & (of_parts > ROUNDING * scatter.expected[place])
         own = place[kept]
-        yield together(operation, own, scatter.expected[own], table, joint.only(kept))
+        yield together(operation, own, scatter.expected[own], table, joint.only(kept), HOPELESS)
 
 
 def _by_dof(values: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +51,7 @@ class Jointly:
     p_hopeless: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Together:
     """The m items of one operation whose scatter can be tested: where they stand among all items
     (`own`), `ratio` MS_between/expectation, the `correlation` (m, m) of the means of one part and
@@ -69,8 +70,14 @@ class Together:
     weights: FloatArray
     within: FloatArray
     within_dof: FloatArray
+    hopeless: float
 
-    def test(self, chosen: NDArray[np.bool_], hopeless: float) -> Jointly | None:
+    @cached_property
+    def of_all(self) -> Jointly | None:
+        """The test of all items."""
+        return self.test(np.full(len(self.own), True))
+
+    def test(self, chosen: NDArray[np.bool_]) -> Jointly | None:
         """The mean ratio T of the `chosen` (m,) of the items; None of fewer than two.
 
         Of normal errors T is a sum of chi-squared variables whose sizes are the eigenvalues of the
@@ -89,7 +96,7 @@ class Together:
         dof = 2.0 * float((self.correlation[pairs] ** 2).mean() / self.shared[pairs].mean())
         variance = uncertain_variance(*self._expected(chosen))
         high, low = mean_square_tails(T, sizes, dof, variance)
-        far, _ = mean_square_tails(hopeless**2, sizes, dof, variance)
+        far, _ = mean_square_tails(self.hopeless**2, sizes, dof, variance)
         return Jointly(
             items=m,
             ratio=float(np.sqrt(max(T - w, 0.0) / (1 - w))),
@@ -112,7 +119,12 @@ class Together:
 
 
 def together(
-    operation: str, own: NDArray[np.intp], expected: FloatArray, table: OneWay, joint: Joint
+    operation: str,
+    own: NDArray[np.intp],
+    expected: FloatArray,
+    table: OneWay,
+    joint: Joint,
+    hopeless: float,
 ) -> Together:
     """The items at `own` (m,) of a `table`, of which MS_between is `expected` (m,), mm^2."""
     df, weights = table.df_between[own], table.n0[own] / expected
@@ -130,4 +142,5 @@ def together(
         weights=weights,
         within=np.where(apart, table.ms_within[own], 0.0) / expected,
         within_dof=np.where(apart, table.df_within[own], np.inf),
+        hopeless=hopeless,
     )

@@ -8,8 +8,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.compare.evidence import FEWEST_PARTS, HOPELESS, Evidence
-from mtu_cli.analyses.compare.together import Jointly
+from mtu_cli.analyses.compare.evidence import FEWEST_PARTS, Evidence
+from mtu_cli.analyses.compare.together import Jointly, Together
 from mtu_cli.stats.family import holm
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -145,9 +145,7 @@ def less_pulled(found: Compared, off: FloatArray, k: float) -> Compared:
 
 def _tests_at_once(kind: Evidence) -> dict[str, Jointly]:
     """Of all items of each operation, those tests that have a chance of finding anything."""
-    every = {
-        own.operation: own.test(np.full(len(own.own), True), HOPELESS) for own in kind.together
-    }
+    every = {own.operation: own.of_all for own in kind.together}
     known = {operation: own for operation, own in every.items() if own is not None}
     least = JOINT_SHARE * FAMILY_RATE / max(len(known), 1)
     return {operation: own for operation, own in known.items() if own.p_hopeless <= least}
@@ -160,7 +158,7 @@ def _at_once(found: Compared) -> tuple[AllAtOnce, ...]:
     for (operation, test), p in zip(tests.items(), adjusted, strict=True):
         own = next(item for item in found.together if item.operation == operation)
         verdict = _way(test) if p <= FAMILY_RATE else None
-        others = None if verdict is None else own.test(_faultless(found)[own.own], HOPELESS)
+        others = None if verdict is None else _of_others(own, _faultless(found)[own.own])
         if others is not None:
             # To leave out what was found makes the rest less: no more is claimed than is there.
             others = replace(others, p=min(others.p * len(tests) / JOINT_SHARE, 1.0))
@@ -177,6 +175,10 @@ def _at_once(found: Compared) -> tuple[AllAtOnce, ...]:
             )
         )
     return tuple(entries)
+
+
+def _of_others(own: Together, chosen: NDArray[np.bool_]) -> Jointly | None:
+    return own.of_all if chosen.all() else own.test(chosen)
 
 
 def _way(test: Jointly) -> Verdict:

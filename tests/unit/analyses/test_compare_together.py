@@ -18,8 +18,6 @@ from mtu_cli.reports.compare import document
 from mtu_cli.reports.compare_words import verdict_text
 from mtu_cli.stats.least_squares import FloatArray
 
-HOPELESS = 10.0
-
 
 def known(ratio: FloatArray, correlation: FloatArray, df: float, dof: float = np.inf) -> Together:
     """Items of one mean square and no CMM, whose part means have this correlation."""
@@ -35,11 +33,12 @@ def known(ratio: FloatArray, correlation: FloatArray, df: float, dof: float = np
         weights=np.ones(m),
         within=np.zeros(m),
         within_dof=np.full(m, np.inf),
+        hopeless=10.0,
     )
 
 
 def p_of(item: Together) -> float:
-    found = item.test(np.full(len(item.ratio), True), HOPELESS)
+    found = item.of_all
     assert found is not None
     return found.p
 
