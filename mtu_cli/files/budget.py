@@ -10,6 +10,7 @@ from mtu_cli.errors import did_you_mean
 from mtu_cli.files.budget_checks import check_coverage, check_inputs, check_joint
 from mtu_cli.files.budget_contract import Budget, Contribution, Correlation, Coverage, Input
 from mtu_cli.files.budget_fahrenheit import unconverted
+from mtu_cli.files.budget_kelvin import mixed_temperatures
 from mtu_cli.files.budget_notices import notices, stated_unit
 from mtu_cli.files.budget_ones import beside_ones
 from mtu_cli.files.budget_readings import reading_notices
@@ -101,9 +102,7 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
             if tree is not None:
                 trees[name] = tree
                 _check_tree_units(budget, units, tree, place, findings)
-        for name, expected in unconverted(stated, trees.values()):
-            what = "degF beside degC or K: no unit is converted"
-            findings.add(("inputs", name, "unit"), what, value=stated[name], expected=expected)
+        _check_temperatures(budget, trees, findings)
 
     budget = check_contract(document, Budget, "budget", check)
     return LoadedBudget(
@@ -160,6 +159,19 @@ def _check_units(budget: Budget, findings: Findings) -> None:
         findings.add(
             ("quantity",), "`quantity` belongs to a single `equation`", expected="`units: {...}`"
         )
+
+
+def _check_temperatures(budget: Budget, trees: Mapping[str, Node], findings: Findings) -> None:
+    """Of scales that do not go together: degF, degC, K."""
+    inputs = budget.inputs or {}
+    units = {name: item.unit for name, item in inputs.items()}
+    for name, expected in unconverted(units, trees.values()):
+        what = "degF beside degC or K: no unit is converted"
+        findings.add(("inputs", name, "unit"), what, value=units[name], expected=expected)
+    for mixed in mixed_temperatures(inputs, trees.values()):
+        if mixed.sure:
+            place = ("inputs", mixed.name, "unit")
+            findings.add(place, mixed.what, value=units[mixed.name], expected=mixed.expected)
 
 
 def _check_tree_units(

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from mtu_cli.files.budget_contract import Budget
+from mtu_cli.files.budget_kelvin import mixed_temperatures
 from mtu_cli.files.budget_ones import ones_in_units
 from mtu_cli.files.budget_units import BudgetUnits
 from mtu_cli.files.contract_errors import path_text
@@ -27,6 +28,7 @@ def notices(
         *_unused(budget, trees, document),
         *_unclear_units(budget, document),
         *_ones_in_units(budget, trees, document),
+        *_like_kelvin(budget, trees, document),
         *_unstated_units(budget, trees, document),
     )
 
@@ -86,6 +88,19 @@ def _ones_in_units(
             line = document.line_of(*place)
             text = f"{document.source.shown}:{line}: {path_text(place)}: in {term!r} {what}"
             found.append(Notice(code="one-in-unit", message=text))
+    return tuple(found)
+
+
+def _like_kelvin(
+    budget: Budget, trees: Mapping[str, Node], document: YamlDocument
+) -> tuple[Notice, ...]:
+    """Temperatures in degC that would be a room's in K."""
+    found = []
+    for mixed in mixed_temperatures(budget.inputs, trees.values()):
+        if not mixed.sure:
+            line = document.line_of("inputs", mixed.name, "unit")
+            text = f"{document.source.shown}:{line}: inputs.{mixed.name}: {mixed.what}; expected "
+            found.append(Notice(code="like-kelvin", message=text + mixed.expected))
     return tuple(found)
 
 

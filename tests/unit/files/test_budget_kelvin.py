@@ -1,0 +1,74 @@
+"""Temperatures in K beside ones in degC."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mtu_cli.errors import InputError
+from mtu_cli.files.budget import LoadedBudget, load_budget
+
+
+def load(tmp_path: Path, equation: str, inputs: dict[str, str]) -> LoadedBudget:
+    path = tmp_path / "b.yaml"
+    lines = "".join(f"  {name}: {{{text}}}\n" for name, text in inputs.items() if name in equation)
+    path.write_text(f"schema: mtu/budget/1\nname: t\nequation: {equation}\ninputs:\n{lines}")
+    return load_budget(path)
+
+
+INPUTS = {
+    "L": "value: 500, u: 0.1, unit: mm",
+    "a": "value: 11.5e-6, u: 5.0e-7, unit: 1/K",
+    "TK": "value: 295.15, u: 0.1, unit: K",
+    "RK": "readings: [295.1, 295.2, 295.15], unit: Kelvin",
+    "WK": "low: 295, high: 295.5, distribution: rectangular, unit: deg K",
+    "TC": "value: 22, u: 0.1, unit: degC",
+    "DK": "value: 2.1, u: 0.1, unit: K",
+    "HC": "value: 295.15, u: 0.1, unit: degC",
+    "c": "value: 0.04, u: 0.1, unit: degC",
+    "T0": "value: 20, unit: \u00b0C",
+    "F": "value: 650, u: 3, unit: degC",
+}
+
+
+@pytest.mark.parametrize(
+    ("equation", "line", "told"),
+    [
+        ("L*a*(TK - T0)", 7, "inputs.TK.unit: a temperature in K and T0 (20 degC) are in one sum: "
+         "'K'; expected one scale: 22 degC for 295.15 K"),
+        ("L*a*(T0 - RK)", 7, "inputs.RK.unit: a temperature in K and T0 (20 degC) are in one sum"),
+        ("L*a*(WK - 20)", 7, "inputs.WK.unit: a temperature in K and 20 are in one sum: 'deg K'; "
+         "expected one scale: 22.1 degC for 295.25 K"),
+        ("L*(1 + a*(TC + TK - T0))", 7, "a temperature in K and TC (22 degC) are in one sum"),
+    ],
+)  # fmt: skip
+def test_kelvin_less_celsius_is_refused(
+    tmp_path: Path, equation: str, line: int, told: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, equation, INPUTS)
+    (problem,) = [str(own) for own in caught.value.problems]
+    assert problem.startswith(f"b.yaml:{line}: ")
+    assert told in problem
+
+
+@pytest.mark.parametrize(
+    "equation",
+    [
+        "L*a*(TC - T0)", "L*a*DK", "L*a*(TC - DK - T0)", "L*a*(TK - 273.15 - T0)",
+        "L*a*(TK - 293.15)", "L*a*(TK + c - WK)", "L*a*(F - T0)", "TK*DK", "L*a*(TK - RK)",
+    ],
+)  # fmt: skip
+def test_what_is_right_passes(tmp_path: Path, equation: str) -> None:
+    codes = {notice.code for notice in load(tmp_path, equation, INPUTS).warnings}
+    assert "like-kelvin" not in codes
+
+
+def test_degrees_that_would_be_a_room_in_kelvin_are_asked_for(tmp_path: Path) -> None:
+    found = load(tmp_path, "L*a*(HC - T0)", INPUTS).warnings
+    (notice,) = [own for own in found if own.code == "like-kelvin"]
+    assert notice.message == (
+        "b.yaml:7: inputs.HC: 295.15 degC is in one sum with T0 (20 degC); expected 22 degC, if it "
+        "is in K"
+    )
