@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import Experiment, FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import is_nameless, pitch_is_open, should_be_told
 from mtu_cli.language import names as names_in
 from mtu_cli.language import parse
@@ -28,6 +28,9 @@ BEND, PLACES = "straightness-", 4
 OTHER_PLACES = "measure features at more, and uneven, distances along the axis"
 NO_DISTANCE = 0.05
 """Standard deviations below which rivals are the same in the data so far."""
+
+WORTH = 1.0
+"""Further standard deviations that make a follow-up worth its parts."""
 
 Line = tuple[bool, str]
 """Whether it is what one of several rivals would be, and the words."""
@@ -121,18 +124,30 @@ def _experiment(effect: FoundEffect) -> list[str]:
         return [] if effect.separates is None else [f"To tell: {effect.separates}."]
     further = significant(planned.further_d)
     now = significant(planned.now_d) if planned.now_d >= NO_DISTANCE else "none"
+    little = planned.further_d < WORTH
     if should_be_told(effect):
         nameless = any(map(is_nameless, effect.class_names))
         one = "One of those with a name" if nameless else "One of them"
         none = "or what has no name" if nameless else "or none"
-        return [
-            f"{one} alone would show in this data ({now} standard deviations): "
-            f"more than one may act, {none}. To tell: {planned.do}."
-        ]
+        lead = f"{one} alone would show in this data ({now} standard deviations): more than one "
+        if little:
+            return [f"{lead}may act, {none}. {_little(planned)}"]
+        return [f"{lead}may act, {none}. To tell: {planned.do}."]
+    if little:
+        return [_little(planned)]
     return [
         f"To tell: {planned.do}: that should set them a further {further} standard deviations "
         f"apart (so far {now})."
     ]
+
+
+def _little(planned: Experiment) -> str:
+    """That the best follow-up is not worth its parts."""
+    further = significant(planned.further_d)
+    return (
+        f"Further parts tell little: the best of all follow-ups ({planned.do}) sets them a "
+        f"further {further} standard deviations apart."
+    )
 
 
 def _no_parts(effect: FoundEffect) -> list[str]:

@@ -148,8 +148,10 @@ def untested(item: TableResult, most: int = 4) -> list[str]:
 
 
 def copied(item: TableResult, names: tuple[str, ...] | None = None) -> list[str]:
-    """Columns of the data that are copies of others, once each: those that candidates of these
-    `names` take, or any.
+    """Columns of the data that are copies of others, once each; of some `names` those that two of
+    these candidates take: one alone is the same as none of the others for that.
     """
     judged = [own for own in item.candidates if names is None or own.name in names]
-    return list(dict.fromkeys(note for own in judged for note in own.notes if COPY in note))
+    told = [note for own in judged for note in own.notes if COPY in note]
+    least = 1 if names is None else 2
+    return [note for note in dict.fromkeys(told) if told.count(note) >= least]

@@ -94,6 +94,18 @@ def test_no_parts_are_advised_that_tell_nothing_apart() -> None:
         assert said in text
 
 
+def test_a_follow_up_that_adds_next_to_nothing_is_not_advised() -> None:
+    (own,) = ambiguous().tables[0].effects
+    assert own.experiment is not None
+    poor = replace(own, experiment=replace(own.experiment, further_d=0.2, now_d=5.0))
+    text = words(result(on_table("class", (poor,))))
+    assert (
+        "Further parts tell little: the best of all follow-ups (shift the fixture by 17 mm) sets "
+        "them a further 0.20 standard deviations apart."
+    ) in text
+    assert "To tell" not in text
+
+
 def test_a_bend_is_told_from_a_lean_by_more_places() -> None:
     """A line of third order goes through any three heights; a fourth tells it from a tilt."""
     (own,) = ambiguous().tables[0].effects
