@@ -33,6 +33,7 @@ from mtu_cli.analyses.anova.warnings import anova_warnings, missing_entries
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.points import Points
 from mtu_cli.model.datum import Datum, freed
+from mtu_cli.model.loose_features import loose_of_tables
 from mtu_cli.model.measured import (
     MeasuredTables,
     angle_tables,
@@ -150,8 +151,9 @@ def _bases(
         checked = pool.submit(check_measured, points, datum)
         refuse_mistaken(points, datum)
         loose, complete = freed(points, axes_of(points), datum)
-        kinds: dict[Kind, MeasuredTables | None] = {"feature": feature_tables(loose)}
-        warnings = checked.result()
+        features = feature_tables(loose)
+        kinds: dict[Kind, MeasuredTables | None] = {"feature": features}
+        warnings = [*checked.result(), *loose_of_tables(features, points)]
     if not complete:
         text = "parts with missing features were freed with the features they have"
         warnings.append(Warned(code="incomplete-datum", message=text))

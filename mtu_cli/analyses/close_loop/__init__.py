@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mtu_cli.analyses.close_loop.fitted import beside_polynomial
+from mtu_cli.analyses.close_loop.loose import loose_warnings
 from mtu_cli.analyses.close_loop.one_table import LoopResult, loop_on
 from mtu_cli.analyses.close_loop.result import (
     VERDICTS,
@@ -22,6 +23,7 @@ from mtu_cli.analyses.close_loop.result import (
 from mtu_cli.analyses.close_loop.warnings import judged_tables, loop_warnings
 from mtu_cli.model.effect_library import EffectLibrary, candidates
 from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.model.settings import Warned
 from mtu_cli.stats.threads import one_blas_thread
 
 __all__ = [
@@ -70,7 +72,7 @@ def close_loop(
         alpha=alpha,
         datum=tables[0].datum,
         covariance=_joint(found),
-        warnings=(*short, *loop_warnings(results, max_effects)),
+        warnings=(*short, *loop_warnings(results, max_effects), *_loose(tables, results)),
     )
 
 
@@ -101,3 +103,8 @@ def _joint(found: Sequence[LoopResult]) -> np.ndarray:
         total[start : start + size, start : start + size] = item.covariance
         start += size
     return total
+
+
+def _loose(tables: Sequence[ResidualTable], results: Sequence[TableResult]) -> list[Warned]:
+    pairs = zip(tables, results, strict=True)
+    return [warned for given, result in pairs for warned in loose_warnings(given, result)]

@@ -11,6 +11,7 @@ from mtu_cli.analyses.compare.verdicts import Compared
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.model.drawn_parts import all_on_nominal
+from mtu_cli.model.loose_features import loose_of_tables
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.measured_checks import not_measured
@@ -47,6 +48,7 @@ def compare_warnings(
         *_tests(kinds),
         *_predictions(kinds),
         *_coarse(points, features),
+        *loose_of_tables(tables, points),
     ]
 
 

@@ -1,0 +1,24 @@
+"""Single features that scatter more than all others: no effect of a machine, nor repeatability."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.result import TableResult
+from mtu_cli.model.loose_features import loose_features
+from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.model.settings import Warned
+
+
+def loose_warnings(given: ResidualTable, result: TableResult) -> list[Warned]:
+    """Of the table as it was `given`: entries of such a feature may have been set aside since. Of
+    readings none: their places are not looked at for themselves.
+
+    An operation may have been found to scatter for one of its features: that is told then, too.
+    """
+    if given.component is not None:
+        return []
+    left = given.errors - result.explained
+    places = given.places.mean(axis=0)
+    there = np.asarray(np.isfinite(left).all(axis=2))
+    return loose_features(left, there, places, given.features, given.axes)

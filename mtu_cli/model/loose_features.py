@@ -1,0 +1,84 @@
+"""Features that scatter from part to part by more than all others do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.files.points import Points
+from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.model.settings import Warned
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.loose_columns import loose_columns
+from mtu_cli.units import UM
+
+CODE = "feature-scatters"
+MOST_NAMED = 3
+FEWEST_LINES = 6
+"""Features from which on parts may turn and grow for themselves."""
+MOST_COLUMNS = 500
+"""Features that are looked at: of more the others are not known better, and time grows."""
+
+
+def loose_of_tables(tables: MeasuredTables, points: Points) -> list[Warned]:
+    """Of measured features, means of their repeats."""
+    axes = list(dict.fromkeys(label[2] for label in tables.labels))
+    by_axis = [[i for i, own in enumerate(tables.labels) if own[2] == axis] for axis in axes]
+    names = [[tables.labels[i][:2] for i in own] for own in by_axis]
+    if not names or any(own != names[0] for own in names):
+        return []
+    mean = np.stack([tables.cells.mean[own].T for own in by_axis], axis=2)
+    there = (tables.cells.n[by_axis[0]] > 0).T
+    nominal = np.full((len(points.features), 3), np.nan)
+    nominal[points.feature] = points.nominal
+    index = {name: i for i, name in enumerate(points.features)}
+    places = nominal[[index[name] for _, name in names[0]]]
+    columns = [" ".join(filter(None, own)) for own in names[0]]
+    return loose_features(mean, there, places, columns, axes)
+
+
+def loose_features(
+    errors: FloatArray,
+    there: NDArray[np.bool_],
+    places: FloatArray,
+    columns: Sequence[str],
+    axes: Sequence[str],
+) -> list[Warned]:
+    """A warning on each of the loosest `columns` of errors (P, H, A), mm, that are `there` (P, H),
+    features at `places` (H, 3), mm.
+    """
+    if len(columns) > MOST_COLUMNS:
+        return []
+    found = loose_columns(np.where(there[:, :, None], errors, 0.0), there, _smooth(places))
+    texts = []
+    for column in dict.fromkeys(own.column for own in found):
+        each = [own for own in found if own.column == column]
+        sizes = ", ".join(f"{axes[own.axis]} {_um(own.s)}" for own in each)
+        others = ", ".join(f"{axes[own.axis]} {_um(own.others)}" for own in each)
+        p = max(own.p for own in each)
+        texts.append(
+            f"feature {columns[column]} scatters from part to part far more than the others: "
+            f"{sizes} um, they {others} um (p {'<0.001' if p < 1e-3 else f'{p:.3f}'} among all "
+            "features): look at this feature, its tool and how it is measured; no effect of the "
+            "machine is looked for in it"
+        )
+    more = len(texts) - MOST_NAMED
+    beyond = [f"{more} more features scatter far more than the others"] if more > 0 else []
+    return [Warned(code=CODE, message=text) for text in [*texts[:MOST_NAMED], *beyond]]
+
+
+def _smooth(places: FloatArray) -> FloatArray:
+    """A constant and, of enough features, the slopes along each axis that they differ along."""
+    ones = np.ones((len(places), 1))
+    if len(places) < FEWEST_LINES:
+        return ones
+    known = np.isfinite(places).all(axis=0) & (np.ptp(places, axis=0) > 0)
+    slopes = places[:, known] - places[:, known].mean(axis=0)
+    reach = np.abs(slopes).max(axis=0, initial=1e-300)
+    return np.concatenate([ones, slopes / reach], axis=1)
+
+
+def _um(value: float) -> str:
+    return f"{float(f'{value / UM:.2g}'):g}"

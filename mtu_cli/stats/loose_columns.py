@@ -1,0 +1,189 @@
+"""Columns whose entries scatter from part to part by more than those of all others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.lines_and_columns import beside_lines_and_columns
+from mtu_cli.stats.scatter_tests import log_variance_u
+
+RATE = 1e-3
+"""Chance that any column of a table without loose ones is told."""
+TWICE = 2.0
+"""Times the others' standard deviation: what is less need not be looked for."""
+TYPICAL = 1.5
+"""Times the others' median deviation, likewise."""
+CLEAR = 0.5
+"""Ratio of variances that another column may have of the clearest: of five places two may be all
+that tells a part's line from a loose one."""
+FEWEST_PARTS = 5
+FEWEST_COLUMNS = 4
+LEAST = 1e-3
+"""Of an entry's variance beside its part's line, below which nothing is told of it."""
+MOST = 1 / 3
+"""Share of the columns beyond which they are not single ones."""
+
+
+class Loose(NamedTuple):
+    """A column, by its place, and an axis along which it is loose: its standard deviation from part
+    to part, that of all others, and p over all columns and axes.
+    """
+
+    column: int
+    axis: int
+    s: float
+    others: float
+    p: float
+
+
+def loose_columns(values: FloatArray, there: NDArray[np.bool_], smooth: FloatArray) -> list[Loose]:
+    """Of a table (P, H, A), complete where it is `there` (P, H); `smooth` (H, k) holds a constant
+    and the slopes of a line that every part may have for itself. The loosest first.
+
+    Lines of few places hide which of them is loose: without them first, which holds of what is
+    more than those of the others make of it.
+
+    What a column has beside the line of a part's others has, over what a line leaves of it
+    (1 - leverage), the variance of the others, if it is one of them: the deletion formula of
+    outlying observations (Cook & Weisberg 1982, 2.2), by columns. F of P - 1 degrees of freedom,
+    the test that heavy tails widen (`log_variance_u`), and the medians must all agree. A loose
+    column is taken out before others are judged.
+    """
+    plain = _found(values, there, smooth[:, :1])
+    if smooth.shape[1] == 1:
+        return plain
+    if plain and _beyond_turns(plain, values, there, smooth):
+        return plain
+    return _found(values, there, smooth)
+
+
+def _beyond_turns(
+    plain: list[Loose], values: FloatArray, there: NDArray[np.bool_], smooth: FloatArray
+) -> bool:
+    """Whether columns scatter by more than the others' own lines make of them, from part to part:
+    F of as many degrees of freedom as there are parts, less one, on both sides.
+    """
+    from scipy.special import fdtrc
+
+    columns = {own.column for own in plain}
+    kept = np.array([h not in columns for h in range(values.shape[1])])
+    whole = there[:, kept].all(axis=1)
+    parts, X = int(whole.sum()), smooth[kept]
+    if parts < FEWEST_PARTS:
+        return False
+    square, turn = np.linalg.eigh(X.T @ X)
+    known = square > LEAST * square[-1]
+    inverse = (turn[:, known] / square[known]) @ turn[:, known].T
+    of_others = values[whole][:, kept]
+    slopes = np.einsum("ik,hk,pha->pia", inverse, X, of_others - of_others.mean(axis=0))
+    tests = values.shape[1] * values.shape[2]
+    for own in plain:
+        away = smooth[own.column] - X.mean(axis=0)
+        line = slopes[..., own.axis] @ away
+        turned = float(line @ line) / (parts - 1)
+        ratio = own.s**2 / (own.others**2 + turned)
+        if ratio < TWICE**2 or tests * float(fdtrc(parts - 1, parts - 1, ratio)) > RATE:
+            return False
+    return True
+
+
+def _found(values: FloatArray, there: NDArray[np.bool_], smooth: FloatArray) -> list[Loose]:
+    P, H, A = values.shape
+    kept = np.full(H, True)
+    found: list[Loose] = []
+    while len(found) < MOST * H * A and kept.sum() >= FEWEST_COLUMNS and P >= FEWEST_PARTS:
+        worst = _worst(values[:, kept], there[:, kept], smooth[kept], H * A)
+        if worst is None:
+            break
+        column = int(np.flatnonzero(kept)[worst[0].column])
+        found += [own._replace(column=column) for own in worst]
+        kept[column] = False
+    return [] if int((~kept).sum()) > MOST * H else found
+
+
+def _worst(
+    values: FloatArray, there: NDArray[np.bool_], smooth: FloatArray, tests: int
+) -> list[Loose] | None:
+    """The loosest column, along every axis that it is loose along."""
+    from scipy.special import fdtrc
+
+    left, share, dof = beside_lines_and_columns(values, there, smooth)
+    told = there & (share > LEAST)
+    own_dof = np.maximum(told.sum(axis=0) - 1, 0)
+    rest_dof = dof - own_dof
+    squares = np.where(told[:, :, None], left**2 / np.where(told, share, 1.0)[:, :, None], 0.0)
+    mine = squares.sum(axis=0)
+    rest = np.maximum((left**2).sum(axis=(0, 1)) - mine, 0.0)
+    able = (own_dof >= FEWEST_PARTS - 1) & (rest_dof > 0)
+    best: list[Loose] | None = None
+    clearest = rival = 0.0
+    for h in np.flatnonzero(able).tolist():
+        ratio = np.divide(
+            mine[h] / own_dof[h],
+            rest[h] / rest_dof[h],
+            out=np.zeros_like(mine[h]),
+            where=rest[h] > 0,
+        )
+        along = np.flatnonzero(tests * fdtrc(own_dof[h], rest_dof[h], ratio) < RATE)
+        if not len(along):
+            continue
+        scaled = left[:, h] / np.sqrt(np.where(told[:, h], share[:, h], 1.0))[:, None]
+        of_column = _of_column(scaled, share[:, h], told[:, h], _others(values, there, smooth, h))
+        own = [x for a in along if (x := of_column(int(a), h, tests)) is not None]
+        # The one without which least is left: beside it, others look loose as well.
+        most = float(ratio.max())
+        if own and most > clearest:
+            best, clearest, rival = own, most, clearest
+        else:
+            rival = max(rival, most)
+    return best if rival < CLEAR * clearest else None
+
+
+class _Others(NamedTuple):
+    """What is left of all other columns: entries (n, A), each over what its line leaves of it, the
+    variances (A,) of these, and their degrees of freedom.
+    """
+
+    entries: FloatArray
+    variance: FloatArray
+    dof: int
+
+
+def _others(values: FloatArray, there: NDArray[np.bool_], smooth: FloatArray, h: int) -> _Others:
+    keep = np.arange(values.shape[1]) != h
+    left, share, dof = beside_lines_and_columns(values[:, keep], there[:, keep], smooth[keep])
+    seen, dof = share > LEAST, max(dof, 1)
+    variance = (left**2).sum(axis=(0, 1)) / dof
+    return _Others(left[seen] / np.sqrt(share[seen])[:, None], variance, dof)
+
+
+def _of_column(
+    scaled: FloatArray, share: FloatArray, told: NDArray[np.bool_], others: _Others
+) -> Callable[[int, int, int], Loose | None]:
+    """How a column is judged along an axis; None where it is as the others are."""
+    leaves, dof = float(share[told].mean()), int(told.sum()) - 1
+
+    def judged(axis: int, column: int, tests: int) -> Loose | None:
+        mine, rest = scaled[told, axis], others.entries[:, axis]
+        square, noise = float(np.sum(mine**2)) / dof, float(others.variance[axis])
+        variance = (square - (1 - leaves) * noise) / leaves
+        if not noise > 0 or variance <= TWICE**2 * noise:
+            return None
+        # Heavy tails, of both together, make variances differ by chance; a single entry does.
+        square = float(np.sum(mine**2) - np.max(mine**2)) / (dof - 1)
+        if square <= noise:
+            return None
+        z = np.concatenate([own / np.sqrt(np.mean(own**2)) for own in (mine, rest)])
+        mine_u, rest_u = (log_variance_u(z, own / len(z)) for own in (dof, others.dof))
+        p = tests * 2 * float(ndtr(-np.log(square / noise) / np.hypot(mine_u, rest_u)))
+        if p > RATE or np.median(np.abs(mine)) < TYPICAL * np.median(np.abs(rest)):
+            return None
+        return Loose(column, axis, float(np.sqrt(variance)), float(np.sqrt(noise)), p)
+
+    return judged

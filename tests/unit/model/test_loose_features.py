@@ -1,0 +1,80 @@
+"""Single features that scatter more than the others: told by compare, anova and close-loop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from compare_trials import fitted, made, study
+from effect_tables import grid_places
+from effect_tables import table as points_table
+from separation_examples import LIBRARY
+
+from mtu_cli.analyses.anova import analyse_variance
+from mtu_cli.analyses.close_loop import close_loop
+from mtu_cli.analyses.compare import compare
+from mtu_cli.files.points import Points
+from mtu_cli.model.loose_features import CODE, loose_features, loose_of_tables
+from mtu_cli.model.measured import feature_tables
+from mtu_cli.model.settings import Settings, Warned
+
+
+def loose(seed: int, s_mm: float) -> Points:
+    """Parts as the machine makes them; the third feature scatters along y besides."""
+    _, truth, part = study()
+    points = made(truth, part, seed, parts=20)
+    more = s_mm * np.random.default_rng(seed).normal(size=len(points.parts))
+    measured = points.measured.copy()
+    own = points.feature == 2
+    measured[own, 1] += more[points.part[own]]
+    return replace(points, measured=measured)
+
+
+def told(found: tuple[Warned, ...] | list[Warned]) -> list[str]:
+    return [own.message for own in found if own.code == CODE]
+
+
+def test_a_loose_feature_is_told_by_compare_and_anova() -> None:
+    _, _, part = study()
+    points = loose(4, 0.08)
+    name = points.features[2]
+    by_compare = told(compare(fitted(5, 4), part, points, Settings()).warnings)
+    by_anova = told(analyse_variance(points, part, "anova", Settings()).warnings)
+    assert by_compare == by_anova
+    (text,) = by_compare
+    assert text.startswith(
+        f"feature {name} scatters from part to part far more than the others: y "
+    )
+    assert "(p <0.001 among all features): look at this feature" in text
+
+
+def test_clean_parts_have_none() -> None:
+    for seed in range(12):
+        points = loose(seed, 0.0)
+        assert loose_of_tables(feature_tables(points), points) == []
+
+
+def test_close_loop_tells_it_with_its_size() -> None:
+    """As it was given: gross entries of it are set aside before anything is judged."""
+    table = points_table(21, 24, places=grid_places(24, jitter=2.0))
+    rng = np.random.default_rng(3)
+    errors = 1.5e-3 * rng.normal(size=(21, 24, 2))
+    errors[:, 7, 0] += 12e-3 * rng.normal(size=21)
+    own = replace(table, errors=errors)
+    found = close_loop([own], LIBRARY, alpha=0.05, max_effects=3, seed=1)
+    (text,) = told(found.warnings)
+    assert text.startswith(f"feature {own.features[7]} scatters from part to part far more")
+    shown = float(text.split("others: x ")[1].split()[0])
+    s = float(np.std(errors[:, 7, 0], ddof=1))
+    assert shown == pytest.approx(1e3 * s, rel=0.15)
+
+
+def test_of_many_features_none_is_looked_for() -> None:
+    rng = np.random.default_rng(1)
+    errors, places = rng.normal(size=(6, 501, 1)), rng.uniform(size=(501, 3))
+    errors[:, 3] *= 100.0
+    names = [f"H{i}" for i in range(501)]
+    there = np.full((6, 501), True)
+    assert loose_features(errors, there, places, names, ["x"]) == []
+    assert len(loose_features(errors[:, :40], there[:, :40], places[:40], names[:40], ["x"])) == 1

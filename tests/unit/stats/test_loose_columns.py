@@ -1,0 +1,71 @@
+"""Columns that scatter more than the others: found, of the right size, and seldom by chance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from mtu_cli.stats.loose_columns import Loose, loose_columns
+
+
+def places(H: int, rng: np.random.Generator) -> np.ndarray:
+    return np.column_stack([np.ones(H), rng.uniform(-1, 1, (H, 2))])
+
+
+def drawn(
+    seed: int, shape: tuple[int, int, int] = (20, 6, 3), s: float = 5.0, missing: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Parts that move, turn and grow; the second column scatters s times as much along y."""
+    rng = np.random.default_rng(seed)
+    smooth = places(shape[1], rng)
+    values = rng.normal(size=shape) + 10 * rng.normal(size=(1, shape[1], shape[2]))
+    values += np.einsum("hk,pka->pha", smooth, 5 * rng.normal(size=(shape[0], 3, shape[2])))
+    values[:, 1, 1] += np.sqrt(s**2 - 1) * rng.normal(size=shape[0])
+    return values, rng.random(shape[:2]) >= missing, smooth
+
+
+@pytest.mark.parametrize(("shape", "missing"), [((20, 6, 3), 0.0), ((30, 24, 2), 0.15)])
+def test_a_loose_column_is_told_with_its_size(shape: tuple[int, int, int], missing: float) -> None:
+    found = [loose_columns(*drawn(seed, shape, missing=missing)) for seed in range(30)]
+    told = [own for own in found if [(x.column, x.axis) for x in own] == [(1, 1)]]
+    # Lines of three slopes leave six columns half of what there is.
+    assert len(told) >= (18 if shape[1] == 6 else 27)
+    squares = np.array([[own[0].s ** 2, own[0].others ** 2] for own in told])
+    error = squares.std(axis=0) / np.sqrt(len(told))
+    # Those that are told are the larger ones, by a little.
+    assert (np.abs(squares.mean(axis=0) - [25.0, 1.0]) < 4 * error + [1.0, 0.02]).all()
+    assert max(own[0].p for own in told) < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["normal", "tails"])
+def test_columns_that_are_alike_are_not_told(kind: str) -> None:
+    """1 in 1000, and fewer as twice is asked for."""
+    alarms = 0
+    for seed in range(300):
+        values, there, smooth = drawn(seed, s=1.0)
+        if kind == "tails":
+            values = np.random.default_rng([seed, 1]).standard_t(4, size=values.shape)
+        alarms += bool(loose_columns(values, there, smooth))
+    assert alarms <= binom.ppf(0.999, 300, 1e-3)
+
+
+def test_two_loose_columns_are_told_each_and_half_of_them_none() -> None:
+    values, there, smooth = drawn(1, (30, 12, 2), s=8.0)
+    values[:, 4] *= 6.0
+    assert {own.column for own in loose_columns(values, there, smooth)} == {1, 4}
+    half, there, smooth = drawn(1, (30, 12, 2), s=1.0)
+    half[:, ::2] *= 6.0
+    assert loose_columns(half, there, smooth) == []
+
+
+def test_what_cannot_be_told() -> None:
+    values, there, smooth = drawn(2)
+    assert loose_columns(values[:4], there[:4], smooth) == []
+    assert loose_columns(values[:, :3], there[:, :3], smooth[:3]) == []
+    assert loose_columns(np.zeros_like(values), there, smooth) == []
+    # Of columns without scatter nothing is a multiple.
+    lone = np.zeros_like(values)
+    lone[:, 1] = values[:, 1]
+    found: list[Loose] = loose_columns(lone, there, smooth)
+    assert found == [] or {own.column for own in found} == {1}
