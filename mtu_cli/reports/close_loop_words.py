@@ -184,7 +184,7 @@ def _none(item: TableResult, alpha: float) -> str:
         return "Nothing undeclared was found: what was measured is what the model predicts."
     unit = item.table.unit
     rms, floor = together(item, item.before.rms, item.floor)
-    likely = _likely(item)
+    likely = _likely(item, alpha)
     said = [
         f"Nothing undeclared was found (at {100 * alpha:g} % false alarms in all): "
         f"the rms of {rms} {unit} {'may be scatter' if likely else _passes_for(item)}"
@@ -215,7 +215,7 @@ def _passes_for(item: TableResult) -> str:
     return f"passes for errors of single {plural(column)}, the same in every {row}"
 
 
-def _likely(item: TableResult) -> list[str]:
+def _likely(item: TableResult, alpha: float) -> list[str]:
     """What fits by far the best, but is not proven: the parts may scatter that much."""
     count, best = len(item.table.parts), ranked(item)
     if count < 2 or not best:
@@ -224,9 +224,15 @@ def _likely(item: TableResult) -> list[str]:
     if not _strong(first):
         return []
     row, _ = things(item)
+    p = first.p_familywise
+    if p is not None and p <= alpha:
+        return [
+            f"{first.name} fits best by far (p {p_value(p)}), but its own size, by "
+            f"what {plural(row)} scatter there, is not told from 0. Take more."
+        ]
     return [
         f"{first.name} fits best by far, but {count} {plural(row)} cannot prove it "
-        f"(p {p_value(first.p_familywise or 1.0)}): {plural(row)} may scatter that much. Take more."
+        f"(p {p_value(1.0 if p is None else p)}): {plural(row)} may scatter that much. Take more."
     ]
 
 

@@ -611,6 +611,11 @@ def test_what_is_likely_but_not_proven_is_told_and_not_called_scatter() -> None:
         text = verdict_text(replace(base, table=own, candidates=likely), result(base))
         assert "may be scatter" in text
         assert f"backlash-x fits best by far, but {count} passes cannot prove it (p 0.12)" in text
+        # What passes and is no finding has another reason.
+        passed = tuple(replace(c, p_familywise=0.02) for c in likely)
+        text = verdict_text(replace(base, table=own, candidates=passed), result(base))
+        assert "backlash-x fits best by far (p 0.020), but its own size, by what passes " in text
+        assert "cannot prove" not in text
         weak = tuple(replace(c, log_bayes_factor=1.0) for c in likely)
         text = verdict_text(replace(base, table=own, candidates=weak), result(base))
         assert "passes for scatter" in text
