@@ -248,3 +248,41 @@ def test_a_level_of_a_component_is_no_shift() -> None:
     text = words(result(on_component("dx_x", "um", "named", (own,))))
     assert "bends along the travel" in text
     assert "shifted" not in text
+
+
+@pytest.mark.parametrize(
+    ("now", "told"),
+    [
+        (-5.0, "T_a = 19.00 ± 0.20 (beyond the data: 20 to 26), where squareness-xy and thermal-"),
+        (-3.0, "T_a = 20.60 ± 0.15, where squareness-xy and thermal-squareness-xy cancel."),
+        (-40.0, None),
+        (0.0, None),
+    ],
+)
+def test_an_angle_that_changes_is_right_at_a_temperature(now: float, told: str | None) -> None:
+    """T = 23 - c/g; u by (u_c^2 + (c/g)^2 u_g^2)/g^2, of c and g known by themselves."""
+    ways = {"Ex": "angle*(T_a - 23.0)*(y - 70)"}
+    change = effect(
+        "thermal-squareness-xy",
+        parameters=(("angle", "arcsec/K", -1.25, 0.05 if now else 2.5),),
+        equations=ways,
+        covariate="T_a",
+    )
+    same = effect(
+        "squareness-xy", parameters=(("angle", "arcsec", now or -3.0, 0.15),),
+        equations={"Ex": "angle*(y - 70)"},
+    )  # fmt: skip
+    item = on_table("named", (change, same))
+    temperatures = {"T_a": np.linspace(20.0, 26.0, 9)[:, None]}
+    item = replace(item, table=replace(item.table, covariates=temperatures))
+    u = [own.parameters[0][3] for own in (change, same)]
+    text = words(replace(result(item), covariance=np.diag(np.square(u))))
+    if told is None:
+        assert "is right at" not in text
+    else:
+        assert f"The angle of X and Y is right at {told}" in text
+    doubtful = replace(same, class_names=("squareness-xy", "rotation-x"))
+    item = replace(item, effects=(change, doubtful), verdict="class")
+    assert "The angle of X and Y is right" not in words(
+        replace(result(item), covariance=np.diag(np.square(u)))
+    )
