@@ -116,7 +116,8 @@ def _braces_hint(problem: Problem, path: Path) -> Problem:
     text = lines[problem.line - 1] if problem.line <= len(lines) else ""
     if not marks(text):
         return problem
-    hint = "names with braces on lines of their own, or in quotes: ['dir_{a}']"
+    example = "['dir_{a}']" if "[" in text else "{'E{a}': k*x}"
+    hint = f"names with braces on lines of their own, or in quotes: {example}"
     return replace(problem, expected=hint)
 
 

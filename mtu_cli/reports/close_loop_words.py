@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from itertools import groupby
 
+import numpy as np
+
 from mtu_cli.analyses.close_loop.result import (
     CloseLoopResult,
     Judged,
@@ -13,7 +15,7 @@ from mtu_cli.analyses.close_loop.shown import (
     own_verdict,
     things,
 )
-from mtu_cli.analyses.close_loop.warnings import FEW_PARTS, FREES
+from mtu_cli.analyses.close_loop.warnings import APART, FEW_PARTS, FREES
 from mtu_cli.reports.close_loop_class import class_lines, members
 from mtu_cli.reports.close_loop_notes import MEANINGS, of_p
 from mtu_cli.reports.close_loop_rest import nameless_text, rest_text, together
@@ -30,6 +32,7 @@ from mtu_cli.reports.close_loop_shown import (
 )
 from mtu_cli.reports.close_loop_sums import sum_texts
 from mtu_cli.reports.numbers import p_value, significant
+from mtu_cli.units import UNITS
 
 PART_VARIANCE, TURNED = "part-variance", "rotation-scatter"
 NO_ERROR = 1e-12
@@ -81,6 +84,7 @@ def _class(item: TableResult, result: CloseLoopResult) -> list[tuple[bool, str]]
 def _worth(item: TableResult, result: CloseLoopResult) -> list[str]:
     """What follows where effects were found: what else may be, and the error before and after."""
     said = [*_not_by_itself(item, result.alpha), *sum_texts(item, result), *_set_up(item)]
+    said += _of_one_part(item)
     return [*said, _before_after(item), *_by_column(item)]
 
 
@@ -152,6 +156,28 @@ def _set_up(item: TableResult) -> list[str]:
     return [
         f"It may be that each part was set up by hand (on the machine or the CMM), with {own} of "
         f"its own: --datum {datum} takes that out; unseen are then {FREES[datum]}."
+    ]
+
+
+def _of_one_part(item: TableResult) -> list[str]:
+    """What one part has left as a whole: nothing tells how it was set up from what the machine does
+    to every part.
+    """
+    table, unit = item.table, UNITS[item.table.unit].to_internal
+    if len(table.parts) != 1 or table.component is not None or item.floor is None:
+        return []
+    left = np.where(table.there[..., None], table.errors - item.explained, np.nan)
+    means = np.nanmean(left, axis=(0, 1))
+    told = [
+        f"{axis.upper()} {significant(value / unit)}"
+        for axis, value in zip(table.axes, means.tolist(), strict=True)
+        if abs(value) > APART * item.floor
+    ]
+    if not told:
+        return []
+    return [
+        f"Of one part it is not known whether it lay shifted or the machine does that to every "
+        f"part: a mean error of {', '.join(told)} {table.unit} is left."
     ]
 
 

@@ -238,11 +238,15 @@ def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
     assert [fault.split(":")[1] for fault in found] == ["4", "8"]
 
 
-def test_braces_within_braces_are_explained(tmp_path: Path) -> None:
-    (found,) = faults(tmp_path, "- family: f\n  says: s\n  equations: {E{a}: k*x}\n")
+@pytest.mark.parametrize(
+    ("line", "example"),
+    [("equations: {E{a}: k*x}", "{'E{a}': k*x}"), ("needs: [dir_{a}]", "['dir_{a}']")],
+)
+def test_braces_within_braces_are_explained(tmp_path: Path, line: str, example: str) -> None:
+    (found,) = faults(tmp_path, f"- family: f\n  says: s\n  {line}\n")
     assert found.startswith("e.yaml:3: not readable as YAML")
     assert found.endswith(
-        "expected names with braces on lines of their own, or in quotes: ['dir_{a}']"
+        f"expected names with braces on lines of their own, or in quotes: {example}"
     )
 
 

@@ -286,3 +286,17 @@ def test_an_angle_that_changes_is_right_at_a_temperature(now: float, told: str |
     assert "The angle of X and Y is right" not in words(
         replace(result(item), covariance=np.diag(np.square(u)))
     )
+
+
+def test_of_one_part_what_it_lies_shifted_by_is_told() -> None:
+    """The machine may do that to every part: nothing tells."""
+    item = on_table("named", (effect(),))
+    table = item.table
+    errors = np.full((1, *table.errors.shape[1:]), 1e-3) * (12.0, 2.0)
+    one = replace(table, parts=("P1",), errors=errors, repeats=table.repeats[:1], covariates={})
+    own = replace(item, table=one, explained=np.zeros_like(errors), floor=1.5e-3)
+    text = words(result(own))
+    assert "Of one part it is not known whether it lay shifted or the machine" in text
+    assert "a mean error of X 12 um is left." in text
+    many = replace(item, floor=1e-9)
+    assert "Of one part" not in words(result(many))
