@@ -42,6 +42,9 @@ OTHER_WORDS = {
     ),
 }
 """What other programs call a column, in lower case with underscores."""
+NAMED = ("part", "feature")
+BARE = ("id", "name", "ident", "code", "tag", "bezeichnung", POS)
+"""What is called by a name that does not say of what it is one."""
 UNIT = "_mm"
 """Other programs leave it out."""
 COORDINATES = ("x_mm", "y_mm", "z_mm")
@@ -69,6 +72,8 @@ def missing_column(
     elif own := [other for other, of in along.items() if of == axis]:
         hint = f"a column {name!r} with the measured coordinate, nominal plus deviation, in mm "
         hint += f"({own[0]!r} looks like the deviation)"
+    elif len(bare := [other for other in others if name in NAMED and plain(other) in BARE]) == 1:
+        hint = f"a column {name!r}: {bare[0]!r} may be it, renamed"
     else:
         hint = f"a column {name!r} (the columns are {', '.join(map(shorten, header))})"
     return Problem(what=f"the column {name!r} is missing", file=shown, row=row, expected=hint)

@@ -96,6 +96,20 @@ def test_of_columns_that_are_as_likely_none_is_told(header: str, name: str, tmp_
     assert wanted in lines[0]
 
 
+@pytest.mark.parametrize(
+    ("header", "name", "other"),
+    [("part,ID", "feature", "ID"), ("feature,Name", "part", "Name")],
+)
+def test_a_bare_name_may_be_what_is_missing(
+    header: str, name: str, other: str, tmp_path: Path
+) -> None:
+    """Of a part or a feature, whichever is not there; of two of them nobody knows."""
+    lines = refused(tmp_path, f"{header},x_mm,y_mm", "1,a,9.99,10\n")
+    assert f"expected a column {name!r}: {other!r} may be it, renamed" in lines[0]
+    both = refused(tmp_path, f"{header},Code,x_mm,y_mm", "1,a,b,9.99,10\n")
+    assert f"expected a column {name!r} (the columns are" in both[0]
+
+
 def test_times_may_be_dates_or_minutes(tmp_path: Path) -> None:
     (line,) = refused(tmp_path, "part,feature,x_mm,y_mm,Zeit")
     assert line.endswith(
