@@ -184,6 +184,7 @@ def _scan(
         predicted_dof=known.dof,
         least=_of_rounding(table)[[stratum.axis for stratum in strata.all]],
         parts_scatter=not table.scatter_known,
+        readings=table.component is not None,
     )
     return scan, ordered
 

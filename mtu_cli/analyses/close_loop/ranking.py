@@ -40,14 +40,15 @@ def ranked(scan: Scan, step: Step, scores: FloatArray, unnamed: FloatArray) -> S
 
     A drift or field without a name is a rival of effects that lie where it would, and in the
     credible set until it is `EXCLUDED`. A mean error is no rival of an effect that was found
-    beside a free mean, nor such an effect one of it: either may act without the other. Nor is what
-    acts along other axes alone: it leaves the error that was found as it is.
+    beside a free mean, nor such an effect one of it: either may act without the other. Of the
+    passes of one run it is: what drifts begins with the run, and has a mean of its own there. Nor
+    is what acts along other axes alone: it leaves the error that was found as it is.
     """
     scores = np.where(_along(scan, step), scores, -np.inf)
     first = len(scan.columns)
     if step.member >= 0:
         scores[first : scan.tested] = -np.inf
-    elif step.index < scan.tested:
+    elif step.index < scan.tested and not scan.readings:
         scores[:first] = scores[scan.tested :] = -np.inf
     rivals = np.where(same_place(scan, step), unnamed, -np.inf)
     posterior = posterior_of(np.concatenate([scores, rivals]))

@@ -28,7 +28,8 @@ class Scan:
 
     `names` are those of all candidates: mean, offset, scatter; `least` (S,) the variance of
     rounding; `turns` what is known to scatter parts does along `directions`, turn and growth.
-    `parts_scatter`: the model has scatter of parts, how large is not known before.
+    `parts_scatter`: the model has scatter of parts, how large is not known before. `readings`: the
+    parts are passes of one run.
     """
 
     frame: Frame
@@ -46,6 +47,7 @@ class Scan:
     predicted_dof: float
     least: FloatArray
     parts_scatter: bool = False
+    readings: bool = False
     turns: tuple[DirectionNoise, ...] = ()
 
     @property

@@ -179,6 +179,9 @@ def test_a_mean_error_has_no_rivals() -> None:
     scan = own.scan
     alike, unnamed = np.zeros(scan.tested + len(scan.scatters)), np.zeros(4)
     assert ranked(scan, offset, alike, unnamed).credible == (offset.index,)
+    # Of the passes of one run what drifts has a mean, too.
+    run = ranked(replace(scan, readings=True), offset, alike, unnamed)
+    assert len(run.credible) > 4
     trend = ranked(scan, step(own, "trend-x"), alike, unnamed)
     assert len(trend.credible) > 4
     assert offset.index not in trend.credible
