@@ -10,6 +10,8 @@ from mtu_cli.stats.uncertain_variance import UncertainVariance
 STEPS = 80
 """Halvings of a bracket that spans less than exp(60) to a part in 1e-10."""
 REACH = 30.0
+FAR = 1e6
+"""Times the mean."""
 NEAR = 1e-3
 """Standard deviations from the mean at which the formula is 0/0 but for its limit."""
 
@@ -25,6 +27,8 @@ def sum_tails(sizes: FloatArray, dof: float, x: FloatArray) -> tuple[FloatArray,
 
     sizes = sizes[sizes > 0]
     largest = float(sizes.max())
+    # Beyond that nothing is left of the tail, nor can it be calculated with.
+    x = np.minimum(x, FAR * dof * float(sizes.sum()))
     share = sizes / largest
     above = x > 0
     target = np.where(above, x, 1.0) / (dof * largest)

@@ -51,8 +51,9 @@ def test_near_the_mean_and_at_nothing() -> None:
     steps = np.diff(high)
     assert (steps < 0).all()
     assert steps.min() == pytest.approx(steps.max(), abs=1e-5)
-    none, all_ = sum_tails(sizes, dof, np.array([0.0]))
-    assert (none[0], all_[0]) == (1.0, 0.0)
+    high, low = sum_tails(sizes, dof, np.array([0.0, 1e300, np.inf]))
+    assert high.tolist() == [1.0, 0.0, 0.0]
+    assert low.tolist() == [0.0, 1.0, 1.0]
 
 
 @pytest.mark.parametrize("nu", [4.0, 12.0])
