@@ -107,42 +107,78 @@ def _found(values: FloatArray, there: NDArray[np.bool_], smooth: FloatArray) -> 
     return [] if int((~kept).sum()) > MOST * H else found
 
 
-def _worst(
-    values: FloatArray, there: NDArray[np.bool_], smooth: FloatArray, tests: int
-) -> list[Loose] | None:
-    """The loosest column, along every axis that it is loose along."""
+class _Ratios(NamedTuple):
+    """What is left of a table beside lines and columns: entries, the share that a line leaves of
+    them, whether they tell anything; the ratio (H, A) of each column's mean square to that of all
+    others, and p (H, A) of that.
+    """
+
+    left: FloatArray
+    share: FloatArray
+    told: NDArray[np.bool_]
+    ratio: FloatArray
+    p: FloatArray
+
+
+def _ratios(values: FloatArray, there: NDArray[np.bool_], smooth: FloatArray) -> _Ratios:
     from scipy.special import fdtrc
 
     left, share, dof = beside_lines_and_columns(values, there, smooth)
     told = there & (share > LEAST)
-    own_dof = np.maximum(told.sum(axis=0) - 1, 0)
+    own_dof = np.maximum(told.sum(axis=0) - 1, 0)[:, None]
     rest_dof = dof - own_dof
     squares = np.where(told[:, :, None], left**2 / np.where(told, share, 1.0)[:, :, None], 0.0)
     mine = squares.sum(axis=0)
     rest = np.maximum((left**2).sum(axis=(0, 1)) - mine, 0.0)
-    able = (own_dof >= FEWEST_PARTS - 1) & (rest_dof > 0)
-    best: list[Loose] | None = None
-    clearest = rival = 0.0
-    for h in np.flatnonzero(able).tolist():
-        ratio = np.divide(
-            mine[h] / own_dof[h],
-            rest[h] / rest_dof[h],
-            out=np.zeros_like(mine[h]),
-            where=rest[h] > 0,
-        )
-        along = np.flatnonzero(tests * fdtrc(own_dof[h], rest_dof[h], ratio) < RATE)
+    able = (own_dof >= FEWEST_PARTS - 1) & (rest_dof > 0) & (rest > 0)
+    divisor = np.where(able, rest / np.maximum(rest_dof, 1), 1.0)
+    ratio = np.where(able, mine / np.maximum(own_dof, 1) / divisor, 0.0)
+    p = np.where(able, fdtrc(np.maximum(own_dof, 1), np.maximum(rest_dof, 1), ratio), 1.0)
+    return _Ratios(left, share, told, ratio, p)
+
+
+def _worst(
+    values: FloatArray, there: NDArray[np.bool_], smooth: FloatArray, tests: int
+) -> list[Loose] | None:
+    """The column without which least is left, along every axis that it is loose along; None where
+    another one may be it.
+    """
+    found = _ratios(values, there, smooth)
+    most = found.ratio.max(axis=1)
+    # What looks loose as well would be heavy tails of the others.
+    calm = tests * found.p.min(axis=1) >= RATE
+    for h in np.argsort(-most, kind="stable").tolist():
+        along = np.flatnonzero(tests * found.p[h] < RATE)
         if not len(along):
-            continue
-        scaled = left[:, h] / np.sqrt(np.where(told[:, h], share[:, h], 1.0))[:, None]
-        of_column = _of_column(scaled, share[:, h], told[:, h], _others(values, there, smooth, h))
+            return None
+        leaves, told = found.share[:, h], found.told[:, h]
+        scaled = found.left[:, h] / np.sqrt(np.where(told, leaves, 1.0))[:, None]
+        others = calm if calm.sum() >= FEWEST_COLUMNS else np.arange(len(calm)) != h
+        of_column = _of_column(scaled, leaves, told, _others(values, there, smooth, others))
         own = [x for a in along if (x := of_column(int(a), h, tests)) is not None]
-        # The one without which least is left: beside it, others look loose as well.
-        most = float(ratio.max())
-        if own and most > clearest:
-            best, clearest, rival = own, most, clearest
-        else:
-            rival = max(rival, most)
-    return best if rival < CLEAR * clearest else None
+        if own:
+            return own if _is_it(values, there, smooth, most, h, tests) else None
+    return None
+
+
+def _is_it(
+    values: FloatArray,
+    there: NDArray[np.bool_],
+    smooth: FloatArray,
+    most: FloatArray,
+    h: int,
+    tests: int,
+) -> bool:
+    """Whether the columns that look nearly as loose as `h` do so without it, too: one that does not
+    may be the loose one, and h look so beside it.
+    """
+    rivals = [r for r in np.flatnonzero(most >= CLEAR * most[h]).tolist() if r != h]
+    if not rivals:
+        return True
+    keep = np.arange(len(most)) != h
+    without = _ratios(values[:, keep], there[:, keep], smooth[keep])
+    still = tests * without.p.min(axis=1) < RATE
+    return all(bool(still[r - (r > h)]) for r in rivals)
 
 
 class _Others(NamedTuple):
@@ -155,8 +191,9 @@ class _Others(NamedTuple):
     dof: int
 
 
-def _others(values: FloatArray, there: NDArray[np.bool_], smooth: FloatArray, h: int) -> _Others:
-    keep = np.arange(values.shape[1]) != h
+def _others(
+    values: FloatArray, there: NDArray[np.bool_], smooth: FloatArray, keep: NDArray[np.bool_]
+) -> _Others:
     left, share, dof = beside_lines_and_columns(values[:, keep], there[:, keep], smooth[keep])
     seen, dof = share > LEAST, max(dof, 1)
     variance = (left**2).sum(axis=(0, 1)) / dof

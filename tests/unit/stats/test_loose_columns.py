@@ -59,6 +59,26 @@ def test_two_loose_columns_are_told_each_and_half_of_them_none() -> None:
     assert loose_columns(half, there, smooth) == []
 
 
+def test_columns_that_are_as_loose_are_told_each() -> None:
+    """They are no rivals of one another: without one of them the others are loose as before."""
+    values, there, smooth = drawn(3, (21, 60, 2), s=1.0)
+    values[:, [5, 17, 33, 48]] += 6 * np.random.default_rng(1).normal(size=(21, 4, 2))
+    assert {own.column for own in loose_columns(values, there, smooth)} == {5, 17, 33, 48}
+
+
+def test_one_of_two_that_nothing_tells_apart_is_not_told() -> None:
+    """Of five places in two rows the two of one row are loose alike beside lines of turns."""
+    rng = np.random.default_rng(5)
+    x, y = np.array([-1.0, 0.0, 1.0, -1.0, 0.0]), np.array([-1.0, -1.0, -1.0, 1.0, 1.0])
+    smooth = np.column_stack([np.ones(5), x, y])
+    for _ in range(10):
+        values = rng.normal(size=(20, 5, 2))
+        values += np.einsum("hk,pka->pha", smooth, 8 * rng.normal(size=(20, 3, 2)))
+        values[:, 4] += 12 * rng.normal(size=(20, 2))
+        found = {own.column for own in loose_columns(values, np.full((20, 5), True), smooth)}
+        assert found <= {4}
+
+
 def test_what_cannot_be_told() -> None:
     values, there, smooth = drawn(2)
     assert loose_columns(values[:4], there[:4], smooth) == []
