@@ -18,8 +18,8 @@ from mtu_cli.language.tree import Binary, Name, walk
 ZERO_C = 273.15
 ABSOLUTE = 200.0
 """K, from which on it is a temperature and no difference."""
-LEAST, MOST = 5.0, 100.0
-"""degC of a temperature, not a correction, in a workshop."""
+REFERENCE, ROOMS = (15.0, 30.0), (20.0, 23.0, 25.0)
+"""degC of a workshop, and what is written for one in an equation."""
 ROOM = (273.15, 323.15)
 """degC that would be a room, in K."""
 _KELVIN = re.compile(r"\s*(?:(?:deg(?:rees?)?|\u00b0)?\s*K|kelvin)\s*", re.IGNORECASE)
@@ -40,8 +40,8 @@ class Mixed(NamedTuple):
 
 
 def mixed_temperatures(inputs: Mapping[str, Input], trees: Iterable[Node]) -> Iterator[Mixed]:
-    """Sums in which an input in K stands beside a temperature in degC, and ones in degC that look
-    like K; each input once.
+    """Differences of an input in K and a temperature in degC, and ones in degC that look like K;
+    each input once. A constant of an equation (T - 35.86) may be in K.
     """
     told: set[str] = set()
     for tree in trees:
@@ -52,41 +52,47 @@ def mixed_temperatures(inputs: Mapping[str, Input], trees: Iterable[Node]) -> It
                     yield found
 
 
-def _of_sum(inputs: Mapping[str, Input], terms: list[Node]) -> Iterator[Mixed]:
-    numbers = [abs(value) for term in terms if (value := literal_value(term)) is not None]
-    if any(value >= ABSOLUTE for value in numbers):
+def _of_sum(inputs: Mapping[str, Input], terms: list[tuple[int, Node]]) -> Iterator[Mixed]:
+    known = {term.name: (sign, inputs[term.name]) for sign, term in terms
+             if isinstance(term, Name) and term.name in inputs}  # fmt: skip
+    kelvin = {name: own for name, own in known.items() if _is(_KELVIN, own[1])}
+    celsius = {name: own for name, own in known.items() if _is(_CELSIUS, own[1])}
+    numbers = [(sign, value) for sign, term in terms if (value := literal_value(term)) is not None]
+    # Who takes off 273.15, or another temperature in K, knows what is in K.
+    if any(abs(value) >= ABSOLUTE for _, value in numbers):
         return
-    known = {term.name: inputs[term.name] for term in terms if isinstance(term, Name)
-             and term.name in inputs}  # fmt: skip
-    kelvin = {name: _value(item) for name, item in known.items() if _is(_KELVIN, item)}
-    celsius = {name: _value(item) for name, item in known.items() if _is(_CELSIUS, item)}
-    low = [f"{name} ({value:.9g} degC)" for name, value in celsius.items() if _is_low(value)]
-    low += [f"{value:.9g}" for value in numbers if _is_low(value)]
+    low = {f"{name} ({_value(own[1]):.9g} degC)": own[0] for name, own in celsius.items()
+           if REFERENCE[0] <= _value(own[1]) <= REFERENCE[1]}  # fmt: skip
+    low |= {f"{value:.9g}": sign for sign, value in numbers if value in ROOMS}
     if not low:
         return
-    for name, value in kelvin.items():
-        if value >= ABSOLUTE:
-            one = f"one scale: {value - ZERO_C:.9g} degC for {value:.9g} K"
-            yield Mixed(name, f"a temperature in K and {low[0]} are in one sum", one, True)
-    for name, value in celsius.items():
-        if ROOM[0] <= value <= ROOM[1]:
-            what = f"{value:.9g} degC is in one sum with {low[0]}"
-            yield Mixed(name, what, f"{value - ZERO_C:.9g} degC, if it is in K", False)
+    (first, sign), *_ = low.items()
+    if len(kelvin) == 1:
+        ((name, (own, item)),) = kelvin.items()
+        if _value(item) >= ROOM[0] and own != sign and len(terms) == 2:
+            one = f"one scale: {_value(item) - ZERO_C:.9g} degC for {_value(item):.9g} K"
+            sure = first.endswith("degC)") and _value(item) <= ROOM[1]
+            yield Mixed(name, f"a temperature in K and {first} are in one sum", one, sure)
+    for name, (own, item) in celsius.items():
+        # No room has 293.15 degC to the hundredth, and few ovens have.
+        if (
+            ROOM[0] <= _value(item) <= ROOM[1]
+            and own != sign
+            and round(_value(item) % 1, 6) == 0.15
+        ):
+            what = f"{_value(item):.9g} degC is in one sum with {first}"
+            yield Mixed(name, what, f"{_value(item) - ZERO_C:.9g} degC, if it is in K", False)
 
 
-def _sums(tree: Node) -> Iterator[list[Node]]:
+def _sums(tree: Node) -> Iterator[list[tuple[int, Node]]]:
     """The terms of every sum, the whole of it and not its parts."""
     inner: set[int] = set()
     for node in walk(tree):
         if isinstance(node, Binary) and node.operator in "+-" and id(node) not in inner:
             inner.update(id(side) for side in walk(node) if isinstance(side, Binary))
-            yield [term for _, term in signed_terms(node)]
+            yield [*signed_terms(node)]
             for _, term in signed_terms(node):
                 yield from _sums(term)
-
-
-def _is_low(value: float) -> bool:
-    return LEAST <= value <= MOST
 
 
 def _is(pattern: re.Pattern[str], item: Input) -> bool:

@@ -94,7 +94,7 @@ def _ones_in_units(
 def _like_kelvin(
     budget: Budget, trees: Mapping[str, Node], document: YamlDocument
 ) -> tuple[Notice, ...]:
-    """Temperatures in degC that would be a room's in K."""
+    """Temperatures in K beside what may be degC, and ones in degC that would be a room's in K."""
     found = []
     for mixed in mixed_temperatures(budget.inputs, trees.values()):
         if not mixed.sure:

@@ -18,7 +18,11 @@ CODE = "feature-scatters"
 MOST_NAMED = 3
 FEWEST_LINES = 6
 """Features from which on parts may turn and grow for themselves."""
-MOST_COLUMNS = 500
+ROUNDING = 1e-12
+"""Of the mean square of the errors: what scatters less does not."""
+BEYOND = 0.1
+"""Of the range of the other features."""
+MOST_COLUMNS = 300
 """Features that are looked at: of more the others are not known better, and time grows."""
 
 
@@ -51,7 +55,13 @@ def loose_features(
     """
     if len(columns) > MOST_COLUMNS:
         return []
-    found = loose_columns(np.where(there[:, :, None], errors, 0.0), there, _smooth(places))
+    known = np.where(there[:, :, None], errors, 0.0)
+    least = ROUNDING * float(np.mean(known**2))
+    found = [
+        own
+        for own in loose_columns(known, there, _smooth(places))
+        if own.s**2 > least and not _stands_apart(places, own.column)
+    ]
     texts = []
     for column in dict.fromkeys(own.column for own in found):
         each = [own for own in found if own.column == column]
@@ -61,12 +71,21 @@ def loose_features(
         texts.append(
             f"feature {columns[column]} scatters from part to part far more than the others: "
             f"{sizes} um, they {others} um (p {'<0.001' if p < 1e-3 else f'{p:.3f}'} among all "
-            "features): look at this feature, its tool and how it is measured; no effect of the "
-            "machine is looked for in it"
+            "features): look at this feature, its tool and how it is measured"
         )
     more = len(texts) - MOST_NAMED
     beyond = [f"{more} more features scatter far more than the others"] if more > 0 else []
     return [Warned(code=CODE, message=text) for text in [*texts[:MOST_NAMED], *beyond]]
+
+
+def _stands_apart(places: FloatArray, column: int) -> bool:
+    """Whether a feature lies beyond all others: a machine or a part that turns from part to part
+    moves it more than them.
+    """
+    others = np.delete(places, column, axis=0)
+    low, high = others.min(axis=0), others.max(axis=0)
+    margin = BEYOND * (high - low)
+    return bool(((places[column] < low - margin) | (places[column] > high + margin)).any())
 
 
 def _smooth(places: FloatArray) -> FloatArray:

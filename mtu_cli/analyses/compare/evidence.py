@@ -247,6 +247,8 @@ def _together(
         # A datum leaves no more of some features than rounding.
         of_parts = table.n0[place] * foretold.scatter[place]
         kept = np.isfinite(scatter.p[place]) & (of_parts > ROUNDING * scatter.expected[place])
+        # Without repeats MS_between holds the CMM's scatter: too little to be seen at one item.
+        kept &= table.df_within[place] > 0
         own = place[kept]
         yield together(operation, own, scatter.expected[own], table, joint.only(kept), HOPELESS)
 

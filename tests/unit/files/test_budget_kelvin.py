@@ -28,6 +28,8 @@ INPUTS = {
     "HC": "value: 295.15, u: 0.1, unit: degC",
     "c": "value: 0.04, u: 0.1, unit: degC",
     "T0": "value: 20, unit: \u00b0C",
+    "Z": "value: 273.15, unit: K",
+    "HF": "value: 280, u: 3, unit: degC",
     "F": "value: 650, u: 3, unit: degC",
 }
 
@@ -38,9 +40,7 @@ INPUTS = {
         ("L*a*(TK - T0)", 7, "inputs.TK.unit: a temperature in K and T0 (20 degC) are in one sum: "
          "'K'; expected one scale: 22 degC for 295.15 K"),
         ("L*a*(T0 - RK)", 7, "inputs.RK.unit: a temperature in K and T0 (20 degC) are in one sum"),
-        ("L*a*(WK - 20)", 7, "inputs.WK.unit: a temperature in K and 20 are in one sum: 'deg K'; "
-         "expected one scale: 22.1 degC for 295.25 K"),
-        ("L*(1 + a*(TC + TK - T0))", 7, "a temperature in K and TC (22 degC) are in one sum"),
+        ("L*a*(WK - TC)", 7, "inputs.WK.unit: a temperature in K and TC (22 degC) are in one sum"),
     ],
 )  # fmt: skip
 def test_kelvin_less_celsius_is_refused(
@@ -58,11 +58,24 @@ def test_kelvin_less_celsius_is_refused(
     [
         "L*a*(TC - T0)", "L*a*DK", "L*a*(TC - DK - T0)", "L*a*(TK - 273.15 - T0)",
         "L*a*(TK - 293.15)", "L*a*(TK + c - WK)", "L*a*(F - T0)", "TK*DK", "L*a*(TK - RK)",
+        # Tetens and Antoine in K; 0 degC in K; two differences; hot forming; a difference in degC.
+        "610.78*exp(17.2694*(TK - 273.16)/(TK - 35.86))", "10**(4.6543 - 1435.264/(TK - 64.848))",
+        "Z + TC", "TK - Z - 20", "(TK - RK) - (TC - T0)", "TK - c", "HF - T0", "F - 20",
     ],
 )  # fmt: skip
 def test_what_is_right_passes(tmp_path: Path, equation: str) -> None:
     codes = {notice.code for notice in load(tmp_path, equation, INPUTS).warnings}
     assert "like-kelvin" not in codes
+
+
+def test_a_room_taken_off_kelvin_is_asked_for(tmp_path: Path) -> None:
+    """The 20 may be K."""
+    found = load(tmp_path, "L*a*(TK - 20)", INPUTS).warnings
+    (notice,) = [own for own in found if own.code == "like-kelvin"]
+    assert notice.message == (
+        "b.yaml:7: inputs.TK: a temperature in K and 20 are in one sum; expected one scale: 22 "
+        "degC for 295.15 K"
+    )
 
 
 def test_degrees_that_would_be_a_room_in_kelvin_are_asked_for(tmp_path: Path) -> None:

@@ -72,9 +72,32 @@ def test_close_loop_tells_it_with_its_size() -> None:
 
 def test_of_many_features_none_is_looked_for() -> None:
     rng = np.random.default_rng(1)
-    errors, places = rng.normal(size=(6, 501, 1)), rng.uniform(size=(501, 3))
+    errors, places = rng.normal(size=(6, 301, 1)), rng.uniform(size=(301, 3))
     errors[:, 3] *= 100.0
-    names = [f"H{i}" for i in range(501)]
-    there = np.full((6, 501), True)
+    names = [f"H{i}" for i in range(301)]
+    there = np.full((6, 301), True)
     assert loose_features(errors, there, places, names, ["x"]) == []
     assert len(loose_features(errors[:, :40], there[:, :40], places[:40], names[:40], ["x"])) == 1
+
+
+def test_a_feature_far_from_all_others_is_not_told() -> None:
+    """Parts that grow, or a machine whose slopes drift, move it more than the others."""
+    rng = np.random.default_rng(2)
+    places = np.array([[5.0, 5, 0], [15, 5, 0], [5, 15, 0], [15, 15, 0], [395, 295, 0]])
+    growth = 3e-5 * rng.normal(size=(20, 1))
+    errors = 1e-3 * rng.normal(size=(20, 5, 1)) + (growth * places[:, 0])[:, :, None]
+    there, names = np.full((20, 5), True), list("ABCDE")
+    assert loose_features(errors, there, places, names, ["x"]) == []
+    inside = places.copy()
+    inside[[3, 4]] = places[[4, 3]]
+    loose = 1e-3 * rng.normal(size=(20, 5, 1))
+    loose[:, 4] *= 8
+    assert len(loose_features(loose, there, inside, names, ["x"])) == 1
+
+
+def test_what_rounding_leaves_scatters_not() -> None:
+    rng = np.random.default_rng(3)
+    errors = 0.01 + 1e-18 * rng.normal(size=(20, 6, 1))
+    errors[:, 2] += 1e-17 * rng.normal(size=(20, 1))
+    places = np.random.default_rng(4).uniform(size=(6, 3))
+    assert loose_features(errors, np.full((20, 6), True), places, list("ABCDEF"), ["x"]) == []
