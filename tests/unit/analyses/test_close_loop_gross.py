@@ -20,11 +20,12 @@ def noise(seed: int) -> Floats:
     return crossed(np.random.default_rng(seed), SHAPE)
 
 
-@pytest.mark.parametrize("shape", [SHAPE, (1, 24, 2), (24, 1, 1), (4, 4, 1)])
+@pytest.mark.parametrize("shape", [SHAPE, (1, 24, 2), (24, 1, 1), (4, 4, 1), (4, 8, 2), (8, 6, 2)])
 def test_normal_tables_are_left_alone(shape: tuple[int, int, int]) -> None:
     rng, count = np.random.default_rng(1), 80
     touched = sum(bool(set_aside(residuals(crossed(rng, shape)))[1]) for _ in range(count))
-    assert touched <= binom.ppf(1 - 1e-3, count, 0.05)
+    # The limit is a standard deviation beyond what one table in twenty passes.
+    assert touched <= binom.ppf(1 - 1e-3, count, 0.02)
 
 
 @pytest.mark.parametrize("name", ["holes", "half"])
@@ -245,3 +246,30 @@ def test_gross_entries_of_parts_that_turn_are_found(holes_of_each: int) -> None:
             (table.parts[part], table.features[hole])
         ]
     assert found >= 36
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.3])
+@pytest.mark.parametrize("gross", [None, (3, 15.0), (9, 200.0)])
+def test_a_feature_far_from_all_others_goes_where_its_part_turns(
+    missing: float, gross: tuple[int, float] | None
+) -> None:
+    """Nine holes together and one 300 mm off, which by itself tells how its part lies."""
+    rng, count, right = np.random.default_rng(5), 60, 0
+    for _ in range(count):
+        near = rng.uniform(5.0, 25.0, (9, 2))
+        places = np.concatenate([near, [[320.0, 20.0]]])
+        turn = 0.07 * rng.normal(size=(20, 1))
+        errors = rng.normal(size=(20, 10, 2))
+        errors[..., 0] -= turn * places[:, 1]
+        errors[..., 1] += turn * places[:, 0]
+        there, part, wanted = rng.random((20, 10)) >= missing, rng.integers(20), []
+        if gross:
+            errors[part, gross[0], 1] += gross[1]
+            there[part, gross[0]] = True
+            wanted = [(f"P{part + 1}", f"H{gross[0] + 1}")]
+        table = residuals(errors, there=there)
+        moved = table.places.copy()
+        moved[..., :2] = places
+        aside = set_aside(replace(table, places=moved))[1]
+        right += [(own.part, own.feature) for own in aside] == wanted
+    assert right >= binom.ppf(1e-3, count, 0.98)
