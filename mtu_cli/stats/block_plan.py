@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,18 +154,14 @@ class BlockPlan:
         """
         listed = [math.inf] if dof is None else [float(value) for value in dof]
         # Outputs that share their degrees of freedom share their quantiles.
-        known = {value: self._standard(value) for value in dict.fromkeys(listed)}
+        known = {
+            value: _standard(self.end_probability, self.size, self.tail, value)
+            for value in dict.fromkeys(listed)
+        }
         return (
             np.array([known[value][0] for value in listed]),
             np.array([known[value][1] for value in listed]),
         )
-
-    def _standard(self, dof: float) -> tuple[float, FloatArray]:
-        grid = np.arange(1, self.tail + 1) / (self.size + 1)
-        quantiles = t_quantile(np.concatenate([[self.end_probability], grid]), dof)
-        ordered = quantiles[1:]
-        bias = grid * (1.0 - grid) / (2.0 * (self.size + 2)) * quantile_curvature(ordered, dof)
-        return float(quantiles[0]), ordered + bias
 
     @property
     def end_probability(self) -> float:
@@ -184,3 +180,17 @@ class BlockPlan:
         j = min(max(1, math.floor(rank)), self.tail - 1)
         weights[j - 1], weights[j] = 1.0 - (rank - j), rank - j
         return weights
+
+
+@lru_cache(maxsize=64)
+def _standard(end: float, size: int, tail: int, dof: float) -> tuple[float, FloatArray]:
+    """Quantile at `end` and expected ordered values (tail,); Monte Carlo runs of one plan share
+    them, which take longer than a tenth of a short run.
+    """
+    grid = np.arange(1, tail + 1) / (size + 1)
+    quantiles = t_quantile(np.concatenate([[end], grid]), dof)
+    ordered = quantiles[1:]
+    bias = grid * (1.0 - grid) / (2.0 * (size + 2)) * quantile_curvature(ordered, dof)
+    found: FloatArray = ordered + bias
+    found.flags.writeable = False
+    return float(quantiles[0]), found

@@ -140,12 +140,15 @@ def block_generator(seed: int, block: int) -> np.random.Generator:
 
 def not_finite_in(draws: Draws) -> NDArray[np.int64]:
     """Trials (outputs,) whose value or first-order form is infinite or not a number."""
-    finite = np.isfinite(draws.values)
-    if draws.linear is not None:
-        finite &= np.isfinite(draws.linear)
-    # To count by rows takes ten times as long as to see that there is nothing to count.
-    if finite.all():
-        return np.zeros(len(finite), np.int64)
+    values, linear = draws.values, draws.linear
+    # A sum that is finite has finite terms; to look at each takes three times as long.
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = float(values.sum()) + (0.0 if linear is None else float(linear.sum()))
+    if np.isfinite(total):
+        return np.zeros(len(values), np.int64)
+    finite = np.isfinite(values)
+    if linear is not None:
+        finite &= np.isfinite(linear)
     return np.asarray(np.count_nonzero(~finite, axis=1))
 
 
