@@ -19,7 +19,7 @@ from mtu_cli.files.budget_units import BudgetUnits
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Findings, Notice, check_contract, is_identifier
 from mtu_cli.files.source import Source
-from mtu_cli.files.unit_text import GRAMS
+from mtu_cli.files.unit_text import grams
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 from mtu_cli.language import EquationError, Node, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
@@ -96,7 +96,9 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
         _check_names(findings)
         _check_units(budget, findings)
         stated = {name: item.unit for name, item in (budget.inputs or {}).items()}
-        units = [BudgetUnits.of_inputs(stated, gram) for gram in GRAMS]
+        given = [*stated.values(), *(budget.units or {}).values()]
+        given += [budget.quantity.unit] if budget.quantity is not None else []
+        units = [BudgetUnits.of_inputs(stated, gram) for gram in grams(given)]
         for name, place, text in _equations(budget, findings):
             tree = _tree(text, known, place, findings)
             if tree is not None:

@@ -83,12 +83,13 @@ def _beside(units: BudgetUnits, tree: Node, stated: str | None) -> Iterator[_Bes
         if ratio is None or not sizes_differ(ratio, {SIZE: 0.0}):
             continue
         text = units.texts.text(ratio)
-        if text.endswith(ANGLES) and PRODUCT.isdisjoint(text):
-            continue
+        angle = text.endswith(ANGLES) and PRODUCT.isdisjoint(text)
         sure = True
         if node in results:
+            if angle:
+                continue
             sure = wanted is not None and sizes_differ(ratio, wanted)
-        elif one is not node.left and node.operator == "-":
+        elif angle or (one is not node.left and node.operator == "-"):
             unsure[id(node)] = Binary("/", other, other, node.column)
         found.append(_Beside(node, other, text, ratio[SIZE], sure))
     ways = _guilty(units, tree, stated, unsure)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 SIZE = "size"
 """Key of the common logarithm of a unit's size in base units: it adds as exponents do."""
@@ -76,7 +76,14 @@ _FACTOR = re.compile(
     r"(?:(?:\^|\*\*)?(?P<power>[+-]?\d+))?",
     re.ASCII,
 )
+_DENSITY = re.compile(r"\s*g\s*/\s*[a-z]{0,2}m\s*(?:\^|\*\*)?\s*[23\u00b2\u00b3]")
+"""Here g is the gram: nobody divides an acceleration by a volume or an area."""
 LONGEST = 60
+
+
+def grams(texts: Iterable[str | None]) -> tuple[Exponents, ...]:
+    """What g may be in a file with these units: of `GRAMS` those that none of them rules out."""
+    return GRAMS[:1] if any(_DENSITY.match(text) for text in texts if text) else GRAMS
 
 
 def unit_exponents(text: str | None, gram: Exponents | None = None) -> Exponents | None:

@@ -286,6 +286,7 @@ def test_what_disagrees_is_refused(
         ("(a - 1)*L", "um", {"a": "um/m", "L": "m"}),
         ("(a - 1)*L", None, {"a": "um/m", "L": "m"}),
         ("1 + a", "mrad", {"a": "mrad"}),
+        ("L*(1 - a)", "um", {"L": "mm", "a": "mrad"}),
         ("100 - a", "%", {"a": "%"}),
         ("(h - L)*a*(t - 20)", "nm", MM | {"a": "um/(m K)", "t": "degC"}),
         ("(h - L)*(a - 11.5/1000000)*(t - 20)", "mm", MM | {"a": "1/degC", "t": "degC"}),
@@ -341,6 +342,16 @@ G_MM = {"m": "g", "v": "mm^3"}
         ("a*b", "m/s^2", {"a": "g", "b": "m/s^2/g"}, None),
         ("m*a", "N", {"m": "kg", "a": "g"}, "the equation"),
         ("m*a", "N", {"m": "kg", "a": "m/s^2"}, None),
+        # Beside a density it is the gram, of air that lifts a weight.
+        (
+            "m*a*(1 - b/v)",
+            "N",
+            {"m": "kg", "a": "m/s^2", "b": "kg/m^3", "v": "g/cm^3"},
+            "1 and units of 0.001 are added at column 10: 'b/v'; expected plain numbers: what is "
+            "in units of 0.001 divided by 1000",
+        ),
+        ("m*a*(1 - b/v)", "N", {"m": "kg", "a": "m/s^2", "b": "g/cm3", "v": "g / cm^3"}, None),
+        ("m/v", "kg", {"m": "g", "v": "g/cm\u00b3"}, "gives units of 1e-06 m^3"),
         (
             "m*a",
             "N",
@@ -375,6 +386,9 @@ def test_grams(
         # Behind a minus it is told where nothing else is wrong.
         ("L*(s - 1)", "m", {"L": "m", "s": "%"}, "1 and % are added"),
         ("L*(1 - a**2/2)", "mm", {"L": "mm", "a": "arcsec"}, "1 and arcsec*arcsec are added"),
+        # Beside an angle a 1 may be 1 mrad, but for a factor without which nothing is wrong.
+        ("L*(1 - a)", "mm", {"L": "mm", "a": "mrad"}, "'a'; expected plain numbers: what is in"),
+        ("h + L*(1 + a)", "mm", {"h": "mm", "L": "mm", "a": "mrad"}, "1 and mrad are added"),
     ],
 )
 def test_the_one_that_is_wrong_is_told_alone(
