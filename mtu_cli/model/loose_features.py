@@ -59,14 +59,14 @@ def loose_features(
     least = ROUNDING * float(np.mean(known**2))
     found = [
         own
-        for own in loose_columns(known, there, _smooth(places))
+        for own in loose_columns(known, there, smooth_of(places))
         if own.s**2 > least and not _stands_apart(places, own.column)
     ]
     texts = []
     for column in dict.fromkeys(own.column for own in found):
         each = [own for own in found if own.column == column]
-        sizes = ", ".join(f"{axes[own.axis]} {_um(own.s)}" for own in each)
-        others = ", ".join(f"{axes[own.axis]} {_um(own.others)}" for own in each)
+        sizes = ", ".join(f"{axes[own.axis]} {um_text(own.s)}" for own in each)
+        others = ", ".join(f"{axes[own.axis]} {um_text(own.others)}" for own in each)
         p = max(own.p for own in each)
         texts.append(
             f"feature {columns[column]} scatters from part to part far more than the others: "
@@ -88,7 +88,7 @@ def _stands_apart(places: FloatArray, column: int) -> bool:
     return bool(((places[column] < low - margin) | (places[column] > high + margin)).any())
 
 
-def _smooth(places: FloatArray) -> FloatArray:
+def smooth_of(places: FloatArray) -> FloatArray:
     """A constant and, of enough features, the slopes along each axis that they differ along."""
     ones = np.ones((len(places), 1))
     if len(places) < FEWEST_LINES:
@@ -99,5 +99,6 @@ def _smooth(places: FloatArray) -> FloatArray:
     return np.concatenate([ones, slopes / reach], axis=1)
 
 
-def _um(value: float) -> str:
+def um_text(value: float) -> str:
+    """mm in micrometres, of two significant digits."""
     return f"{float(f'{value / UM:.2g}'):g}"

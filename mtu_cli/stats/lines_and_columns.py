@@ -25,7 +25,7 @@ def beside_lines_and_columns(
     (sum Q_p) c = sum Q_p y_p, and the residuals Q_p (y_p - c) have sum rank(Q_p) - rank(sum Q_p)
     degrees of freedom. Cells of parts that hold no more than a line tell nothing, and have none.
     """
-    basis = _bases(there, smooth)
+    basis = line_bases(there, smooth)
     y = np.where(there[:, :, None], values, 0.0)
     flat = basis.transpose(1, 0, 2).reshape(basis.shape[1], -1)
     total = np.diag(there.sum(axis=0).astype(float)) - flat @ flat.T
@@ -39,7 +39,7 @@ def beside_lines_and_columns(
     return np.where(there[:, :, None], left, 0.0), share, dof
 
 
-def _bases(there: NDArray[np.bool_], smooth: FloatArray) -> FloatArray:
+def line_bases(there: NDArray[np.bool_], smooth: FloatArray) -> FloatArray:
     """(P, H, k): orthonormal columns over each part's cells, zero where these have fewer."""
     own = smooth * there[:, :, None]
     square, turn = np.linalg.eigh(np.einsum("phi,phj->pij", own, own))

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mtu_cli.analyses.close_loop.clamped import shift_warnings
 from mtu_cli.analyses.close_loop.fitted import beside_polynomial
 from mtu_cli.analyses.close_loop.loose import loose_warnings
 from mtu_cli.analyses.close_loop.one_table import LoopResult, loop_on
@@ -72,7 +73,12 @@ def close_loop(
         alpha=alpha,
         datum=tables[0].datum,
         covariance=_joint(found),
-        warnings=(*short, *loop_warnings(results, max_effects), *_loose(tables, results)),
+        warnings=(
+            *short,
+            *loop_warnings(results, max_effects),
+            *_loose(tables, results),
+            *(warned for result in results for warned in shift_warnings(result)),
+        ),
     )
 
 
