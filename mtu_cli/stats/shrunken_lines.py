@@ -58,10 +58,9 @@ def off_lines(errors: FloatArray, X: FloatArray, *, columns: bool) -> OffLines:
     is (X'X + L)^-1 X'y, L the variance of entries over that of each slope (Robinson, Statistical
     Science 6 (1991) 15). An entry that had a say in it has the variance (1 - h)(1 - (1 - h)/n) of
     single entries, any other 1 + h + 1/n, with h = x'(X'X + L)^-1 x and n the sum of 1 - h over
-    its column: exact where parts are complete and alike, and
-    near that elsewhere. Either way the score is that of what the *others* make one expect.
-    Entries farther than FAR have no say; the farthest go first, as they pull the others of their
-    part and column.
+    its column: exact where parts are complete and alike, and near that elsewhere. Either way the
+    score is that of what the *others* make one expect. Entries farther than FAR have no say; the
+    farthest go first, as they pull the others of their part and column.
     """
     there = np.isfinite(errors)
     values, near = np.where(there, errors, 0.0), _near_at_first(errors)
@@ -117,7 +116,7 @@ def _means(
     """Means (H, A) of columns beside the lines: generalized least squares.
 
     With M_p what a part's near entries have beside its line, they solve (sum M_p) c = sum M_p y_p
-    (the methods of conjugate gradients, which takes no matrix and few steps: all but k + 1 of the
+    (the method of conjugate gradients, which takes no matrix and few steps: all but k + 1 of the
     eigenvalues lie together).
     """
     from scipy.sparse.linalg import LinearOperator, cg
