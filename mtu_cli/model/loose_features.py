@@ -11,7 +11,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.loose_columns import loose_columns
+from mtu_cli.stats.loose_columns import Loose, loose_columns
 from mtu_cli.units import UM
 
 CODE = "feature-scatters"
@@ -21,7 +21,7 @@ FEWEST_LINES = 6
 ROUNDING = 1e-12
 """Of the mean square of the errors: what scatters less does not."""
 BEYOND = 0.1
-"""Of the range of the other features."""
+"""Of the largest range of the other features."""
 MOST_COLUMNS = 300
 """Features that are looked at: of more the others are not known better, and time grows."""
 
@@ -57,11 +57,16 @@ def loose_features(
         return []
     known = np.where(there[:, :, None], errors, 0.0)
     least = ROUNDING * float(np.mean(known**2))
+    smooth = smooth_of(places)
     found = [
         own
-        for own in loose_columns(known, there, smooth_of(places))
-        if own.s**2 > least and not _stands_apart(places, own.column)
+        for own in loose_columns(known, there, smooth)
+        if own.s**2 > least and not _stands_apart(places, smooth, own.column)
     ]
+    if found:
+        without = _without_farthest(known, there, found)
+        still = {(own.column, own.axis) for own in loose_columns(known, without, smooth)}
+        found = [own for own in found if (own.column, own.axis) in still]
     texts = []
     for column in dict.fromkeys(own.column for own in found):
         each = [own for own in found if own.column == column]
@@ -78,24 +83,42 @@ def loose_features(
     return [Warned(code=CODE, message=text) for text in [*texts[:MOST_NAMED], *beyond]]
 
 
-def _stands_apart(places: FloatArray, column: int) -> bool:
-    """Whether a feature lies beyond all others: a machine or a part that turns from part to part
-    moves it more than them.
+def _without_farthest(
+    errors: FloatArray, there: NDArray[np.bool_], found: Sequence[Loose]
+) -> NDArray[np.bool_]:
+    """`there` (P, H) less the entry of each loose column that is farthest off its median: of one
+    that a single slip makes loose nothing is left.
     """
+    kept = there.copy()
+    for own in found:
+        parts = np.flatnonzero(there[:, own.column])
+        values = errors[parts, own.column, own.axis]
+        kept[parts[np.argmax(np.abs(values - np.median(values)))], own.column] = False
+    return kept
+
+
+def _stands_apart(places: FloatArray, smooth: FloatArray, column: int) -> bool:
+    """Whether one of so few features that parts have no lines lies beyond all others: a machine or
+    a part that turns from part to part moves it more than them.
+    """
+    if smooth.shape[1] > 1:
+        return False
     others = np.delete(places, column, axis=0)
     low, high = others.min(axis=0), others.max(axis=0)
-    margin = BEYOND * (high - low)
+    margin = BEYOND * float(np.max(high - low))
     return bool(((places[column] < low - margin) | (places[column] > high + margin)).any())
 
 
 def smooth_of(places: FloatArray) -> FloatArray:
-    """A constant and, of enough features, the slopes along each axis that they differ along."""
+    """A constant and, of enough features, the slopes along each axis that they differ along, all in
+    one unit of length.
+    """
     ones = np.ones((len(places), 1))
     if len(places) < FEWEST_LINES:
         return ones
     known = np.isfinite(places).all(axis=0) & (np.ptp(places, axis=0) > 0)
     slopes = places[:, known] - places[:, known].mean(axis=0)
-    reach = np.abs(slopes).max(axis=0, initial=1e-300)
+    reach = float(np.abs(slopes).max(initial=1e-300))
     return np.concatenate([ones, slopes / reach], axis=1)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.lines_and_columns import beside_lines_and_columns
+from mtu_cli.stats.lines_and_columns import TINY, beside_lines_and_columns
 from mtu_cli.stats.scatter_tests import log_variance_u
 
 RATE = 1e-3
@@ -74,19 +74,23 @@ def _beyond_turns(
     columns = {own.column for own in plain}
     kept = np.array([h not in columns for h in range(values.shape[1])])
     whole = there[:, kept].all(axis=1)
-    parts, X = int(whole.sum()), smooth[kept]
+    parts, middle = int(whole.sum()), smooth[kept].mean(axis=0)
     if parts < FEWEST_PARTS:
         return False
+    X = smooth[kept] - middle
     square, turn = np.linalg.eigh(X.T @ X)
-    known = square > LEAST * square[-1]
+    known = square > TINY * square[-1]
     inverse = (turn[:, known] / square[known]) @ turn[:, known].T
     of_others = values[whole][:, kept]
     slopes = np.einsum("ik,hk,pha->pia", inverse, X, of_others - of_others.mean(axis=0))
     tests = values.shape[1] * values.shape[2]
     for own in plain:
-        away = smooth[own.column] - X.mean(axis=0)
+        away = smooth[own.column] - middle
         line = slopes[..., own.axis] @ away
         turned = float(line @ line) / (parts - 1)
+        # Across what the others lie in a part may turn as much as it does along that.
+        across = float(np.sum((away @ turn[:, ~known]) ** 2))
+        turned += across * float((slopes[..., own.axis] ** 2).sum(axis=0).max()) / (parts - 1)
         ratio = own.s**2 / (own.others**2 + turned)
         if ratio < TWICE**2 or tests * float(fdtrc(parts - 1, parts - 1, ratio)) > RATE:
             return False

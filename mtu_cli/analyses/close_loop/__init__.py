@@ -24,7 +24,6 @@ from mtu_cli.analyses.close_loop.result import (
 from mtu_cli.analyses.close_loop.warnings import judged_tables, loop_warnings
 from mtu_cli.model.effect_library import EffectLibrary, candidates
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.threads import one_blas_thread
 
 __all__ = [
@@ -76,7 +75,7 @@ def close_loop(
         warnings=(
             *short,
             *loop_warnings(results, max_effects),
-            *_loose(tables, results),
+            *(warned for result in results for warned in loose_warnings(result)),
             *(warned for result in results for warned in shift_warnings(result)),
         ),
     )
@@ -109,8 +108,3 @@ def _joint(found: Sequence[LoopResult]) -> np.ndarray:
         total[start : start + size, start : start + size] = item.covariance
         start += size
     return total
-
-
-def _loose(tables: Sequence[ResidualTable], results: Sequence[TableResult]) -> list[Warned]:
-    pairs = zip(tables, results, strict=True)
-    return [warned for given, result in pairs for warned in loose_warnings(given, result)]

@@ -138,8 +138,13 @@ def _without_direction(scan: Scan, y: FloatArray, which: int) -> FloatArray:
     direction = scan.directions[which]
     total = along_direction(scan, y, direction)
     found = y.copy()
-    for stratum in (s for s in scan.frame.strata.all if s.kind == "line"):
-        found[stratum.slice] -= direction[stratum.axis, stratum.line] * total
+    size = float(total @ total)
+    for stratum in scan.frame.strata.all:
+        if stratum.kind == "line":
+            found[stratum.slice] -= direction[stratum.axis, stratum.line] * total
+        elif stratum.kind == "part" and size > 0:
+            # Turned about another point than the middle of its features a part shifts with it.
+            found[stratum.slice] -= total * (float(total @ y[stratum.slice]) / size)
     return found
 
 

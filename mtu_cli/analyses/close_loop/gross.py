@@ -9,20 +9,31 @@ from numpy.typing import NDArray
 
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.shrunken_lines import OffLines, off_lines
+from mtu_cli.stats.nan_median import nan_median
+from mtu_cli.stats.shrunken_lines import off_lines
 
 MOST = 0.05
 """Share of the entries beyond which they are the table's own distribution."""
-FEWEST = 4
-SWEEPS = 10
-NOTHING = 1e-12
+MOST_OF_ONE, SINGLE = 0.1, 2
+"""Share of the entries of a part, or of a column, beyond which they are that one's own (it moved,
+or it is loose), and up to how many they are single ones in any case."""
+QUARTER = 0.25
+"""Share of them beyond which they tell nothing of the others' distribution."""
+FEWEST, FEWEST_ENTRIES = 4, 12
+"""Parts and columns, and entries: of less nothing is told."""
+SWEEPS = 50
+STILL = 1e-3
+"""Of the root mean square, by which the last sweep may move a median."""
+NOTHING = 1e-8
 """Share of the places' squares below which they do not differ along a direction."""
+ROUNDING = 1e-12
+"""Of the root mean square of the errors: what scatters less does not."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gross:
     """An entry that was set aside: `deviation` (A,) from what its part and column make one
-    expect, mm (rad), `score` the largest in robust standard deviations.
+    expect, mm (rad), `score` the largest in standard deviations.
     """
 
     part: str
@@ -34,57 +45,59 @@ class Gross:
 def set_aside(table: ResidualTable) -> tuple[ResidualTable, tuple[Gross, ...]]:
     """The table without gross entries, and what they were.
 
-    Deviations are from a line of the part and from the column (see `off_lines`), which begin at
-    their medians (Tukey's median polish); of one part or one column alone from its mean. What is
-    gross in one axis is set aside in all.
+    Deviations are from what all others make one expect of the entry's part and column (see
+    `off_lines`), beginning at their medians (Tukey's median polish). What is gross in one axis is
+    set aside in all. Of one part, or one column, every entry is all that is known of something.
     """
     P, H, _ = table.errors.shape
-    if P * H < 12 or (1 < P < FEWEST) or (1 < H < FEWEST):
+    if min(P, H) < FEWEST or P * H < FEWEST_ENTRIES:
         return table, ()
-    found = _judged(np.where(table.there[:, :, None], table.errors, np.nan), table.places)
-    worst = found.score.max(axis=2)
-    gross = np.asarray((found.score > found.limit).any(axis=2))
-    if not gross.any() or gross.sum() > max(MOST * P * H, 1):
+    errors = np.where(table.there[:, :, None], table.errors, np.nan)
+    found = off_lines(_polished(errors), _slopes(table.places), _least(table, errors))
+    own = _few_of_one(found.gross, table.there, QUARTER)
+    gross = _few_of_one(found.gross, table.there, MOST_OF_ONE)
+    if not gross.any() or own.sum() > max(MOST * table.there.sum(), 1):
         return table, ()
-    kept = _still_needed(table.there & ~gross, gross)
     told = tuple(
         Gross(
             part=table.parts[p],
             feature=table.features[h],
             deviation=tuple(float(v) for v in found.deviation[p, h]),
-            score=float(worst[p, h]),
+            score=float(found.score[p, h].max()),
         )
-        for p, h in np.argwhere(gross & ~kept)
+        for p, h in np.argwhere(gross)
     )
-    return _without(table, ~kept & gross), told
+    return _without(table, gross), told
 
 
-def _judged(errors: FloatArray, places: FloatArray) -> OffLines:
-    """How far each entry is off, of errors (P, H, A), nan where missing, at places (P, H, d)."""
-    P, H, A = errors.shape
-    if min(P, H) > 1:
-        left = errors
-        for _ in range(SWEEPS):
-            left = left - _medians(left, axis=1)
-            left = left - _medians(left, axis=0)
-        X = np.concatenate([np.ones((P, H, 1)), _slopes(places)], axis=2)
-        return off_lines(left, X, columns=True)
-    row = errors.reshape(1, -1, A)
-    found = off_lines(row - _medians(row, axis=1), np.ones((1, row.shape[1], 1)), columns=False)
-    shape = (P, H, A)
-    return replace(
-        found, deviation=found.deviation.reshape(shape), score=found.score.reshape(shape)
-    )
+def _few_of_one(
+    gross: NDArray[np.bool_], there: NDArray[np.bool_], share: float
+) -> NDArray[np.bool_]:
+    """Gross entries (P, H) without those of parts and columns that have more than this share."""
+    own: NDArray[np.bool_] = gross.copy()
+    for axis in (0, 1):
+        most = np.maximum(share * there.sum(axis=axis, keepdims=True), SINGLE)
+        own &= gross.sum(axis=axis, keepdims=True) <= most
+    return own
 
 
-def _medians(values: FloatArray, axis: int) -> FloatArray:
-    """Medians along an axis, which is kept, of what is not nan; nan where all is.
+def _least(table: ResidualTable, errors: FloatArray) -> FloatArray:
+    """Standard deviations (A,) that rounding gives to entries at least."""
+    step = np.array(table.resolution) if table.resolution else np.zeros(errors.shape[2])
+    return np.asarray(step / np.sqrt(12.0))
 
-    As numpy.nanmedian, which goes through small tables column by column; six times as fast.
-    """
-    ordered, n = np.sort(values, axis=axis), (~np.isnan(values)).sum(axis=axis, keepdims=True)
-    low = np.take_along_axis(ordered, np.maximum(n - 1, 0) // 2, axis)
-    found: FloatArray = (low + np.take_along_axis(ordered, n // 2, axis)) / 2
+
+def _polished(errors: FloatArray) -> FloatArray:
+    """Errors (P, H, A) less the medians of parts and columns; 0 where that is rounding alone."""
+    left = errors
+    level = np.sqrt(np.nanmean(errors**2, axis=(0, 1)))
+    for _ in range(SWEEPS):
+        before = left
+        left = left - nan_median(left, axis=1)
+        left = left - nan_median(left, axis=0)
+        if not (np.abs(left - before) > STILL * np.nanmax(np.abs(left), axis=(0, 1))).any():
+            break
+    found: FloatArray = np.where(np.abs(left) <= ROUNDING * level, 0.0, left)
     return found
 
 
@@ -97,14 +110,6 @@ def _slopes(places: FloatArray) -> FloatArray:
     X = X / max(float(np.abs(X).max(initial=0.0)), 1e-300)
     square, turn = np.linalg.eigh(np.einsum("phi,phj->ij", X, X))
     found: FloatArray = X @ turn[:, square > NOTHING * square.max(initial=0.0)]
-    return found
-
-
-def _still_needed(kept: NDArray[np.bool_], gross: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Entries without which a part or a column would have none are kept."""
-    bare_parts = ~np.asarray(kept.any(axis=1))[:, None]
-    bare_columns = ~np.asarray(kept.any(axis=0))[None, :]
-    found: NDArray[np.bool_] = gross & (bare_parts | bare_columns)
     return found
 
 

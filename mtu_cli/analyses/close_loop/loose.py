@@ -6,16 +6,16 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.result import TableResult
 from mtu_cli.model.loose_features import loose_features
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.model.settings import Warned
 
 
-def loose_warnings(given: ResidualTable, result: TableResult) -> list[Warned]:
-    """Of the table as it was `given`: entries of such a feature may have been set aside since. Of
-    readings none: their places are not looked at for themselves.
+def loose_warnings(result: TableResult) -> list[Warned]:
+    """Without gross entries, which are single ones. Of readings none: their places are not looked
+    at for themselves.
 
     An operation may have been found to scatter for one of its features: that is told then, too.
     """
+    given = result.table
     if given.component is not None:
         return []
     left = given.errors - result.explained

@@ -1,11 +1,12 @@
 """How large a scatter is that was found: of turns, of growths, of one operation.
 
 t (P - 1) are the contrasts of the parts along the unit vector of a turn (or a growth) of features
-at distances r from their middle: t't has the mean (P - 1) s^2 sum r^2 + n, n by what scatters
-parts else (see `direction_noise`). Solved for s that is the estimate of moments, with the u of a
-sum of squares of P - 1 degrees of freedom. Variances of operations are told apart by what is left
-of their entries beside their own lines and columns (`lines_and_columns`), u(ln s^2)^2 = (2 + excess
-kurtosis) / degrees of freedom (Box, Biometrika 40 (1953) 318).
+at distances r from their middle: t't has the mean (P - 1) k s^2 sum r^2 + n, n by what scatters
+parts else (see `direction_noise`), k what is left of turns where missing cells are filled in.
+Solved for s that is the estimate of moments, with the u of a sum of squares of P - 1 degrees of
+freedom. Variances of operations are told apart by what is left of their entries beside their own
+lines and columns (`lines_and_columns`), u(ln s^2)^2 = (2 + excess kurtosis) / degrees of freedom
+(Box, Biometrika 40 (1953) 318).
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ from mtu_cli.stats.scatter_tests import log_variance_u
 
 FEWEST = 4
 """Degrees of freedom that tell a scatter: its u is a third of it then."""
+AT_ONCE = 32
+"""Parts whose turns are looked at together."""
 ROUNDING = 1e-12
 """Of the variance of all entries."""
 LEAST_LEFT = 1e-3
@@ -61,15 +64,38 @@ def _of_direction(
     t = along_direction(scan, left, scan.directions[which])
     expected = float(np.append(noise.variance, 1.0) @ scan.turns[which].mean)
     places = prepared.table.places.mean(axis=0)[:, :2]
-    reach = float(np.sum((places - places.mean(axis=0)) ** 2))
+    kept = _kept(prepared, scan.directions[which], scan.directions[which])
+    reach = kept * float(np.sum((places - places.mean(axis=0)) ** 2))
     square = float(t @ t)
     if square <= expected or reach == 0:
         return None
     s = np.sqrt((square - expected) / len(t) / reach)
     u = np.sqrt(2 / len(t)) * square / len(t) / reach / (2 * s)
     unit = "arcsec" if name == ROTATION else "um/m"
-    by_axis = _by_axis(prepared, left, noise.variance, scan.directions[which], np.sqrt(reach))
+    size = np.sqrt(reach / kept)
+    by_axis = _by_axis(prepared, left, noise.variance, scan.directions[which], size)
     return ScatterSize(parameter=("s", unit, float(s), float(u)), by_axis=by_axis)
+
+
+def _kept(prepared: Prepared, direction: FloatArray, along: FloatArray) -> float:
+    """Of the squares that parts have along a `direction` (A, 1 + k), which one of them has by
+    itself, the share that is seen `along` it: less than 1 where cells are missing, as what is
+    filled in has none of it.
+    """
+    frame = prepared.scan.frame
+    if frame.completion.complete:
+        return float(np.sum(direction * along)) ** 2
+    P, H, A = frame.strata.shape
+    one = np.einsum("hk,ak->ha", frame.strata.columns[:, : direction.shape[1]], direction)
+    total = 0.0
+    for first in range(0, P, AT_ONCE):
+        own = np.arange(first, min(first + AT_ONCE, P))
+        tables = np.zeros((len(own), P, H, A))
+        tables[np.arange(len(own)), own] = one
+        for y in frame.coordinates(tables)[0]:
+            t = along_direction(prepared.scan, y, along)
+            total += float(t @ t)
+    return total / (P - 1)
 
 
 def _by_axis(
@@ -88,7 +114,8 @@ def _by_axis(
         t = along_direction(scan, left, w)
         by_model = float(w.ravel() @ scan.null.predicted_part @ w.ravel())
         excess = float(t @ t) / len(t) - variance[a] * share - by_model
-        found.append((axis, float(np.sqrt(max(excess, 0.0))) / (share * size)))
+        kept = _kept(prepared, direction, w) / share**2
+        found.append((axis, float(np.sqrt(max(excess, 0.0) / kept)) / (share * size)))
     return tuple(found)
 
 

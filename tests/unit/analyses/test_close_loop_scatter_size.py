@@ -348,3 +348,27 @@ def test_u_of_the_logarithm_of_a_variance(kind: str) -> None:
     assert log_variance_u(samples[0], 0.25) == pytest.approx(2 * log_variance_u(samples[0], 1.0))
     assert np.isinf(log_variance_u(samples[0], 0.0))
     assert np.isinf(log_variance_u(np.zeros(5), 1.0))
+
+
+@pytest.mark.parametrize("name", ["rotation-scatter", "scale-scatter"])
+def test_missing_cells_make_no_turn_smaller(name: str) -> None:
+    """What is filled in for a feature far from all others has none of its part's turn."""
+    places = grid_places(FEATURES, jitter=2.0)
+    places[FEATURES - 1, :2] += 400.0
+    there = np.random.default_rng(5).random((PARTS, FEATURES)) >= 0.3
+    table = points_table(PARTS, FEATURES, places=places)
+    table = replace(table, repeats=np.where(there, table.repeats, 0))
+    errors = np.where(there[..., None], drawn(0, name, table.places), np.nan)
+    table = replace(table, errors=errors)
+    known = [c for c in candidates(table, LIBRARY) if c.name in (*SIZES, "scale-x")]
+    own, told = prepare(table, known), []
+    for seed in range(60):
+        errors = np.where(there[..., None], drawn(seed, name, table.places), np.nan)
+        moved = own.with_table(replace(table, errors=errors))
+        found = scatter_size(moved, (), step(moved, name))
+        assert found is not None
+        told.append([found.parameter[2], *(s for _, s in found.by_axis)])
+    squares = np.array(told) ** 2
+    wanted = (SIZES[name] / 1.0) ** 2
+    error = squares.std(axis=0) / np.sqrt(len(told))
+    assert (abs(squares.mean(axis=0) - wanted) < 4 * error + 0.01 * wanted).all()

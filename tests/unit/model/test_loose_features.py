@@ -9,6 +9,8 @@ import pytest
 from compare_trials import fitted, made, study
 from effect_tables import grid_places
 from effect_tables import table as points_table
+from numpy.typing import NDArray
+from scipy.stats import binom
 from separation_examples import LIBRARY
 
 from mtu_cli.analyses.anova import analyse_variance
@@ -18,6 +20,8 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.loose_features import CODE, loose_features, loose_of_tables
 from mtu_cli.model.measured import feature_tables
 from mtu_cli.model.settings import Settings, Warned
+
+Floats = NDArray[np.float64]
 
 
 def loose(seed: int, s_mm: float) -> Points:
@@ -101,3 +105,46 @@ def test_what_rounding_leaves_scatters_not() -> None:
     errors[:, 2] += 1e-17 * rng.normal(size=(20, 1))
     places = np.random.default_rng(4).uniform(size=(6, 3))
     assert loose_features(errors, np.full((20, 6), True), places, list("ABCDEF"), ["x"]) == []
+
+
+ROW = np.column_stack([20.0 * np.arange(8), np.zeros((8, 2))])
+SQUARE = np.array([[x, y, 0.0] for x in (0, 50, 100) for y in (0, 50, 100)])
+FAR = np.array([[x, y, 10.0] for x in (5, 12, 25) for y in (5, 14, 25)] + [[320.0, 20.0, 10.0]])
+
+
+@pytest.mark.parametrize(
+    ("places", "column", "z_mm"),
+    [(ROW, 0, 0.0), (SQUARE, 4, -5.0), (SQUARE, 4, 1e-6), (FAR, 2, 0.0)],
+)
+def test_where_a_loose_feature_lies_hides_it_not(places: Floats, column: int, z_mm: float) -> None:
+    """At the end of a row, deeper than the others, or beside one that is far off."""
+    rng, at = np.random.default_rng(7), places.copy()
+    at[column, 2] += z_mm
+    names = [f"H{i}" for i in range(len(at))]
+    for _ in range(20):
+        errors = 1e-3 * rng.normal(size=(20, len(at), 2))
+        errors[:, column, 0] *= 10.0
+        (found,) = loose_features(errors, np.full((20, len(at)), True), at, names, ["x", "y"])
+        assert found.message.startswith(f"feature H{column} ")
+
+
+@pytest.mark.parametrize("places", [ROW, SQUARE, FAR, FAR[[0, 2, 4, 6, 8, 9]]])
+def test_parts_that_turn_and_grow_make_no_feature_loose(places: Floats) -> None:
+    rng, told = np.random.default_rng(8), 0
+    names = [f"H{i}" for i in range(len(places))]
+    for _ in range(60):
+        errors = 1e-3 * rng.normal(size=(20, len(places), 2))
+        turn, growth = 1e-4 * rng.normal(size=(2, 20, 1))
+        errors[..., 0] += growth * places[:, 0] - turn * places[:, 1]
+        errors[..., 1] += growth * places[:, 1] + turn * places[:, 0]
+        there = np.full((20, len(places)), True)
+        told += bool(loose_features(errors, there, places, names, ["x", "y"]))
+    assert told <= binom.ppf(0.999, 60, 1e-3)
+
+
+def test_one_slip_makes_no_feature_loose() -> None:
+    rng = np.random.default_rng(9)
+    errors = 1e-3 * rng.normal(size=(20, 9, 2))
+    errors[3, 4, 0] += 0.5
+    there = np.full((20, 9), True)
+    assert loose_features(errors, there, SQUARE, list("ABCDEFGHI"), ["x", "y"]) == []
