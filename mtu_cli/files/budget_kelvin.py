@@ -1,6 +1,7 @@
 """Temperatures of a budget in K beside ones in degC: 295.15 K less 20 degC is no difference.
 
-A difference may be in either; what is 200 K or more is a temperature.
+A difference may be in either; what is 200 K or more is a temperature, and so is most that is 5 degC
+or more.
 """
 
 from __future__ import annotations
@@ -18,8 +19,10 @@ from mtu_cli.language.tree import Binary, Name, walk
 ZERO_C = 273.15
 ABSOLUTE = 200.0
 """K, from which on it is a temperature and no difference."""
-REFERENCE, ROOMS = (15.0, 30.0), (20.0, 23.0, 25.0)
-"""degC of a workshop, and what is written for one in an equation."""
+REFERENCE = (15.0, 30.0)
+"""degC of a workshop."""
+TEMPERATURES = (5.0, 100.0)
+"""degC that are rather a temperature than a difference."""
 ROOM = (273.15, 323.15)
 """degC that would be a room, in K."""
 _KELVIN = re.compile(r"\s*(?:(?:deg(?:rees?)?|\u00b0)?\s*K|kelvin)\s*", re.IGNORECASE)
@@ -57,31 +60,36 @@ def _of_sum(inputs: Mapping[str, Input], terms: list[tuple[int, Node]]) -> Itera
              if isinstance(term, Name) and term.name in inputs}  # fmt: skip
     kelvin = {name: own for name, own in known.items() if _is(_KELVIN, own[1])}
     celsius = {name: own for name, own in known.items() if _is(_CELSIUS, own[1])}
-    numbers = [(sign, value) for sign, term in terms if (value := literal_value(term)) is not None]
+    values = [(sign, value) for sign, term in terms if (value := literal_value(term)) is not None]
     # Who takes off 273.15, or another temperature in K, knows what is in K.
-    if any(abs(value) >= ABSOLUTE for _, value in numbers):
+    if any(abs(value) >= ABSOLUTE for _, value in values):
         return
-    low = {f"{name} ({_value(own[1]):.9g} degC)": own[0] for name, own in celsius.items()
-           if REFERENCE[0] <= _value(own[1]) <= REFERENCE[1]}  # fmt: skip
-    low |= {f"{value:.9g}": sign for sign, value in numbers if value in ROOMS}
+    inside = [(f"{name} ({_value(own[1]):.9g} degC)", own[0], _value(own[1]), True)
+              for name, own in celsius.items()]  # fmt: skip
+    numbers = [(f"{abs(value):.9g}", sign if value > 0 else -sign, abs(value), False)
+               for sign, value in values]  # fmt: skip
+    low = [own for own in inside if _within(own[2], TEMPERATURES)]
+    low += [own for own in numbers if _within(own[2], REFERENCE)]
     if not low:
         return
-    (first, sign), *_ = low.items()
+    # The likeliest temperature of a workshop first.
+    first, sign, value, is_input = min(low, key=lambda own: not _within(own[2], REFERENCE))
     if len(kelvin) == 1:
         ((name, (own, item)),) = kelvin.items()
-        if _value(item) >= ROOM[0] and own != sign and len(terms) == 2:
+        if _value(item) >= ABSOLUTE and own != sign:
             one = f"one scale: {_value(item) - ZERO_C:.9g} degC for {_value(item):.9g} K"
-            sure = first.endswith("degC)") and _value(item) <= ROOM[1]
+            sure = is_input and _within(value, REFERENCE) and _within(_value(item), ROOM)
             yield Mixed(name, f"a temperature in K and {first} are in one sum", one, sure)
     for name, (own, item) in celsius.items():
         # No room has 293.15 degC to the hundredth, and few ovens have.
-        if (
-            ROOM[0] <= _value(item) <= ROOM[1]
-            and own != sign
-            and round(_value(item) % 1, 6) == 0.15
-        ):
+        exact = round(_value(item) % 1, 6) == 0.15
+        if _within(_value(item), ROOM) and _within(value, REFERENCE) and own != sign and exact:
             what = f"{_value(item):.9g} degC is in one sum with {first}"
             yield Mixed(name, what, f"{_value(item) - ZERO_C:.9g} degC, if it is in K", False)
+
+
+def _within(value: float, limits: tuple[float, float]) -> bool:
+    return limits[0] <= value <= limits[1]
 
 
 def _sums(tree: Node) -> Iterator[list[tuple[int, Node]]]:

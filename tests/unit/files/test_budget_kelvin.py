@@ -40,6 +40,7 @@ INPUTS = {
         ("L*a*(TK - T0)", 7, "inputs.TK.unit: a temperature in K and T0 (20 degC) are in one sum: "
          "'K'; expected one scale: 22 degC for 295.15 K"),
         ("L*a*(T0 - RK)", 7, "inputs.RK.unit: a temperature in K and T0 (20 degC) are in one sum"),
+        ("L*a*(TK + c - T0)", 7, "inputs.TK.unit: a temperature in K and T0 (20 degC) are in one"),
         ("L*a*(WK - TC)", 7, "inputs.WK.unit: a temperature in K and TC (22 degC) are in one sum"),
     ],
 )  # fmt: skip
@@ -66,6 +67,25 @@ def test_kelvin_less_celsius_is_refused(
 def test_what_is_right_passes(tmp_path: Path, equation: str) -> None:
     codes = {notice.code for notice in load(tmp_path, equation, INPUTS).warnings}
     assert "like-kelvin" not in codes
+
+
+@pytest.mark.parametrize(
+    ("equation", "more", "taken"),
+    [
+        ("L*a*(T - 24)", {"T": "value: 295.15, u: 0.1, unit: K"}, "24"),
+        ("L*a*(-20 + T)", {"T": "value: 250, u: 0.1, unit: K"}, "20"),
+        ("L*a*(T - 20 + c)", {"T": "value: 295.15, u: 0.1, unit: K"}, "20"),
+        ("L*a*(T - TC)", {"T": "value: 253.15, u: 0.1, unit: K"}, "TC (22 degC)"),
+        ("L*a*(TK - O)", {"O": "value: 35, u: 1, unit: degC"}, "O (35 degC)"),
+        ("L*a*(TK - O)", {"O": "value: 12, u: 1, unit: degC"}, "O (12 degC)"),
+    ],
+)
+def test_what_may_be_a_difference_is_asked_for(
+    tmp_path: Path, equation: str, more: dict[str, str], taken: str
+) -> None:
+    found = load(tmp_path, equation, INPUTS | more).warnings
+    (notice,) = [own for own in found if own.code == "like-kelvin"]
+    assert f"a temperature in K and {taken} are in one sum; expected one scale" in notice.message
 
 
 def test_a_room_taken_off_kelvin_is_asked_for(tmp_path: Path) -> None:
