@@ -212,7 +212,7 @@ def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
         yield NotDetermined(
             component=", ".join(group),
             not_determined=_GROUPS,
-            because="each group was read in passes of its own",
+            because="each group was read in passes of its own, or in other directions",
             reading_that_would=would,
         )
 

@@ -17,8 +17,8 @@ BoolArray = NDArray[np.bool_]
 
 STEPS, AGAIN = 30, 4
 """Steps to the variances: at first, and from those of entries that hardly differ."""
-SETTLED = 0.01
-"""Share of a variance by which the last step may change it."""
+SETTLED = 1e-3
+"""Share of a variance by which the last step may change it: steps are small ones."""
 LITTLE = 0.1
 """Of what entries make of a slope's variance: from less, steps hardly move."""
 BEYOND = 5.0

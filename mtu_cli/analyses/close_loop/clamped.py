@@ -43,6 +43,7 @@ def shift_warnings(result: TableResult) -> list[Warned]:
         f"{what}, by s = {', '.join(sizes)} um, more than single features scatter (p {p}): as if "
         "parts were clamped anew between them. No effect of the library says that, and a shift of "
         f"an operation that is found beside it is known no better than s/sqrt({len(table.parts)}): "
-        "make them in one clamping, or measure the clamping by itself"
+        "make them in one clamping, or measure the clamping by itself; --datum offset gives each "
+        "operation of a part a place of its own"
     )
     return [Warned(code=CODE, message=text)]

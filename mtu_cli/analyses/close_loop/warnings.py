@@ -19,6 +19,8 @@ from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
 
 FEW_PARTS = 5
+LIKELIER, NOT_PASSED = 0.95, 0.05
+"""Posterior of a candidate that is likelier than what was found, and its p that does not pass."""
 FEWEST_ENTRIES = 4
 ALL = 0.999
 MOST_NAMED = 6
@@ -128,10 +130,32 @@ def _of_table(result: TableResult) -> list[Warned]:
                 f"measurement itself under another name (--exclude {effect.name})"
             )
             found.append(Warned(code="covariate-is-the-error", message=text))
+    found += _likelier(result)
     missing = table.there.size - int(table.there.sum()) - len(result.gross)
     if missing > table.there.size / 2:
         text = "more than half of the cells were not measured: the search has little power"
         found.append(Warned(code="sparse-table", message=text))
+    return found
+
+
+def _likelier(result: TableResult) -> list[Warned]:
+    """Of a mean candidate that fits far better than what was found and does not pass: where cells
+    are missing, what would be far out by its fit may yet be chance.
+    """
+    told = {name for effect in result.effects for name in effect.candidates}
+    found = []
+    for judged in result.candidates if told else ():
+        p, posterior = judged.p_familywise, judged.posterior or 0.0
+        if p is None or p <= NOT_PASSED or posterior < LIKELIER:
+            continue
+        if judged.name in told or judged.family.endswith("scatter"):
+            continue
+        text = (
+            f"{judged.name} fits better than all that was found (posterior {100 * posterior:.0f} % "
+            f"at the first look), but may be chance by how parts scatter (p = {p:.2f}): what was "
+            "found may be a part of it; more parts, or the missing cells, would tell"
+        )
+        found.append(Warned(code="likelier-not-passed", message=text))
     return found
 
 

@@ -10,7 +10,7 @@ from close_loop_examples import effect, on_component, on_table
 from effect_tables import table
 
 from mtu_cli.analyses.close_loop.gross import Gross
-from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import FoundEffect, Judged, TableResult
 from mtu_cli.analyses.close_loop.warnings import loop_warnings
 from mtu_cli.model.visit_scatter import VisitScatter
 from mtu_cli.units import UM
@@ -146,3 +146,35 @@ def test_scatter_of_entries_is_held_against_machine_and_cmm(
     once = replace(table, repeat_dof=0, repeat_variance=np.full(2, np.nan))
     silent = loop_warnings([replace(base, table=once)], 9)
     assert "scatter-not-predicted" not in {w.code for w in silent}
+
+
+@pytest.mark.parametrize(
+    ("name", "posterior", "p", "found", "warned"),
+    [
+        ("squareness-xy", 0.99, 0.15, True, True),
+        ("squareness-xy", 0.9, 0.15, True, False),
+        ("squareness-xy", 0.99, 0.01, True, False),
+        # What was found itself, what no mean is of, and where nothing was found.
+        ("offset-x", 0.99, 0.15, True, False),
+        ("scale-scatter", 0.99, 0.15, True, False),
+        ("squareness-xy", 0.99, 0.15, False, False),
+    ],
+)
+def test_what_fits_better_and_does_not_pass_is_told(
+    name: str, posterior: float, p: float, found: bool, warned: bool
+) -> None:
+    judged = Judged(
+        name=name,
+        family=name.removesuffix("-xy"),
+        component=None,
+        p_familywise=p,
+        log_bayes_factor=10.0,
+        posterior=posterior,
+        minimum_detectable=None,
+        unavailable=None,
+    )
+    base = on_table("named", (effect("offset-x"),)) if found else on_table("none")
+    given = loop_warnings([replace(base, candidates=(judged,))], 9)
+    texts = [w.message for w in given if w.code == "likelier-not-passed"]
+    assert len(texts) == warned
+    assert all(f"{name} fits better than all that was found (posterior 99 %" in t for t in texts)
