@@ -9,13 +9,19 @@ from collections.abc import Mapping
 from mtu_cli.files.budget_contract import Budget
 from mtu_cli.files.budget_kelvin import mixed_temperatures
 from mtu_cli.files.budget_ones import ones_in_units
+from mtu_cli.files.budget_unit_texts import COMMON
 from mtu_cli.files.budget_units import BudgetUnits
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.contracts import Notice
-from mtu_cli.files.unit_text import meant
+from mtu_cli.files.unit_text import GRAMS, WORDS, meant, unit_exponents
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 from mtu_cli.language import Node, names
+from mtu_cli.slips import nearest
 
+SHORTEST = 3
+"""Letters of a unit that may be another one with a slip."""
+OF_OTHERS = ("degf", "rpm", "kgf", "lbf", "grad", "gon", "mol", "bit", "rev", "lm", "pcs", "teeth")
+"""Units that are not known here, and no slips."""
 SHOWN_UNITS = 6
 """Inputs without a unit that a warning names."""
 
@@ -104,12 +110,24 @@ def _like_kelvin(
     return tuple(found)
 
 
+def _near(unit: str | None) -> str | None:
+    """The unit that an unknown one is but for a slip, if one is nearest."""
+    if unit is None or len(unit) < SHORTEST or unit.casefold() in OF_OTHERS:
+        return None
+    if unit_exponents(unit, GRAMS[0]) is not None:
+        return None
+    near = nearest(unit, (*COMMON, *WORDS))
+    return near[0] if len(near) == 1 else None
+
+
 def _unclear_units(budget: Budget, document: YamlDocument) -> tuple[Notice, ...]:
-    """Units that are left alone, as nothing tells what stands under their line."""
+    """Units that are left alone, as nothing tells what stands under their line, or as they are
+    known but for a slip.
+    """
     shown = document.source.shown
     found = []
     for name, item in budget.inputs.items():
-        clear = meant(item.unit)
+        clear = meant(item.unit) or _near(item.unit)
         if clear is not None:
             line = document.line_of("inputs", name, "unit")
             text = (

@@ -42,6 +42,13 @@ OTHER_WORDS = {
     ),
 }
 """What other programs call a column, in lower case with underscores."""
+MEASURED_WORDS = ("mes", "mesure", "mess", "meas", "measured", "actual", "act", "ist")
+OTHER_WORDS |= {
+    f"{axis}_mm": tuple(f"{a}{gap}{b}" for word in MEASURED_WORDS for gap in ("", "_")
+                        for a, b in ((axis, word), (word, axis)))
+    for axis in "xyz"
+}  # fmt: skip
+"""A measured coordinate, in English, French and German: Xmes, x_ist, actual_y."""
 NAMED = ("part", "feature")
 BARE = ("id", "name", "ident", "code", "tag", "bezeichnung", POS)
 """What is called by a name that does not say of what it is one."""

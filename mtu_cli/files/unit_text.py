@@ -64,7 +64,14 @@ _ALSO = LENGTHS_ALSO | {
     "degree": "deg", "degrees": "deg", "arcminute": "arcmin",
     "arcminutes": "arcmin", "arcsecond": "arcsec", "arcseconds": "arcsec", "radian": "rad",
     "radians": "rad", "kelvin": "K", "celsius": "degC",
+    "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
+    "micrometer": "um", "micrometers": "um", "micrometre": "um", "micrometres": "um",
+    "meter": "m", "meters": "m", "metre": "m", "metres": "m", "second": "s", "seconds": "s",
+    "newton": "N", "newtons": "N", "pascal": "Pa", "volt": "V", "volts": "V", "ohms": "ohm",
+    "percent": "%",
 }  # fmt: skip
+WORDS = tuple(_ALSO)
+"""Words for units, in lower case."""
 _DEGREES = re.compile(r"(?:deg(?:rees?)?|\u00b0)\s*(?:celsius|kelvin|[ck])(?![a-z])", re.IGNORECASE)
 _UNDER = re.compile(r"/\s*\(([^()/]+)\)(?!\s*(?:\^|\*\*|[\d\u00b2\u00b3]))")
 """What is divided by as one: um/(m K); a power of it as a whole is not read."""

@@ -504,3 +504,36 @@ def test_fahrenheit_beside_kelvin_is_refused(
         path.write_text(text.replace("al*(t - 20)", bad), "utf-8")
         with pytest.raises(InputError, match=r"inputs.t.unit: degF beside degC or K"):
             load_budget(path)
+
+
+@pytest.mark.parametrize(
+    ("unit", "meant_unit"),
+    [
+        ("mmm", "mm"),
+        ("milimeter", "millimeter"),
+        ("kPas", "kPa"),
+        ("Ohm", "ohm"),
+        ("digits", None),
+        ("rpm", None),
+        ("degF", None),
+        ("millimeter", None),
+        ("lux", None),
+    ],
+)
+def test_a_unit_that_is_another_but_for_a_slip_is_told(
+    tmp_path: Path, unit: str, meant_unit: str | None
+) -> None:
+    path = tmp_path / "b.yaml"
+    path.write_text(
+        "schema: mtu/budget/1\nname: t\nequation: a - b\ninputs:\n"
+        f"  a: {{value: 3, u: 1, unit: {unit}}}\n  b: {{value: 2, u: 1, unit: {unit}}}\n"
+    )
+    found = [own.message for own in load_budget(path).warnings if own.code == "unit-unclear"]
+    assert len(found) == (2 if meant_unit else 0)
+    assert all(f"{unit!r} is not read" in text and f"is {meant_unit} meant?" in text
+               for text in found)  # fmt: skip
+
+
+def test_units_may_be_words() -> None:
+    for word, symbol in (("Millimeter", "mm"), ("micrometres", "um"), ("Pascal", "Pa")):
+        assert unit_exponents(word, GRAMS[0]) == unit_exponents(symbol, GRAMS[0])

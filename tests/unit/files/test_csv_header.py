@@ -54,6 +54,7 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
         {"part": "part", "feature": "feature", "x-value": "x_mm", "Y coord.": "y_mm",
          "z-value": "z_mm"},
         {"Part No": "part", "Hole": "feature", "Run": "repeat", "x": "x_mm", "y": "y_mm"},
+        {"pi\u00e8ce": "part", "trou": "feature", "Xmes": "x_mm", "Ymes": "y_mm"},
         {"Teil": "part", "Bohrung": "feature", "Mess_X": "x_mm", "Mess_Y": "y_mm",
          "Soll_X": "nominal_x_mm", "Soll_Y": "nominal_y_mm", "Wdh.-Nr.": "repeat"},
         {"Pieza": "part", "Agujero": "feature", "x medido": "x_mm", "y medido": "y_mm"},
@@ -71,9 +72,9 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
         {"Part": "part", "Bohrung": "feature", "x_[mm]": "x_mm", "Y/mm": "y_mm"},
         {"Ser.Nr": "part", "Loch": "feature", "X_ist": "x_mm", "Y_ist": "y_mm"},
     ],
-    ids=["German", "English", "joined", "French", "short", "values", "values too", "runs", "Mess",
-         "Spanish", "names", "numbers", "positions", "characters", "samples", "IDs", "units",
-         "units too", "serial numbers"],
+    ids=["German", "English", "joined", "French", "short", "values", "values too", "runs", "mes",
+         "Mess", "Spanish", "names", "numbers", "positions", "characters", "samples", "IDs",
+         "units", "units too", "serial numbers"],
 )  # fmt: skip
 def test_common_words_for_columns_are_known(pairs: dict[str, str], tmp_path: Path) -> None:
     lines = refused(tmp_path, ",".join(pairs), ",".join("1" * len(pairs)) + "\n")
