@@ -17,7 +17,7 @@ RATE = 1e-3
 NOTABLE, SINGLE = 0.5, 0.01
 """Times the standard deviation of single entries, and p of an axis by itself: what is less, or
 more, is not told of that axis."""
-FEWEST_PARTS = 5
+FEWEST_PARTS = 8
 FEWEST_COLUMNS = 2
 """Of a group, and of all others: of a single one that is its own scatter."""
 LEAST = 0.05
@@ -25,7 +25,8 @@ LEAST = 0.05
 ROUNDING = 1e-12
 """Of the mean square of an axis: entries that scatter less do not."""
 LEAST_DOF, OWN_DOF = 20, 3.0
-"""Degrees of freedom of all entries that tell their variance, and of a column's for its own."""
+"""Degrees of freedom of all entries that tell their variance, half as many of a group's, and of a
+column's for its own."""
 
 
 class GroupShift(NamedTuple):
@@ -48,15 +49,15 @@ def group_shift(
     Of a table (P, H, A), complete where it is `there` (P, H); `smooth` (H, k) holds a constant and
     the slopes of a line that every part may have for itself. A part's shift is what its entries
     have along w = Q 1_g, Q the projector beside its line: d_p = w'y / w'w, of the variance
-    sum (w_h sigma_h)^2 / (w'w)^2, sigma_h that of the column's own entries beside lines, means
-    and shifts: a group of which one column is loose, or all scatter more, is none that shifts.
+    sum (w_h sigma_h)^2 / (w'w)^2, sigma_h that of the column's own entries beside the lines and
+    means of its group alone: one of which a column is loose, or all scatter more, does not shift.
     Against these variances Cochran's Q has F of P - 1 degrees of freedom; s^2 is the estimate of
     moments (DerSimonian & Laird, Controlled Clinical Trials 7 (1986) 177, eq. 8).
     """
     codes = [int(c) for c in np.unique(groups) if _tells(groups == c)]
     # Of two groups one against the other says it all.
     tested = codes[:1] if len(np.unique(groups)) == 2 else codes
-    found = [own for code in tested if (own := _shift(values, there, smooth, groups == code, code))]
+    found = [own for code in tested if (own := _shift(values, there, smooth, groups, code))]
     if not found:
         return None
     best = min(found, key=lambda own: own.p)
@@ -69,14 +70,28 @@ def _tells(member: BoolArray) -> bool:
 
 
 def _shift(
-    values: FloatArray, there: BoolArray, smooth: FloatArray, member: BoolArray, code: int
+    values: FloatArray, there: BoolArray, smooth: FloatArray, groups: NDArray[np.int64], code: int
 ) -> GroupShift | None:
-    variance, dof = _of_columns(values, there, np.column_stack([smooth, member]))
-    if dof is None:
+    member = groups == code
+    of_columns = _of_columns(values, there, np.column_stack([smooth, member]))
+    if of_columns is None:
         return None
+    variance, dof = of_columns
+    for own in (groups == c for c in np.unique(groups)):
+        # Beside lines of all columns the scatter of a small group is mixed with that of others,
+        # by itself that of its columns with one another: the larger is taken.
+        few = own.sum() <= smooth.shape[1]
+        ways = [smooth[own, :1]] if few else [smooth[own], smooth[own, :1]]
+        each = (_of_columns(values[:, own], there[:, own], way, LEAST_DOF / 2) for way in ways)
+        alone = next((found for found in each if found is not None), None)
+        if alone is not None:
+            variance[own] = np.maximum(variance[own], alone[0])
+            dof[own] = np.minimum(dof[own], alone[1])
+        elif own.sum() > 1:
+            return None
     rough = variance.mean(axis=0) > ROUNDING * (values**2).mean(axis=(0, 1))
     if not rough.all():
-        one = _shift(values[..., rough], there, smooth, member, code) if rough.any() else None
+        one = _shift(values[..., rough], there, smooth, groups, code) if rough.any() else None
         return None if one is None else _on_all_axes(one, rough)
     d, squares = _of_parts(values, there, smooth, member)
     if len(d) < FEWEST_PARTS:
@@ -133,14 +148,14 @@ def _on_all_axes(found: GroupShift, rough: BoolArray) -> GroupShift:
 
 
 def _of_columns(
-    values: FloatArray, there: BoolArray, smooth: FloatArray
-) -> tuple[FloatArray, FloatArray | None]:
+    values: FloatArray, there: BoolArray, smooth: FloatArray, least: float = LEAST_DOF
+) -> tuple[FloatArray, FloatArray] | None:
     """Variances (H, A) of the columns' entries beside lines and shifts, and their degrees of
     freedom (H,): those of all columns for one that tells too little; None where all do.
     """
     left, share, dof = beside_lines_and_columns(values, there, smooth)
-    if dof < LEAST_DOF:
-        return np.zeros(left.shape[1:]), None
+    if dof < least:
+        return None
     own = share.sum(axis=0) * dof / share.sum()
     known = own >= OWN_DOF
     squares = (left**2).sum(axis=0)

@@ -12,8 +12,8 @@ from mtu_cli.stats.group_shifts import GroupShift, group_shift
 
 Floats = NDArray[np.float64]
 Drawn = tuple[Floats, NDArray[np.bool_], Floats]
-SHAPE = (15, 12, 2)
-GROUPS = np.arange(12) % 3
+SHAPE = (15, 18, 2)
+GROUPS = np.arange(18) % 3
 
 
 def drawn(seed: int, s: float = 0.0, missing: float = 0.0, scales: Floats | None = None) -> Drawn:
@@ -54,7 +54,7 @@ def test_groups_that_do_not_shift_are_not_told(kind: str, monkeypatch: pytest.Mo
     monkeypatch.setattr(group_shifts, "RATE", 0.05)
     monkeypatch.setattr(group_shifts, "NOTABLE", 0.0)
     monkeypatch.setattr(group_shifts, "SINGLE", 1.0)
-    scales, told, count = np.ones(12), 0, 300
+    scales, told, count = np.ones(18), 0, 300
     if kind == "one loose":
         scales[1] = 6.0
     if kind == "one group":
@@ -88,16 +88,29 @@ def test_of_two_groups_one_is_told_and_of_small_ones_none() -> None:
     found = group_shift(values, there, smooth, two)
     assert isinstance(found, GroupShift)
     assert found.group == 0
-    single = (np.arange(12) == 1).astype(np.int64)
+    single = (np.arange(18) == 1).astype(np.int64)
     assert group_shift(values, there, smooth, single) is None
-    assert group_shift(values[:4], there[:4], smooth, GROUPS) is None
-    assert group_shift(values, there, smooth, np.zeros(12, np.int64)) is None
+    assert group_shift(values[:7], there[:7], smooth, GROUPS) is None
+    assert group_shift(values, there, smooth, np.zeros(18, np.int64)) is None
+
+
+@pytest.mark.parametrize("sizes", [(2, 10), (2, 2, 14), (4, 4, 10)])
+def test_small_groups_that_scatter_more_are_not_told(sizes: tuple[int, ...]) -> None:
+    """What is left of two columns beside lines of all is the others' scatter as much as theirs."""
+    groups, told, count = np.repeat(np.arange(len(sizes)), sizes), 0, 300
+    for seed in range(count):
+        rng = np.random.default_rng([seed, 2])
+        H = len(groups)
+        smooth = np.column_stack([np.ones(H), rng.uniform(-1, 1, (H, 2))])
+        values = rng.normal(size=(12, H, 2)) * np.where(groups == 0, 3.0, 1.0)[:, None]
+        told += group_shift(values, np.ones((12, H), bool), smooth, groups) is not None
+    assert told <= binom.ppf(1 - 1e-3, count, 2e-3)
 
 
 def test_a_group_that_a_line_holds_is_not_told() -> None:
     """All on one side, at one place: a turn of the part moves it as a shift would."""
     values, there, smooth = drawn(5, 4.0)
-    smooth = np.column_stack([np.ones(12), GROUPS == 1, smooth[:, 2]])
+    smooth = np.column_stack([np.ones(18), GROUPS == 1, smooth[:, 2]])
     found = group_shift(values, there, smooth, (GROUPS == 1).astype(np.int64))
     assert found is None
 
