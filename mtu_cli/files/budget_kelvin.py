@@ -62,7 +62,8 @@ def _of_sum(inputs: Mapping[str, Input], terms: list[tuple[int, Node]]) -> Itera
     celsius = {name: own for name, own in known.items() if _is(_CELSIUS, own[1])}
     values = [(sign, value) for sign, term in terms if (value := literal_value(term)) is not None]
     # Who takes off 273.15, or another temperature in K, knows what is in K.
-    if any(abs(value) >= ABSOLUTE for _, value in values):
+    zeros = [abs(_value(own[1]) - ZERO_C) < 1.0 for own in celsius.values()]
+    if any(zeros) or any(abs(value) >= ABSOLUTE for _, value in values):
         return
     inside = [(f"{name} ({_value(own[1]):.9g} degC)", own[0], _value(own[1]), True)
               for name, own in celsius.items()]  # fmt: skip

@@ -4,6 +4,7 @@ be meant as a plain number.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 from mtu_cli.files.budget_contract import Budget
@@ -18,10 +19,11 @@ from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 from mtu_cli.language import Node, names
 from mtu_cli.slips import nearest
 
-SHORTEST = 3
-"""Letters of a unit that may be another one with a slip."""
-OF_OTHERS = ("degf", "rpm", "kgf", "lbf", "grad", "gon", "mol", "bit", "rev", "lm", "pcs", "teeth")
-"""Units that are not known here, and no slips."""
+SHORTEST = 7
+"""Letters of a word for a unit that may be another one with a slip."""
+MOST_LETTERS = 2
+"""More or fewer that such a word has."""
+DOUBLED = re.compile(r"(.)\1")
 SHOWN_UNITS = 6
 """Inputs without a unit that a warning names."""
 
@@ -112,12 +114,15 @@ def _like_kelvin(
 
 def _near(unit: str | None) -> str | None:
     """The unit that an unknown one is but for a slip, if one is nearest."""
-    if unit is None or len(unit) < SHORTEST or unit.casefold() in OF_OTHERS:
+    if unit is None or "/" in unit or unit_exponents(unit, GRAMS[0]) is not None:
         return None
-    if unit_exponents(unit, GRAMS[0]) is not None:
-        return None
-    near = nearest(unit, (*COMMON, *WORDS))
-    return near[0] if len(near) == 1 else None
+    # Symbols that are known elsewhere (mph, rpm) are no slips; a letter too many is.
+    once = DOUBLED.sub(r"\1", unit)
+    if once != unit and once in COMMON:
+        return once
+    near = nearest(unit, WORDS) if len(unit) >= SHORTEST else []
+    like = len(near) == 1 and near[0][:1] == unit[:1].lower()
+    return near[0] if like and abs(len(near[0]) - len(unit)) <= MOST_LETTERS else None
 
 
 def _unclear_units(budget: Budget, document: YamlDocument) -> tuple[Notice, ...]:

@@ -67,8 +67,9 @@ _ALSO = LENGTHS_ALSO | {
     "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "micrometer": "um", "micrometers": "um", "micrometre": "um", "micrometres": "um",
     "meter": "m", "meters": "m", "metre": "m", "metres": "m", "second": "s", "seconds": "s",
-    "newton": "N", "newtons": "N", "pascal": "Pa", "volt": "V", "volts": "V", "ohms": "ohm",
-    "percent": "%",
+    "newton": "N", "newtons": "N", "pascal": "Pa", "volt": "V", "volts": "V", "ohm": "ohm",
+    "ohms": "ohm", "percent": "%", "sec": "s", "minute": "min", "minutes": "min", "mins": "min",
+    "hour": "h", "hours": "h",
 }  # fmt: skip
 WORDS = tuple(_ALSO)
 """Words for units, in lower case."""
@@ -83,7 +84,7 @@ _FACTOR = re.compile(
     r"(?:(?:\^|\*\*)?(?P<power>[+-]?\d+))?",
     re.ASCII,
 )
-_DENSITY = re.compile(r"\s*g\s*/\s*[a-z]{0,2}m\s*(?:\^|\*\*)?\s*[23\u00b2\u00b3]")
+_DENSITY = re.compile(r"\s*g\s*/\s*[munckd]?m\s*(?:\^|\*\*)?\s*[23\u00b2\u00b3]")
 """Here g is the gram: nobody divides an acceleration by a volume or an area."""
 LONGEST = 60
 

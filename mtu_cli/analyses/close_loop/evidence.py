@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import fdtrc
 
 from mtu_cli.analyses.close_loop.scan import SCATTER_CHECKS, Scan, drawn_statistics
 from mtu_cli.stats.column_groups import Packed
@@ -18,6 +19,8 @@ from mtu_cli.stats.uneven import uneven
 OPERATIONS = "operation-scatter"
 UNEVEN = 0.01
 """p of operations of one scatter below which members are judged by that of their own entries."""
+WITH_TURNS = 0.01
+"""p of no shift that goes with the parts' turns, below which it is theirs."""
 LONE = 0.2
 """Of the rate of a test of operations, what single axes have: as a rule all scatter alike."""
 LEAST_OF_ALL = 0.1
@@ -138,13 +141,16 @@ def _without_direction(scan: Scan, y: FloatArray, which: int) -> FloatArray:
     direction = scan.directions[which]
     total = along_direction(scan, y, direction)
     found = y.copy()
-    size = float(total @ total)
+    size, n = float(total @ total), len(total)
     for stratum in scan.frame.strata.all:
         if stratum.kind == "line":
             found[stratum.slice] -= direction[stratum.axis, stratum.line] * total
         elif stratum.kind == "part" and size > 0:
             # Turned about another point than the middle of its features a part shifts with it.
-            found[stratum.slice] -= total * (float(total @ y[stratum.slice]) / size)
+            own = y[stratum.slice]
+            along, square = float(total @ own) ** 2 / size, float(own @ own)
+            if fdtrc(1, n - 1, (n - 1) * along / max(square - along, 1e-300)) < WITH_TURNS:
+                found[stratum.slice] -= total * (float(total @ own) / size)
     return found
 
 

@@ -50,7 +50,7 @@ def set_aside(table: ResidualTable) -> tuple[ResidualTable, tuple[Gross, ...]]:
     set aside in all. Of one part, or one column, every entry is all that is known of something.
     """
     P, H, _ = table.errors.shape
-    if min(P, H) < FEWEST or P * H < FEWEST_ENTRIES:
+    if min(P, H) < FEWEST or table.there.sum() < FEWEST_ENTRIES:
         return table, ()
     errors = np.where(table.there[:, :, None], table.errors, np.nan)
     found = off_lines(_polished(errors), _slopes(table.places), _least(table, errors))

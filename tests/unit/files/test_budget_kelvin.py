@@ -29,6 +29,7 @@ INPUTS = {
     "c": "value: 0.04, u: 0.1, unit: degC",
     "T0": "value: 20, unit: \u00b0C",
     "Z": "value: 273.15, unit: K",
+    "ZC": "value: 273.15, unit: degC",
     "HF": "value: 280, u: 3, unit: degC",
     "F": "value: 650, u: 3, unit: degC",
 }
@@ -62,6 +63,7 @@ def test_kelvin_less_celsius_is_refused(
         # Tetens and Antoine in K; 0 degC in K; two differences; hot forming; a difference in degC.
         "610.78*exp(17.2694*(TK - 273.16)/(TK - 35.86))", "10**(4.6543 - 1435.264/(TK - 64.848))",
         "Z + TC", "TK - Z - 20", "(TK - RK) - (TC - T0)", "TK - c", "HF - T0", "F - 20",
+        "TK - ZC - T0",
     ],
 )  # fmt: skip
 def test_what_is_right_passes(tmp_path: Path, equation: str) -> None:

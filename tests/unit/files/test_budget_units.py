@@ -511,8 +511,11 @@ def test_fahrenheit_beside_kelvin_is_refused(
     [
         ("mmm", "mm"),
         ("milimeter", "millimeter"),
-        ("kPas", "kPa"),
-        ("Ohm", "ohm"),
+        ("arcsecnd", "arcsecond"),
+        ("Ohm", None),
+        ("mph", None),
+        ("mmHg", None),
+        ("newtonmeter", None),
         ("digits", None),
         ("rpm", None),
         ("degF", None),
