@@ -29,7 +29,7 @@ from mtu_cli.model.settings import Settings, Warned
 if TYPE_CHECKING:
     from mtu_cli.analyses.close_loop import CloseLoopResult
 
-NONE, CLASS = "none", "class"
+CLASS = "class"
 
 
 def run(options: Options) -> None:
@@ -72,7 +72,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
             *files.warnings,
             *_doubts(result, bool(files.files)),
         ],
-        gate=report.gate_text(result) if _is_met(result.verdict, choices) else None,
+        gate=report.gate_text(result) if _is_met(result, choices) else None,
         files=lambda: files.files,
     )
 
@@ -165,7 +165,9 @@ def _not_used(inputs: Inputs, choices: Choices) -> list[Warned]:
     ]
 
 
-def _is_met(verdict: str, choices: Choices) -> bool:
-    """Undeclared effects, named or not, meet `found`; a remainder without a name the other."""
-    met = {FOUND: verdict != NONE, UNEXPLAINED: verdict == UNEXPLAINED}
+def _is_met(result: CloseLoopResult, choices: Choices) -> bool:
+    """Undeclared effects, named or not, meet `found`, but for what is no more than a hint; a
+    remainder without a name meets both.
+    """
+    met = {FOUND: result.is_found, UNEXPLAINED: result.verdict == UNEXPLAINED}
     return any(met[gate] for gate in choices.gates)

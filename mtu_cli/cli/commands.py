@@ -70,7 +70,8 @@ PREDICTED = [
 PREDICTION = [*PREDICTED, p.MONTE_CARLO]
 UNUSUAL = p.fail_if("unusual, a part stands out from the others; what all share is for compare")
 FOUND = p.fail_if(
-    "found, unexplained. Single entries that are set aside meet neither: for anova they are unusual"
+    "found, unexplained. Single entries that are set aside meet neither (for anova they are "
+    "unusual), nor does what is no more than a hint"
 )
 OFF = p.fail_if("biased, under-predicted; readings that stand out by more than U meet both")
 

@@ -89,6 +89,36 @@ def _of_sum(inputs: Mapping[str, Input], terms: list[tuple[int, Node]]) -> Itera
             yield Mixed(name, what, f"{_value(item) - ZERO_C:.9g} degC, if it is in K", False)
 
 
+def other_scale(inputs: Mapping[str, Input], tree: Node, stated: str | None) -> Mixed | None:
+    """The one temperature of a result that is `stated` in K while it is in degC, or the other way
+    round: none is converted. In K it may be meant as a difference.
+    """
+    to_kelvin = _names(_KELVIN, stated)
+    if not to_kelvin and not _names(_CELSIUS, stated):
+        return None
+    found = []
+    for sign, term in signed_terms(tree):
+        item = inputs.get(term.name) if isinstance(term, Name) else None
+        value = literal_value(term) if item is None else _value(item)
+        if value is None:
+            return None
+        kelvin = abs(value) >= ABSOLUTE and (item is None or not _is(_CELSIUS, item))
+        if kelvin or _within(abs(value), REFERENCE):
+            found.append((sign, term, value, kelvin))
+    if len(found) != 1:
+        return None
+    ((sign, term, value, kelvin),) = found
+    if sign < 0 or not isinstance(term, Name) or term.name not in inputs:
+        return None
+    name = term.name
+    if kelvin == to_kelvin or not _is(_KELVIN if kelvin else _CELSIUS, inputs[name]):
+        return None
+    own, other, way = ("K", "degC", "-") if kelvin else ("degC", "K", "+")
+    what = f"{value:.9g} {own} make a result in {other}, and no unit is converted"
+    expected = f"{own} for the result, or {name} {way} {ZERO_C:g}"
+    return Mixed(name, what, expected, sure=False)
+
+
 def _within(value: float, limits: tuple[float, float]) -> bool:
     return limits[0] <= value <= limits[1]
 
@@ -105,7 +135,11 @@ def _sums(tree: Node) -> Iterator[list[tuple[int, Node]]]:
 
 
 def _is(pattern: re.Pattern[str], item: Input) -> bool:
-    return item.unit is not None and pattern.fullmatch(item.unit) is not None
+    return _names(pattern, item.unit)
+
+
+def _names(pattern: re.Pattern[str], unit: str | None) -> bool:
+    return unit is not None and pattern.fullmatch(unit) is not None
 
 
 def _value(item: Input) -> float:

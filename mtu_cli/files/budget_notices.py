@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping
 
 from mtu_cli.files.budget_contract import Budget
-from mtu_cli.files.budget_kelvin import mixed_temperatures
+from mtu_cli.files.budget_kelvin import mixed_temperatures, other_scale
 from mtu_cli.files.budget_ones import ones_in_units
 from mtu_cli.files.budget_unit_texts import COMMON
 from mtu_cli.files.budget_units import BudgetUnits
@@ -46,6 +46,11 @@ def stated_unit(budget: Budget, place: YamlPath) -> str | None:
     if place == ("equation",):
         return budget.quantity.unit if budget.quantity is not None else None
     return (budget.units or {}).get(str(place[-1]))
+
+
+def _place_of(budget: Budget, name: str) -> YamlPath:
+    """Where the equation of a result stands."""
+    return ("equation",) if budget.equation is not None else ("equations", name)
 
 
 def _unused(
@@ -91,7 +96,7 @@ def _ones_in_units(
     units = BudgetUnits.of_inputs({name: item.unit for name, item in budget.inputs.items()})
     found = []
     for name, tree in trees.items():
-        place: YamlPath = ("equation",) if budget.equation is not None else ("equations", name)
+        place = _place_of(budget, name)
         for term, what in ones_in_units(units, tree, stated_unit(budget, place)):
             line = document.line_of(*place)
             text = f"{document.source.shown}:{line}: {path_text(place)}: in {term!r} {what}"
@@ -102,9 +107,15 @@ def _ones_in_units(
 def _like_kelvin(
     budget: Budget, trees: Mapping[str, Node], document: YamlDocument
 ) -> tuple[Notice, ...]:
-    """Temperatures in K beside what may be degC, and ones in degC that would be a room's in K."""
+    """Temperatures in K beside what may be degC, ones in degC that would be a room's in K, and
+    ones in either that make a result in the other.
+    """
     found = []
-    for mixed in mixed_temperatures(budget.inputs, trees.values()):
+    results = (
+        other_scale(budget.inputs, tree, stated_unit(budget, _place_of(budget, name)))
+        for name, tree in trees.items()
+    )
+    for mixed in [*mixed_temperatures(budget.inputs, trees.values()), *filter(None, results)]:
         if not mixed.sure:
             line = document.line_of("inputs", mixed.name, "unit")
             text = f"{document.source.shown}:{line}: inputs.{mixed.name}: {mixed.what}; expected "

@@ -71,7 +71,7 @@ def document(result: CloseLoopResult) -> dict[str, Any]:
     several = len(result.tables) > 1
     return {
         "verdict": result.verdict,
-        "undeclared_effect_found": result.verdict != "none",
+        "undeclared_effect_found": result.is_found,
         "verdict_text": [verdict_text(item, result) for item in result.tables],
         "alpha": float(result.alpha),
         "datum": result.datum,

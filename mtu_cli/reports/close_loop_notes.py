@@ -79,11 +79,7 @@ def _level_notes(item: TableResult) -> list[str]:
 
 def _unsure_notes(item: TableResult) -> list[str]:
     """Of effects that passed a test, and whose size beside all others is not told from 0."""
-    unsure = [
-        effect.name
-        for effect in item.effects
-        if len(effect.sizes) == 1 and effect.intervals[0][0] < 0 < effect.intervals[0][1]
-    ]
+    unsure = [effect.name for effect in item.effects if effect.is_hint]
     if not unsure:
         return []
     passes, its = ("passes", "its size is") if len(unsure) == 1 else ("pass", "their sizes are")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import TableResult
-from mtu_cli.analyses.close_loop.shown import most_left, things
+from mtu_cli.analyses.close_loop.shown import entry_text, most_left, things
 from mtu_cli.reports.close_loop_shown import in_words, size_of
 from mtu_cli.reports.numbers import with_u
 
@@ -52,3 +52,16 @@ def together(item: TableResult, *values: float | None) -> list[str]:
         with_u(value, min(value, last) if value and value > ROUNDING * largest else last)[0]
         for value in shown
     ]
+
+
+def beside_gross(item: TableResult) -> str:
+    """What was set aside is nothing that the model lacks, and yet is not in order."""
+    count = len(item.gross)
+    if not count:
+        return ""
+    first = entry_text(item.gross[0], item)
+    return (
+        f" beside {first}, set aside as far off"
+        if count == 1
+        else (f" beside {count} entries set aside as far off ({first} and so on)")
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mtu_cli.analyses.close_loop.result import ScatterSize
+from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
 from mtu_cli.reports.close_loop_shown import in_shown_unit
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import MISSING, plus_minus, significant

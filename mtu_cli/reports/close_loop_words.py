@@ -18,7 +18,7 @@ from mtu_cli.analyses.close_loop.shown import (
 from mtu_cli.analyses.close_loop.warnings import APART, FEW_PARTS, FREES
 from mtu_cli.reports.close_loop_class import class_lines, members
 from mtu_cli.reports.close_loop_notes import MEANINGS, of_p
-from mtu_cli.reports.close_loop_rest import nameless_text, rest_text, together
+from mtu_cli.reports.close_loop_rest import beside_gross, nameless_text, rest_text, together
 from mtu_cli.reports.close_loop_sentences import Sentence, sentences
 from mtu_cli.reports.close_loop_shown import (
     capital,
@@ -211,9 +211,10 @@ def _none(item: TableResult, alpha: float) -> str:
     unit = item.table.unit
     rms, floor = together(item, item.before.rms, item.floor)
     likely = _likely(item, alpha)
+    passes = "may be scatter" if likely else _passes_for(item)
     said = [
-        f"Nothing undeclared was found (at {100 * alpha:g} % false alarms in all): "
-        f"the rms of {rms} {unit} {'may be scatter' if likely else _passes_for(item)}"
+        f"Nothing undeclared was found{beside_gross(item)} (at {100 * alpha:g} % false "
+        f"alarms in all): the rms of {rms} {unit} {passes}"
         + (f", repeatability is {floor} {unit}." if item.floor is not None else "."),
         *likely,
     ]

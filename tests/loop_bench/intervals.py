@@ -11,7 +11,7 @@ from loop_bench.folds import LIBRARY
 from loop_bench.judge import Diagnosis
 from mtu_cli.analyses.close_loop.added import NO_OWNERS, Added, added
 from mtu_cli.analyses.close_loop.describe import Described
-from mtu_cli.analyses.close_loop.refined import wave_members, with_refined_pitches
+from mtu_cli.analyses.close_loop.refined import searched_members, with_refined_pitches
 from mtu_cli.model.effect_candidate import Member
 
 SHAPED = frozenset({"cyclic", "curvature", "straightness", "warm-up"})
@@ -53,8 +53,8 @@ def covers(diagnosis: Diagnosis, truth: Truth) -> bool | None:
 def _refined(diagnosis: Diagnosis) -> Described:
     """A periodic error at the pitch that is told, which lies between those searched."""
     prepared, found = diagnosis.prepared, diagnosis.found
-    waves = wave_members(prepared, found, LIBRARY)
-    effects = added(prepared, found, waves=waves)
+    values = searched_members(prepared, found, LIBRARY)
+    effects = added(prepared, found, values=values)
     told = Described(prepared=prepared, found=found, effects=effects, chosen=())
     return with_refined_pitches(told, LIBRARY, 1, NO_OWNERS)
 

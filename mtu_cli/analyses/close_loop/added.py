@@ -28,7 +28,7 @@ AGREES = 2.0
 """Standard uncertainties within which a mean error agrees with an effect's own mean."""
 CENTRED = 1e-9
 NO_OWNERS: Mapping[int, int] = MappingProxyType({})
-NO_WAVES: Mapping[int, float] = MappingProxyType({})
+NO_VALUES: Mapping[int, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,12 +73,12 @@ def added(
     *,
     rough: bool = False,
     owners: Mapping[int, int] = NO_OWNERS,
-    waves: Mapping[int, float] = NO_WAVES,
+    values: Mapping[int, float] = NO_VALUES,
 ) -> Added:
     """Estimates the effects of a search; with a `seed`, their covariance as exactly as it can
     be had; `rough`: by the weights alone, where only the coefficients count. By axis, `owners`
     are the places of effects that get the mean error, whether it agrees with their own or not.
-    Of the members `waves` the pitch is an estimate, too, by no more than this share of it.
+    Of the members `values` what was searched is an estimate, too, by no more than this share of it.
     """
     scan = prepared.scan
     columns = prepared.whole(found.members)
@@ -87,8 +87,8 @@ def added(
         left, fit = jointly(prepared, columns, rough=rough)
     joint = _joint_covariance(left, columns, fit, seed, rough)
     fit, levels = _with_levels(left, found.members, fit, _offsets(scan, found), joint, owners)
-    if waves:
-        spread = _of_pitches(left, found.members, fit, levels, waves)
+    if values:
+        spread = _of_searched(left, found.members, fit, levels, values)
         fit = replace(fit, covariance=fit.covariance + spread @ spread.T)
     return Added(
         members=found.members,
@@ -108,18 +108,19 @@ def _offsets(scan: Scan, found: Search) -> list[int]:
     ]
 
 
-def _of_pitches(
+def _of_searched(
     prepared: Prepared,
     members: Sequence[int],
     fit: StratifiedFit,
     levels: Sequence[Level],
-    waves: Mapping[int, float],
+    values: Mapping[int, float],
 ) -> FloatArray:
-    """S (k, m) of the coefficients and levels; S S' is what the pitches of `waves` add to their
-    covariance. A level makes up for the mean of what the effects say, which they move.
+    """S (k, m) of the coefficients and levels; S S' is what the searched values of the members
+    `values` add to their covariance. A level makes up for the mean of what the
+    effects say, which they move.
     """
-    slopes, moved = zip(*(_slope(prepared, members, fit.beta, m) for m in waves), strict=True)
-    columns, most = prepared.whole(members), np.array([*waves.values()])
+    slopes, moved = zip(*(_slope(prepared, members, fit.beta, m) for m in values), strict=True)
+    columns, most = prepared.whole(members), np.array([*values.values()])
     spread = searched_spread(prepared.scan, columns, fit.weights, np.stack(slopes, axis=1), most)
     own = len(spread) - len(most)
     means = np.concatenate([*(prepared.means[m] for m in members), np.stack(moved)])
@@ -127,13 +128,13 @@ def _of_pitches(
 
 
 def _slope(
-    prepared: Prepared, members: Sequence[int], beta: FloatArray, wave: int
+    prepared: Prepared, members: Sequence[int], beta: FloatArray, one: int
 ) -> tuple[FloatArray, FloatArray]:
-    """The derivative by the logarithm of its pitch of what a wave says (N,), and of the mean of
-    this (A,).
+    """The derivative by the logarithm of what was searched of what `one` of them says (N,), and
+    of the mean of this (A,).
     """
-    first = sum(len(prepared.members[m].columns) for m in members[: members.index(wave)])
-    own = prepared.members[wave]
+    first = sum(len(prepared.members[m].columns) for m in members[: members.index(one)])
+    own = prepared.members[one]
     count = len(own.columns)
     frame, size = prepared.scan.frame, beta[first : first + count]
     (slopes,) = grouped(frame.whole_columns, [own.tangent[:count]])

@@ -35,7 +35,7 @@ from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.otherwise import with_otherwise
 from mtu_cli.analyses.close_loop.own_constant import owners_of, with_own_constants
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.refined import wave_members, with_refined_pitches
+from mtu_cli.analyses.close_loop.refined import searched_members, with_refined_pitches
 from mtu_cli.analyses.close_loop.result import (
     FixedPoint,
     FoundEffect,
@@ -162,11 +162,11 @@ def _neutral_points(
 
 def _told(first: Searched, out: HeldOut | None, library: EffectLibrary, seed: int) -> Described:
     owners = owners_of(first.prepared, first.found)
-    waves = wave_members(first.prepared, first.found, library)
+    values = searched_members(first.prepared, first.found, library)
     told = Described(
         prepared=first.prepared,
         found=first.found,
-        effects=added(first.prepared, first.found, seed, owners=owners, waves=waves),
+        effects=added(first.prepared, first.found, seed, owners=owners, values=values),
         chosen=() if out is None else out.chosen,
     )
     return with_refined_pitches(told, library, seed, owners)

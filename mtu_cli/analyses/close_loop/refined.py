@@ -26,11 +26,13 @@ from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.loop_frame import grouped
 
 
-def wave_members(prepared: Prepared, found: Search, library: EffectLibrary) -> dict[int, float]:
-    """Those of the members found that are one period of what the library searches, with the
-    relative standard uncertainty of a pitch anywhere between the two beside it.
+def searched_members(prepared: Prepared, found: Search, library: EffectLibrary) -> dict[int, float]:
+    """Those of the members found of which a searched value is an estimate (a pitch, a time
+    constant, no part from which on something jumped), with the relative standard uncertainty that
+    the search alone leaves it: a pitch anywhere between the two beside it, another value anywhere
+    on its grid.
     """
-    waves = {}
+    values = {}
     for step in found.steps:
         candidate = prepared.candidates[step.index] if step.member >= 0 else None
         if candidate is None:
@@ -38,8 +40,17 @@ def wave_members(prepared: Prepared, found: Search, library: EffectLibrary) -> d
         member = prepared.members[step.member]
         if waves_of(prepared.table, library, candidate, member):
             (pitch,) = member.searched.values()
-            waves[step.member] = _apart(candidate, pitch) * pitch / math.sqrt(3)
-    return waves
+            values[step.member] = _apart(candidate, pitch) * pitch / math.sqrt(3)
+        elif len(member.searched) == 1 and len(member.tangent) == len(member.columns):
+            values[step.member] = _log_range(candidate, member) / math.sqrt(12)
+    return values
+
+
+def _log_range(candidate: Candidate, member: Member) -> float:
+    """Of the logarithm of what was searched, of members that say the same."""
+    (name,) = member.searched
+    same = [m.searched[name] for m in candidate.members if m.covariate == member.covariate]
+    return math.log(max(same) / min(same))
 
 
 def with_refined_pitches(
@@ -47,13 +58,13 @@ def with_refined_pitches(
 ) -> Described:
     """The same with each periodic error at the pitch that fits best beside all other effects."""
     table = told.prepared.table
-    waves = wave_members(told.prepared, told.found, library)
+    values = searched_members(told.prepared, told.found, library)
 
     def member(candidate: Candidate, seen: Periodic, pitch: float) -> Member:
         return _member(table, candidate, seen.waves, pitch, seen.member)
 
     def estimated(prepared: Prepared) -> Added:
-        return added(prepared, told.found, seed, owners=owners, waves=waves)
+        return added(prepared, told.found, seed, owners=owners, values=values)
 
     return _refined(told, library, member, estimated)
 

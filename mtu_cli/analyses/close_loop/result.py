@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
+from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
 from mtu_cli.analyses.close_loop.gross import Gross
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.model.settings import Warned
@@ -43,20 +44,6 @@ class Otherwise:
     p: float
     covariate: str | None = None
     at_reference: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScatterSize:
-    """The standard deviation of a scatter as a `parameter` (name, unit, value, u) of `FoundEffect`;
-    of an operation (`of`) also that of all `others`, mm. `by_axis` are those along each axis, where
-    axes may differ.
-    """
-
-    parameter: tuple[str, str, float, float]
-    of: str | None = None
-    others: float | None = None
-    by_axis: tuple[tuple[str, float], ...] = ()
-    others_by_axis: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,6 +118,16 @@ class FoundEffect:
     def sizes(self) -> tuple[tuple[str, str, float, float], ...]:
         """The parameters without the levels."""
         return self.parameters[: len(self.parameters) - len(self.levels)]
+
+    @property
+    def is_hint(self) -> bool:
+        """Whether it passed a test and its one size is not told from 0 (95 %). Of what was searched
+        size and shape are known as badly as each other, though there be something.
+        """
+        if len(self.sizes) != 1 or self.searched:
+            return False
+        low, high, _ = self.intervals[0]
+        return low < 0 < high
 
     @property
     def holds_within(self) -> tuple[str, ...]:
@@ -294,3 +291,9 @@ class CloseLoopResult:
     def effects(self) -> tuple[FoundEffect, ...]:
         """The effects of all tables, in the order found."""
         return tuple(effect for table in self.tables for effect in table.effects)
+
+    @property
+    def is_found(self) -> bool:
+        """Whether an effect was found that is more than a hint, or something without a name."""
+        sure = any(not effect.is_hint for effect in self.effects)
+        return self.verdict == "unexplained" or (self.verdict != "none" and sure)

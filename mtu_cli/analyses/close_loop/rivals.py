@@ -10,7 +10,7 @@ from mtu_cli.analyses.close_loop.classes import class_of
 from mtu_cli.analyses.close_loop.describe import Described, found_effects, joint_covariance
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.own_constant import owners_of
-from mtu_cli.analyses.close_loop.refined import wave_members
+from mtu_cli.analyses.close_loop.refined import searched_members
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.model.effect_library import EffectLibrary
@@ -101,8 +101,8 @@ def _instead(
         for axis, at in owners_of(told.prepared, told.found).items()
         if any(axis in column for column in members[at].columns)
     }
-    waves = wave_members(told.prepared, found, library)
-    effects = added(told.prepared, found, seed, owners=owners, waves=waves)
+    values = searched_members(told.prepared, found, library)
+    effects = added(told.prepared, found, seed, owners=owners, values=values)
     other = replace(told, found=found, effects=effects)
     return Instead(
         place=place,

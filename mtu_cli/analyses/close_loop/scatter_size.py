@@ -11,7 +11,7 @@ lines and columns (`lines_and_columns`), u(ln s^2)^2 = (2 + excess kurtosis) / d
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,12 +22,14 @@ from mtu_cli.analyses.close_loop.evidence import (
     interaction_entries,
     variance_by_operation,
 )
+from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.result import ScatterSize
 from mtu_cli.analyses.close_loop.scatter_rivals import ROTATION
 from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.stats.alike_lines import p_alike
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.lines_and_columns import beside_lines_and_columns
+from mtu_cli.stats.mean_squares import EntryNoise
 from mtu_cli.stats.scatter_tests import log_variance_u
 
 FEWEST = 4
@@ -64,7 +66,8 @@ def _of_direction(
     t = along_direction(scan, left, scan.directions[which])
     expected = float(np.append(noise.variance, 1.0) @ scan.turns[which].mean)
     places = prepared.table.places.mean(axis=0)[:, :2]
-    kept = _kept(prepared, scan.directions[which], scan.directions[which])
+    axes = _axes(scan.directions[which])
+    kept, *kept_by_axis = _kept(prepared, scan.directions[which], [*axes.values()])
     reach = kept * float(np.sum((places - places.mean(axis=0)) ** 2))
     square = float(t @ t)
     if square <= expected or reach == 0:
@@ -73,50 +76,102 @@ def _of_direction(
     u = np.sqrt(2 / len(t)) * square / len(t) / reach / (2 * s)
     unit = "arcsec" if name == ROTATION else "um/m"
     size = np.sqrt(reach / kept)
-    by_axis = _by_axis(prepared, left, noise.variance, scan.directions[which], size)
-    return ScatterSize(parameter=("s", unit, float(s), float(u)), by_axis=by_axis)
+    alone = _along_axes(prepared, left, noise, axes, kept_by_axis)
+    return ScatterSize(
+        parameter=("s", unit, float(s), float(u)),
+        by_axis=tuple((prepared.table.axes[own.axis], own.root / size) for own in alone),
+        p_alike=_p_alike(prepared, left, noise, scan.directions[which], alone),
+    )
 
 
-def _kept(prepared: Prepared, direction: FloatArray, along: FloatArray) -> float:
+def _axes(direction: FloatArray) -> dict[int, FloatArray]:
+    """By axis the part of a `direction` (A, 1 + k) along it, where the places tell of it."""
+    found = {}
+    for a in range(len(direction)):
+        if float(np.sum(direction[a] ** 2)) >= LEAST_SHARE:
+            found[a] = np.zeros_like(direction)
+            found[a][a] = direction[a]
+    return found
+
+
+def _kept(prepared: Prepared, direction: FloatArray, parts: Sequence[FloatArray]) -> list[float]:
     """Of the squares that parts have along a `direction` (A, 1 + k), which one of them has by
-    itself, the share that is seen `along` it: less than 1 where cells are missing, as what is
-    filled in has none of it.
+    itself, the share that is seen along it, and along the `parts` of it: less than 1, and than the
+    square of a part's own share, where cells are missing, as what is filled in has none of it.
     """
-    frame = prepared.scan.frame
+    frame, alongs = prepared.scan.frame, [direction, *parts]
     if frame.completion.complete:
-        return float(np.sum(direction * along)) ** 2
+        return [float(np.sum(direction * along)) ** 2 for along in alongs]
     P, H, A = frame.strata.shape
     one = np.einsum("hk,ak->ha", frame.strata.columns[:, : direction.shape[1]], direction)
-    total = 0.0
+    total = np.zeros(len(alongs))
     for first in range(0, P, AT_ONCE):
         own = np.arange(first, min(first + AT_ONCE, P))
         tables = np.zeros((len(own), P, H, A))
         tables[np.arange(len(own)), own] = one
         for y in frame.coordinates(tables)[0]:
-            t = along_direction(prepared.scan, y, along)
-            total += float(t @ t)
-    return total / (P - 1)
+            for i, along in enumerate(alongs):
+                t = along_direction(prepared.scan, y, along)
+                total[i] += float(t @ t)
+    return [float(found) for found in total / (P - 1)]
 
 
-def _by_axis(
-    prepared: Prepared, left: FloatArray, variance: FloatArray, direction: FloatArray, size: float
-) -> tuple[tuple[str, float], ...]:
-    """The same of the errors along each axis alone: a turn or a growth moves both alike. `size`
-    mm is the root of the sum of r^2.
+class _Along(NamedTuple):
+    """What is seen of turns or growths along one axis alone: the parts' contrasts `t` (P - 1,),
+    which have `share` of them and their squares `kept`, and scatter else by `variance`.
     """
+
+    axis: int
+    t: FloatArray
+    share: float
+    kept: float
+    variance: float
+
+    @property
+    def root(self) -> float:
+        """The standard deviation of the whole turns' contrasts by this axis."""
+        excess = float(self.t @ self.t) / len(self.t) - self.variance
+        return float(np.sqrt(max(excess, 0.0) / self.kept)) / self.share
+
+
+def _along_axes(
+    prepared: Prepared,
+    left: FloatArray,
+    noise: EntryNoise,
+    axes: Mapping[int, FloatArray],
+    kept: Sequence[float],
+) -> list[_Along]:
+    """By the `axes`' parts of a direction, of whose squares are `kept`."""
     scan, found = prepared.scan, []
-    for a, axis in enumerate(prepared.table.axes):
-        share = float(np.sum(direction[a] ** 2))
-        if share < LEAST_SHARE:
-            continue
-        w = np.zeros_like(direction)
-        w[a] = direction[a]
-        t = along_direction(scan, left, w)
+    for (a, w), own in zip(axes.items(), kept, strict=True):
+        share = float(np.sum(w**2))
         by_model = float(w.ravel() @ scan.null.predicted_part @ w.ravel())
-        excess = float(t @ t) / len(t) - variance[a] * share - by_model
-        kept = _kept(prepared, direction, w) / share**2
-        found.append((axis, float(np.sqrt(max(excess, 0.0) / kept)) / (share * size)))
-    return tuple(found)
+        t, variance = along_direction(scan, left, w), float(noise.variance[a]) * share + by_model
+        found.append(_Along(a, t, share, own / share**2, variance))
+    return found
+
+
+def _p_alike(
+    prepared: Prepared,
+    left: FloatArray,
+    noise: EntryNoise,
+    direction: FloatArray,
+    alone: Sequence[_Along],
+) -> float | None:
+    """That two axes have the same turns but for what scatters else."""
+    if len(alone) != 2:
+        return None
+    strata, axes = prepared.scan.frame.strata, [own.axis for own in alone]
+    by_entries = sum(noise.variance[own.axis] / own.share for own in alone)
+    further = sum(own.variance / own.share**2 for own in alone) / by_entries
+    return p_alike(
+        strata.tables(left)[:, :, axes],
+        prepared.scan.frame.completion.observed,
+        strata.columns[:, : direction.shape[1]],
+        direction[axes],
+        np.sqrt(noise.variance[axes]),
+        float(further),
+    )
 
 
 def _of_operation(prepared: Prepared, left: FloatArray) -> ScatterSize:

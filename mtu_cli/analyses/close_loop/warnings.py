@@ -21,6 +21,8 @@ from mtu_cli.units import UNITS
 FEW_PARTS = 5
 LIKELIER, NOT_PASSED = 0.95, 0.05
 """Posterior of a candidate that is likelier than what was found, and its p that does not pass."""
+UNLIKE = 1e-3
+"""p of a scatter of whole parts being alike along both axes, below which it is told."""
 FEWEST_ENTRIES = 4
 ALL = 0.999
 MOST_NAMED = 6
@@ -28,7 +30,7 @@ MOST_ALIKE = 4
 APART = 2.0
 """Scatter of passes over that of single readings, and of these over what is predicted of them, from
 which on it is told."""
-RARE = 1e-3
+RARE = 5e-3
 """Chance of the latter on a machine whose s_repeat is known by as few readings."""
 PLACE_DIGITS = 3
 SPARE_PLACES = 3
@@ -130,11 +132,31 @@ def _of_table(result: TableResult) -> list[Warned]:
                 f"measurement itself under another name (--exclude {effect.name})"
             )
             found.append(Warned(code="covariate-is-the-error", message=text))
-    found += _likelier(result)
+    found += [*_unlike(result), *_likelier(result)]
     missing = table.there.size - int(table.there.sum()) - len(result.gross)
     if missing > table.there.size / 2:
         text = "more than half of the cells were not measured: the search has little power"
         found.append(Warned(code="sparse-table", message=text))
+    return found
+
+
+def _unlike(result: TableResult) -> list[Warned]:
+    """Of parts that would turn, or grow, along one axis by more than along the other."""
+    found = []
+    for effect in result.effects:
+        size = effect.scatter
+        if size is None or size.p_alike is None or size.p_alike >= UNLIKE:
+            continue
+        _, unit, *_ = size.parameter
+        sizes = ", ".join(
+            f"{axis.upper()} {value / UNITS[unit].to_internal:.2g}" for axis, value in size.by_axis
+        )
+        text = (
+            f"{effect.name}: {sizes} {unit}, which scatter does not make (p <0.001): what moves a "
+            "whole part does so along both axes alike; look for what one axis alone has from part "
+            "to part (its scale, a guide, a direction), of which the library says nothing"
+        )
+        found.append(Warned(code="axes-unlike", message=text))
     return found
 
 

@@ -19,7 +19,7 @@ from mtu_cli.analyses.close_loop.estimate import raw_design, searched_spread
 from mtu_cli.analyses.close_loop.held_out import fold_of, of_fold, splits_of
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.prepare import prepare
-from mtu_cli.analyses.close_loop.refined import wave_members, with_refined_pitches
+from mtu_cli.analyses.close_loop.refined import searched_members, with_refined_pitches
 from mtu_cli.analyses.close_loop.rivals import all_instead
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
@@ -135,15 +135,15 @@ def test_a_pitch_is_an_estimate_of_the_level_too() -> None:
     """All that it adds to sine, cosine and level against least squares with the pitch free."""
     places = np.sort(np.random.default_rng(0).uniform(0.0, 150.0, 12))
     told = refined(passes(4, amplitude=2 * AMPLITUDE, places=places))
-    waves = wave_members(told.prepared, told.found, LIBRARY)
+    values = searched_members(told.prepared, told.found, LIBRARY)
     without, free = (
-        added(told.prepared, told.found, 1, owners={0: 0}, waves=own) for own in ({}, waves)
+        added(told.prepared, told.found, 1, owners={0: 0}, values=own) for own in ({}, values)
     )
     known, with_pitch = without.fit, free.fit
     assert known is not None
     assert with_pitch is not None
     sine, cosine = known.beta[:2].tolist()
-    ((pitch, *_),) = [[*told.prepared.members[m].searched.values()] for m in waves]
+    ((pitch, *_),) = [[*told.prepared.members[m].searched.values()] for m in values]
     angle = 2 * np.pi * places / pitch
     slope = angle * (cosine * np.sin(angle) - sine * np.cos(angle))
     X = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle), slope], axis=1)
@@ -178,7 +178,7 @@ def test_a_pitch_lies_between_those_beside_it() -> None:
         for value in m.searched.values()
     )
     (pitch,) = prepared.members[step.member].searched.values()
-    (share,) = wave_members(prepared, found, LIBRARY).values()
+    (share,) = searched_members(prepared, found, LIBRARY).values()
     at = int(np.argmin(np.abs(np.array(known) - 1 / pitch)))
     apart = max(known[at] - known[at - 1], known[at + 1] - known[at])
     assert share == pytest.approx(apart * pitch / np.sqrt(3), rel=1e-9)
@@ -260,8 +260,8 @@ def test_a_wave_in_the_place_of_another_effect_has_its_pitch_in_its_uncertainty(
     assert other.rival.name == "cyclic-x"
     _, alone = found_as(prepared, ["cyclic-x"])
     known, free = (
-        added(prepared, alone, waves=waves).fit
-        for waves in ({}, wave_members(prepared, alone, LIBRARY))
+        added(prepared, alone, values=values).fit
+        for values in ({}, searched_members(prepared, alone, LIBRARY))
     )
     assert known is not None
     assert free is not None

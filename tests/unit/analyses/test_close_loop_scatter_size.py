@@ -14,8 +14,8 @@ from separation_examples import LIBRARY, index
 from warm_day import described, found, step
 
 from mtu_cli.analyses.close_loop.describe import found_effects
+from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.result import ScatterSize
 from mtu_cli.analyses.close_loop.scatter_size import scatter_size
 from mtu_cli.model.effect_library import candidates
 from mtu_cli.model.residual_table import ResidualTable
@@ -372,3 +372,34 @@ def test_missing_cells_make_no_turn_smaller(name: str) -> None:
     wanted = (SIZES[name] / 1.0) ** 2
     error = squares.std(axis=0) / np.sqrt(len(told))
     assert (abs(squares.mean(axis=0) - wanted) < 4 * error + 0.01 * wanted).all()
+
+
+@pytest.mark.parametrize("name", ["rotation-scatter", "scale-scatter"])
+@pytest.mark.parametrize("missing", [0.0, 0.3])
+def test_turns_of_both_axes_differ_by_scatter_alone(name: str, missing: float) -> None:
+    """p is uniform: below 0.1 in a tenth of all tables, to four standard errors."""
+    own, p = ready(), []
+    there = np.random.default_rng(7).random((PARTS, FEATURES)) >= missing
+    for seed in range(TABLES):
+        errors = np.where(there[..., None], drawn(seed, name, own.table.places), np.nan)
+        table = replace(own.table, errors=errors, repeats=own.table.repeats * there)
+        moved = own.with_table(table) if missing == 0 else prepare(table, own.candidates)
+        told = scatter_size(moved, (), step(moved, name))
+        assert told is not None
+        assert told.p_alike is not None
+        p.append(told.p_alike)
+    for limit in (0.1, 0.5):
+        error = np.sqrt(limit * (1 - limit) / TABLES)
+        assert abs(np.mean(np.array(p) < limit) - limit) < 4 * error
+
+
+def test_a_growth_of_one_axis_is_not_that_of_parts() -> None:
+    own = ready()
+    errors = drawn(1, "", own.table.places)
+    x = own.table.places[..., 0] - own.table.places[..., 0].mean()
+    errors[..., 0] += 4e-5 * np.random.default_rng(9).normal(size=(PARTS, 1)) * x
+    moved = own.with_table(replace(own.table, errors=errors))
+    told = scatter_size(moved, (), step(moved, "scale-scatter"))
+    assert told is not None
+    assert told.p_alike is not None
+    assert told.p_alike < 1e-3

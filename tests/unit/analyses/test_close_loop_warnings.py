@@ -9,6 +9,7 @@ import pytest
 from close_loop_examples import effect, on_component, on_table
 from effect_tables import table
 
+from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
 from mtu_cli.analyses.close_loop.gross import Gross
 from mtu_cli.analyses.close_loop.result import FoundEffect, Judged, TableResult
 from mtu_cli.analyses.close_loop.warnings import loop_warnings
@@ -126,7 +127,7 @@ def test_an_outlying_reading_is_told_with_its_direction_in_words() -> None:
         # 3 um of the machine and 4/sqrt(3) um of three repeats by the CMM: 3.8 um together.
         (7.5, np.inf, False),
         (7.7, np.inf, True),
-        # s_repeat from 3 readings is a third of its true size more often than 1 in 1000.
+        # s_repeat from 3 readings is a third of its true size more often than 1 in 200.
         (9.0, 3.0, False),
         (9.0, 40.0, True),
     ],
@@ -178,3 +179,15 @@ def test_what_fits_better_and_does_not_pass_is_told(
     texts = [w.message for w in given if w.code == "likelier-not-passed"]
     assert len(texts) == warned
     assert all(f"{name} fits better than all that was found (posterior 99 %" in t for t in texts)
+
+
+@pytest.mark.parametrize(("p", "warned"), [(1e-4, True), (2e-3, False), (None, False)])
+def test_a_growth_of_one_axis_alone_is_told(p: float | None, warned: bool) -> None:
+    size = ScatterSize(
+        parameter=("s", "um/m", 2e-5, 3e-6), by_axis=(("x", 3e-5), ("y", 4e-6)), p_alike=p
+    )
+    found = loop_warnings([on_table("named", (replace(effect("scale-scatter"), scatter=size),))], 9)
+    told = [w.message for w in found if w.code == "axes-unlike"]
+    assert len(told) == warned
+    if warned:
+        assert told[0].startswith("scale-scatter: X 30, Y 4 um/m, which scatter does not make")

@@ -10,10 +10,14 @@ from mtu_cli.errors import InputError
 from mtu_cli.files.budget import LoadedBudget, load_budget
 
 
-def load(tmp_path: Path, equation: str, inputs: dict[str, str]) -> LoadedBudget:
+def load(
+    tmp_path: Path, equation: str, inputs: dict[str, str], unit: str | None = None
+) -> LoadedBudget:
     path = tmp_path / "b.yaml"
     lines = "".join(f"  {name}: {{{text}}}\n" for name, text in inputs.items() if name in equation)
-    path.write_text(f"schema: mtu/budget/1\nname: t\nequation: {equation}\ninputs:\n{lines}")
+    stated = "" if unit is None else f"quantity: {{name: q, unit: {unit}}}\n"
+    head = f"schema: mtu/budget/1\nname: t\n{stated}equation: {equation}\n"
+    path.write_text(f"{head}inputs:\n{lines}", encoding="utf-8")
     return load_budget(path)
 
 
@@ -107,3 +111,36 @@ def test_degrees_that_would_be_a_room_in_kelvin_are_asked_for(tmp_path: Path) ->
         "b.yaml:7: inputs.HC: 295.15 degC is in one sum with T0 (20 degC); expected 22 degC, if it "
         "is in K"
     )
+
+
+@pytest.mark.parametrize(
+    ("equation", "unit", "told"),
+    [
+        ("TC", "K", "inputs.TC: 22 degC make a result in K, and no unit is converted; expected "
+         "degC for the result, or TC + 273.15"),
+        ("TC + c", "K", "22 degC make a result in K"),
+        ("TC - DK", "kelvin", "22 degC make a result in K"),
+        ("TK", "degC", "inputs.TK: 295.15 K make a result in degC, and no unit is converted; "
+         "expected K for the result, or TK - 273.15"),
+        ("TK + DK", "\u00b0C", "295.15 K make a result in degC"),
+    ],
+)  # fmt: skip
+def test_a_result_in_another_scale_is_asked_for(
+    tmp_path: Path, equation: str, unit: str, told: str
+) -> None:
+    found = load(tmp_path, equation, INPUTS, unit).warnings
+    (notice,) = [own for own in found if own.code == "like-kelvin"]
+    assert told in notice.message
+
+
+@pytest.mark.parametrize(
+    ("equation", "unit"),
+    [
+        ("TC", "degC"), ("TK", "K"), ("TC + 273.15", "K"), ("TK - 273.15", "degC"),
+        ("TC - T0", "K"), ("TC - 20", "K"), ("-TC", "K"), ("TK - RK", "degC"), ("c", "K"),
+        ("DK", "degC"), ("TC + Z", "K"), ("TK - Z", "degC"), ("L*a*DK", "mm"), ("F", "K"),
+    ],
+)  # fmt: skip
+def test_a_result_in_its_own_scale_passes(tmp_path: Path, equation: str, unit: str) -> None:
+    codes = {notice.code for notice in load(tmp_path, equation, INPUTS, unit).warnings}
+    assert "like-kelvin" not in codes

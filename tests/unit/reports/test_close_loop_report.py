@@ -23,7 +23,7 @@ from close_loop_examples import (
     several,
 )
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
 from mtu_cli.reports.close_loop import csv_rows, document
 from mtu_cli.reports.csv_text import csv_text
 
@@ -187,3 +187,20 @@ def test_infinite_bayes_factors_are_empty_in_csv_and_null_in_json() -> None:
     odd = on_table("none", candidates=(judged("scale-x", log_bayes_factor=-math.inf),))
     assert document(result(odd))["candidates"][0]["log_bayes_factor"] is None
     assert rows(result(odd))[0]["log_bayes_factor"] == ""
+
+
+def test_a_hint_alone_is_not_found() -> None:
+    """For whoever counts findings; the verdict says what it may be."""
+
+    def found(*effects: FoundEffect) -> tuple[object, bool]:
+        own = result(on_table("class", effects))
+        return document(own)["undeclared_effect_found"], own.is_found
+
+    weak = effect("backlash-x", parameters=(("lost_motion", "um", 0.2, 0.15),))
+    assert found(weak) == (False, False)
+    assert found(weak, effect("backlash-y")) == (True, True)
+    # Of what was searched, as of a wave, size and shape are known as badly as each other.
+    assert found(replace(weak, searched={"tau_min": (9.0, 3.0, 20.0)})) == (True, True)
+    assert found(effect(parameters=(("sine", "um", 0.1, 1.0), ("cosine", "um", 4.0, 1.0))))[1]
+    assert result(on_table("unexplained", (weak,))).is_found
+    assert not nothing().is_found

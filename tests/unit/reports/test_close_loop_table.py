@@ -184,7 +184,17 @@ def test_what_was_found_twice_over_is_no_name() -> None:
 
 def test_nothing_found_says_what_would_have_been() -> None:
     text = words(nothing())
-    assert text.startswith("Nothing undeclared was found (at 5 % false alarms in all)")
+    assert text.startswith(
+        "Nothing undeclared was found beside feature H7 of part P3, set aside as far off (at 5 % "
+        "false alarms in all)"
+    )
+    alone = on_table("none", gross=())
+    assert words(result(alone)).startswith("Nothing undeclared was found (at 5 % false alarms in")
+    (one,) = nothing().tables[0].gross
+    several = words(result(replace(alone, gross=(one, one))))
+    assert (
+        "found beside 2 entries set aside as far off (feature H7 of part P3 and so on)" in several
+    )
     assert "0.51 um rms (abbe-x) to 2.8 um (cyclic-x) would have been found" in text
     shown = plain_text(table(nothing()))
     aside = "set aside as far off whatever the rest does: feature H7 of part P3 (x 17, y -0.40 um)"

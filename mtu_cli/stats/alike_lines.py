@@ -1,0 +1,52 @@
+"""Whether every part has the same turn (or growth) along two axes: an F test between nested models.
+
+Beside a mean of every column, each part has a line of its own along each axis. What turns or grows
+as a whole has one coefficient for both axes along a direction of these lines; what one axis alone
+has needs two. Both models by least squares, their residual sums of squares compared (Scheffe, The
+Analysis of Variance (1959), 2.9), whatever cells are missing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtrc
+
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.lines_and_columns import beside_lines_and_columns
+
+
+def p_alike(
+    values: FloatArray,
+    there: NDArray[np.bool_],
+    smooth: FloatArray,
+    direction: FloatArray,
+    sd: FloatArray,
+    further: float = 1.0,
+) -> float | None:
+    """p of one coefficient for both axes of `values` (P, H, 2) that are `there` (P, H), of standard
+    deviations `sd` (2,), along `direction` (2, k) of the lines' columns `smooth` (H, k). None where
+    too few are there to tell.
+
+    `further` (1 or more) is by how much the variance of coefficients is larger than these make it,
+    by what is known to move the axes apart.
+    """
+    H, k = smooth.shape
+    free = np.zeros((2, H, 2, k))
+    for axis in range(2):
+        free[axis, :, axis] = smooth / sd[axis]
+    apart = np.concatenate([direction[0] / np.sum(direction[0] ** 2),
+                            -direction[1] / np.sum(direction[1] ** 2)])  # fmt: skip
+    # All coefficients with the same share of the direction along either axis.
+    square, turn = np.linalg.eigh(np.outer(apart, apart))
+    shared = turn[:, np.argsort(square)[:-1]]
+    columns = free.reshape(2 * H, 2 * k)
+    both = (values / sd).transpose(0, 2, 1).reshape(len(values), 2 * H, 1)
+    twice = np.concatenate([there, there], axis=1)
+    left, one = (beside_lines_and_columns(both, twice, own) for own in (columns, columns @ shared))
+    dof, more = left[2], one[2] - left[2]
+    if dof < 1 or more < 1:
+        return None
+    within, between = float(np.sum(left[0] ** 2)), float(np.sum(one[0] ** 2))
+    ratio = (between - within) / more / (further * within / dof) if within > 0 else np.inf
+    return float(fdtrc(more, dof, max(ratio, 0.0)))

@@ -1,0 +1,114 @@
+"""What a searched time constant adds to u of a size, against non-linear least squares."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from crossed_tables import Floats
+from effect_tables import table as points_table
+from loop_bench.folds import LIBRARY
+from scipy.optimize import least_squares
+from separation_examples import index
+from warm_day import found as found_as
+from warm_day import step
+
+from mtu_cli.analyses.close_loop.added import Added, added
+from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
+from mtu_cli.analyses.close_loop.refined import searched_members
+from mtu_cli.model.effect_library import candidates
+
+PARTS, FEATURES, TABLES = 24, 9, 60
+RISE, TAU, PART, NOISE = 12e-3, 200.0, 1e-3, 1e-3
+TIME: Floats = 15.0 * np.arange(PARTS, dtype=np.float64)
+PASSED: dict[str, Floats] = {
+    "time_min": TIME[:, None],
+    "sequence": np.arange(1.0, PARTS + 1.0)[:, None],
+}
+
+
+@cache
+def empty() -> Prepared:
+    table = points_table(PARTS, FEATURES, covariates=PASSED)
+    table = replace(table, errors=drawn(0))
+    known = [c for c in candidates(table, LIBRARY) if c.name in ("warm-up-x", "step-x", "offset-x")]
+    return prepare(table, known)
+
+
+def drawn(seed: int) -> Floats:
+    """Errors that warm up, beside parts that shift and entries that scatter."""
+    rng = np.random.default_rng(seed)
+    errors = NOISE * rng.normal(size=(PARTS, FEATURES, 2))
+    errors += PART * rng.normal(size=(PARTS, 1, 2))
+    errors[..., 0] += (RISE * (1 - np.exp(-TIME / TAU)))[:, None]
+    return errors
+
+
+def nearest(prepared: Prepared, name: str) -> int:
+    """Which member has the time constant that fits the most, by its profile."""
+    own = prepared.members
+    of = [i for i, m in enumerate(own) if "tau_min" in m.searched]
+    y = prepared.table.errors[..., 0].mean(axis=1)
+
+    def left(tau: float) -> float:
+        X = np.stack([1 - np.exp(-TIME / tau), np.ones(PARTS)], axis=1)
+        return float(np.linalg.lstsq(X, y, rcond=None)[1][0])
+
+    assert {prepared.candidates[index(prepared, name)].family} == {"warm-up"}
+    return int(np.argmin([left(own[i].searched["tau_min"]) for i in of]))
+
+
+def estimated(seed: int) -> tuple[Added, Added, float, Floats]:
+    """With tau as it was searched, and as if it were known; it, and the parts' means."""
+    moved = empty().with_table(replace(empty().table, errors=drawn(seed)))
+    own = step(moved, "warm-up-x", nearest(moved, "warm-up-x"))
+    found = found_as(moved, own)
+    values = searched_members(moved, found, LIBRARY)
+    assert set(values) == {own.member}
+    (tau,) = moved.members[own.member].searched.values()
+    free, known = (added(moved, found, 1, owners={0: 0}, values=given) for given in (values, {}))
+    return free, known, tau, moved.table.errors[..., 0].mean(axis=1)
+
+
+def test_it_is_that_of_non_linear_least_squares() -> None:
+    free, known, tau, mean = estimated(3)
+    assert free.fit is not None
+    assert known.fit is not None
+
+    def left(p: Floats) -> Floats:
+        found: Floats = mean - p[0] * (1 - np.exp(-TIME / p[1])) - p[2]
+        return found
+
+    x = least_squares(left, [RISE, tau, 0.0], x_scale=[RISE, tau, RISE], xtol=1e-14).x
+    gone = np.exp(-TIME / tau)
+    full = np.stack([1 - gone, -free.fit.beta[0] * gone * TIME / tau, np.ones(PARTS)], axis=1)
+    inverse = np.linalg.inv(full.T @ full)
+    alone = np.linalg.inv(full[:, ::2].T @ full[:, ::2])
+    # The grid holds one value in each 1.5 times: its least squares are near those of the free one.
+    assert free.fit.beta[0] == pytest.approx(x[0], rel=0.1)
+    wanted = np.sqrt(np.diag(inverse)[::2] / np.diag(alone))
+    told = np.sqrt(np.diag(free.fit.covariance) / np.diag(known.fit.covariance))
+    assert told == pytest.approx(wanted, rel=0.03)
+    assert (wanted > 1.3).all()
+
+
+def test_intervals_hold_what_was_drawn() -> None:
+    """95 %, to three standard errors and what a grid of time constants takes of it."""
+    held = []
+    for seed in range(TABLES):
+        free, known, *_ = estimated(seed)
+        for fit in (free.fit, known.fit):
+            assert fit is not None
+            held.append(abs(fit.beta[0] - RISE) < 2 * np.sqrt(fit.covariance[0, 0]))
+    with_it, without = np.mean(np.reshape(held, (-1, 2)), axis=0)
+    assert with_it > 0.95 - 3 * np.sqrt(0.05 * 0.95 / TABLES) - 0.02
+    assert without < 0.9
+
+
+def test_what_jumps_from_a_part_on_has_no_slope() -> None:
+    moved = empty()
+    own = step(moved, "step-x", 3)
+    found = found_as(moved, own)
+    assert searched_members(moved, found, LIBRARY) == {}
