@@ -82,3 +82,13 @@ PARAMETER_UNITS: dict[str, Unit] = UNITS | {
     not in UNITS
 }
 """Units of the parameters of effects: those of readings, and these per length, kelvin or time."""
+
+
+def um_text(value: float) -> str:
+    """mm in micrometres, of two significant digits, for messages."""
+    return f"{float(f'{value / UM:.2g}'):g}"
+
+
+def p_text(p: float) -> str:
+    """A p value for messages: "p = 0.012", "p <0.001"."""
+    return "p <0.001" if p < 1e-3 else f"p = {p:.3f}"

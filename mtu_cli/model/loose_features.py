@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
 from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.model.place_lines import smooth_of
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loose_columns import Loose, loose_columns
-from mtu_cli.units import UM
+from mtu_cli.units import p_text, um_text
 
 CODE = "feature-scatters"
 MOST_NAMED = 3
-FEWEST_LINES = 6
-"""Features from which on parts may turn and grow for themselves."""
 ROUNDING = 1e-12
 """Of the mean square of the errors: what scatters less does not."""
 BEYOND = 0.1
@@ -75,7 +74,7 @@ def loose_features(
         p = max(own.p for own in each)
         texts.append(
             f"feature {columns[column]} scatters from part to part far more than the others: "
-            f"{sizes} um, they {others} um (p {'<0.001' if p < 1e-3 else f'{p:.3f}'} among all "
+            f"{sizes} um, they {others} um ({p_text(p)} among all "
             "features): look at this feature, its tool and how it is measured"
         )
     more = len(texts) - MOST_NAMED
@@ -107,21 +106,3 @@ def _stands_apart(places: FloatArray, smooth: FloatArray, column: int) -> bool:
     low, high = others.min(axis=0), others.max(axis=0)
     margin = BEYOND * float(np.max(high - low))
     return bool(((places[column] < low - margin) | (places[column] > high + margin)).any())
-
-
-def smooth_of(places: FloatArray) -> FloatArray:
-    """A constant and, of enough features, the slopes along each axis that they differ along, all in
-    one unit of length.
-    """
-    ones = np.ones((len(places), 1))
-    if len(places) < FEWEST_LINES:
-        return ones
-    known = np.isfinite(places).all(axis=0) & (np.ptp(places, axis=0) > 0)
-    slopes = places[:, known] - places[:, known].mean(axis=0)
-    reach = float(np.abs(slopes).max(initial=1e-300))
-    return np.concatenate([ones, slopes / reach], axis=1)
-
-
-def um_text(value: float) -> str:
-    """mm in micrometres, of two significant digits."""
-    return f"{float(f'{value / UM:.2g}'):g}"

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from mtu_cli.analyses.close_loop.result import TableResult
-from mtu_cli.model.loose_features import smooth_of, um_text
+from mtu_cli.model.place_lines import smooth_of
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.group_shifts import group_shift
+from mtu_cli.units import p_text, um_text
 
 CODE = "operation-shifts"
 
@@ -38,11 +39,10 @@ def shift_warnings(result: TableResult) -> list[Warned]:
     what = f"operation {own} lies elsewhere against the others on every part"
     if len(others) == 1:
         what = f"operations {own} and {others[0]} lie elsewhere against each other on every part"
-    p = "<0.001" if found.p < 1e-3 else f"{found.p:.3f}"
     text = (
-        f"{what}, by s = {', '.join(sizes)} um, more than single features scatter (p {p}): as if "
-        "parts were clamped anew between them. No effect of the library says that, and a shift of "
-        f"an operation that is found beside it is known no better than s/sqrt({len(table.parts)}): "
+        f"{what}, by s = {', '.join(sizes)} um, more than single features scatter ({p_text(found.p)}): "
+        "as if parts were clamped anew between them. No effect of the library says that, and a "
+        f"shift of an operation that is found beside it is known no better than s/sqrt({len(table.parts)}): "
         "make them in one clamping, or measure the clamping by itself; --datum offset gives each "
         "operation of a part a place of its own"
     )
