@@ -40,10 +40,10 @@ def shift_warnings(result: TableResult) -> list[Warned]:
     if len(others) == 1:
         what = f"operations {own} and {others[0]} lie elsewhere against each other on every part"
     text = (
-        f"{what}, by s = {', '.join(sizes)} um, more than single features scatter ({p_text(found.p)}): "
-        "as if parts were clamped anew between them. No effect of the library says that, and a "
-        f"shift of an operation that is found beside it is known no better than s/sqrt({len(table.parts)}): "
-        "make them in one clamping, or measure the clamping by itself; --datum offset gives each "
-        "operation of a part a place of its own"
+        f"{what}, by s = {', '.join(sizes)} um, more than single features scatter "
+        f"({p_text(found.p)}): as if parts were clamped anew between them. No effect of the library "
+        "says that, and a shift of an operation that is found beside it is known no better than "
+        f"s/sqrt({len(table.parts)}): make them in one clamping, or measure the clamping by itself; "
+        "--datum offset gives each operation of a part a place of its own"
     )
     return [Warned(code=CODE, message=text)]
