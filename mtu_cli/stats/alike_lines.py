@@ -15,6 +15,9 @@ from scipy.special import fdtrc
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.lines_and_columns import beside_lines_and_columns
 
+ROUNDING = 1e-20
+"""Of the values' squares."""
+
 
 def p_alike(
     values: FloatArray,
@@ -48,5 +51,9 @@ def p_alike(
     if dof < 1 or more < 1:
         return None
     within, between = float(np.sum(left[0] ** 2)), float(np.sum(one[0] ** 2))
-    ratio = (between - within) / more / (further * within / dof) if within > 0 else np.inf
+    # Where nothing scatters, what differs by rounding does not differ.
+    floor = ROUNDING * float(np.sum(both[twice] ** 2))
+    if between <= floor:
+        return 1.0
+    ratio = (between - within) / more / (further * max(within, floor) / dof)
     return float(fdtrc(more, dof, max(ratio, 0.0)))

@@ -1,0 +1,108 @@
+"""One turn of both axes against one of each: the F test, against plain least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from crossed_tables import Floats
+from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
+from scipy.stats import kstest, uniform
+
+from mtu_cli.stats.alike_lines import p_alike
+
+PARTS, FEATURES = 9, 8
+SD = np.array([1.0, 3.0])
+
+
+def places(seed: int) -> Floats:
+    return np.random.default_rng([1, seed]).uniform(-1.0, 1.0, (FEATURES, 2))
+
+
+def lines(at: Floats) -> tuple[Floats, Floats]:
+    """Columns 1, x, y; and a turn: -y along x, x along y."""
+    return np.column_stack([np.ones(len(at)), at]), np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+def drawn(seed: int, apart: float = 0.0) -> tuple[Floats, Floats]:
+    """Places and errors (P, H, 2) of parts that turn, axes `apart` in it, beside levels, growths
+    and columns of their own.
+    """
+    rng, at = np.random.default_rng([2, seed]), places(seed)
+    turn = 5.0 * rng.normal(size=(PARTS, 1)) + apart * rng.normal(size=(PARTS, 1)) * [[1.0, -1.0]]
+    errors = SD * rng.normal(size=(PARTS, FEATURES, 2))
+    errors += 7.0 * rng.normal(size=(PARTS, 1, 2)) + 7.0 * rng.normal(size=(1, FEATURES, 2))
+    errors += 4.0 * rng.normal(size=(PARTS, 1, 1)) * at
+    errors[..., 0] -= turn[:, :1] * at[:, 1]
+    errors[..., 1] += turn[:, -1:] * at[:, 0]
+    return at, errors
+
+
+def plainly(errors: Floats, there: NDArray[np.bool_], at: Floats) -> float:
+    """The same with one column of the design for every part, line and feature."""
+
+    def rss(shared: bool) -> tuple[float, int]:
+        rows, y = [], []
+        for p, h in zip(*np.nonzero(there), strict=True):
+            for axis in range(2):
+                own = np.zeros((PARTS, 6))
+                own[p, [0, 1][axis]] = 1.0
+                own[p, [2, 3][axis]] = [at[h, 0], at[h, 1]][axis]
+                own[p, 4 if shared else [4, 5][axis]] = [-at[h, 1], at[h, 0]][axis]
+                column = np.zeros((FEATURES, 2))
+                column[h, axis] = 1.0
+                rows.append(np.concatenate([own.ravel(), column.ravel()]) / SD[axis])
+                y.append(errors[p, h, axis] / SD[axis])
+        X = np.array(rows)
+        left = np.array(y) - X @ np.linalg.lstsq(X, np.array(y), rcond=None)[0]
+        return float(left @ left), len(y) - int(np.linalg.matrix_rank(X))
+
+    (one, of_one), (two, of_two) = rss(shared=True), rss(shared=False)
+    more = of_one - of_two
+    return float(f_distribution.sf((one - two) / more / (two / of_two), more, of_two))
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.3])
+@pytest.mark.parametrize("apart", [0.0, 1.5])
+def test_it_is_the_f_test_of_plain_least_squares(missing: float, apart: float) -> None:
+    for seed in range(4):
+        at, errors = drawn(seed, apart)
+        there = np.random.default_rng(seed).random((PARTS, FEATURES)) >= missing
+        smooth, direction = lines(at)
+        found = p_alike(errors, there, smooth, direction, SD)
+        assert found == pytest.approx(plainly(errors, there, at), rel=1e-6, abs=1e-12)
+
+
+def test_p_is_uniform_where_axes_turn_alike() -> None:
+    found = []
+    for seed in range(400):
+        at, errors = drawn(seed)
+        there = np.random.default_rng(seed).random((PARTS, FEATURES)) >= 0.2
+        found.append(p_alike(errors, there, *lines(at), SD))
+    assert kstest(np.array(found), uniform.cdf).pvalue > 1e-3
+
+
+def test_where_nothing_is_left_nothing_is_told() -> None:
+    at, errors = drawn(1)
+    there = np.zeros((PARTS, FEATURES), bool)
+    there[:, :3] = True
+    assert p_alike(errors, there, *lines(at), SD) is None
+
+
+def test_without_scatter_axes_differ_by_what_they_are() -> None:
+    at, there = places(1), np.ones((PARTS, FEATURES), bool)
+    turn = np.random.default_rng(1).normal(size=(PARTS, 1))
+    errors = np.stack([-turn * at[:, 1], turn * at[:, 0]], axis=2)
+    assert p_alike(np.zeros_like(errors), there, *lines(at), SD) == 1.0
+    assert p_alike(errors, there, *lines(at), SD) == 1.0
+    errors[..., 0] *= 1.01
+    assert p_alike(errors, there, *lines(at), SD) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_what_is_known_to_move_axes_apart_is_counted() -> None:
+    at, errors = drawn(2, apart=1.5)
+    there = np.ones((PARTS, FEATURES), bool)
+    sure, less = (p_alike(errors, there, *lines(at), SD, further) for further in (1.0, 4.0))
+    assert sure is not None
+    assert less is not None
+    assert less > sure
