@@ -13,6 +13,7 @@ from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, found_effects
 from mtu_cli.analyses.close_loop.fixed_point import fixed_points
 from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.analyses.close_loop.refined import searched_members
 from mtu_cli.analyses.close_loop.rivals import all_instead, with_rivals
 from mtu_cli.model.residual_table import ResidualTable
 
@@ -31,7 +32,9 @@ def warming() -> ResidualTable:
 
 
 def told(prepared: Prepared, *names: str) -> Described:
-    effects, found = found_as(prepared, names)
+    _, found = found_as(prepared, names)
+    values = searched_members(prepared, found, LIBRARY)
+    effects = added(prepared, found, values=values)
     return Described(prepared=prepared, found=found, effects=effects, chosen=())
 
 
