@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +14,8 @@ from mtu_cli.files.effects_contract import Kind
 FloatArray = NDArray[np.float64]
 Column = dict[int, FloatArray]
 """Lever of one parameter by index of the axis, in the smallest shape that broadcasts to (P, H)."""
+CENTRED = 1e-6
+"""Share of a column's size below which its mean is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +29,8 @@ class Member:
     derivatives of the columns with respect to log(searched), where that is continuous (of waves
     over many places the second ones behind the first). `alike`
     are other values of what was searched that make the same columns on this table. `centred` are
-    the axes along which the equation has no mean over the table that these columns were cut from.
+    the axes along which the equation has no mean over the cells of a table where some are missing,
+    or of the one that these columns were cut from.
     """
 
     columns: tuple[Column, ...]
@@ -56,3 +61,15 @@ class Candidate:
     kind: Kind
     unavailable: str | None = None
     notes: tuple[str, ...] = ()
+
+
+def centred_axes(columns: Sequence[Column], there: NDArray[np.bool_]) -> frozenset[int]:
+    """The axes along which no column (P or 1, H or 1) has a mean over the cells `there` (P, H)."""
+    found: dict[int, bool] = {}
+    for column in columns:
+        for axis, values in column.items():
+            kept = tuple(i for i in (0, 1) if values.shape[i] == 1)
+            weights = there.sum(axis=kept, keepdims=True) / there.sum()
+            mean, square = float(np.sum(weights * values)), float(np.sum(weights * values**2))
+            found[axis] = found.get(axis, True) and abs(mean) <= CENTRED * math.sqrt(square)
+    return frozenset(axis for axis, centred in found.items() if centred)

@@ -17,7 +17,7 @@ from mtu_cli.language.term_dimensions import units_per
 from mtu_cli.language.tree import Binary, Name
 from mtu_cli.model.design import LARGEST
 from mtu_cli.model.effect_binding import Binding, filled, resolved
-from mtu_cli.model.effect_candidate import Column, FloatArray, Member
+from mtu_cli.model.effect_candidate import Column, FloatArray, Member, centred_axes
 from mtu_cli.model.effect_data import POSITIONS, TableData, indicators, labels
 from mtu_cli.model.effect_grid import coarseness, grid_of, has_many_places, is_continuous
 from mtu_cli.model.effect_lacks import NoMember, check_column
@@ -227,10 +227,14 @@ class BoundTemplate:
         texts = {} if over is not None else self.texts()
         parameters, covariate = self.parameters(), self.covariate(used)
         count = len(chosen) if chosen is not None else 1 if searched is None else len(searched)
+        there = self.data.table.there
+        complete = bool(there.all())
         for g in range(count):
             at = None if searched is None or name is None else float(searched[g])
+            own = _taken(columns, g)
             yield Member(
-                columns=_taken(columns, g),
+                columns=own,
+                centred=frozenset() if complete else centred_axes(own, there),
                 parameters=parameters,
                 equations=texts if at is None else with_number(texts, str(name), at),
                 searched={} if at is None else {str(name): at},

@@ -199,7 +199,7 @@ def _with_levels(
     disagrees = left**2 > AGREES**2 * spread
     opened: list[tuple[int, int | None]] = [(axis, None) for axis in offsets]
     for a in (a for a in prepared.scan.offsets if a not in offsets):
-        owner = _owner(prepared, members, means[:, a], fit.beta) if disagrees[a] else None
+        owner = _owner(prepared, members, a, means[:, a], fit.beta) if disagrees[a] else None
         if owners.get(a, owner) is not None:
             opened.append((a, owners.get(a, owner)))
     axes = [axis for axis, _ in opened]
@@ -218,6 +218,7 @@ def _with_levels(
 def _owner(
     prepared: Prepared,
     members: tuple[int, ...],
+    axis: int,
     means: FloatArray,
     beta: FloatArray,
 ) -> int | None:
@@ -225,7 +226,9 @@ def _owner(
     those with an equation that it could complete.
     """
     sizes = [len(prepared.members[m].columns) for m in members]
-    said = np.array([bool(prepared.members[m].equations) for m in members], bool)
+    known = [prepared.members[m] for m in members]
+    # A mean that it has for the cells that are missing alone is none of its own.
+    said = np.array([bool(own.equations) and axis not in own.centred for own in known], bool)
     written = np.repeat(said, sizes)
     if not (written & (np.abs(means) > CENTRED * _sizes(prepared, members))).any():
         return None

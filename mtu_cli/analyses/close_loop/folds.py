@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.shape_prior import shape_weights
-from mtu_cli.analyses.close_loop.state import CENTRED
+from mtu_cli.model.effect_candidate import CENTRED
 from mtu_cli.model.effect_library import Candidate, Member
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
@@ -115,7 +115,9 @@ def cut_candidates(
         for same in _alike([m for m in candidate.members if _shown(m.columns, cut)], cut):
             m = same[len(same) // 2]
             columns, tangent = cut_all(m.columns), cut_all(m.tangent)
-            members.append(replace(m, columns=columns, tangent=tangent, centred=_centred(m)))
+            members.append(
+                replace(m, columns=columns, tangent=tangent, centred=m.centred | _centred(m))
+            )
             name = identity(candidate.name, m)
             whole[name] = _mean_of(same) if len(same) > 1 else m
             weights[name] = sum(weight[id(one)] for one in same)

@@ -18,7 +18,7 @@ from mtu_cli.analyses.close_loop.added import Added, added
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.searched import Searched
-from mtu_cli.analyses.close_loop.state import CENTRED, Step
+from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.analyses.close_loop.straight_lines import (
     depended_on,
     extent,
@@ -26,6 +26,7 @@ from mtu_cli.analyses.close_loop.straight_lines import (
     middle_and_rise,
 )
 from mtu_cli.language import linear_form, parse
+from mtu_cli.model.effect_candidate import CENTRED
 from mtu_cli.model.effect_library import Member
 from mtu_cli.model.residual_table import ResidualTable
 
@@ -82,6 +83,8 @@ def with_offset(prepared: Prepared, found: Search, index: int, axis: int) -> Sea
     if any(step.index == index for step in found.steps):
         return found
     for m in found.members:
+        if axis in prepared.members[m].centred:
+            continue
         sizes = [np.sqrt(np.mean(c[axis] ** 2)) for c in prepared.members[m].columns if axis in c]
         if np.abs(prepared.means[m][:, axis]).max() > CENTRED * max(sizes, default=np.inf):
             return None

@@ -11,14 +11,13 @@ from mtu_cli.analyses.close_loop.evidence import Evidence, evidence
 from mtu_cli.analyses.close_loop.prepare import Prepared, without_rounding
 from mtu_cli.analyses.close_loop.same_strata import hides, same_of
 from mtu_cli.analyses.close_loop.scan import Scan, beside_found
+from mtu_cli.model.effect_candidate import CENTRED
 from mtu_cli.stats.column_groups import Column, MemberColumns, Packed, whiten
 from mtu_cli.stats.family_gate import Gate
 from mtu_cli.stats.least_squares import FloatArray
 
 COUNTS = 0.1
 """Share of a column's information from which on a stratum is freed of it."""
-CENTRED = 1e-6
-"""Share of a column's size below which its mean is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
