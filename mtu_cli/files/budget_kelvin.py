@@ -100,7 +100,10 @@ def other_scale(inputs: Mapping[str, Input], tree: Node, stated: str | None) -> 
     for sign, term in signed_terms(tree):
         item = inputs.get(term.name) if isinstance(term, Name) else None
         value = literal_value(term) if item is None else _value(item)
-        if value is None:
+        # One less another is a difference, and who takes off 273.15 knows what is in K.
+        if value is None or abs(abs(value) - ZERO_C) < 1.0:
+            return None
+        if sign < 0 and item is not None and _is(_CELSIUS, item):
             return None
         kelvin = abs(value) >= ABSOLUTE and (item is None or not _is(_CELSIUS, item))
         if kelvin or _within(abs(value), REFERENCE):

@@ -115,7 +115,8 @@ def _like_kelvin(
         other_scale(budget.inputs, tree, stated_unit(budget, _place_of(budget, name)))
         for name, tree in trees.items()
     )
-    for mixed in [*mixed_temperatures(budget.inputs, trees.values()), *filter(None, results)]:
+    mixed_ones = [*mixed_temperatures(budget.inputs, trees.values()), *filter(None, results)]
+    for mixed in dict.fromkeys(mixed_ones):
         if not mixed.sure:
             line = document.line_of("inputs", mixed.name, "unit")
             text = f"{document.source.shown}:{line}: inputs.{mixed.name}: {mixed.what}; expected "

@@ -66,6 +66,8 @@ class Candidate:
 def centred_axes(columns: Sequence[Column], there: NDArray[np.bool_]) -> frozenset[int]:
     """The axes along which no column (P or 1, H or 1) has a mean over the cells `there` (P, H)."""
     found: dict[int, bool] = {}
+    if not there.any():
+        return frozenset()
     for column in columns:
         for axis, values in column.items():
             kept = tuple(i for i in (0, 1) if values.shape[i] == 1)

@@ -8,15 +8,22 @@ Analysis of Variance (1959), 2.9), whatever cells are missing.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.lines_and_columns import beside_lines_and_columns
 
 ROUNDING = 1e-20
 """Of the values' squares."""
+LEAST_SD = 1e-4
+"""Of the other axis' standard deviation: one that scatters less has no scatter to be held against.
+"""
+MOST_COLUMNS = 300
+"""Of one axis: of more the system of their means is large, and the test adds nothing."""
 
 
 def p_alike(
@@ -24,22 +31,31 @@ def p_alike(
     there: NDArray[np.bool_],
     smooth: FloatArray,
     direction: FloatArray,
+    whole: Sequence[FloatArray],
     sd: FloatArray,
     further: float = 1.0,
 ) -> float | None:
     """p of one coefficient for both axes of `values` (P, H, 2) that are `there` (P, H), of standard
     deviations `sd` (2,), along `direction` (2, k) of the lines' columns `smooth` (H, k). None where
-    too few are there to tell.
+    too few are there to tell, or one axis hardly scatters.
+
+    `whole` are all directions in which parts move as a whole, it among them: where features lie
+    obliquely a growth moves the axes apart along a turn. All about the middle of the places:
+    without a part of the constant.
 
     `further` (1 or more) is by how much the variance of coefficients is larger than these make it,
     by what is known to move the axes apart.
     """
     H, k = smooth.shape
+    if H > MOST_COLUMNS or sd.min() <= LEAST_SD * sd.max():
+        return None
     free = np.zeros((2, H, 2, k))
     for axis in range(2):
         free[axis, :, axis] = smooth / sd[axis]
     apart = np.concatenate([direction[0] / np.sum(direction[0] ** 2),
                             -direction[1] / np.sum(direction[1] ** 2)])  # fmt: skip
+    known = np.stack([own.ravel() for own in whole], axis=1)
+    apart = apart - known @ least_squares(known, apart).coefficients
     # All coefficients with the same share of the direction along either axis.
     square, turn = np.linalg.eigh(np.outer(apart, apart))
     shared = turn[:, np.argsort(square)[:-1]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
-import time
+import threading
 
 import pytest
 
@@ -19,13 +19,6 @@ class Terminal(io.StringIO):
         return True
 
 
-def wait_for(bar: LateBar) -> None:
-    for _ in range(1000):
-        if bar.bar is not None:
-            return
-        time.sleep(0.01)
-
-
 def terminal_of(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     found = Terminal()
     monkeypatch.setattr(sys, "stderr", found)
@@ -33,15 +26,30 @@ def terminal_of(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     return found
 
 
-def test_it_begins_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_tells_what_is_done_without_a_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = terminal_of(monkeypatch)
     monkeypatch.setattr(progress, "DELAY_S", 0.0)
+    monkeypatch.setattr(progress, "EVERY_S", 0.0)
     with LateBar("close-loop") as bar:
-        wait_for(bar)
         bar(3, 10)
-        assert bar.bar is not None
-        bar.bar.refresh()
+        assert threading.active_count() == 1
+        assert "30%" in terminal.getvalue()
+        bar(7, 10)
+        assert "70%" in terminal.getvalue()
     assert "close-loop" in terminal.getvalue()
+    # The cursor is shown again.
+    assert terminal.getvalue().rindex("\x1b[?25h") > terminal.getvalue().rindex("\x1b[?25l")
+
+
+def test_it_does_not_draw_all_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = terminal_of(monkeypatch)
+    monkeypatch.setattr(progress, "DELAY_S", 0.0)
+    monkeypatch.setattr(progress, "EVERY_S", 3600.0)
+    with LateBar("close-loop") as bar:
+        bar(1, 10)
+        before = terminal.getvalue()
+        bar(2, 10)
+        assert terminal.getvalue() == before
 
 
 def test_what_is_done_at_once_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,7 +57,6 @@ def test_what_is_done_at_once_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> 
     with LateBar("budget") as bar:
         bar(1, 2)
     assert terminal.getvalue() == ""
-    assert bar.bar is None
 
 
 def test_nothing_is_written_where_no_one_looks(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,7 +64,5 @@ def test_nothing_is_written_where_no_one_looks(monkeypatch: pytest.MonkeyPatch) 
     pipe = io.StringIO()
     monkeypatch.setattr(sys, "stderr", pipe)
     with LateBar("budget") as bar:
-        time.sleep(0.05)
         bar(1, 2)
-    assert bar.timer is None
     assert pipe.getvalue() == ""

@@ -41,9 +41,9 @@ def shift_warnings(result: TableResult) -> list[Warned]:
         what = f"operations {own} and {others[0]} lie elsewhere against each other on every part"
     text = (
         f"{what}, by s = {', '.join(sizes)} um, more than single features scatter "
-        f"({p_text(found.p)}): as if parts were clamped anew between them. No effect of the "
-        "library says that, and a shift of an operation that is found beside it is known no better "
-        f"than s/sqrt({len(table.parts)}): make them in one clamping, or measure the clamping by "
-        "itself; --datum offset gives each operation of a part a place of its own"
+        f"({p_text(found.p)}): as if parts were clamped anew between them, or bent. No effect of "
+        "the library says that, and a shift of an operation that is found beside it is known no "
+        f"better than s/sqrt({len(table.parts)}): make them in one clamping, or measure the "
+        "clamping by itself; --datum offset gives each operation of a part a place of its own"
     )
     return [Warned(code=CODE, message=text)]

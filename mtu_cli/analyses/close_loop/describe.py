@@ -83,6 +83,7 @@ def _effect(told: Described, step: Step, place: int, planned: Choice | None) -> 
         intervals=figures.intervals,
         covariance=figures.covariance,
         searched={} if member is None else _searched(told, step, place),
+        shaped=member is not None and bool(member.searched and member.tangent),
         alike=() if member is None else member.alike,
         p_familywise=step.p,
         log_bayes_factor=step.log_bayes,

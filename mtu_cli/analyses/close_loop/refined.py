@@ -42,15 +42,17 @@ def searched_members(prepared: Prepared, found: Search, library: EffectLibrary) 
             (pitch,) = member.searched.values()
             values[step.member] = _apart(candidate, pitch) * pitch / math.sqrt(3)
         elif len(member.searched) == 1 and len(member.tangent) == len(member.columns):
-            values[step.member] = _log_range(candidate, member) / math.sqrt(12)
+            known = _searched(candidate, member)
+            # Of places on either side of 0 there is no relative uncertainty.
+            if min(known) > 0:
+                values[step.member] = math.log(max(known) / min(known)) / math.sqrt(12)
     return values
 
 
-def _log_range(candidate: Candidate, member: Member) -> float:
-    """Of the logarithm of what was searched, of members that say the same."""
+def _searched(candidate: Candidate, member: Member) -> list[float]:
+    """All values that were searched with the covariate of a member."""
     (name,) = member.searched
-    same = [m.searched[name] for m in candidate.members if m.covariate == member.covariate]
-    return math.log(max(same) / min(same))
+    return [m.searched[name] for m in candidate.members if m.covariate == member.covariate]
 
 
 def with_refined_pitches(

@@ -77,7 +77,7 @@ class FoundEffect:
     A rival is `without` the offsets found that are not told from 0 beside it.
     `found_at` are temperatures (name, degC) that it may be an effect of and that did not change.
     `inseparable`: no further parts tell its class apart. `folds` counts the held-out folds that
-    chose it, or another of its class, of `of_folds`.
+    chose it, or another of its class, of `of_folds`. `shaped`: u holds that of what was searched.
     """
 
     name: str
@@ -113,6 +113,7 @@ class FoundEffect:
     found_at: tuple[tuple[str, float], ...] = ()
     without: tuple[str, ...] = ()
     scatter: ScatterSize | None = None
+    shaped: bool = False
 
     @property
     def sizes(self) -> tuple[tuple[str, str, float, float], ...]:
@@ -121,10 +122,10 @@ class FoundEffect:
 
     @property
     def is_hint(self) -> bool:
-        """Whether it passed a test and its one size is not told from 0 (95 %). Of what was searched
-        size and shape are known as badly as each other, though there be something.
+        """Whether it passed a test and its one size is not told from 0 (95 %). Where it is known as
+        badly as its shape, which was searched (`shaped`), there may be something all the same.
         """
-        if len(self.sizes) != 1 or self.searched:
+        if len(self.sizes) != 1 or self.shaped:
             return False
         low, high, _ = self.intervals[0]
         return low < 0 < high

@@ -162,15 +162,20 @@ def _p_alike(
     if len(alone) != 2:
         return None
     strata, axes = prepared.scan.frame.strata, [own.axis for own in alone]
-    by_entries = sum(noise.variance[own.axis] / own.share for own in alone)
-    further = sum(own.variance / own.share**2 for own in alone) / by_entries
+    by_entries = float(sum(noise.variance[own.axis] / own.share for own in alone))
+    # What the model says of the difference, which a yaw that moves both axes has none of.
+    apart = np.zeros_like(direction)
+    for sign, own in zip((1.0, -1.0), alone, strict=True):
+        apart[own.axis] = sign * direction[own.axis] / own.share
+    by_model = float(apart.ravel() @ prepared.scan.null.predicted_part @ apart.ravel())
     return p_alike(
         strata.tables(left)[:, :, axes],
         prepared.scan.frame.completion.observed,
         strata.columns[:, : direction.shape[1]],
         direction[axes],
+        [whole[axes] for whole in prepared.scan.directions],
         np.sqrt(noise.variance[axes]),
-        float(further),
+        1.0 + by_model / by_entries if by_entries > 0 else 1.0,
     )
 
 

@@ -16,7 +16,7 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import UNITS
+from mtu_cli.units import UNITS, p_text
 
 FEW_PARTS = 5
 LIKELIER, NOT_PASSED = 0.95, 0.05
@@ -147,14 +147,18 @@ def _unlike(result: TableResult) -> list[Warned]:
         size = effect.scatter
         if size is None or size.p_alike is None or size.p_alike >= UNLIKE:
             continue
+        small, large = sorted(value for _, value in size.by_axis)
+        # A single loose feature makes sizes differ surely, but little.
+        if large < APART * small:
+            continue
         _, unit, *_ = size.parameter
         sizes = ", ".join(
             f"{axis.upper()} {value / UNITS[unit].to_internal:.2g}" for axis, value in size.by_axis
         )
         text = (
-            f"{effect.name}: {sizes} {unit}, which scatter does not make (p <0.001): what moves a "
-            "whole part does so along both axes alike; look for what one axis alone has from part "
-            "to part (its scale, a guide, a direction), of which the library says nothing"
+            f"{effect.name}: {sizes} {unit}, more than scatter makes it ({p_text(size.p_alike)}): "
+            "what moves a whole part does so along both axes alike; look for what one axis alone "
+            "has from part to part (its scale, a guide, a direction): the library has none of it"
         )
         found.append(Warned(code="axes-unlike", message=text))
     return found

@@ -190,4 +190,9 @@ def test_a_growth_of_one_axis_alone_is_told(p: float | None, warned: bool) -> No
     told = [w.message for w in found if w.code == "axes-unlike"]
     assert len(told) == warned
     if warned:
-        assert told[0].startswith("scale-scatter: X 30, Y 4 um/m, which scatter does not make")
+        assert told[0].startswith(
+            "scale-scatter: X 30, Y 4 um/m, more than scatter makes it (p <0.001)"
+        )
+    even = replace(size, by_axis=(("x", 3e-5), ("y", 2e-5)))
+    found = loop_warnings([on_table("named", (replace(effect("scale-scatter"), scatter=even),))], 9)
+    assert "axes-unlike" not in {w.code for w in found}

@@ -138,7 +138,8 @@ def test_a_result_in_another_scale_is_asked_for(
     [
         ("TC", "degC"), ("TK", "K"), ("TC + 273.15", "K"), ("TK - 273.15", "degC"),
         ("TC - T0", "K"), ("TC - 20", "K"), ("-TC", "K"), ("TK - RK", "degC"), ("c", "K"),
-        ("DK", "degC"), ("TC + Z", "K"), ("TK - Z", "degC"), ("L*a*DK", "mm"), ("F", "K"),
+        ("DK", "degC"), ("TC - F", "K"), ("TC - c", "K"),
+        ("TK - ZC", "degC"), ("TC + Z", "K"), ("TK - Z", "degC"), ("L*a*DK", "mm"), ("F", "K"),
     ],
 )  # fmt: skip
 def test_a_result_in_its_own_scale_passes(tmp_path: Path, equation: str, unit: str) -> None:

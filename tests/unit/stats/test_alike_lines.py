@@ -16,12 +16,22 @@ SD = np.array([1.0, 3.0])
 
 
 def places(seed: int) -> Floats:
-    return np.random.default_rng([1, seed]).uniform(-1.0, 1.0, (FEATURES, 2))
+    """Of features that lie obliquely: a growth of them has something of a turn in it."""
+    found: Floats = np.random.default_rng([1, seed]).uniform(-1.0, 1.0, (FEATURES, 2))
+    found[:, 1] += found[:, 0]
+    return found
 
 
-def lines(at: Floats) -> tuple[Floats, Floats]:
-    """Columns 1, x, y; and a turn: -y along x, x along y."""
-    return np.column_stack([np.ones(len(at)), at]), np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+TURN = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+GROWTH = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def lines(at: Floats) -> tuple[Floats, Floats, list[Floats]]:
+    """Orthonormal columns of 1, x, y; a turn in them (-y along x, x along y); it and a growth."""
+    X = np.column_stack([np.ones(len(at)), at - at.mean(axis=0)])
+    q, r = np.linalg.qr(X)
+    turn, growth = (own @ r.T for own in (TURN, GROWTH))
+    return q, turn, [turn, growth]
 
 
 def drawn(seed: int, apart: float = 0.0) -> tuple[Floats, Floats]:
@@ -38,17 +48,32 @@ def drawn(seed: int, apart: float = 0.0) -> tuple[Floats, Floats]:
     return at, errors
 
 
+def apart_from_whole(at: Floats) -> Floats:
+    """(4,): of x and y along x, then along y, what a turn that one axis alone has shows beside turn
+    and growth of the whole, as functions of the places.
+    """
+    x, y = (at - at.mean(axis=0)).T
+    none = np.zeros(FEATURES)
+    alone = np.concatenate([-y / (y @ y), -x / (x @ x)])
+    whole = np.stack([np.concatenate(own) for own in ((-y, x), (x, y))], axis=1)
+    alone = alone - whole @ np.linalg.lstsq(whole, alone, rcond=None)[0]
+    each = np.stack([np.concatenate(own) for own in ((x, none), (y, none), (none, x), (none, y))])
+    found: Floats = each @ alone
+    return found
+
+
 def plainly(errors: Floats, there: NDArray[np.bool_], at: Floats) -> float:
     """The same with one column of the design for every part, line and feature."""
+    apart = apart_from_whole(at)
+    other = np.linalg.svd(apart[None])[2][1:]
 
-    def rss(shared: bool) -> tuple[float, int]:
+    def rss(slopes: Floats) -> tuple[float, int]:
         rows, y = [], []
         for p, h in zip(*np.nonzero(there), strict=True):
             for axis in range(2):
-                own = np.zeros((PARTS, 6))
-                own[p, [0, 1][axis]] = 1.0
-                own[p, [2, 3][axis]] = [at[h, 0], at[h, 1]][axis]
-                own[p, 4 if shared else [4, 5][axis]] = [-at[h, 1], at[h, 0]][axis]
+                own = np.zeros((PARTS, 2 + len(slopes)))
+                own[p, axis] = 1.0
+                own[p, 2:] = slopes[:, 2 * axis : 2 * axis + 2] @ at[h]
                 column = np.zeros((FEATURES, 2))
                 column[h, axis] = 1.0
                 rows.append(np.concatenate([own.ravel(), column.ravel()]) / SD[axis])
@@ -57,7 +82,7 @@ def plainly(errors: Floats, there: NDArray[np.bool_], at: Floats) -> float:
         left = np.array(y) - X @ np.linalg.lstsq(X, np.array(y), rcond=None)[0]
         return float(left @ left), len(y) - int(np.linalg.matrix_rank(X))
 
-    (one, of_one), (two, of_two) = rss(shared=True), rss(shared=False)
+    (one, of_one), (two, of_two) = rss(other), rss(np.eye(4))
     more = of_one - of_two
     return float(f_distribution.sf((one - two) / more / (two / of_two), more, of_two))
 
@@ -68,8 +93,7 @@ def test_it_is_the_f_test_of_plain_least_squares(missing: float, apart: float) -
     for seed in range(4):
         at, errors = drawn(seed, apart)
         there = np.random.default_rng(seed).random((PARTS, FEATURES)) >= missing
-        smooth, direction = lines(at)
-        found = p_alike(errors, there, smooth, direction, SD)
+        found = p_alike(errors, there, *lines(at), SD)
         assert found == pytest.approx(plainly(errors, there, at), rel=1e-6, abs=1e-12)
 
 
