@@ -8,9 +8,11 @@ import unicodedata
 WORDS = {
     "part": ("part", "workpiece", "piece", "serial", "ser", "sample", "specimen", "werkstuck",
              "werkstueck", "teil", "bauteil", "prufteil", "prufling", "pruefling", "serien",
-             "pieza", "pezzo"),
+             "stuck", "stueck", "barcode", "dmc", "pieza", "pezzo"),
     "feature": ("feature", "hole", "bore", "characteristic", "char", "element", "merkmal",
-                "bohrung", "loch", "punkt", "messpunkt", "caracteristique", "alesage", "trou",
+                "prufmerkmal", "pruefmerkmal", "messmerkmal", "messelement", "prufposition",
+                "pruefposition", "circle", "kreis", "bohrung", "loch", "punkt", "messpunkt",
+                "caracteristique", "alesage", "trou",
                 "caracteristica", "agujero", "taladro", "foro"),
     "repeat": ("repeat", "repetition", "wiederholung", "repeticion", "ripetizione"),
     "component": ("component", "komponente", "composante", "componente"),

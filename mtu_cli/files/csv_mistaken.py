@@ -53,7 +53,7 @@ def row_per_axis(text: CsvText, names: Sequence[str]) -> Problem | None:
     """The Problem of a table with a row for each axis of a feature, as CMMs report them, where the
     coordinates `names` are asked for side by side; None for any other.
     """
-    axis = _called(text.header, AXIS)
+    axis = _called(text.header, AXIS) or _of_axes(text)
     measured, nominal = _called(text.header, ACTUAL + VALUE), _called(text.header, NOMINAL)
     deviation = _called(text.header, WORDS["error"])
     if axis is None or measured == deviation is None:
@@ -73,6 +73,19 @@ def row_per_axis(text: CsvText, names: Sequence[str]) -> Problem | None:
         column=axis,
         expected=expected,
     )
+
+
+def _of_axes(text: CsvText) -> str | None:
+    """The column whose first cells are axes, of whatever name (`Property`, `Merkmalsart`)."""
+    rows = [
+        [cell.strip(' "\r\n').casefold() for cell in line.split(text.separator)]
+        for line in islice(lines_from(text.content, text.body), LOOKED_AT)
+    ]
+    for i, name in enumerate(text.header):
+        cells = {row[i] for row in rows if len(row) > i and row[i]}
+        if name and len(cells) > 1 and cells <= {*AXES}:
+            return name
+    return None
 
 
 def _called(header: Sequence[str], words: Sequence[str]) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from mtu_cli.analyses.close_loop.one_temperature import LOOKS_LIKE
@@ -20,6 +21,7 @@ from mtu_cli.reports.close_loop_shown import (
 from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import p_value, plus_minus
 
+WEAR = "wear-approach"
 LEVEL = (
     "{names}: {what} of its own: the error where the effects of its axis are 0. Beside a growth or "
     "a drift it holds their constant part and any offset"
@@ -62,6 +64,7 @@ def effect_notes(item: TableResult) -> list[str]:
         *growth_alone_notes(item),
         *held_notes(item),
         *_level_notes(item),
+        *_wear_notes(item),
         *_unsure_notes(item),
         *_found_at_notes(item),
     ]
@@ -75,6 +78,23 @@ def _level_notes(item: TableResult) -> list[str]:
         for effect in item.effects
         for own, axis in sure_levels(effect)
     ]
+
+
+def _wear_notes(item: TableResult) -> list[str]:
+    """Of a wear in the direction of approach, where it is none: about the mean of the data it is
+    one that lost motion comes with, from the first part on it may hold some of it.
+    """
+    notes = []
+    for effect in (e for e in item.effects if e.family == WEAR and e.covariate):
+        start = re.compile(rf"{re.escape(effect.covariate or '')} - ([\d.]+)")
+        told = [start.search(equation) for equation in effect.equations.values()]
+        notes += [
+            f"{effect.name} is counted from {effect.covariate} = {float(found[1]):.4g}: there it "
+            "is 0"
+            for found in told
+            if found
+        ]
+    return notes
 
 
 def _unsure_notes(item: TableResult) -> list[str]:

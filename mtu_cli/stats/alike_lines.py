@@ -46,23 +46,16 @@ def p_alike(
     `further` (1 or more) is by how much the variance of coefficients is larger than these make it,
     by what is known to move the axes apart.
     """
-    H, k = smooth.shape
+    H = len(smooth)
     if H > MOST_COLUMNS or sd.min() <= LEAST_SD * sd.max():
         return None
-    free = np.zeros((2, H, 2, k))
-    for axis in range(2):
-        free[axis, :, axis] = smooth / sd[axis]
-    apart = np.concatenate([direction[0] / np.sum(direction[0] ** 2),
-                            -direction[1] / np.sum(direction[1] ** 2)])  # fmt: skip
-    known = np.stack([own.ravel() for own in whole], axis=1)
-    apart = apart - known @ least_squares(known, apart).coefficients
-    # All coefficients with the same share of the direction along either axis.
-    square, turn = np.linalg.eigh(np.outer(apart, apart))
-    shared = turn[:, np.argsort(square)[:-1]]
-    columns = free.reshape(2 * H, 2 * k)
+    columns = np.concatenate(
+        [np.kron(np.eye(2)[axis], smooth / sd[axis]) for axis in range(2)], axis=0
+    )
     both = (values / sd).transpose(0, 2, 1).reshape(len(values), 2 * H, 1)
     twice = np.concatenate([there, there], axis=1)
-    left, one = (beside_lines_and_columns(both, twice, own) for own in (columns, columns @ shared))
+    designs = (columns, columns @ _shared(direction, whole))
+    left, one = (beside_lines_and_columns(both, twice, own) for own in designs)
     dof, more = left[2], one[2] - left[2]
     if dof < 1 or more < 1:
         return None
@@ -73,3 +66,14 @@ def p_alike(
         return 1.0
     ratio = (between - within) / more / (further * max(within, floor) / dof)
     return float(fdtrc(more, dof, max(ratio, 0.0)))
+
+
+def _shared(direction: FloatArray, whole: Sequence[FloatArray]) -> FloatArray:
+    """(2 k, 2 k - 1): all coefficients with the same share of a direction along either axis."""
+    apart = np.concatenate([direction[0] / np.sum(direction[0] ** 2),
+                            -direction[1] / np.sum(direction[1] ** 2)])  # fmt: skip
+    known = np.stack([own.ravel() for own in whole], axis=1)
+    apart = apart - known @ least_squares(known, apart).coefficients
+    square, turn = np.linalg.eigh(np.outer(apart, apart))
+    found: FloatArray = turn[:, np.argsort(square)[:-1]]
+    return found

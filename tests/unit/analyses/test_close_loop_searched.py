@@ -16,6 +16,7 @@ from warm_day import found as found_as
 from warm_day import step
 
 from mtu_cli.analyses.close_loop.added import Added, added
+from mtu_cli.analyses.close_loop.one_table import loop_on
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.refined import searched_members
 from mtu_cli.model.effect_library import candidates
@@ -112,3 +113,41 @@ def test_what_jumps_from_a_part_on_has_no_slope() -> None:
     own = step(moved, "step-x", 3)
     found = found_as(moved, own)
     assert searched_members(moved, found, LIBRARY) == {}
+
+
+def test_what_is_told_has_it() -> None:
+    """The whole loop, whose u is that of `added` with the searched value an estimate."""
+    table = replace(empty().table, errors=drawn(3))
+    known = [c for c in candidates(table, LIBRARY) if c.name in ("warm-up-x", "offset-x")]
+    told = loop_on(table, known, LIBRARY, alpha=0.05, most=1, seed=1)
+    (effect,) = told.result.effects
+    assert effect.shaped
+    assert not effect.is_hint
+    free, fixed, *_ = estimated(3)
+    assert free.fit is not None
+    assert fixed.fit is not None
+    wide, narrow = (np.sqrt(fit.covariance[0, 0]) for fit in (free.fit, fixed.fit))
+    assert wide > 1.5 * narrow
+    assert effect.parameters[0][3] > 0.5 * (wide + narrow)
+
+
+def test_a_poor_shape_is_known_no_better_than_its_grid() -> None:
+    """Of a time far beyond the run: the logarithm of a value between the first and the last."""
+    moved = empty()
+    own = step(moved, "warm-up-x", 11)
+    found = found_as(moved, own)
+    (share,) = searched_members(moved, found, LIBRARY).values()
+    known = [m.searched["tau_min"] for m in moved.members if "tau_min" in m.searched]
+    assert share == pytest.approx(np.log(max(known) / min(known)) / np.sqrt(12), rel=1e-12)
+
+
+def test_a_place_beyond_0_has_no_relative_uncertainty() -> None:
+    moved = empty()
+    own = step(moved, "warm-up-x", 5)
+    (candidate,) = [c for c in moved.candidates if c.name == "warm-up-x"]
+    shifted = tuple(
+        replace(m, searched={"tau_min": m.searched["tau_min"] - 20.0}) for m in candidate.members
+    )
+    other = replace(candidate, members=shifted)
+    whole = tuple(other if c is candidate else c for c in moved.candidates)
+    assert searched_members(replace(moved, candidates=whole), found_as(moved, own), LIBRARY) == {}

@@ -70,11 +70,12 @@ def test_columns_of_a_measuring_program_are_told_one_by_one(tmp_path: Path) -> N
         {"Part ID": "part", "Char No": "feature", "X": "x_mm", "Y": "y_mm", "Ist X 2": ""},
         {"Part": "part", "Bohrung": "feature", "X [mm]": "x_mm", "Y (mm)": "y_mm"},
         {"Part": "part", "Bohrung": "feature", "x_[mm]": "x_mm", "Y/mm": "y_mm"},
+        {"Stücknummer": "part", "Prüfmerkmal": "feature", "X": "x_mm", "Y": "y_mm"},
         {"Ser.Nr": "part", "Loch": "feature", "X_ist": "x_mm", "Y_ist": "y_mm"},
     ],
     ids=["German", "English", "joined", "French", "short", "values", "values too", "runs", "mes",
          "Mess", "Spanish", "names", "numbers", "positions", "characters", "samples", "IDs",
-         "units", "units too", "serial numbers"],
+         "units", "units too", "pieces", "serial numbers"],
 )  # fmt: skip
 def test_common_words_for_columns_are_known(pairs: dict[str, str], tmp_path: Path) -> None:
     lines = refused(tmp_path, ",".join(pairs), ",".join("1" * len(pairs)) + "\n")

@@ -301,3 +301,15 @@ def test_of_one_part_what_it_lies_shifted_by_is_told() -> None:
     assert "a mean error of X 12 um is left." in text
     many = replace(item, floor=1e-9)
     assert "Of one part" not in words(result(many))
+
+
+@pytest.mark.parametrize(("name", "told"), [("wear-approach-y", True), ("trend-y", False)])
+def test_where_a_wear_is_none_is_told(name: str, told: bool) -> None:
+    own = effect(
+        name,
+        parameters=(("wear", "um", 0.46, 0.02),),
+        equations={"Ey": "wear*(tool_parts - 1)*dir_y"},
+        covariate="tool_parts",
+    )
+    shown = " ".join(plain_text(table(result(on_table("named", (own,))))).split())
+    assert (f"{name} is counted from tool_parts = 1: there it is 0" in shown) == told

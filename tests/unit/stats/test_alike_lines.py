@@ -130,3 +130,10 @@ def test_what_is_known_to_move_axes_apart_is_counted() -> None:
     assert sure is not None
     assert less is not None
     assert less > sure
+
+
+def test_an_axis_without_scatter_is_held_against_nothing() -> None:
+    at, errors = drawn(3)
+    there = np.ones((PARTS, FEATURES), bool)
+    for sd in ([1.0, 0.0], [1e-5, 1.0]):
+        assert p_alike(errors, there, *lines(at), np.array(sd)) is None
