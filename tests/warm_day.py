@@ -25,7 +25,7 @@ T = "T_spindle_degC"
 PARTS, FEATURES = 12, 16
 KNOWN = (
     *("thermal-growth-x", "thermal-drift-x", "trend-x", "offset-x"),
-    *("wear-approach-x", "step-x", "step-y", "squareness-xy"),
+    *("wear-approach-x", "step-x", "step-y", "squareness-xy", "thermal-squareness-xy"),
 )
 
 

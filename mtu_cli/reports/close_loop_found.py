@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from mtu_cli.analyses.close_loop.result import (
-    FixedPoint,
-    FoundEffect,
-    LeftMean,
-    NeutralPoint,
-    Otherwise,
-    TableResult,
-)
+from mtu_cli.analyses.close_loop.cancelling import FixedPoint, NeutralPoint
+from mtu_cli.analyses.close_loop.result import FoundEffect, LeftMean, Otherwise, TableResult
 from mtu_cli.analyses.close_loop.shown import effect_rms, own_verdict
 from mtu_cli.reports.close_loop_scatter import scatter_document
 from mtu_cli.reports.close_loop_shown import in_shown_unit, parameters_of, size_of
@@ -144,6 +138,7 @@ def neutral_point_of(point: NeutralPoint, item: TableResult) -> dict[str, Any]:
     return {
         "axis": point.axis,
         "covariate": point.covariate,
+        "beside": point.beside,
         "effects": [names[e] for e in (*point.drift, *point.offset)],
         "given": None if point.given is None else point.given[1],
         "at": {"value": point.at, "u": finite(point.u), "interval95": list(point.interval)},

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mtu_cli.analyses.close_loop.result import (
-    FixedPoint,
-    FoundEffect,
-    NeutralPoint,
-    TableResult,
-)
+from mtu_cli.analyses.close_loop.cancelling import FixedPoint, NeutralPoint
+from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import own_verdict
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.close_loop_effects import effect_text
@@ -61,12 +57,12 @@ def sentences(item: TableResult) -> list[Sentence]:
         one = not more and own[0].equations.keys() == {f"E{neutral.axis}"}
         if one and _alike(own, item):
             subject = f"{neutral.axis.upper()} " if neutral.covariate in AXES else ""
-            text = f"{effect_text(own[0], item)}, and {subject}is right at {right}"
+            text = f"{effect_text(own[0], item)}, and {subject}{right}"
             joined[e] = Sentence(effects=own, text=text)
             for k in neutral.offset:
                 told.setdefault(k, set()).add(f"E{neutral.axis}")
         else:
-            text = f"{neutral.axis.upper()} is right at {right}"
+            text = f"{neutral.axis.upper()} {right}"
             last.append(Sentence(effects=(), text=text, of=own))
     plain = (
         joined.get(e, Sentence(effects=(effect,), text=_text(item, effect)))
@@ -145,18 +141,21 @@ def one_cause(item: TableResult, place: int, own: FoundEffect) -> str | None:
         if neutral.given == (place, own.name):
             others = [item.effects[e].name for e in (*neutral.drift, *neutral.offset) if e != place]
             return (
-                f"with {' and '.join(others)} that is one cause: {neutral.axis.upper()} is right "
-                f"at {_right(neutral)}"
+                f"with {' and '.join(others)} that is one cause: {neutral.axis.upper()} "
+                f"{_right(neutral)}"
             )
     return None
 
 
 def _right(point: NeutralPoint) -> str:
-    """Such as "T_air_degC = 22.2 ± 0.8", and what the data have where it is none of theirs."""
+    """Such as "is right at T_air_degC = 22.2 ± 0.8", and what the data have where it is none of
+    theirs; where it changes `beside` it with another column, it stays where it is.
+    """
     (low, high), at = point.seen, plus_minus(point.at, point.u)
     at += " mm" if point.covariate in AXES else ""
     beyond = "" if low <= point.at <= high else f" (beyond the data: {low:.4g} to {high:.4g})"
-    return f"{point.covariate} = {at}{beyond}"
+    stays = "is right" if point.beside is None else f"does not move with {point.beside}"
+    return f"{stays} at {point.covariate} = {at}{beyond}"
 
 
 def _fixed(point: FixedPoint) -> str:

@@ -162,10 +162,10 @@ def one_cause_notes(item: TableResult) -> list[str]:
         if math.isfinite(neutral.counted_from) and neutral.given is None:
             offsets = " and ".join(item.effects[e].name for e in neutral.offset)
             mm = " mm" if neutral.covariate in AXES else ""
+            what = "the error there" if neutral.beside is None else "how far that place goes"
             notes.append(
                 f"{item.effects[neutral.drift[0]].name} is counted from {neutral.covariate} = "
-                f"{significant(neutral.counted_from, 4)}{mm}, and {offsets} is the error there: "
-                "one cause"
+                f"{significant(neutral.counted_from, 4)}{mm}, and {offsets} is {what}: one cause"
             )
     return notes
 

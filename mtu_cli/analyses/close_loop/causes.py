@@ -1,8 +1,9 @@
 """How many causes the effects found are: what goes with another one is none of its own.
 
-An axis that grows from a fixed point shows, about the middle of places and covariate, a growth, a
-drift with the same covariate, and an offset (see `fixed_point`). To count each of them would end
-a search with half of one cause taken out.
+An axis that grows from a fixed point, or turns about one, shows, about the middle of places and
+covariate, a growth (a change of angle), a drift with the same covariate, and an offset (see
+`fixed_point` and `neutral_point`). To count each of them would end a search with half of one cause
+taken out.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.analyses.close_loop.straight_lines import depended_on
 from mtu_cli.model.effect_library import Member
+from mtu_cli.model.machine_model import AXES
 
 Lines = frozenset[tuple[str, int]]
 """A covariate and an axis each, along which errors are proportional to it."""
@@ -22,8 +24,8 @@ NONE: Lines = frozenset()
 def causes(prepared: Prepared, steps: Sequence[Step]) -> int:
     """The number of causes that the steps of a search are.
 
-    A drift goes with a growth of its axes with the same covariate, once each, also where it is
-    one of several names which the data cannot tell apart; an offset goes with any effect along
+    A drift goes with a growth or turn of its axes with the same covariate, once each, also where it
+    is one of several names which the data cannot tell apart; an offset goes with any effect along
     its axis: it is a level of that.
     """
     members = [prepared.members[step.member] for step in steps if step.member >= 0]
@@ -87,12 +89,12 @@ def _drifted(prepared: Prepared, member: Member) -> Lines:
 
 
 def _grown(prepared: Prepared, member: Member) -> Lines:
-    letters = prepared.table.axes
-    return frozenset(
-        (member.covariate, axis)
-        for axis, over in _depends(prepared, member).items()
-        if member.covariate is not None and over == {member.covariate, letters[axis]}
-    )
+    """Where it changes with the place along one axis, its own or another, by its covariate."""
+    if member.covariate is None:
+        return NONE
+    pairs = [{member.covariate, letter} for letter in AXES]
+    found = _depends(prepared, member)
+    return frozenset((member.covariate, axis) for axis, over in found.items() if over in pairs)
 
 
 def _depends(prepared: Prepared, member: Member) -> dict[int, set[str]]:

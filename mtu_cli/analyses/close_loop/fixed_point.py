@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from mtu_cli.analyses.close_loop.cancelling import FixedPoint
 from mtu_cli.analyses.close_loop.crossing import Crossing, Lever, counted_from, crossing
-from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect
+from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.straight_lines import (
     STRAIGHT,
     depended_on,

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.analyses.close_loop.added import added
+from mtu_cli.analyses.close_loop.cancelling import FixedPoint
 from mtu_cli.analyses.close_loop.crossing import counted_from
 from mtu_cli.analyses.close_loop.describe import Described, found_effects, joint_covariance
 from mtu_cli.analyses.close_loop.fixed_point import fixed_points, levers_of
-from mtu_cli.analyses.close_loop.result import FixedPoint, FoundEffect
+from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.analyses.close_loop.straight_lines import depended_on, extent
 from mtu_cli.model.effect_library import Member

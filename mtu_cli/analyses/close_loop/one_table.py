@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.added import added, contribution
+from mtu_cli.analyses.close_loop.cancelling import FixedPoint, NeutralPoint
 from mtu_cli.analyses.close_loop.classes import experiments
 from mtu_cli.analyses.close_loop.describe import (
     Described,
@@ -36,15 +37,7 @@ from mtu_cli.analyses.close_loop.otherwise import with_otherwise
 from mtu_cli.analyses.close_loop.own_constant import owners_of, with_own_constants
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.analyses.close_loop.refined import searched_members, with_refined_pitches
-from mtu_cli.analyses.close_loop.result import (
-    FixedPoint,
-    FoundEffect,
-    Judged,
-    NeutralPoint,
-    Scores,
-    TableResult,
-    Verdict,
-)
+from mtu_cli.analyses.close_loop.result import FoundEffect, Judged, Scores, TableResult, Verdict
 from mtu_cli.analyses.close_loop.rivals import Instead, all_instead, with_rivals
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search

@@ -37,6 +37,10 @@ def steps_of(*names: str) -> list[Step]:
         (("thermal-growth-x", "thermal-drift-x", "trend-x|thermal-drift-x"), 2),
         (("thermal-growth-x", "thermal-drift-x!"), 2),
         (("thermal-drift-x", "step-x"), 2),
+        # An angle that changes turns X about a place along Y: the drift of its middle is that.
+        (("thermal-squareness-xy", "thermal-drift-x"), 1),
+        (("thermal-squareness-xy", "thermal-growth-x", "thermal-drift-x"), 2),
+        (("thermal-squareness-xy", "thermal-drift-x!"), 2),
         (("offset-x",), 1),
         (("offset-x", "squareness-xy"), 1),
         (("wear-approach-x", "thermal-growth-x", "thermal-drift-x", "offset-x"), 2),

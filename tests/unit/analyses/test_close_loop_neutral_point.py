@@ -10,8 +10,9 @@ import pytest
 from close_loop_examples import effect, on_component, on_table, result
 from scipy.stats import t as student
 
+from mtu_cli.analyses.close_loop.cancelling import NeutralPoint
 from mtu_cli.analyses.close_loop.neutral_point import neutral_points
-from mtu_cli.analyses.close_loop.result import FoundEffect, NeutralPoint, TableResult
+from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.reports.close_loop import document
 from mtu_cli.reports.close_loop_table import table
 from mtu_cli.reports.close_loop_words import verdict_text
@@ -223,6 +224,62 @@ def test_a_squareness_is_right_where_the_other_axis_stood_at_its_setting() -> No
     text = verdict_text(item, replace(result(item), covariance=covariance))
     assert "; X is right at y = " in text
     assert "everything is shifted along X" in text
+
+
+TURNS = effect(
+    "thermal-squareness-xy",
+    parameters=(("angle", "arcsec/K", 2.0, 0.1),),
+    equations={"Ex": f"angle*(y - 75)*({T} - 24.5)"},
+    covariate=T,
+)
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.6])
+def test_an_angle_that_changes_and_a_drift_are_a_turn_about_a_place(correlation: float) -> None:
+    """By hand: y = 75 - d/q, with u by the derivatives 1/q and d/q^2; what is the same at all
+    temperatures beside it has no part in that.
+    """
+    square = effect(
+        "squareness-xy",
+        parameters=(("angle", "arcsec", 9.0, 0.5),),
+        equations={"Ex": "angle*(y - 75)"},
+    )
+    q, u_q = 2e3 * np.pi / 648000, 0.1e3 * np.pi / 648000
+    d, u_d = 0.45, 0.05
+    own = drifts(parameters=(("drift", "um/K", d, u_d),))
+    item, covariance = found(TURNS, square, own, correlation=correlation)
+    (point,) = item.neutral_points
+    assert (point.axis, point.covariate, point.beside) == ("x", "y", T)
+    assert (point.drift, point.offset) == ((0,), (2,))
+    assert point.at == pytest.approx(75 - d / q)
+    variance = (u_d / q) ** 2 + (d * u_q / q**2) ** 2 - 2 * correlation * u_d * u_q * d / q**3
+    assert point.u == pytest.approx(np.sqrt(variance))
+    assert point.counted_from == pytest.approx(75.0)
+    whole = replace(result(item), covariance=covariance)
+    text = verdict_text(item, whole)
+    said = "the angle of X and Y changes by 2.00 ± 0.10 arcsec/K of T_spindle_degC, and X does not"
+    assert f"{said} move with T_spindle_degC at y = 28.6 ± " in text.replace("The", "the")
+    assert "X drifts" not in text
+    (told_,) = document(whole)["neutral_points"]
+    assert (told_["covariate"], told_["beside"]) == ("y", T)
+    note = "thermal-squareness-xy is counted from y = 75.00 mm, and thermal-drift-x is how far"
+    assert note in " ".join(plain_text(table(whole)).split())
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        drifts(equations={"Ex": "drift*(T_part_degC - 20)"}),
+        drifts(equations={"Ex": f"drift*({T} - 24.5)**2"}),
+        drifts(equations={"Ex": f"drift*(x - 75)*({T} - 24.5)"}),
+        drifts(equations={"Ey": f"drift*({T} - 24.5)"}),
+        drifts(equations={"Ex": f"drift*(y - 75)*({T} - 24.5)"}),
+        drifts(equations={"Ex": f"drift*dir_x*({T} - 24.5)"}),
+    ],
+    ids=["another-sensor", "bent", "growth", "other-axis", "no-drift", "direction"],
+)
+def test_beside_what_an_angle_has_no_place_that_stays(other: FoundEffect) -> None:
+    assert told(TURNS, other) == ()
 
 
 def test_a_drift_of_several_axes_keeps_its_sentence() -> None:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from close_loop_examples import effect, on_component, on_table, result
 
+from mtu_cli.analyses.close_loop.cancelling import NeutralPoint
 from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, NeutralPoint
+from mtu_cli.analyses.close_loop.result import CloseLoopResult
 from mtu_cli.reports.close_loop import document, table
 from mtu_cli.reports.close_loop_effects import direction_text
 from mtu_cli.reports.close_loop_words import verdict_text
