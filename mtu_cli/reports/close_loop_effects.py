@@ -17,6 +17,7 @@ from mtu_cli.reports.close_loop_shown import (
     Shown,
     either,
     parameters_of,
+    plural,
 )
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import PARAMETER_UNITS
@@ -49,6 +50,8 @@ SENTENCES = {
 """By family; what is missing falls back to what the library says of the effect."""
 CHANGES = {"scale": "thermal-growth", "squareness": "thermal-squareness"}
 """The family of what changes with a temperature, by that of what is the same in all parts."""
+CENTRED = ("trend", "covariate")
+"""Families of what changes from part to part and is 0 on the mean of them."""
 LATER_BACKLASH = "backlash-step"
 TWICE = 2.0
 """The reversal value is twice the parameter, which acts in both directions (ISO 230-2, 2.13)."""
@@ -180,7 +183,7 @@ def _size(value: float, u: float, unit: str) -> str:
 def _where(effect: FoundEffect, item: TableResult) -> str:
     """The temperature at which a scale is meant, where a growth stands beside it, or a squareness,
     where its change does; and an offset, which is the mean error of the data, where any effect of a
-    temperature does.
+    temperature does. Beside one that changes from part to part it is that of these parts alone.
     """
     found = []
     for other in item.effects:
@@ -195,7 +198,11 @@ def _where(effect: FoundEffect, item: TableResult) -> str:
                 mean = np.broadcast_to(own, item.table.there.shape)[item.table.there].mean()
                 found.append(f"{known} is {mean:.4g}")
     told = " and ".join(dict.fromkeys(found))
-    return f" where {told}" if told else ""
+    if told:
+        return f" where {told}"
+    varies = any(e.family in CENTRED and e.axis == effect.axis for e in item.effects)
+    mean_of = f" on the mean of these {plural(things(item)[0])}"
+    return mean_of if varies and effect.family == "offset" else ""
 
 
 def _grows(effect: FoundEffect, item: TableResult, value: float) -> str:
