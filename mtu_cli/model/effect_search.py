@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.files.effects_contract import Search
 from mtu_cli.model.effect_binding import filled, of_candidates, of_members
 from mtu_cli.model.effect_candidate import Candidate, Column, FloatArray, Member
 from mtu_cli.model.effect_data import POSITIONS, TableData
 from mtu_cli.model.effect_grid import shortest_of
+from mtu_cli.model.effect_lacks import NoMember
 from mtu_cli.model.effect_library import EffectLibrary
 from mtu_cli.model.effect_members import BoundTemplate
 from mtu_cli.model.residual_table import ResidualTable
@@ -34,20 +34,21 @@ class Waves:
         """Levers of the parameters by axis, each (G or 1, P or 1, H or 1) for G periods."""
         return self.bound.columns(periods)
 
-    def member(self, period: float, names: Collection[str]) -> Member:
-        """The member of one period, with the parameters of these `names`."""
-        searched, bound = np.array([period]), self.bound
-        columns, tangent = bound.columns(searched), bound.tangent(searched)
-        (member,) = bound.members(columns, tangent, searched, bound.checked_names())
-        kept = [i for i, (name, _) in enumerate(member.parameters) if name in names]
-        return member if len(kept) == len(member.parameters) else bound.narrowed(member, kept)
+
+def member_at(bound: BoundTemplate, value: float, names: Collection[str]) -> Member:
+    """The member of one value of what is searched, with the parameters of these `names`."""
+    searched = np.array([value])
+    columns, tangent = bound.columns(searched), bound.tangent(searched)
+    (member,) = bound.members(columns, tangent, searched, bound.checked_names())
+    kept = [i for i, (name, _) in enumerate(member.parameters) if name in names]
+    return member if len(kept) == len(member.parameters) else bound.narrowed(member, kept)
 
 
-def waves_of(
+def searched_template(
     table: ResidualTable, library: EffectLibrary, candidate: Candidate, member: Member
-) -> Waves | None:
-    """What `member` is one period of; None where nothing periodic is searched along an axis."""
-    if member.covariate is not None or len(member.searched) != 1:
+) -> BoundTemplate | None:
+    """What `member` is one value of, on a table; None where nothing is searched."""
+    if len(member.searched) != 1:
         return None
     data = TableData.of(table)
     for family in library.families:
@@ -63,14 +64,36 @@ def waves_of(
                     own = BoundTemplate(
                         family=family.family, template=template, binding=bound, data=data
                     )
-                    if {*own.parameters()} >= {*member.parameters}:
-                        return _waves(own, template.search)
+                    if _holds(own, member):
+                        return own
     return None
 
 
-def _waves(bound: BoundTemplate, search: Search) -> Waves | None:
-    name = "" if search.of is None else filled(search.of, bound.binding)
-    if search.grid != "frequency" or name not in POSITIONS or name not in bound.data.values:
+def _holds(own: BoundTemplate, member: Member) -> bool:
+    """Whether a template has a member's parameters, and its covariate."""
+    try:
+        covariate = own.covariate(own.checked_names())
+    except NoMember:
+        return False
+    return {*own.parameters()} >= {*member.parameters} and covariate == member.covariate
+
+
+def waves_of(
+    table: ResidualTable, library: EffectLibrary, candidate: Candidate, member: Member
+) -> Waves | None:
+    """What `member` is one period of; None where nothing periodic is searched along an axis."""
+    if member.covariate is not None:
+        return None
+    bound = searched_template(table, library, candidate, member)
+    return None if bound is None else _waves(bound)
+
+
+def _waves(bound: BoundTemplate) -> Waves | None:
+    search = bound.template.search
+    if search is None or search.grid != "frequency" or search.of is None:
+        return None
+    name = filled(search.of, bound.binding)
+    if name not in POSITIONS or name not in bound.data.values:
         return None
     along = bound.data.values[name]
     shortest = shortest_of(search, along)

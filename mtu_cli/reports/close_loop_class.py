@@ -11,16 +11,23 @@ from mtu_cli.language import parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.close_loop_effects import effect_text
 from mtu_cli.reports.close_loop_notes import COPIED, copied
-from mtu_cli.reports.close_loop_sentences import Sentence, if_one_of, one_cause, sentences
+from mtu_cli.reports.close_loop_sentences import (
+    Sentence,
+    beside_one_of,
+    if_one_of,
+    one_cause,
+    sentences,
+)
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     capital,
     class_of,
     either,
     nearly_alone,
+    parameters_of,
     stays,
 )
-from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.numbers import plus_minus, significant
 
 ON_MACHINE = "look for each of them on the machine itself"
 BEND, PLACES = "straightness-", 4
@@ -73,7 +80,7 @@ def _order(item: TableResult, said: Sentence) -> int:
 def _rivals(item: TableResult, effect: FoundEffect, *, beside: bool) -> list[Line]:
     """The names, then each of them; a cause that all of them make with others is told once."""
     names = class_of(effect)
-    more = " (more in the table)" if len(names) > RIVALS else ""
+    more = " (more in the table)" if len(names) > RIVALS + 1 else ""
     first = "Beside that " if beside else ""  # What stands there is sure.
     both = f", or {'both' if len(names) == 2 else 'several of them'}" if stays(item) else ""
     alike = [text.removesuffix(COPIED) for text in copied(item, names[:RIVALS])]
@@ -101,10 +108,20 @@ def members(item: TableResult, effect: FoundEffect) -> list[tuple[str, str, str 
     place = _place(item, effect)
     # A rival stands in its place: what it would be is told beside the others.
     others = replace(item, effects=tuple(own for own in item.effects if own is not effect))
+    first = f"{beside_one_of(item, effect)}{effect_text(effect, others)}"
+    texts = [first, *(f"{effect_text(own, others)}{_changed(own)}" for own in effect.rivals)]
     return [
-        (own.name, effect_text(own, others), one_cause(item, place, own))
-        for own in (effect, *effect.rivals)
+        (own.name, text, one_cause(item, place, own))
+        for own, text in zip((effect, *effect.rivals), texts, strict=True)
     ]
+
+
+def _changed(rival: FoundEffect) -> str:
+    """What other effects are beside a rival, where it is not what they were found as."""
+    shown = ((own.name, parameters_of(own)[0]) for own in rival.changed)
+    return "".join(
+        f"; {name} is then {plus_minus(first.value, first.u)} {first.unit}" for name, first in shown
+    )
 
 
 def _place(item: TableResult, effect: FoundEffect) -> int:

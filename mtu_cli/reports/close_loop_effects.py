@@ -14,6 +14,7 @@ from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_scatter import scatter_text
 from mtu_cli.reports.close_loop_searched import AT, SEARCHED_DIGITS, searched_text
 from mtu_cli.reports.close_loop_shown import (
+    RIVALS,
     Shown,
     either,
     parameters_of,
@@ -137,7 +138,7 @@ def _words(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> 
         words["wave"] = _size(length / scale, u / scale, first.unit)
         if seen is not None:
             words["wave"] = f"at least {words['wave']}"
-        elif TWICE * u > length:
+        if TWICE * u > length:
             words["wave"] = f"unknown ({words['wave']})"
     return words
 
@@ -259,10 +260,15 @@ def _searched(name: str, found: tuple[float, float, float], effect: FoundEffect)
 
 
 def _alike(effect: FoundEffect) -> str:
-    """Such as "; pitch_mm 26.0, 18.6 or one of 12 others fits as well, ...", the nearest first."""
+    """Such as "; pitch_mm 26.0 or 18.6 fits as well, ...", the nearest first; how many fit where
+    they are more than a reader compares.
+    """
     if not pitch_is_open(effect):
         return ""
     ((name, (value, _, _)),) = effect.searched.items()
+    if len(effect.alike) > RIVALS:
+        many = len(effect.alike) + 1
+        return f"; {name} is one of {many} that fit alike, each with a size of its own"
     near = sorted(effect.alike, key=lambda other: abs(math.log(abs(other / value))))
     shown = either(tuple(significant(other, SEARCHED_DIGITS) for other in near))
     return f"; {name} {shown} fits as well, with a size of its own"

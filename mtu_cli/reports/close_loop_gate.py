@@ -25,8 +25,9 @@ def gate_text(result: CloseLoopResult) -> str:
 
 
 def _name(effect: FoundEffect) -> str:
-    """Of a class its first names."""
+    """Of a class its first names; all where one more would be left."""
     known = class_of(effect)
+    if len(known) <= RIVALS + 1:
+        return " or ".join(known)
     names = " or ".join(known[:RIVALS])
-    more = f" or {len(known) - RIVALS} more" if len(known) > RIVALS else ""
-    return names + more
+    return f"{names} or {len(known) - RIVALS} more"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from mtu_cli.reports.numbers import MISSING, interval, significant, with_u
 
 SEARCHED_DIGITS = 3
@@ -14,7 +16,8 @@ def searched_text(
 ) -> tuple[str, str]:
     """What was searched, and its 95 % interval, to two digits of a quarter of its width; of one
     of `several` values that fit alike to digits of its own. What fits best at an end of what was
-    searched has that end for no reason of the data, but where the data themselves end (no `ends`).
+    searched has that end for no reason of the data, but where the data themselves end (no `ends`);
+    what has no upper end has a lower one alone.
     """
     value, low, high = found
     if several:
@@ -22,7 +25,7 @@ def searched_text(
         return significant(value, SEARCHED_DIGITS), f"[{', '.join(both)}]"
     if not high > low:
         return significant(value, SEARCHED_DIGITS), MISSING
-    if ends and value == high:
+    if math.isinf(high) or (ends and value == high):
         return f"at least {significant(low)}", ""
     if ends and value == low:
         return f"at most {significant(high)}", ""

@@ -82,16 +82,44 @@ def _text(item: TableResult, effect: FoundEffect) -> str:
         for own, axis in sure_levels(effect)
         if item.table.component is None
     )
-    return f"{if_one_of(item, effect)}{effect_text(effect, item)}{shifts}"
+    return (
+        f"{if_one_of(item, effect)}{beside_one_of(item, effect)}{effect_text(effect, item)}{shifts}"
+    )
 
 
 def if_one_of(item: TableResult, offset: FoundEffect) -> str:
-    """Which of a class have an offset that is not told from 0 beside the others."""
-    for effect in item.effects:
+    """Which of a class have an offset that is not told from 0 beside the others, nor one cause with
+    them.
+    """
+    for place, effect in enumerate(item.effects):
         gone = {rival.name for rival in effect.rivals if offset.name in rival.without}
-        if gone:
-            return f"if it is {either(tuple(n for n in class_of(effect) if n not in gone))}, "
+        if item.verdict == "class":
+            gone |= _one_cause_with(item, place, offset)
+        left = tuple(name for name in class_of(effect) if name not in gone)
+        if gone and left:
+            return f"if it is {either(left)}, "
     return ""
+
+
+def _one_cause_with(item: TableResult, place: int, offset: FoundEffect) -> set[str]:
+    """Names that the effect at `place` may be and with which an offset is one cause."""
+    fixed = [(p.given, p.drift) for p in item.fixed_points if p.told]
+    found = [*fixed, *((p.given, p.offset) for p in item.neutral_points)]
+    return {
+        given[1]
+        for given, others in found
+        if given is not None and given[0] == place and offset in [item.effects[e] for e in others]
+    }
+
+
+def beside_one_of(item: TableResult, effect: FoundEffect) -> str:
+    """Beside which others an effect has this size, where it has another beside their rivals."""
+    changes = [
+        own.name
+        for own in item.effects
+        if any(effect.name == x.name for rival in own.rivals for x in rival.changed)
+    ]
+    return f"beside {' and '.join(changes)}, " if changes else ""
 
 
 def _alike(effects: tuple[FoundEffect, ...], item: TableResult) -> bool:

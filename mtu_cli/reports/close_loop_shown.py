@@ -21,8 +21,8 @@ from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import interval, p_value, plus_minus, significant
 from mtu_cli.units import PARAMETER_UNITS, UNITS, Unit
 
-RIVALS = 3
-"""Rivals that a sentence names."""
+RIVALS = 4
+"""Effects of a class that a sentence names: one more where that is the last."""
 WORTH, WORTH_AS_SCATTER = 0.9, 0.5
 """Shares of the held-out error below which a correction for each place is worth to be told."""
 LIKELY = 0.95
@@ -262,9 +262,8 @@ def either(names: tuple[str, ...]) -> str:
     """Rivals for a sentence, the likeliest few of them: "a, b or c"."""
     known = [in_words(name) for name in names]
     more = len(known) - RIVALS
-    if more > 0:
-        last = "one other" if more == 1 else f"one of {more} others"
-        known = [*known[:RIVALS], last]
+    if more > 1:
+        known = [*known[:RIVALS], f"one of {more} others"]
     return " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
 
 

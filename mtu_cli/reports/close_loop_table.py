@@ -99,7 +99,7 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
     notes = [
         f"{effect.name} may be: {_some([in_words(name) for name in class_of(effect)])}"
         for effect in result.effects
-        if len(class_of(effect)) > RIVALS
+        if len(class_of(effect)) > RIVALS + 1
     ]
     notes += [
         f"{effect.name}: not much less likely, but no readings of it (they look different): "

@@ -23,7 +23,6 @@ from mtu_cli.reports.close_loop_sentences import Sentence, sentences
 from mtu_cli.reports.close_loop_shown import (
     capital,
     class_of,
-    either,
     in_words,
     plural,
     ranked,
@@ -115,8 +114,12 @@ def _unexplained(item: TableResult) -> str:
     known = "; ".join(said.named for said in sure)
     beside = "Beside that something" if sure else "Something"
     # What only might have no name is no more than that.
-    is_there = "is there" if item.fired or item.twofold else "may be there"
-    text = f"{beside} {is_there} that no effect of the library describes: {'; '.join(fired)}."
+    lead = f"{beside} may be there that no effect of the library describes"
+    if item.fired or item.twofold:
+        lead = f"{beside} is there that no effect of the library describes"
+    elif rest_of:
+        lead = f"{beside} is there, and this data cannot tell whether it has a name"
+    text = f"{lead}: {'; '.join(fired)}."
     first = [f"{capital(known, item)}."] if sure else []
     return " ".join(
         [*first, text, *_hint(item, rest_of), *_set_up(item), rest_text(item), *_by_column(item)]
@@ -197,8 +200,8 @@ def _hinted(said: Sentence, item: TableResult) -> str:
     if len(said.effects) != 1:
         return said.named
     (effect,) = said.effects
-    if not effect.rivals:
-        return f"{either(class_of(effect))} ({said.text})"
+    if len(class_of(effect)) == 1:
+        return f"{effect.name} ({said.text})"
     known = {name: "; ".join(filter(None, said)) for name, *said in members(item, effect)}
     return " or ".join(
         f"{name} ({known[name]})" if name in known else in_words(name) for name in class_of(effect)

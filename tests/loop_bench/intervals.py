@@ -11,7 +11,7 @@ from loop_bench.folds import LIBRARY
 from loop_bench.judge import Diagnosis
 from mtu_cli.analyses.close_loop.added import NO_OWNERS, Added, added
 from mtu_cli.analyses.close_loop.describe import Described
-from mtu_cli.analyses.close_loop.refined import searched_members, with_refined_pitches
+from mtu_cli.analyses.close_loop.refined import searched_members, with_refined
 from mtu_cli.model.effect_candidate import Member
 
 SHAPED = frozenset({"cyclic", "curvature", "straightness", "warm-up"})
@@ -56,7 +56,7 @@ def _refined(diagnosis: Diagnosis) -> Described:
     values = searched_members(prepared, found, LIBRARY)
     effects = added(prepared, found, values=values)
     told = Described(prepared=prepared, found=found, effects=effects, chosen=())
-    return with_refined_pitches(told, LIBRARY, 1, NO_OWNERS)
+    return with_refined(told, LIBRARY, 1, NO_OWNERS)
 
 
 def _shape_covered(effects: Added, place: int, columns: Floats, truth: Truth) -> bool:

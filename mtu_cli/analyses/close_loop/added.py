@@ -26,7 +26,8 @@ from mtu_cli.stats.stratified import StratifiedFit
 
 AGREES = 2.0
 """Standard uncertainties within which a mean error agrees with an effect's own mean."""
-CENTRED = 1e-9
+ROUNDING = 1e-9
+"""Share of a column's size that its mean is by rounding alone."""
 NO_OWNERS: Mapping[int, int] = MappingProxyType({})
 NO_VALUES: Mapping[int, float] = MappingProxyType({})
 
@@ -45,11 +46,13 @@ class Level:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Added:
     """`members` of the effects with columns; the joint `fit` of their coefficients, and behind
-    them of the `levels` (None without either); `prepared` with the null of what is left.
+    them of the `levels` (None without either); `prepared` with the null of what is left. Their
+    covariance were the searched shapes known is `of_shapes`.
     """
 
     members: tuple[int, ...]
     fit: StratifiedFit | None
+    of_shapes: FloatArray
     levels: tuple[Level, ...]
     prepared: Prepared
 
@@ -87,12 +90,14 @@ def added(
         left, fit = jointly(prepared, columns, rough=rough)
     joint = _joint_covariance(left, columns, fit, seed, rough)
     fit, levels = _with_levels(left, found.members, fit, _offsets(scan, found), joint, owners)
+    of_shapes = fit.covariance
     if values:
         spread = _of_searched(left, found.members, fit, levels, values)
         fit = replace(fit, covariance=fit.covariance + spread @ spread.T)
     return Added(
         members=found.members,
         fit=fit if len(fit.beta) else None,
+        of_shapes=of_shapes,
         levels=levels,
         prepared=left,
     )
@@ -230,7 +235,7 @@ def _owner(
     # A mean that it has for the cells that are missing alone is none of its own.
     said = np.array([bool(own.equations) and axis not in own.centred for own in known], bool)
     written = np.repeat(said, sizes)
-    if not (written & (np.abs(means) > CENTRED * _sizes(prepared, members))).any():
+    if not (written & (np.abs(means) > ROUNDING * _sizes(prepared, members))).any():
         return None
     owners = np.repeat(np.arange(len(members)), sizes)
     return int(owners[int(np.argmax(written * np.abs(means * beta)))])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,15 +19,11 @@ from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.language import names as equation_names
 from mtu_cli.language import parse
-from mtu_cli.model.effect_candidate import Member
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.profile_ratio import member_ratios
 
 SUPPORT = 3.841458820694124
 """Drop of the likelihood ratio that bounds a 95 % interval (chi^2, one degree of freedom)."""
-
-MOST_LOG = 5.0
-"""Of the logarithm of a size, half of an interval that still says something: 150 times."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +83,6 @@ def _effect(told: Described, step: Step, place: int, planned: Choice | None) -> 
         intervals=figures.intervals,
         covariance=figures.covariance,
         searched={} if member is None else _searched(told, step, place),
-        shaped=member is not None and is_shaped(member),
         alike=() if member is None else member.alike,
         p_familywise=step.p,
         log_bayes_factor=step.log_bayes,
@@ -114,22 +108,6 @@ class _Figures:
     covariance: FloatArray
 
 
-def is_shaped(member: Member) -> bool:
-    """Whether its one size is known as badly as a shape that was searched with it."""
-    return bool(member.searched and member.tangent) and len(member.columns) == 1
-
-
-def _as_factor(value: float, half: float) -> tuple[float, float]:
-    """The interval of a value whose logarithm is known to `half` of the value; of the value itself
-    where that would be anything at all.
-    """
-    if half >= MOST_LOG * abs(value):
-        return value - half, value + half
-    factor = math.exp(half / abs(value))
-    low, high = sorted((value / factor, value * factor))
-    return low, high
-
-
 def indices_of(told: Described, step: Step, place: int) -> list[int]:
     """Where the parameters of a step stand among the fitted coefficients."""
     prepared = told.prepared
@@ -142,9 +120,7 @@ def indices_of(told: Described, step: Step, place: int) -> list[int]:
 
 
 def _figures(told: Described, step: Step, place: int) -> _Figures:
-    """Parameters with u and 95 % intervals by Student's t; of a size that is known with a shape,
-    which makes it a factor, of its logarithm.
-    """
+    """Parameters with u and 95 % intervals by Student's t."""
     own, fit = indices_of(told, step, place), told.effects.fit
     if fit is None or not own:
         return _Figures((), (), np.zeros((0, 0)))
@@ -153,8 +129,6 @@ def _figures(told: Described, step: Step, place: int) -> _Figures:
     u_all = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     t = stdtrit(np.maximum(fit.dof[own], 1.0), 0.975)
     low, high = values - t * u_all, values + t * u_all
-    if step.member >= 0 and is_shaped(told.prepared.members[step.member]):
-        low[0], high[0] = _as_factor(float(values[0]), float(t[0] * u_all[0]))
     return _Figures(
         tuple(
             (name, unit, float(v), float(u))

@@ -42,7 +42,7 @@ def estimate(
     that the readings themselves gave and the columns `beside` (N, m).
     """
     strata = scan.frame.strata
-    X = _design(scan, members, beside)
+    X = whitened_design(scan, members, beside)
     places = [stratum.slice for stratum in strata.all]
     own = whitened(strata, scan.whitening, y)
     fit = stratified_fit(X, own, places, scan.dof, entries_of(strata))
@@ -57,20 +57,27 @@ def entries_of(strata: Strata) -> NDArray[np.int64]:
     return np.array([own.get(s.axis, i) for i, s in enumerate(strata.all)], np.int64)
 
 
-def _design(
+def whitened_design(
     scan: Scan, members: Sequence[MemberColumns], beside: FloatArray | None = None
 ) -> FloatArray:
-    """The whitened columns: of members, `beside` and of the readings' polynomial."""
+    """The whitened columns (N, k): of members, `beside` and of the readings' polynomial."""
     X = raw_design(scan, [*members, *scan.base])
     whole = X if beside is None else np.concatenate([X, beside], axis=1)
     return whitened(scan.frame.strata, scan.whitening, whole)
+
+
+def root_weights(strata: Strata, weights: FloatArray) -> FloatArray:
+    """Roots (N,) of the weights (S,) of each coordinate's stratum."""
+    return np.concatenate(
+        [np.full(s.size, np.sqrt(w)) for s, w in zip(strata.all, weights, strict=True)]
+    )
 
 
 def of_coordinates(scan: Scan, members: Sequence[MemberColumns], weights: FloatArray) -> FloatArray:
     """(N, k): beta, at these weights (S,), is its transpose times the coordinates."""
     strata = scan.frame.strata
     k = sum(len(member) for member in members)
-    X = _design(scan, members)
+    X = whitened_design(scan, members)
     w = np.concatenate(
         [np.full(s.size, weight) for s, weight in zip(strata.all, weights, strict=True)]
     )
@@ -101,10 +108,8 @@ def searched_spread(
     """
     strata = scan.frame.strata
     k = sum(len(member) for member in members)
-    root = np.concatenate(
-        [np.full(s.size, np.sqrt(w)) for s, w in zip(strata.all, weights, strict=True)]
-    )[:, None]
-    X = root * _design(scan, members)
+    root = root_weights(strata, weights)[:, None]
+    X = root * whitened_design(scan, members)
     T = root * whitened(strata, scan.whitening, slopes)
     fits = [least_squares(X, column) for column in T.T]
     c = np.stack([fit.coefficients for fit in fits], axis=1)

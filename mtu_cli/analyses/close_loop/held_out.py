@@ -21,7 +21,7 @@ from mtu_cli.analyses.close_loop.folds import (
 from mtu_cli.analyses.close_loop.foretold import foretold
 from mtu_cli.analyses.close_loop.gross import set_aside
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.refined import with_pitches_of_fold
+from mtu_cli.analyses.close_loop.refined import with_refined_of_fold
 from mtu_cli.analyses.close_loop.result import Scores
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.searched import searched
@@ -169,7 +169,7 @@ def of_fold(
 
     own = searched(fold.split.cut(table), start, alpha=alpha, most=most)
     found = own.found
-    prepared, cut = with_pitches_of_fold(own.prepared, found, table, fold.split, fold.cut, library)
+    prepared, cut = with_refined_of_fold(own.prepared, found, table, fold.split, fold.cut, library)
     return OfFold(
         there=prepared.table.there,
         foretold=foretold(prepared, found, table, cut.whole, cut.weights),

@@ -36,12 +36,13 @@ from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.otherwise import with_otherwise
 from mtu_cli.analyses.close_loop.own_constant import owners_of, with_own_constants
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.refined import searched_members, with_refined_pitches
+from mtu_cli.analyses.close_loop.refined import searched_members, with_refined
 from mtu_cli.analyses.close_loop.result import FoundEffect, Judged, Scores, TableResult, Verdict
 from mtu_cli.analyses.close_loop.rivals import Instead, all_instead, with_rivals
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.searched import Searched, searched
+from mtu_cli.analyses.close_loop.shape_profile import with_shapes
 from mtu_cli.analyses.close_loop.shown import is_lone
 from mtu_cli.analyses.close_loop.twofold import twofold
 from mtu_cli.model.effect_library import Candidate, EffectLibrary
@@ -162,7 +163,7 @@ def _told(first: Searched, out: HeldOut | None, library: EffectLibrary, seed: in
         effects=added(first.prepared, first.found, seed, owners=owners, values=values),
         chosen=() if out is None else out.chosen,
     )
-    return with_refined_pitches(told, library, seed, owners)
+    return with_refined(told, library, seed, owners)
 
 
 def _described(
@@ -172,7 +173,8 @@ def _described(
     joint covariance.
     """
     planned = experiments(told.effects, told.found, library=library)
-    alone = with_other_pitches(told, found_effects(told, planned), library)
+    shaped = with_shapes(told, found_effects(told, planned), library)
+    alone = with_other_pitches(told, shaped, library)
     others = all_instead(told, alone, library, seed)
     found = with_otherwise(told, with_rivals(alone, others))
     return with_temperature(told, found, candidates), others, joint_covariance(told)

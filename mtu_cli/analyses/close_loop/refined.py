@@ -1,7 +1,8 @@
-"""The pitch of a periodic error between the values that were searched.
+"""Pitches of periodic errors and shapes, such as time constants, between the values searched.
 
 A grid of frequencies finds a wave; it lies up to an eighth of a period off at the ends of the data,
-which is no estimate. The profile of the least squares over all frequencies about it has one.
+which is no estimate. The profile of the least squares over all frequencies about it has one, and so
+has that over all time constants.
 """
 
 from __future__ import annotations
@@ -16,12 +17,19 @@ from mtu_cli.analyses.close_loop.added import Added, added
 from mtu_cli.analyses.close_loop.describe import Described
 from mtu_cli.analyses.close_loop.fitted import beside_polynomial
 from mtu_cli.analyses.close_loop.folds import CutCandidates, Split, cut_candidates, identity
-from mtu_cli.analyses.close_loop.other_pitches import Periodic, best_near, periodic
+from mtu_cli.analyses.close_loop.other_pitches import best_near, periodic
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.search import Search
+from mtu_cli.analyses.close_loop.shape_profile import (
+    best_shape,
+    is_shaped,
+    searched_values,
+    shape_of,
+)
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.model.effect_library import Candidate, EffectLibrary, Member
-from mtu_cli.model.effect_search import Waves, waves_of
+from mtu_cli.model.effect_members import BoundTemplate
+from mtu_cli.model.effect_search import member_at, searched_template, waves_of
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.loop_frame import grouped
 
@@ -30,7 +38,7 @@ def searched_members(prepared: Prepared, found: Search, library: EffectLibrary) 
     """Those of the members found of which a searched value is an estimate (a pitch, a time
     constant, no part from which on something jumped), with the relative standard uncertainty that
     the search alone leaves it: a pitch anywhere between the two beside it, another value anywhere
-    on its grid.
+    on its grid, by its logarithm (JCGM 100:2008, 4.3.7).
     """
     values = {}
     for step in found.steps:
@@ -41,29 +49,25 @@ def searched_members(prepared: Prepared, found: Search, library: EffectLibrary) 
         if waves_of(prepared.table, library, candidate, member):
             (pitch,) = member.searched.values()
             values[step.member] = _apart(candidate, pitch) * pitch / math.sqrt(3)
-        elif len(member.searched) == 1 and len(member.tangent) == len(member.columns):
-            known = _searched(candidate, member)
-            # Of places on either side of 0 there is no relative uncertainty.
-            if min(known) > 0:
-                values[step.member] = math.log(max(known) / min(known)) / math.sqrt(12)
+        elif is_shaped(member):
+            known = searched_values(candidate, member)
+            # The logarithm is of what is greater than 0 throughout.
+            if known[0] > 0:
+                values[step.member] = math.log(known[-1] / known[0]) / math.sqrt(12)
     return values
 
 
-def _searched(candidate: Candidate, member: Member) -> list[float]:
-    """All values that were searched with the covariate of a member."""
-    (name,) = member.searched
-    return [m.searched[name] for m in candidate.members if m.covariate == member.covariate]
-
-
-def with_refined_pitches(
-    told: Described, library: EffectLibrary, seed: int, owners: Mapping[int, int]
+def with_refined(
+    told: Described, library: EffectLibrary, seed: int | None, owners: Mapping[int, int]
 ) -> Described:
-    """The same with each periodic error at the pitch that fits best beside all other effects."""
+    """The same with each periodic error at the pitch, and each shape at the value, that fits best
+    beside all other effects.
+    """
     table = told.prepared.table
     values = searched_members(told.prepared, told.found, library)
 
-    def member(candidate: Candidate, seen: Periodic, pitch: float) -> Member:
-        return _member(table, candidate, seen.waves, pitch, seen.member)
+    def member(candidate: Candidate, bound: BoundTemplate, value: float, found: Member) -> Member:
+        return _member(table, candidate, bound, value, found)
 
     def estimated(prepared: Prepared) -> Added:
         return added(prepared, told.found, seed, owners=owners, values=values)
@@ -71,7 +75,7 @@ def with_refined_pitches(
     return _refined(told, library, member, estimated)
 
 
-def with_pitches_of_fold(
+def with_refined_of_fold(
     prepared: Prepared,
     found: Search,
     table: ResidualTable,
@@ -79,20 +83,22 @@ def with_pitches_of_fold(
     cut: CutCandidates,
     library: EffectLibrary,
 ) -> tuple[Prepared, CutCandidates]:
-    """What a fold found with each periodic error at the pitch that fits what is kept the best; and
-    its candidates with those on the whole `table`.
+    """What a fold found with each periodic error at the pitch, and each shape at the value, that
+    fits what is kept the best; and its candidates with those on the whole `table`.
     """
     whole, weights = dict(cut.whole), dict(cut.weights)
 
-    def member(candidate: Candidate, seen: Periodic, pitch: float) -> Member | None:
-        waves = waves_of(table, library, candidate, seen.member)
-        if waves is None:
+    def member(
+        candidate: Candidate, _: BoundTemplate, value: float, found: Member
+    ) -> Member | None:
+        bound = searched_template(table, library, candidate, found)
+        if bound is None:
             return None
-        own = replace(candidate, members=(_member(table, candidate, waves, pitch, seen.member),))
+        own = replace(candidate, members=(_member(table, candidate, bound, value, found),))
         one = cut_candidates([own], split.kept, split.dimension)
         whole.update(one.whole)
         # It stands for all that the value of the grid stood for.
-        known = weights[identity(candidate.name, seen.member)]
+        known = weights[identity(candidate.name, found)]
         weights.update(dict.fromkeys(one.whole, known))
         return next(iter(one.candidates[0].members), None)
 
@@ -107,32 +113,45 @@ def with_pitches_of_fold(
 def _refined(
     told: Described,
     library: EffectLibrary,
-    member: Callable[[Candidate, Periodic, float], Member | None],
+    member: Callable[[Candidate, BoundTemplate, float, Member], Member | None],
     estimated: Callable[[Prepared], Added],
 ) -> Described:
-    """One wave after the other; `member` is that of a pitch, None where the data has none."""
+    """One wave or shape after the other; `member` is that of a value, None where the data has
+    none.
+    """
     steps = [step for step in told.found.steps if step.member >= 0]
     for place, step in enumerate(steps):
-        seen = periodic(told, step, library)
-        # Of a wave that shows one phase no pitch is told: a hidden one would fit it better.
-        if seen is None or len(seen.member.columns) < len(seen.waves.bound.parameters()):
+        candidate, found = told.prepared.candidates[step.index], told.prepared.members[step.member]
+        best = _best(told, step, place, library)
+        if best is None or best[1] in found.searched.values():
             continue
-        apart = _apart(told.prepared.candidates[step.index], seen.found)
-        pitch = best_near(told, seen, place, apart)
-        if pitch == seen.found:
-            continue
-        own = member(told.prepared.candidates[step.index], seen, pitch)
+        own = member(candidate, *best, found)
         prepared = None if own is None else _with(told.prepared, step, own)
         if prepared is not None:
             told = replace(told, prepared=prepared, effects=estimated(prepared))
     return told
 
 
+def _best(
+    told: Described, step: Step, place: int, library: EffectLibrary
+) -> tuple[BoundTemplate, float] | None:
+    """What was searched of an effect, and the value that fits best; None where nothing was."""
+    seen = periodic(told, step, library)
+    if seen is not None:
+        # Of a wave that shows one phase no pitch is told: a hidden one would fit it better.
+        if len(seen.member.columns) < len(seen.waves.bound.parameters()):
+            return None
+        apart = _apart(told.prepared.candidates[step.index], seen.found)
+        return seen.waves.bound, best_near(told, seen, place, apart)
+    shape = shape_of(told.prepared, step, library)
+    return None if shape is None else (shape[0], best_shape(told, step, place, *shape))
+
+
 def _member(
-    table: ResidualTable, candidate: Candidate, waves: Waves, pitch: float, found: Member
+    table: ResidualTable, candidate: Candidate, bound: BoundTemplate, value: float, found: Member
 ) -> Member:
-    """The member of a pitch with the parameters of the one found, less the polynomial."""
-    member = waves.member(pitch, {name for name, _ in found.parameters})
+    """The member of a value with the parameters of the one found, less the polynomial."""
+    member = member_at(bound, value, {name for name, _ in found.parameters})
     (own,) = beside_polynomial(table, [replace(candidate, members=(member,))])
     return own.members[0]
 

@@ -74,10 +74,11 @@ class FoundEffect:
     are those of `class_names` that a scatter cannot be mistaken for: as likely as it, but other
     findings. `unnamed` is the posterior of drifts and fields without a name in its place.
     `otherwise`: it is told with its u if there is none of these beside it.
-    A rival is `without` the offsets found that are not told from 0 beside it.
+    A rival is `without` the offsets found that are not told from 0 beside it; `changed` are the
+    other effects that have another size beside it, as they are then.
     `found_at` are temperatures (name, degC) that it may be an effect of and that did not change.
     `inseparable`: no further parts tell its class apart. `folds` counts the held-out folds that
-    chose it, or another of its class, of `of_folds`. `shaped`: u holds that of what was searched.
+    chose it, or another of its class, of `of_folds`.
     """
 
     name: str
@@ -112,8 +113,8 @@ class FoundEffect:
     levels: tuple[str, ...] = ()
     found_at: tuple[tuple[str, float], ...] = ()
     without: tuple[str, ...] = ()
+    changed: tuple[FoundEffect, ...] = ()
     scatter: ScatterSize | None = None
-    shaped: bool = False
 
     @property
     def sizes(self) -> tuple[tuple[str, str, float, float], ...]:
@@ -122,10 +123,8 @@ class FoundEffect:
 
     @property
     def is_hint(self) -> bool:
-        """Whether it passed a test and its one size is not told from 0 (95 %). Where it is known as
-        badly as its shape, which was searched (`shaped`), there may be something all the same.
-        """
-        if len(self.sizes) != 1 or self.shaped:
+        """Whether it passed a test and its one size is not told from 0 (95 %)."""
+        if len(self.sizes) != 1:
             return False
         low, high, _ = self.intervals[0]
         return low < 0 < high

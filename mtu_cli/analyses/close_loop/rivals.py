@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.classes import class_of
 from mtu_cli.analyses.close_loop.describe import Described, found_effects, joint_covariance
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.own_constant import owners_of
-from mtu_cli.analyses.close_loop.refined import searched_members
+from mtu_cli.analyses.close_loop.refined import searched_members, with_refined
 from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.analyses.close_loop.shape_profile import with_shapes
 from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.model.effect_library import EffectLibrary
 from mtu_cli.stats.least_squares import FloatArray
 
-MOST = 3
-"""Effects of a class up to which each is estimated: a reader compares no more."""
+MOST = 4
+"""Effects of a class that are estimated, the likeliest: a reader compares no more."""
+OTHER = 1.0
+"""Standard uncertainties by which the size of another effect changes where it is another one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,15 +46,15 @@ def all_instead(
     library: EffectLibrary,
     seed: int | None = None,
 ) -> tuple[Instead, ...]:
-    """The rivals of each effect whose class has no more than `MOST` names, the likeliest first.
+    """The likeliest rivals of each effect, the first of them first, `MOST` with itself.
 
     Those that change the mean: a drift or field without a name has no parameters.
     """
     found = []
     for place, (step, effect) in enumerate(zip(told.found.steps, effects, strict=True)):
-        nameless = sum(index >= len(told.effects.prepared.candidates) for index in step.credible)
-        if step.member >= 0 and 1 < len(effect.candidates) - nameless <= MOST:
-            found += [_instead(told, place, r, library, seed) for r in _rivals(told, step)]
+        if step.member >= 0 and len(effect.candidates) > 1:
+            likeliest = islice(_rivals(told, step), MOST - 1)
+            found += [_instead(told, place, rival, library, seed) for rival in likeliest]
     return tuple(found)
 
 
@@ -58,20 +62,35 @@ def with_rivals(
     effects: Sequence[FoundEffect], others: Sequence[Instead]
 ) -> tuple[FoundEffect, ...]:
     """The effects, each with its rivals, and those with the offsets of their axes that are told
-    from 0 beside what was found, and are not beside them.
+    from 0 beside what was found, and are not beside them, and with the other effects that have
+    another size beside them.
     """
-    sure = {own.name for own in effects if own.kind == "offset" and _is_told(own)}
     return tuple(
-        replace(effect, rivals=tuple(_rival(own, sure) for own in others if own.place == place))
+        replace(effect, rivals=tuple(_rival(own, effects) for own in others if own.place == place))
         for place, effect in enumerate(effects)
     )
 
 
-def _rival(other: Instead, sure: Collection[str]) -> FoundEffect:
-    offsets = (own for own in other.effects if own.name in sure and own is not other.rival)
+def _rival(other: Instead, effects: Sequence[FoundEffect]) -> FoundEffect:
+    pairs = [(a, b) for a, b in zip(effects, other.effects, strict=True) if b is not other.rival]
     along = other.rival.equations.keys()
-    gone = (own.name for own in offsets if own.equations.keys() <= along and not _is_told(own))
-    return replace(other.rival, without=tuple(gone))
+    gone = [
+        a.name
+        for a, b in pairs
+        if a.kind == "offset" and b.equations.keys() <= along and _is_told(a) and not _is_told(b)
+    ]
+    changed = (b for a, b in pairs if a.name not in gone and _has_other_size(a, b))
+    return replace(other.rival, without=tuple(gone), changed=tuple(changed))
+
+
+def _has_other_size(own: FoundEffect, other: FoundEffect) -> bool:
+    """Whether one effect has another size where another one stands for a third: of a wave at
+    another pitch, or what starts elsewhere, that is no matter of size.
+    """
+    if len(own.sizes) != 1 or own.searched or own.kind == "offset":
+        return False
+    (_, _, value, u), (_, _, beside, _) = own.sizes[0], other.sizes[0]
+    return abs(beside - value) > OTHER * u
 
 
 def _is_told(offset: FoundEffect) -> bool:
@@ -104,8 +123,10 @@ def _instead(
     values = searched_members(told.prepared, found, library)
     effects = added(told.prepared, found, seed, owners=owners, values=values)
     other = replace(told, found=found, effects=effects)
+    other = with_refined(other, library, seed, owners)
+    alone = with_shapes(other, found_effects(other, [None] * len(steps)), library)
     return Instead(
         place=place,
-        effects=with_other_pitches(other, found_effects(other, [None] * len(steps)), library),
+        effects=with_other_pitches(other, alone, library),
         covariance=joint_covariance(other),
     )

@@ -19,7 +19,7 @@ from mtu_cli.analyses.close_loop.estimate import raw_design, searched_spread
 from mtu_cli.analyses.close_loop.held_out import fold_of, of_fold, splits_of
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
 from mtu_cli.analyses.close_loop.prepare import prepare
-from mtu_cli.analyses.close_loop.refined import searched_members, with_refined_pitches
+from mtu_cli.analyses.close_loop.refined import searched_members, with_refined
 from mtu_cli.analyses.close_loop.rivals import all_instead
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import search
@@ -47,7 +47,7 @@ def refined(table: ResidualTable) -> Described:
     prepared = prepared_of(table)
     effects, found = found_as(prepared, ["cyclic-x"])
     told = Described(prepared=prepared, found=found, effects=effects, chosen=())
-    return with_refined_pitches(told, LIBRARY, 1, {})
+    return with_refined(told, LIBRARY, 1, {})
 
 
 def fitted(errors: Floats, start: float) -> tuple[float, float]:
@@ -208,7 +208,7 @@ def test_a_pitch_that_none_beside_it_betters_stays(places: Floats, columns: int)
         one = replace(found, steps=(replace(step, member=m),))
         effects = added(prepared, one)
         told = Described(prepared=prepared, found=one, effects=effects, chosen=())
-        after = with_refined_pitches(told, LIBRARY, 1, {})
+        after = with_refined(told, LIBRARY, 1, {})
         assert after.prepared.members[m] is prepared.members[m]
 
 
@@ -258,9 +258,11 @@ def test_a_wave_in_the_place_of_another_effect_has_its_pitch_in_its_uncertainty(
     told = Described(prepared=prepared, found=found, effects=effects, chosen=())
     (other,) = all_instead(told, found_effects(told, [None]), LIBRARY)
     assert other.rival.name == "cyclic-x"
-    _, alone = found_as(prepared, ["cyclic-x"])
+    effects, alone = found_as(prepared, ["cyclic-x"])
+    told = Described(prepared=prepared, found=alone, effects=effects, chosen=())
+    refined = with_refined(told, LIBRARY, None, {}).prepared
     known, free = (
-        added(prepared, alone, values=values).fit
+        added(refined, alone, values=values).fit
         for values in ({}, searched_members(prepared, alone, LIBRARY))
     )
     assert known is not None

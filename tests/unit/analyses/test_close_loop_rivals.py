@@ -13,8 +13,9 @@ from mtu_cli.analyses.close_loop.added import added
 from mtu_cli.analyses.close_loop.describe import Described, found_effects
 from mtu_cli.analyses.close_loop.fixed_point import fixed_points
 from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.refined import searched_members
-from mtu_cli.analyses.close_loop.rivals import all_instead, with_rivals
+from mtu_cli.analyses.close_loop.refined import searched_members, with_refined
+from mtu_cli.analyses.close_loop.rivals import MOST, all_instead, with_rivals
+from mtu_cli.analyses.close_loop.shape_profile import with_shapes
 from mtu_cli.model.residual_table import ResidualTable
 
 T = "T_spindle_degC"
@@ -50,7 +51,8 @@ def test_a_rival_is_estimated_as_if_it_had_been_found(names: tuple[str, ...]) ->
     (effect,) = with_rivals(effects, others)
     assert {rival.name for rival in effect.rivals} == set(names[1:])
     for rival in effect.rivals:
-        (alone,) = found_effects(told(prepared, rival.name), [None])
+        by_itself = with_refined(told(prepared, rival.name), LIBRARY, None, {})
+        (alone,) = with_shapes(by_itself, found_effects(by_itself, [None]), LIBRARY)
         assert rival.parameters == alone.parameters
         assert rival.equations == alone.equations
         assert rival.searched == alone.searched
@@ -69,9 +71,45 @@ def test_what_has_no_name_is_none_of_three() -> None:
     assert sorted(rivals) == ["thermal-drift-x", "trend-x"]
 
 
-def test_of_a_class_of_four_none_is_estimated() -> None:
-    own = told(prepared_of(warming()), "thermal-drift-x", "warm-up-x", "trend-x", "step-x")
-    assert all_instead(own, found_effects(own, [None]), LIBRARY) == ()
+def test_of_a_long_class_the_likeliest_are_estimated() -> None:
+    names = ("thermal-drift-x", "warm-up-x", "trend-x", "step-x", "offset-x")
+    own = told(prepared_of(warming()), *names[:4])
+    effects = found_effects(own, [None])
+    assert len(all_instead(own, effects, LIBRARY)) == MOST - 1
+    prepared = prepared_of(warming())
+    own = told(prepared, *names[:2], "trend-x", "step-x", "covariate-x")
+    (effect,) = found_effects(own, [None])
+    rivals = [other.rival.name for other in all_instead(own, [effect], LIBRARY)]
+    assert len(rivals) == MOST - 1
+    assert set(rivals) < set(effect.class_names)
+
+
+def test_another_effect_has_another_size_beside_a_rival() -> None:
+    """Both axes grow: a shift outward from the centre in place of the scale of x takes most of
+    that of y with it.
+    """
+    found = points_table(12, 16)
+    x, y = found.places[..., 0], found.places[..., 1]
+    errors = 1e-3 * np.random.default_rng(2).normal(size=found.errors.shape)
+    errors[:, :, 1] += 40e-6 * (y - y.mean())
+    errors[:, :, 0] += 40e-6 * (x - x.mean())
+    own = told(prepared_of(replace(found, errors=errors)), "scale-x", "radial")
+    scale = told(own.prepared, "scale-y").found.steps[0]
+    both = replace(own.found, steps=(*own.found.steps, replace(scale, posterior=1.0)))
+    own = replace(own, found=both, effects=added(own.prepared, both))
+    first, second = found_effects(own, [None, None])
+    first, second = with_rivals((first, second), all_instead(own, (first, second), LIBRARY))
+    (radial,) = first.rivals
+    (other,) = radial.changed
+    assert other.name == "scale-y"
+    assert second.parameters[0][2] == pytest.approx(40e-6, rel=0.1)
+    assert abs(other.parameters[0][2]) < 20e-6
+    # As if both had been found: what is told of it is that of the pair.
+    pair = replace(
+        both, steps=(replace(told(own.prepared, "radial").found.steps[0]), both.steps[1])
+    )
+    alone = found_effects(replace(own, found=pair, effects=added(own.prepared, pair)), [None, None])
+    assert other.parameters == alone[1].parameters
 
 
 def test_a_drift_that_stands_for_what_was_found_makes_one_cause_with_the_growth() -> None:

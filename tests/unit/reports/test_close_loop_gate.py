@@ -9,7 +9,7 @@ from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Ver
 from mtu_cli.reports.close_loop import gate_text
 
 CLEAR = effect("backlash-y")
-LONG = ("backlash-x", "abbe-x", "trend-x", "scale-x", "radial")
+LONG = ("backlash-x", "abbe-x", "trend-x", "scale-x", "radial", "step-x")
 
 
 @pytest.mark.parametrize(
@@ -25,8 +25,13 @@ LONG = ("backlash-x", "abbe-x", "trend-x", "scale-x", "radial")
         ),
         (
             "class",
+            (effect(class_names=LONG[:-1]),),
+            "verdict class: backlash-x or abbe-x or trend-x or scale-x or radial",
+        ),
+        (
+            "class",
             (effect(class_names=LONG),),
-            "verdict class: backlash-x or abbe-x or trend-x or 2 more",
+            "verdict class: backlash-x or abbe-x or trend-x or scale-x or 2 more",
         ),
         ("unexplained", (), "verdict unexplained"),
         ("named", (effect("step-dx_x", component="dx_x"),), "verdict named: step-dx_x"),

@@ -199,9 +199,7 @@ def test_a_hint_alone_is_not_found() -> None:
     weak = effect("backlash-x", parameters=(("lost_motion", "um", 0.2, 0.15),))
     assert found(weak) == (False, False)
     assert found(weak, effect("backlash-y")) == (True, True)
-    # Of what was searched, as of a wave, size and shape are known as badly as each other.
-    assert found(replace(weak, shaped=True)) == (True, True)
-    # The part from which on something jumped is no shape that its size is known with.
+    # The part from which on something jumped is none of its size.
     assert found(replace(weak, searched={"at": (9.5, 8.5, 10.5)})) == (False, False)
     assert found(effect(parameters=(("sine", "um", 0.1, 1.0), ("cosine", "um", 4.0, 1.0))))[1]
     assert result(on_table("unexplained", (weak,))).is_found

@@ -41,11 +41,11 @@ def test_a_lone_name_stands_where_what_has_no_name_lies_elsewhere() -> None:
     said = words(found)
     assert said.startswith("X gains 4.10 ± 0.30 um at reversal, too far from both sides (")
     assert (
-        "(backlash-x). Beside that something may be there that no effect of the library describes: "
-        "a smooth drift in y without a name explains as much as the names do, or is likely in "
-        "the place of one or beside them. As a hint only: "
-        "thermal-drift-y or a smooth drift in y without a name (Y drifts by " in said
+        "(backlash-x). Beside that something is there, and this data cannot tell whether it has a "
+        "name: a smooth drift in y without a name explains as much as the names do, or is likely "
+        "in the place of one or beside them. As a hint only: thermal-drift-y (Y drifts by " in said
     )
+    assert "/K of T_air_degC) or a smooth drift in y without a name." in said
     title = figure(found)._suptitle.get_text()  # type: ignore[attr-defined]  # by matplotlib
     assert "backlash-x; unexplained; as a hint: thermal-drift-y" in " ".join(title.split())
 
@@ -62,7 +62,7 @@ def test_a_lone_name_stands_where_what_has_no_name_lies_elsewhere() -> None:
 def test_what_may_be_something_else_is_a_hint(changed: dict[str, Any]) -> None:
     found = nameless(effect("backlash-x", **changed), DOUBTFUL)
     assert verdicts(found) == ["unexplained", "unexplained"]
-    assert words(found).startswith("Something may be there that no effect of the library describes")
+    assert words(found).startswith("Something is there, and this data cannot tell whether it has")
     # A check that fires, or an effect found twice over, leaves no doubt of that.
     for sure in ({"fired": ("serial-shape",), "checks": (("serial-shape", 0.001),)},
                  {"twofold": ("trend-x",)}):  # fmt: skip

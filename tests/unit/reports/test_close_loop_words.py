@@ -34,14 +34,15 @@ def long_class(now_d: float = 0.5, *names: str) -> CloseLoopResult:
     return result(on_table("class", (own,)))
 
 
-def test_of_a_long_class_the_sentence_names_three_and_the_table_all() -> None:
+def test_of_a_long_class_the_sentence_names_the_likeliest_and_the_table_all() -> None:
     text = words(long_class())
     assert text.startswith(
-        "backlash-x, abbe-x, trend-x or one of 3 others (more in the table): this data cannot tell "
-        "which. "
+        "backlash-x, abbe-x, trend-x, scale-x or one of 2 others (more in the table): this data "
+        "cannot tell which. "
     )
-    one = words(long_class(0.5, "abbe-x", "trend-x", "scale-x"))
-    assert one.startswith("backlash-x, abbe-x, trend-x or one other (more in the table): this")
+    # A single other one is as short by its name.
+    one = words(long_class(0.5, "abbe-x", "trend-x", "scale-x", "radial"))
+    assert one.startswith("backlash-x, abbe-x, trend-x, scale-x or radial: this data")
     shown = plain_text(table(long_class()))
     assert "backlash-x may be: backlash-x, abbe-x, trend-x, scale-x, cyclic-x, radial\n" in shown
     assert "may be" not in plain_text(table(ambiguous()))
@@ -410,13 +411,16 @@ def test_a_pitch_that_is_one_of_several_makes_a_class() -> None:
     text = words(result(on_table("class", (own,))))
     assert text.startswith(
         "X has a periodic error of 5.00 ± 0.30 um amplitude, pitch 43.3 mm; pitch_mm 65.0, 26.0, "
-        "18.6 or one other fits as well, with a size of its own (cyclic-x). To tell: measure "
+        "18.6 or 2.00 fits as well, with a size of its own (cyclic-x). To tell: measure "
         "features at more, and uneven, distances along the axis. Held-out"
     )
     shown = plain_text(table(result(on_table("class", (own,)))))
     (row,) = [line.split() for line in shown.splitlines() if line.strip().startswith("pitch_mm")]
     assert row == ["pitch_mm", "43.3", "[2.00,", "65.0]"]
     assert "cyclic-x: 5 values of pitch_mm fit alike at these places" in shown
+    many = wave(alike=(65.0, 26.04, 18.57, 2.0, 2.1))
+    said = "pitch 43.3 mm; pitch_mm is one of 6 that fit alike, each with a size of its own (cyc"
+    assert said in words(result(on_table("class", (many,))))
     # In a class of names too.
     several = words(result(on_table("class", (replace(own, class_names=("cyclic-x", "abbe-x")),))))
     assert several.startswith(
