@@ -26,7 +26,7 @@ from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.scatter_rivals import ROTATION
 from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.stats.alike_lines import p_alike
+from mtu_cli.stats.alike_lines import apart_from_whole, p_alike
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.lines_and_columns import beside_lines_and_columns
 from mtu_cli.stats.mean_squares import EntryNoise
@@ -161,19 +161,21 @@ def _p_alike(
     """That two axes have the same turns but for what scatters else."""
     if len(alone) != 2:
         return None
-    strata, axes = prepared.scan.frame.strata, [own.axis for own in alone]
-    by_entries = float(sum(noise.variance[own.axis] / own.share for own in alone))
-    # What the model says of the difference, which a yaw that moves both axes has none of.
-    apart = np.zeros_like(direction)
-    for sign, own in zip((1.0, -1.0), alone, strict=True):
-        apart[own.axis] = sign * direction[own.axis] / own.share
-    by_model = float(apart.ravel() @ prepared.scan.null.predicted_part @ apart.ravel())
+    scan, axes = prepared.scan, [own.axis for own in alone]
+    apart = apart_from_whole(direction[axes], [whole[axes] for whole in scan.directions])
+    if apart is None:
+        return None
+    by_entries = float(noise.variance[axes] @ np.sum(apart**2, axis=1))
+    # What the model says of the difference, which a yaw or a growth of both axes has none of.
+    by_all = np.zeros_like(direction)
+    by_all[axes] = apart
+    by_model = float(by_all.ravel() @ scan.null.predicted_part @ by_all.ravel())
+    strata = scan.frame.strata
     return p_alike(
         strata.tables(left)[:, :, axes],
-        prepared.scan.frame.completion.observed,
+        scan.frame.completion.observed,
         strata.columns[:, : direction.shape[1]],
-        direction[axes],
-        [whole[axes] for whole in prepared.scan.directions],
+        apart,
         np.sqrt(noise.variance[axes]),
         1.0 + by_model / by_entries if by_entries > 0 else 1.0,
     )
