@@ -229,7 +229,7 @@ def _mean_of_day_notes(item: TableResult) -> list[str]:
 
 def something_left(item: TableResult) -> bool:
     """Whether there is more than scatter beside what was named."""
-    return bool(item.fired or item.twofold) or item.without_name
+    return bool(item.fired or item.twofold or item.of_one_axis) or item.without_name
 
 
 def stays(item: TableResult) -> bool:

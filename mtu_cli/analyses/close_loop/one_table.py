@@ -80,9 +80,10 @@ def loop_on(
     told, table, found = _told(first, out, library, seed), first.prepared.table, first.found
     scored, fired, twice = _scored(told, out, given), found.fired(alpha), twofold(told)
     described, others, covariance = _described(told, candidates, library, seed)
+    verdict = verdict_of(found, described, (*fired, *twice))
     result = TableResult(
         table=table,
-        verdict=verdict_of(found, described, (*fired, *twice)),
+        verdict=verdict,
         effects=described,
         candidates=_judged(first, candidates, alpha),
         checks=found.checks,
@@ -101,7 +102,7 @@ def loop_on(
         by_column=scored.by_column,
         folds=len(told.chosen),
         floor=floor_of(told.effects.prepared),
-        unexplained_rms=_unexplained(found, scored, (*fired, *twice)),
+        unexplained_rms=scored.in_sample_after.rms if verdict == "unexplained" else None,
         fixed_points=_fixed_points(table, described, covariance, others),
         neutral_points=_neutral_points(table, described, covariance, others),
     )
@@ -251,13 +252,8 @@ def _held_out_scores(
     return scored(out.before), scored(out.before if told.effects.fit is None else out.after)
 
 
-def _unexplained(found: Search, scored: _Scored, left_over: Sequence[str]) -> float | None:
-    left = left_over or found.without_name
-    return scored.in_sample_after.rms if left else None
-
-
 def verdict_of(found: Search, effects: Sequence[FoundEffect], fired: Sequence[str]) -> Verdict:
-    if fired or found.without_name:
+    if fired or found.without_name or any(effect.of_one_axis for effect in effects):
         return "unexplained"
     if not effects:
         return "none"

@@ -131,6 +131,13 @@ class FoundEffect:
         return low < 0 < high
 
     @property
+    def of_one_axis(self) -> bool:
+        """Whether it is a turn or growth of whole parts that one axis alone has: something else,
+        which the library has none of.
+        """
+        return self.scatter is not None and self.scatter.axes_unlike
+
+    @property
     def holds_within(self) -> tuple[str, ...]:
         """Columns that its equations do not have, and beyond whose range it is a guess."""
         own = (o.covariate for o in self.otherwise if o.at_reference and o.covariate is not None)
@@ -223,6 +230,11 @@ class TableResult:
     def without_name(self) -> bool:
         """Whether something that has no name may be there."""
         return bool(self.nameless)
+
+    @property
+    def of_one_axis(self) -> tuple[str, ...]:
+        """The names nearest to scatters that one axis alone has: none of them is right."""
+        return tuple(effect.name for effect in self.effects if effect.of_one_axis)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -80,6 +80,7 @@ def _of_direction(
     return ScatterSize(
         parameter=("s", unit, float(s), float(u)),
         by_axis=tuple((prepared.table.axes[own.axis], own.root / size) for own in alone),
+        u_by_axis=tuple(own.u / size for own in alone),
         p_alike=_p_alike(prepared, left, noise, scan.directions[which], alone),
     )
 
@@ -132,6 +133,15 @@ class _Along(NamedTuple):
         """The standard deviation of the whole turns' contrasts by this axis."""
         excess = float(self.t @ self.t) / len(self.t) - self.variance
         return float(np.sqrt(max(excess, 0.0) / self.kept)) / self.share
+
+    @property
+    def u(self) -> float:
+        """Of that: u(s) = u(s^2) / 2 s, and sqrt(u(s^2)) where s^2 is hardly told from 0, about
+        which a root is no straight line.
+        """
+        square = float(self.t @ self.t) / len(self.t) / self.kept / self.share**2
+        of_square = float(np.sqrt(2 / len(self.t))) * square
+        return float(of_square / max(2 * self.root, np.sqrt(of_square), 1e-300))
 
 
 def _along_axes(
@@ -197,11 +207,13 @@ def _of_operation(prepared: Prepared, left: FloatArray) -> ScatterSize:
         u = s * log_variance_u(entries[there & own], share) / 2
     else:
         s, u = alone.root, alone.u
+    by_axis = () if alone is None else _along(table.axes, alone.variance)
     return ScatterSize(
         parameter=("s", table.unit, s, u),
         of=table.operations[code],
         others=None if rest is None else rest.root,
-        by_axis=() if alone is None else _along(table.axes, alone.variance),
+        by_axis=by_axis,
+        u_by_axis=() if alone is None else tuple(alone.u_by_axis.tolist())[: len(by_axis)],
         others_by_axis=() if rest is None else _along(table.axes, rest.variance),
     )
 
@@ -217,6 +229,11 @@ class _Spread(NamedTuple):
 
     variance: FloatArray
     u_of_log: FloatArray
+
+    @property
+    def u_by_axis(self) -> FloatArray:
+        """Standard uncertainties (A,) of the standard deviations along each axis."""
+        return np.asarray(np.sqrt(self.variance) * self.u_of_log / 2)
 
     @property
     def root(self) -> float:
