@@ -55,6 +55,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         max_effects=choices.max_effects,
         exclude=choices.exclude,
         seed=settings.seed,
+        progress=settings.progress,
     )
     results = report.document(result)
     worth = _worth(result, results)

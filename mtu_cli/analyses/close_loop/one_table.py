@@ -42,6 +42,7 @@ from mtu_cli.analyses.close_loop.rivals import Instead, all_instead, with_rivals
 from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.searched import Searched, searched
+from mtu_cli.analyses.close_loop.share_done import NOBODY, ShareDone
 from mtu_cli.analyses.close_loop.shown import is_lone
 from mtu_cli.analyses.close_loop.twofold import twofold
 from mtu_cli.model.effect_library import Candidate, EffectLibrary
@@ -74,16 +75,16 @@ def loop_on(
     alpha: float,
     most: int,
     seed: int,
+    tell: ShareDone = NOBODY,
 ) -> LoopResult:
-    """Closes the loop on one table at the family-wise rate `alpha`."""
-    first, out = _all_searched(given, candidates, library, alpha=alpha, most=most, seed=seed)
+    """Closes the loop on one table at the family-wise rate `alpha`; `tell` hears what is done."""
+    first, out = _all_searched(given, candidates, library, alpha, most, seed, tell)
     told, table, found = _told(first, out, library, seed), first.prepared.table, first.found
     scored, fired, twice = _scored(told, out, given), found.fired(alpha), twofold(told)
     described, others, covariance = _described(told, candidates, library, seed)
-    verdict = verdict_of(found, described, (*fired, *twice))
     result = TableResult(
         table=table,
-        verdict=verdict,
+        verdict=verdict_of(found, described, (*fired, *twice)),
         effects=described,
         candidates=_judged(first, candidates, alpha),
         checks=found.checks,
@@ -102,7 +103,6 @@ def loop_on(
         by_column=scored.by_column,
         folds=len(told.chosen),
         floor=floor_of(told.effects.prepared),
-        unexplained_rms=scored.in_sample_after.rms if verdict == "unexplained" else None,
         fixed_points=_fixed_points(table, described, covariance, others),
         neutral_points=_neutral_points(table, described, covariance, others),
     )
@@ -113,13 +113,14 @@ def _all_searched(
     given: ResidualTable,
     candidates: Sequence[Candidate],
     library: EffectLibrary,
-    *,
     alpha: float,
     most: int,
     seed: int,
+    tell: ShareDone,
 ) -> tuple[Searched, HeldOut | None]:
     """What is found in the table, and in its folds meanwhile."""
     splits = splits_of(given)
+    steps = 1 + len(splits)
 
     def of_split(i: int) -> OfFold:
         fold = fold_of(given, candidates, splits[i], seed, given.pass_dof)
@@ -127,7 +128,8 @@ def _all_searched(
 
     with SideBySide(of_split, len(splits)) as folds:
         first = _searched(given, candidates, alpha, most, seed)
-        return first, joined(given, splits, folds.results())
+        tell(1, steps)
+        return first, joined(given, splits, folds.results(lambda done: tell(1 + done, steps)))
 
 
 def _fixed_points(

@@ -197,7 +197,6 @@ class TableResult:
     there are none. `by_column` are the held-out scores after a correction of its own for every
     column, the mean of what the other parts leave there; None where no parts are held out.
     `floor` is the repeatability of one averaged coordinate, None where the data do not tell it.
-    `unexplained_rms` is what is left in sample where something stays without a name.
     """
 
     table: ResidualTable
@@ -215,7 +214,6 @@ class TableResult:
     held_out_by: str | None
     folds: int
     floor: float | None
-    unexplained_rms: float | None
     fixed_points: tuple[FixedPoint, ...]
     nameless: tuple[str, ...] = ()
     neutral_points: tuple[NeutralPoint, ...] = ()
@@ -225,6 +223,11 @@ class TableResult:
     stopped: bool = False
     held_out_with_gross: tuple[Scores, Scores] | None = None
     by_column: Scores | None = None
+
+    @property
+    def unexplained_rms(self) -> float | None:
+        """What is left in sample where something stays without a name."""
+        return self.in_sample_after.rms if self.verdict == "unexplained" else None
 
     @property
     def without_name(self) -> bool:

@@ -85,7 +85,8 @@ def test_what_has_no_name_is_told_with_its_axis(names: tuple[str, ...], told: st
 def test_scatter_that_is_left_is_nothing_to_look_for() -> None:
     def said(rms_um: float, fired: tuple[str, ...] = ()) -> str:
         item = on_table("unexplained", (effect(),), nameless=DRIFTS, fired=fired)
-        return words(result(replace(item, unexplained_rms=1e-3 * rms_um, floor=3.6e-3)))
+        left = replace(item.in_sample_after, rms=1e-3 * rms_um)
+        return words(result(replace(item, in_sample_after=left, floor=3.6e-3)))
 
     assert "an rms of 3.8 um: about repeatability (3.6)." in said(3.8)
     assert "most along" not in said(3.8)
