@@ -11,6 +11,7 @@ from mtu_cli.analyses.close_loop.one_phase import least_amplitude
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.scatter_rivals import ROTATION
 from mtu_cli.analyses.close_loop.shown import amplitude, pitch_is_open, things
+from mtu_cli.analyses.close_loop.zeros import zeros_of
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_scatter import one_axis_text, scatter_text
 from mtu_cli.reports.close_loop_searched import AT, SEARCHED_DIGITS, searched_text
@@ -193,8 +194,7 @@ def _where(effect: FoundEffect, item: TableResult) -> str:
         known = other.covariate
         if CHANGES.get(effect.family) == other.family:
             if other.axis in (None, effect.axis):
-                at = {re.search(rf"{known} - ([\d.]+)", e) for e in other.equations.values()}
-                found += [f"{known} is {float(m[1]):.4g}" for m in at if m]
+                found += [f"{known} is {zero:.4g}" for zero in zeros_of(other)]
         elif effect.family == "offset" and other.family.startswith("thermal-"):
             own = item.table.covariates.get(known or "")
             if own is not None and f"E{effect.axis}" in other.equations:

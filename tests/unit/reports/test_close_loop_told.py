@@ -168,6 +168,39 @@ def test_which_way_wear_goes(wear: float, told: str) -> None:
     assert f"{told}, by wear" in words(result(on_table("named", (own,))))
 
 
+@pytest.mark.parametrize(
+    ("lever", "zero"),
+    [
+        ("tool_parts", "0"),
+        ("(tool_parts + 3)", "-3"),
+        ("(tool_parts - 123456)", "123456"),
+        ("(tool_parts - 1234567.5)", "1234567.5"),
+    ],
+)
+def test_where_a_wear_is_none_is_told_once_with_all_digits(lever: str, zero: str) -> None:
+    own = effect(
+        "wear-approach-x",
+        parameters=(("wear", "um", 0.46, 0.02),),
+        equations={f"E{axis}": f"wear*{lever}*dir_{axis}" for axis in "xy"},
+        covariate="tool_parts",
+    )
+    shown = " ".join(plain_text(table(result(on_table("named", (own,))))).split())
+    assert shown.count(f"is counted from tool_parts = {zero}: there it is 0") == 1
+    assert shown.count("there it is 0") == 1
+
+
+def test_a_scale_is_meant_where_its_growth_is_none() -> None:
+    """However cold that is."""
+    scale = effect("scale-x", parameters=(("scale", "um/m", 30.0, 2.0),))
+    grows = effect(
+        "thermal-growth-x",
+        parameters=(("growth", "um/m/K", 10.0, 1.0),),
+        equations={"Ex": "growth*(x - 75)*(T_room_degC + 4.5)"},
+        covariate="T_room_degC",
+    )
+    assert "of travel where T_room_degC is -4.5" in words(result(on_table("named", (scale, grows))))
+
+
 def test_lost_motion_from_one_part_on_is_more_where_some_was_there_before() -> None:
     later = effect(
         "backlash-step-x",
