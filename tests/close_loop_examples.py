@@ -133,7 +133,6 @@ def on_table(
         held_out_by="parts",
         folds=5,
         floor=3.6e-3,
-        unexplained_rms=(3.7e-3 if effects else 6.0e-3) if verdict == "unexplained" else None,
         fixed_points=(),
     )
     return replace(found, **changed)  # type: ignore[arg-type]  # the fields of a table's result

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from mtu_cli.cli.close_loop_choices import FOUND, UNEXPLAINED, Choices, read_choices
+from mtu_cli.cli.close_loop_choices import UNEXPLAINED, Choices, read_choices
 from mtu_cli.cli.close_loop_files import FoundOn, Known, written
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
@@ -55,6 +55,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         max_effects=choices.max_effects,
         exclude=choices.exclude,
         seed=settings.seed,
+        progress=settings.progress,
     )
     results = report.document(result)
     worth = _worth(result, results)
@@ -72,7 +73,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
             *files.warnings,
             *_doubts(result, bool(files.files)),
         ],
-        gate=report.gate_text(result) if _is_met(result, choices) else None,
+        gate=report.gate_text(result) if choices.are_met_by(result) else None,
         files=lambda: files.files,
     )
 
@@ -163,11 +164,3 @@ def _not_used(inputs: Inputs, choices: Choices) -> list[Warned]:
         for option, given in asked.items()
         if given
     ]
-
-
-def _is_met(result: CloseLoopResult, choices: Choices) -> bool:
-    """Undeclared effects, named or not, meet `found`, but for what is no more than a hint; a
-    remainder without a name meets both.
-    """
-    met = {FOUND: result.is_found, UNEXPLAINED: result.verdict == UNEXPLAINED}
-    return any(met[gate] for gate in choices.gates)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.datum import chosen_datum
 from mtu_cli.cli.gates import given_gates, unknown_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.errors import InputError, Problem, did_you_mean
 from mtu_cli.model.datum import Datum
+
+if TYPE_CHECKING:
+    from mtu_cli.analyses.close_loop import CloseLoopResult
 
 ALPHA = 0.05
 MAX_EFFECTS = 4
@@ -26,6 +29,13 @@ class Choices:
     datum: Datum
     exclude: tuple[str, ...]
     gates: tuple[str, ...]
+
+    def are_met_by(self, result: CloseLoopResult) -> bool:
+        """Whether a gate is: undeclared effects, named or not, meet `found`, but for what is no
+        more than a hint; a remainder without a name meets both.
+        """
+        met = {FOUND: result.is_found, UNEXPLAINED: result.verdict == UNEXPLAINED}
+        return any(met[gate] for gate in self.gates)
 
 
 def read_choices(inputs: Inputs) -> Choices:

@@ -9,9 +9,11 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.one_phase import least_amplitude
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.scatter_rivals import ROTATION
 from mtu_cli.analyses.close_loop.shown import amplitude, pitch_is_open, things
+from mtu_cli.analyses.close_loop.zeros import zeros_of
 from mtu_cli.language import names, parse
-from mtu_cli.reports.close_loop_scatter import scatter_text
+from mtu_cli.reports.close_loop_scatter import one_axis_text, scatter_text
 from mtu_cli.reports.close_loop_searched import AT, SEARCHED_DIGITS, searched_text
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
@@ -77,6 +79,8 @@ def sentence_text(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ..
 
 def _says(effect: FoundEffect, shown: tuple[Shown, ...]) -> str:
     """The library's own words, and the parameters by their names."""
+    if effect.scatter is not None and effect.of_one_axis:
+        return one_axis_text(effect.scatter, turns=effect.family == ROTATION)
     chosen = "" if effect.chosen is None else f" ({effect.chosen})"
     values = _values(shown) if effect.scatter is None else scatter_text(effect.scatter)
     return ": ".join(text for text in (f"{effect.says}{chosen}", values) if text)
@@ -191,8 +195,7 @@ def _where(effect: FoundEffect, item: TableResult) -> str:
         known = other.covariate
         if CHANGES.get(effect.family) == other.family:
             if other.axis in (None, effect.axis):
-                at = {re.search(rf"{known} - ([\d.]+)", e) for e in other.equations.values()}
-                found += [f"{known} is {float(m[1]):.4g}" for m in at if m]
+                found += [f"{known} is {zero:.4g}" for zero in zeros_of(other)]
         elif effect.family == "offset" and other.family.startswith("thermal-"):
             own = item.table.covariates.get(known or "")
             if own is not None and f"E{effect.axis}" in other.equations:

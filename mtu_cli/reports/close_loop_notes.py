@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 from mtu_cli.analyses.close_loop.one_temperature import LOOKS_LIKE
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import things
+from mtu_cli.analyses.close_loop.zeros import DIGITS, zeros_of
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
 from mtu_cli.reports.close_loop_shown import (
     growth_alone_notes,
@@ -81,20 +81,15 @@ def _level_notes(item: TableResult) -> list[str]:
 
 
 def _wear_notes(item: TableResult) -> list[str]:
-    """Of a wear in the direction of approach, where it is none: about the mean of the data it is
-    one that lost motion comes with, from the first part on it may hold some of it.
+    """Where in its covariate a wear in the direction of approach is 0: one about the mean of the
+    data has the lost motion of that mean beside it, one from the first part on that of a new tool.
     """
-    notes = []
-    for effect in (e for e in item.effects if e.family == WEAR and e.covariate):
-        start = re.compile(rf"{re.escape(effect.covariate or '')} - ([\d.]+)")
-        told = [start.search(equation) for equation in effect.equations.values()]
-        notes += [
-            f"{effect.name} is counted from {effect.covariate} = {float(found[1]):.4g}: there it "
-            "is 0"
-            for found in told
-            if found
-        ]
-    return notes
+    return [
+        f"{effect.name} is counted from {effect.covariate} = {zero:.{DIGITS}g}: there it is 0"
+        for effect in item.effects
+        if effect.family == WEAR
+        for zero in zeros_of(effect)
+    ]
 
 
 def _unsure_notes(item: TableResult) -> list[str]:

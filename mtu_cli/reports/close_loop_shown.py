@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 
 from mtu_cli.analyses.close_loop.result import (
@@ -15,6 +14,7 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import is_nameless, pitch_is_open
+from mtu_cli.analyses.close_loop.zeros import zeros_of
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.document import finite
@@ -216,9 +216,7 @@ def _mean_of_day_notes(item: TableResult) -> list[str]:
     for effect in (e for e in item.effects if e.family in OF_TEMPERATURES):
         # A drift has no other form: beside it any constant is an offset or a level.
         why = "what is constant is an offset" if effect.family == DRIFTS else FITS_BETTER
-        start = re.compile(rf"{re.escape(effect.covariate or '')} - ([\d.]+)")
-        told = [start.search(equation) for equation in effect.equations.values()]
-        zeros = {float(found[1]) for found in told if found} - {REFERENCE_TEMPERATURE}
+        zeros = {*zeros_of(effect)} - {REFERENCE_TEMPERATURE}
         notes += [
             f"{effect.name} is counted from {effect.covariate} = {significant(zero, 4)}, the mean "
             f"of the data: {why}"
@@ -229,7 +227,7 @@ def _mean_of_day_notes(item: TableResult) -> list[str]:
 
 def something_left(item: TableResult) -> bool:
     """Whether there is more than scatter beside what was named."""
-    return bool(item.fired or item.twofold) or item.without_name
+    return bool(item.fired or item.twofold or item.of_one_axis) or item.without_name
 
 
 def stays(item: TableResult) -> bool:

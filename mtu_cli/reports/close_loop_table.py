@@ -24,7 +24,7 @@ from mtu_cli.analyses.close_loop.shown import (
 )
 from mtu_cli.reports.close_loop_effects import direction_text
 from mtu_cli.reports.close_loop_notes import copied, effect_notes, left_text, level_text, untested
-from mtu_cli.reports.close_loop_scatter import scatter_line
+from mtu_cli.reports.close_loop_scatter import scatter_lines
 from mtu_cli.reports.close_loop_searched import AT, searched_text
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
@@ -142,7 +142,7 @@ def _effect(effect: FoundEffect, item: TableResult) -> list[list[str]]:
         best, ends = searched_text(value, pitch_is_open(effect), ends=name_searched != AT)
         lines.append([name_searched, best, "", ends])
     if effect.scatter is not None:
-        lines.append(scatter_line(effect.scatter))
+        lines += scatter_lines(effect.scatter)
     lines = lines or [[MISSING, MISSING, "", MISSING]]
     first = [p_value(effect.p_familywise), rms, folds]
     return [

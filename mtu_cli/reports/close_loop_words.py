@@ -110,12 +110,15 @@ def _unexplained(item: TableResult) -> str:
         "they are a shape without a name"
         for name in item.twofold
     ]
-    sure, rest_of = _sure(item)
+    sure, others = _sure(item)
+    alone = [said for said in others if any(effect.of_one_axis for effect in said.effects)]
+    rest_of = [said for said in others if said not in alone]
+    fired += [f"{said.text}, to which {said.effects[0].name} comes nearest" for said in alone]
     known = "; ".join(said.named for said in sure)
     beside = "Beside that something" if sure else "Something"
     # What only might have no name is no more than that.
     lead = f"{beside} may be there that no effect of the library describes"
-    if item.fired or item.twofold:
+    if item.fired or item.twofold or alone:
         lead = f"{beside} is there that no effect of the library describes"
     elif rest_of:
         lead = f"{beside} is there, and this data cannot tell whether it has a name"
@@ -151,7 +154,8 @@ def _set_up(item: TableResult) -> list[str]:
     """Parts that differ as a whole may have been set up by hand: what takes that out, and what
     is unseen then.
     """
-    free, turned = item.table.datum, any(e.family == TURNED for e in item.effects)
+    free, whole = item.table.datum, [e for e in item.effects if not e.of_one_axis]
+    turned = any(e.family == TURNED for e in whole)
     shifted = PART_VARIANCE in item.fired and free == "none"
     if item.table.component is not None or not (turned or shifted) or "rotation" in free:
         return []

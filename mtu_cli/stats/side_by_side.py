@@ -86,13 +86,22 @@ class SideBySide(Generic[T]):
             for end in (second.process, second.pieces, second.answers):
                 os.close(end)
 
-    def results(self) -> list[T]:
-        """What `work` gives of every piece. Raises what it raises."""
+    def results(self, tell: Callable[[int], None] = lambda done: None) -> list[T]:
+        """What `work` gives of every piece; `tell` hears in this process how many are done, those
+        of the second one all at once. Raises what `work` raises.
+        """
         done: dict[int, T] = {}
         if self._second is not None:
-            done = {piece: self._work(piece) for piece in _claimed(self._second.pieces)}
+            for piece in _claimed(self._second.pieces):
+                done[piece] = self._work(piece)
+                tell(len(done))
             done |= self._answered(self._second.answers)
-        return [done[i] if i in done else self._work(i) for i in range(self._count)]
+            tell(len(done))
+        for piece in range(self._count):
+            if piece not in done:
+                done[piece] = self._work(piece)
+                tell(len(done))
+        return [done[piece] for piece in range(self._count)]
 
     def _start(self) -> None:
         first = os.getpid()

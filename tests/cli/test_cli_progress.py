@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 import threading
+from pathlib import Path
 
 import pytest
+from cli_runner import done, mtu, prepared
 
 from mtu_cli.cli import progress
+from mtu_cli.cli.commands import app
 from mtu_cli.cli.progress import LateBar
+from mtu_cli.stats import side_by_side
 
 
 class Terminal(io.StringIO):
@@ -66,3 +71,35 @@ def test_nothing_is_written_where_no_one_looks(monkeypatch: pytest.MonkeyPatch) 
     with LateBar("budget") as bar:
         bar(1, 2)
     assert pipe.getvalue() == ""
+
+
+def closed(folder: Path, threads: int, monkeypatch: pytest.MonkeyPatch) -> bytes:
+    """The report on a loop that was closed by so many threads."""
+    words = "close-loop --cmm cmm.csv --max-effects 1 --exclude cyclic --exclude warm-up -q"
+    monkeypatch.setattr(side_by_side, "available_threads", lambda: threads)
+    monkeypatch.setattr(sys, "argv", ["mtu", *words.split(), "-o", "out.json"])
+    monkeypatch.chdir(folder)
+    app(sys.argv[1:], standalone_mode=False)
+    return Path("out.json").read_bytes()
+
+
+def test_closing_a_loop_tells_what_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether folds are searched in a second process or not, and with the same report."""
+    done(mtu("simulate", "--parts", "5", "--write-cmm", "cmm.csv", cwd=prepared(tmp_path)))
+    monkeypatch.setattr(progress, "DELAY_S", 0.0)
+    monkeypatch.setattr(progress, "EVERY_S", 0.0)
+    reports = set()
+    for threads in (1, 2):
+        terminal = terminal_of(monkeypatch)
+        reports.add(closed(tmp_path, threads, monkeypatch))
+        seen = terminal.getvalue()
+        shares = [int(share) for share in re.findall(r"(\d+)%", seen)]
+        assert "close-loop" in seen
+        assert shares == sorted(shares)
+        assert shares[-1] == 100
+        assert len(set(shares)) > threads
+    quiet = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", quiet)
+    reports.add(closed(tmp_path, 1, monkeypatch))
+    assert "close-loop" not in quiet.getvalue()
+    assert len(reports) == 1

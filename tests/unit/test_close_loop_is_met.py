@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import cast
-
 import pytest
 from close_loop_examples import ambiguous, effect, left_over, named, nothing, on_table, result
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult
-from mtu_cli.cli.close_loop import _is_met
-from mtu_cli.cli.close_loop_choices import Choices
+from mtu_cli.cli.close_loop_choices import GATES, Choices
 
 
 def hint() -> CloseLoopResult:
@@ -29,6 +25,10 @@ def hint() -> CloseLoopResult:
     ],
 )
 def test_a_gate_is_met_by_what_is_more_than_a_hint(found: CloseLoopResult, met: set[str]) -> None:
-    for gate in ("found", "unexplained"):
-        choices = cast("Choices", SimpleNamespace(gates=(gate,)))
-        assert _is_met(found, choices) == (gate in met)
+    def asked_for(*gates: str) -> Choices:
+        return Choices(alpha=0.05, max_effects=4, datum="none", exclude=(), gates=gates)
+
+    for gate in GATES:
+        assert asked_for(gate).are_met_by(found) == (gate in met)
+    assert asked_for(*GATES).are_met_by(found) == bool(met)
+    assert not asked_for().are_met_by(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,9 +21,12 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
     Verdict,
 )
+from mtu_cli.analyses.close_loop.share_done import ShareDone
 from mtu_cli.analyses.close_loop.warnings import judged_tables, loop_warnings
 from mtu_cli.model.effect_library import EffectLibrary, candidates
 from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.model.settings import Warned
+from mtu_cli.stats.monte_carlo import Progress
 from mtu_cli.stats.threads import one_blas_thread
 
 __all__ = [
@@ -48,11 +51,12 @@ def close_loop(
     max_effects: int,
     exclude: Collection[str] = (),
     seed: int,
+    progress: Progress | None = None,
 ) -> CloseLoopResult:
     """Searches residuals for undeclared effects at the family-wise rate `alpha`.
 
     One table of points, or one a component of readings: these share the rate (Bonferroni).
-    The verdict is the weakest of all tables.
+    The verdict is the weakest of all tables. `progress` hears (done, total) meanwhile.
 
     Raises InputError for a name in `exclude` that the library does not have, and for a table of
     too few entries.
@@ -62,9 +66,12 @@ def close_loop(
     found = []
     # The order of sums depends on the number of threads; bytes must not.
     with one_blas_thread():
-        for table in tables:
+        for number, table in enumerate(tables):
+            tell = ShareDone(progress, number, len(tables))
             own = beside_polynomial(table, candidates(table, library, exclude))
-            found.append(loop_on(table, own, library, alpha=rate, most=max_effects, seed=seed))
+            found.append(
+                loop_on(table, own, library, alpha=rate, most=max_effects, seed=seed, tell=tell)
+            )
     results = tuple(_adjusted(item.result, len(tables)) for item in found)
     return CloseLoopResult(
         verdict=min((item.verdict for item in results), key=WORST.index),
@@ -72,13 +79,16 @@ def close_loop(
         alpha=alpha,
         datum=tables[0].datum,
         covariance=_joint(found),
-        warnings=(
-            *short,
-            *loop_warnings(results, max_effects),
-            *(warned for result in results for warned in loose_warnings(result)),
-            *(warned for result in results for warned in shift_warnings(result)),
-        ),
+        warnings=(*short, *_warnings(results, max_effects)),
     )
+
+
+def _warnings(results: Sequence[TableResult], most: int) -> Iterator[Warned]:
+    """On all tables, each searched for `most` causes."""
+    yield from loop_warnings(results, most)
+    for warned in (loose_warnings, shift_warnings):
+        for result in results:
+            yield from warned(result)
 
 
 def _adjusted(result: TableResult, tables: int) -> TableResult:

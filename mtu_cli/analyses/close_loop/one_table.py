@@ -43,6 +43,7 @@ from mtu_cli.analyses.close_loop.scan import calibrated
 from mtu_cli.analyses.close_loop.search import Search
 from mtu_cli.analyses.close_loop.searched import Searched, searched
 from mtu_cli.analyses.close_loop.shape_profile import with_shapes
+from mtu_cli.analyses.close_loop.share_done import NOBODY, ShareDone
 from mtu_cli.analyses.close_loop.shown import is_lone
 from mtu_cli.analyses.close_loop.twofold import twofold
 from mtu_cli.model.effect_library import Candidate, EffectLibrary
@@ -75,9 +76,10 @@ def loop_on(
     alpha: float,
     most: int,
     seed: int,
+    tell: ShareDone = NOBODY,
 ) -> LoopResult:
-    """Closes the loop on one table at the family-wise rate `alpha`."""
-    first, out = _all_searched(given, candidates, library, alpha=alpha, most=most, seed=seed)
+    """Closes the loop on one table at the family-wise rate `alpha`; `tell` hears what is done."""
+    first, out = _all_searched(given, candidates, library, alpha, most, seed, tell)
     told, table, found = _told(first, out, library, seed), first.prepared.table, first.found
     scored, fired, twice = _scored(told, out, given), found.fired(alpha), twofold(told)
     described, others, covariance = _described(told, candidates, library, seed)
@@ -102,7 +104,6 @@ def loop_on(
         by_column=scored.by_column,
         folds=len(told.chosen),
         floor=floor_of(told.effects.prepared),
-        unexplained_rms=_unexplained(found, scored, (*fired, *twice)),
         fixed_points=_fixed_points(table, described, covariance, others),
         neutral_points=_neutral_points(table, described, covariance, others),
     )
@@ -113,13 +114,14 @@ def _all_searched(
     given: ResidualTable,
     candidates: Sequence[Candidate],
     library: EffectLibrary,
-    *,
     alpha: float,
     most: int,
     seed: int,
+    tell: ShareDone,
 ) -> tuple[Searched, HeldOut | None]:
     """What is found in the table, and in its folds meanwhile."""
     splits = splits_of(given)
+    steps = 1 + len(splits)
 
     def of_split(i: int) -> OfFold:
         fold = fold_of(given, candidates, splits[i], seed, given.pass_dof)
@@ -127,7 +129,8 @@ def _all_searched(
 
     with SideBySide(of_split, len(splits)) as folds:
         first = _searched(given, candidates, alpha, most, seed)
-        return first, joined(given, splits, folds.results())
+        tell(1, steps)
+        return first, joined(given, splits, folds.results(lambda done: tell(1 + done, steps)))
 
 
 def _fixed_points(
@@ -253,13 +256,8 @@ def _held_out_scores(
     return scored(out.before), scored(out.before if told.effects.fit is None else out.after)
 
 
-def _unexplained(found: Search, scored: _Scored, left_over: Sequence[str]) -> float | None:
-    left = left_over or found.without_name
-    return scored.in_sample_after.rms if left else None
-
-
 def verdict_of(found: Search, effects: Sequence[FoundEffect], fired: Sequence[str]) -> Verdict:
-    if fired or found.without_name:
+    if fired or found.without_name or any(effect.of_one_axis for effect in effects):
         return "unexplained"
     if not effects:
         return "none"

@@ -130,6 +130,13 @@ class FoundEffect:
         return low < 0 < high
 
     @property
+    def of_one_axis(self) -> bool:
+        """Whether it is a turn or growth of whole parts that one axis alone has: something else,
+        which the library has none of.
+        """
+        return self.scatter is not None and self.scatter.axes_unlike
+
+    @property
     def holds_within(self) -> tuple[str, ...]:
         """Columns that its equations do not have, and beyond whose range it is a guess."""
         own = (o.covariate for o in self.otherwise if o.at_reference and o.covariate is not None)
@@ -189,7 +196,6 @@ class TableResult:
     there are none. `by_column` are the held-out scores after a correction of its own for every
     column, the mean of what the other parts leave there; None where no parts are held out.
     `floor` is the repeatability of one averaged coordinate, None where the data do not tell it.
-    `unexplained_rms` is what is left in sample where something stays without a name.
     """
 
     table: ResidualTable
@@ -207,7 +213,6 @@ class TableResult:
     held_out_by: str | None
     folds: int
     floor: float | None
-    unexplained_rms: float | None
     fixed_points: tuple[FixedPoint, ...]
     nameless: tuple[str, ...] = ()
     neutral_points: tuple[NeutralPoint, ...] = ()
@@ -219,9 +224,19 @@ class TableResult:
     by_column: Scores | None = None
 
     @property
+    def unexplained_rms(self) -> float | None:
+        """What is left in sample where something stays without a name."""
+        return self.in_sample_after.rms if self.verdict == "unexplained" else None
+
+    @property
     def without_name(self) -> bool:
         """Whether something that has no name may be there."""
         return bool(self.nameless)
+
+    @property
+    def of_one_axis(self) -> tuple[str, ...]:
+        """The names nearest to scatters that one axis alone has: none of them is right."""
+        return tuple(effect.name for effect in self.effects if effect.of_one_axis)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,7 +26,7 @@ from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
 from mtu_cli.analyses.close_loop.prepare import Prepared
 from mtu_cli.analyses.close_loop.scatter_rivals import ROTATION
 from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.stats.alike_lines import p_alike
+from mtu_cli.stats.alike_lines import apart_from_whole, p_alike
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.lines_and_columns import beside_lines_and_columns
 from mtu_cli.stats.mean_squares import EntryNoise
@@ -80,6 +80,7 @@ def _of_direction(
     return ScatterSize(
         parameter=("s", unit, float(s), float(u)),
         by_axis=tuple((prepared.table.axes[own.axis], own.root / size) for own in alone),
+        u_by_axis=tuple(own.u / size for own in alone),
         p_alike=_p_alike(prepared, left, noise, scan.directions[which], alone),
     )
 
@@ -133,6 +134,15 @@ class _Along(NamedTuple):
         excess = float(self.t @ self.t) / len(self.t) - self.variance
         return float(np.sqrt(max(excess, 0.0) / self.kept)) / self.share
 
+    @property
+    def u(self) -> float:
+        """Of that: u(s) = u(s^2) / 2 s, and sqrt(u(s^2)) where s^2 is hardly told from 0, about
+        which a root is no straight line.
+        """
+        square = float(self.t @ self.t) / len(self.t) / self.kept / self.share**2
+        of_square = float(np.sqrt(2 / len(self.t))) * square
+        return float(of_square / max(2 * self.root, np.sqrt(of_square), 1e-300))
+
 
 def _along_axes(
     prepared: Prepared,
@@ -161,19 +171,21 @@ def _p_alike(
     """That two axes have the same turns but for what scatters else."""
     if len(alone) != 2:
         return None
-    strata, axes = prepared.scan.frame.strata, [own.axis for own in alone]
-    by_entries = float(sum(noise.variance[own.axis] / own.share for own in alone))
-    # What the model says of the difference, which a yaw that moves both axes has none of.
-    apart = np.zeros_like(direction)
-    for sign, own in zip((1.0, -1.0), alone, strict=True):
-        apart[own.axis] = sign * direction[own.axis] / own.share
-    by_model = float(apart.ravel() @ prepared.scan.null.predicted_part @ apart.ravel())
+    scan, axes = prepared.scan, [own.axis for own in alone]
+    apart = apart_from_whole(direction[axes], [whole[axes] for whole in scan.directions])
+    if apart is None:
+        return None
+    by_entries = float(noise.variance[axes] @ np.sum(apart**2, axis=1))
+    # What the model says of the difference, which a yaw or a growth of both axes has none of.
+    by_all = np.zeros_like(direction)
+    by_all[axes] = apart
+    by_model = float(by_all.ravel() @ scan.null.predicted_part @ by_all.ravel())
+    strata = scan.frame.strata
     return p_alike(
         strata.tables(left)[:, :, axes],
-        prepared.scan.frame.completion.observed,
+        scan.frame.completion.observed,
         strata.columns[:, : direction.shape[1]],
-        direction[axes],
-        [whole[axes] for whole in prepared.scan.directions],
+        apart,
         np.sqrt(noise.variance[axes]),
         1.0 + by_model / by_entries if by_entries > 0 else 1.0,
     )
@@ -195,11 +207,13 @@ def _of_operation(prepared: Prepared, left: FloatArray) -> ScatterSize:
         u = s * log_variance_u(entries[there & own], share) / 2
     else:
         s, u = alone.root, alone.u
+    by_axis = () if alone is None else _along(table.axes, alone.variance)
     return ScatterSize(
         parameter=("s", table.unit, s, u),
         of=table.operations[code],
         others=None if rest is None else rest.root,
-        by_axis=() if alone is None else _along(table.axes, alone.variance),
+        by_axis=by_axis,
+        u_by_axis=() if alone is None else tuple(alone.u_by_axis.tolist())[: len(by_axis)],
         others_by_axis=() if rest is None else _along(table.axes, rest.variance),
     )
 
@@ -215,6 +229,11 @@ class _Spread(NamedTuple):
 
     variance: FloatArray
     u_of_log: FloatArray
+
+    @property
+    def u_by_axis(self) -> FloatArray:
+        """Standard uncertainties (A,) of the standard deviations along each axis."""
+        return np.asarray(np.sqrt(self.variance) * self.u_of_log / 2)
 
     @property
     def root(self) -> float:

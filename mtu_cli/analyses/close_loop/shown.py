@@ -60,10 +60,11 @@ def own_verdict(effect: FoundEffect, item: TableResult) -> Verdict:
 def verdict_on(effect: FoundEffect, fired: Sequence[str], *, without_name: bool) -> Verdict:
     """The verdict on one effect: what has no name (`without_name`) need not touch all of them.
 
-    Where a check of what is left `fired`, or an effect was found twice over, each is a hint only.
+    Where a check of what is left `fired`, or an effect was found twice over, each is a hint only;
+    so is a scatter of whole parts that one axis alone has, whatever it stands beside.
     """
     lone = is_lone(effect)
-    if fired:
+    if fired or effect.of_one_axis:
         return "unexplained"
     if without_name:
         # Of a scatter it is not known how much has no name: drifts are of the mean.

@@ -21,8 +21,6 @@ from mtu_cli.units import UNITS, p_text
 FEW_PARTS = 5
 LIKELIER, NOT_PASSED = 0.95, 0.05
 """Posterior of a candidate that is likelier than what was found, and its p that does not pass."""
-UNLIKE = 1e-3
-"""p of a scatter of whole parts being alike along both axes, below which it is told."""
 FEWEST_ENTRIES = 4
 ALL = 0.999
 MOST_NAMED = 6
@@ -145,11 +143,7 @@ def _unlike(result: TableResult) -> list[Warned]:
     found = []
     for effect in result.effects:
         size = effect.scatter
-        if size is None or size.p_alike is None or size.p_alike >= UNLIKE:
-            continue
-        small, large = sorted(value for _, value in size.by_axis)
-        # A single loose feature makes sizes differ surely, but little.
-        if large < APART * small:
+        if size is None or size.p_alike is None or not size.axes_unlike:
             continue
         _, unit, *_ = size.parameter
         sizes = ", ".join(
@@ -158,7 +152,8 @@ def _unlike(result: TableResult) -> list[Warned]:
         text = (
             f"{effect.name}: {sizes} {unit}, more than scatter makes it ({p_text(size.p_alike)}): "
             "what moves a whole part does so along both axes alike; look for what one axis alone "
-            "has from part to part (its scale, a guide, a direction): the library has none of it"
+            "has from part to part (its scale, a guide, a direction): the library has none of it, "
+            "and this name is a hint only"
         )
         found.append(Warned(code="axes-unlike", message=text))
     return found

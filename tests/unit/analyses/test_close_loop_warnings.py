@@ -193,6 +193,15 @@ def test_a_growth_of_one_axis_alone_is_told(p: float | None, warned: bool) -> No
         assert told[0].startswith(
             "scale-scatter: X 30, Y 4 um/m, more than scatter makes it (p <0.001)"
         )
-    even = replace(size, by_axis=(("x", 3e-5), ("y", 2e-5)))
+    assert [text.endswith("and this name is a hint only") for text in told] == [True] * warned
+
+
+@pytest.mark.parametrize(("ratio", "warned"), [(1.9, False), (2.1, True)])
+def test_a_growth_that_is_larger_by_little_along_one_axis_is_not(
+    ratio: float, warned: bool
+) -> None:
+    even = ScatterSize(
+        parameter=("s", "um/m", 2e-5, 3e-6), by_axis=(("x", ratio * 1e-5), ("y", 1e-5)), p_alike=0.0
+    )
     found = loop_warnings([on_table("named", (replace(effect("scale-scatter"), scatter=even),))], 9)
-    assert "axes-unlike" not in {w.code for w in found}
+    assert ("axes-unlike" in {w.code for w in found}) == warned

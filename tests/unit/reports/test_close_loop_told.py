@@ -85,7 +85,8 @@ def test_what_has_no_name_is_told_with_its_axis(names: tuple[str, ...], told: st
 def test_scatter_that_is_left_is_nothing_to_look_for() -> None:
     def said(rms_um: float, fired: tuple[str, ...] = ()) -> str:
         item = on_table("unexplained", (effect(),), nameless=DRIFTS, fired=fired)
-        return words(result(replace(item, unexplained_rms=1e-3 * rms_um, floor=3.6e-3)))
+        left = replace(item.in_sample_after, rms=1e-3 * rms_um)
+        return words(result(replace(item, in_sample_after=left, floor=3.6e-3)))
 
     assert "an rms of 3.8 um: about repeatability (3.6)." in said(3.8)
     assert "most along" not in said(3.8)
@@ -165,6 +166,39 @@ def test_which_way_wear_goes(wear: float, told: str) -> None:
         covariate="tool_parts",
     )
     assert f"{told}, by wear" in words(result(on_table("named", (own,))))
+
+
+@pytest.mark.parametrize(
+    ("lever", "zero"),
+    [
+        ("tool_parts", "0"),
+        ("(tool_parts + 3)", "-3"),
+        ("(tool_parts - 123456)", "123456"),
+        ("(tool_parts - 1234567.5)", "1234567.5"),
+    ],
+)
+def test_where_a_wear_is_none_is_told_once_with_all_digits(lever: str, zero: str) -> None:
+    own = effect(
+        "wear-approach-x",
+        parameters=(("wear", "um", 0.46, 0.02),),
+        equations={f"E{axis}": f"wear*{lever}*dir_{axis}" for axis in "xy"},
+        covariate="tool_parts",
+    )
+    shown = " ".join(plain_text(table(result(on_table("named", (own,))))).split())
+    assert shown.count(f"is counted from tool_parts = {zero}: there it is 0") == 1
+    assert shown.count("there it is 0") == 1
+
+
+def test_a_scale_is_meant_where_its_growth_is_none() -> None:
+    """However cold that is."""
+    scale = effect("scale-x", parameters=(("scale", "um/m", 30.0, 2.0),))
+    grows = effect(
+        "thermal-growth-x",
+        parameters=(("growth", "um/m/K", 10.0, 1.0),),
+        equations={"Ex": "growth*(x - 75)*(T_room_degC + 4.5)"},
+        covariate="T_room_degC",
+    )
+    assert "of travel where T_room_degC is -4.5" in words(result(on_table("named", (scale, grows))))
 
 
 def test_lost_motion_from_one_part_on_is_more_where_some_was_there_before() -> None:

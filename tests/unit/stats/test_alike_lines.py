@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 from scipy.stats import kstest, uniform
 
-from mtu_cli.stats.alike_lines import p_alike
+from mtu_cli.stats.alike_lines import MOST_COLUMNS, apart_from_whole, p_alike
 
 PARTS, FEATURES = 9, 8
 SD = np.array([1.0, 3.0])
@@ -26,12 +26,14 @@ TURN = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 GROWTH = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
 
-def lines(at: Floats) -> tuple[Floats, Floats, list[Floats]]:
-    """Orthonormal columns of 1, x, y; a turn in them (-y along x, x along y); it and a growth."""
+def lines(at: Floats) -> tuple[Floats, Floats]:
+    """Orthonormal columns of 1, x, y; and how axes differ in a turn (-y along x, x along y)."""
     X = np.column_stack([np.ones(len(at)), at - at.mean(axis=0)])
     q, r = np.linalg.qr(X)
     turn, growth = (own @ r.T for own in (TURN, GROWTH))
-    return q, turn, [turn, growth]
+    apart = apart_from_whole(turn, [turn, growth])
+    assert apart is not None
+    return q, apart
 
 
 def drawn(seed: int, apart: float = 0.0) -> tuple[Floats, Floats]:
@@ -48,7 +50,7 @@ def drawn(seed: int, apart: float = 0.0) -> tuple[Floats, Floats]:
     return at, errors
 
 
-def apart_from_whole(at: Floats) -> Floats:
+def apart_plainly(at: Floats) -> Floats:
     """(4,): of x and y along x, then along y, what a turn that one axis alone has shows beside turn
     and growth of the whole, as functions of the places.
     """
@@ -64,7 +66,7 @@ def apart_from_whole(at: Floats) -> Floats:
 
 def plainly(errors: Floats, there: NDArray[np.bool_], at: Floats) -> float:
     """The same with one column of the design for every part, line and feature."""
-    apart = apart_from_whole(at)
+    apart = apart_plainly(at)
     other = np.linalg.svd(apart[None])[2][1:]
 
     def rss(slopes: Floats) -> tuple[float, int]:
@@ -137,3 +139,49 @@ def test_an_axis_without_scatter_is_held_against_nothing() -> None:
     there = np.ones((PARTS, FEATURES), bool)
     for sd in ([1.0, 0.0], [1e-5, 1.0]):
         assert p_alike(errors, there, *lines(at), np.array(sd)) is None
+
+
+@pytest.mark.parametrize("sd", [[0.1, 1.0], [1.0, 0.01]])
+def test_an_axis_that_scatters_little_is_held_against_the_other(sd: list[float]) -> None:
+    at, errors = drawn(3, apart=40.0)
+    there = np.ones((PARTS, FEATURES), bool)
+    p = p_alike(errors * np.array(sd) / SD, there, *lines(at), np.array(sd))
+    assert p is not None
+    assert p < 0.05
+
+
+def test_axes_that_differ_by_little_differ_where_nothing_scatters() -> None:
+    """By a share of 1e-7: its square is far less than what parts turn by, and no rounding."""
+    at, there = places(1), np.ones((PARTS, FEATURES), bool)
+    turn = np.random.default_rng(1).normal(size=(PARTS, 1))
+    errors = np.stack([-turn * at[:, 1] * (1 + 1e-7), turn * at[:, 0]], axis=2)
+    assert p_alike(errors, there, *lines(at), SD) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_as_many_columns_as_can_be_are_tested() -> None:
+    rng = np.random.default_rng(4)
+    found = {}
+    for count in (2 * FEATURES, MOST_COLUMNS, MOST_COLUMNS + 1):
+        at = rng.uniform(-1.0, 1.0, (count, 2))
+        errors = SD * rng.normal(size=(3, count, 2))
+        found[count] = p_alike(errors, np.ones((3, count), bool), *lines(at), SD) is not None
+    assert [*found.values()] == [True, True, False]
+    assert MOST_COLUMNS == 300
+
+
+def test_of_features_on_an_oblique_line_nothing_tells_axes_apart() -> None:
+    """Turns and growths of the whole are all that parts can do there, but for rounding."""
+    for slope in (1.0, 0.5, 0.3):
+        turn, growth = np.array([[0.0, -slope], [0.0, 1.0]]), np.array([[0.0, 1.0], [0.0, slope]])
+        assert apart_from_whole(turn, [turn, growth]) is None
+        assert apart_from_whole(turn, [turn]) is not None
+
+
+def test_what_tells_axes_apart_is_free_of_the_whole() -> None:
+    X = np.column_stack([np.ones(FEATURES), places(1) - places(1).mean(axis=0)])
+    r = np.linalg.qr(X)[1]
+    whole = [own @ r.T for own in (TURN, GROWTH)]
+    apart = apart_from_whole(whole[0], whole)
+    assert apart is not None
+    for own in whole:
+        assert np.sum(apart * own) == pytest.approx(0.0, abs=1e-12)

@@ -383,3 +383,21 @@ def state_of(pid: int) -> str:
         return stat.read_text().rpartition(")")[2].split()[0]
     except (FileNotFoundError, ProcessLookupError):
         return ""
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_is_done_is_told_in_this_process_alone(
+    threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of the second process in one go, so that some numbers may be left out."""
+    monkeypatch.setattr(side_by_side, "available_threads", lambda: threads)
+    told: list[tuple[int, int]] = []
+    with SideBySide(square, COUNT) as pieces:
+        found = pieces.results(lambda done: told.append((done, os.getpid())))
+    assert squares(list(found)) == SQUARES
+    counts = [done for done, _ in told]
+    assert counts == sorted(counts)
+    assert counts[-1] == COUNT
+    assert {process for _, process in told} == {os.getpid()}
+    if threads == 1:
+        assert counts == [1, 2, 3, 4, 5, 6]
