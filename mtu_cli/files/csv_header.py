@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import suppress
 from difflib import get_close_matches
-from itertools import islice, pairwise
+from itertools import pairwise
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.column_lengths import in_other_unit, renaming
@@ -30,7 +28,7 @@ from mtu_cli.files.csv_missing import (
 )
 from mtu_cli.files.csv_mistaken import refuse_other_table, row_per_axis
 from mtu_cli.files.csv_table import TableSpec
-from mtu_cli.files.csv_text import CsvText, Decimal, lines_from
+from mtu_cli.files.csv_text import CsvText, Decimal, first_rows
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 from mtu_cli.files.sensor_names import may_be_tool, no_sensor
 from mtu_cli.files.source import DRIFT
@@ -106,7 +104,7 @@ def _missing(text: CsvText, spec: TableSpec, meant: Mapping[str, str | None]) ->
     """Of columns that are not there; of a table with a row for each axis that is the one fault."""
     asked = [name for name in spec.required if name in COORDINATES]
     found = any(name not in meant or meant[name] for name in asked)
-    by_axis = row_per_axis(text, asked) if asked and not found else None
+    by_axis = row_per_axis(text, asked, spec, meant) if asked and not found else None
     place = (text.source.shown, text.header_row, text.header)
     for name in meant:
         if by_axis is None or name not in COORDINATES:
@@ -124,7 +122,7 @@ def _told_later(
     header = frozenset(text.header)
     of_points = "feature" in spec.required
     repeats = MEASUREMENTS if of_points and "repeat" not in text.header else ()
-    rows = _first_rows(text)
+    rows = first_rows(text, LOOKED_AT)
     for index, name in enumerate(text.header):
         if spec.named(name) or name in known or not is_name(name):
             continue
@@ -143,16 +141,6 @@ def _numbered(cells: Sequence[str], decimal: Decimal) -> bool:
     values = [number(cell, decimal) for cell in cells]
     found = [value for value in values if value is not None and value.is_integer()]
     return len(found) == len(cells) and min(found) in (0, 1)
-
-
-def _first_rows(text: CsvText) -> list[list[str]]:
-    """The cells of the first lines below the header, as far as they can be read."""
-    # Comment lines are blank by now.
-    lines = filter(str.strip, lines_from(text.content, text.body))
-    found: list[list[str]] = []
-    with suppress(csv.Error):
-        found.extend(csv.reader(islice(lines, LOOKED_AT), delimiter=text.separator))
-    return found
 
 
 def _doubtful(name: str, spec: TableSpec) -> bool:
