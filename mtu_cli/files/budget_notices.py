@@ -87,7 +87,8 @@ def _exact(budget: Budget, trees: Mapping[str, Node], document: YamlDocument) ->
     one, value = len(exact) == 1, budget.inputs[exact[0]].value
     # A unit, or words, have no place beside a plain number.
     bare = all([*keys[name]] == ["value"] for name in exact)
-    constant = f"`{exact[0]}: {value:.9g}`" if bare else "with `u: 0`"
+    bare = bare and all(item.unit is None for item in budget.inputs.values())
+    constant = f"`{exact[0]}: {value:.15g}`" if bare else "with `u: 0`"
     more = f" and {len(exact) - SHOWN_INPUTS} more" if len(exact) > SHOWN_INPUTS else ""
     text = (
         f"{document.source.shown}:{document.line_of('inputs', exact[0])}: "
@@ -110,11 +111,13 @@ def _unstated_units(
         return ()
     more = f" and {len(without) - SHOWN_INPUTS} more" if len(without) > SHOWN_INPUTS else ""
     one = len(without) == 1
+    alone = any(not isinstance(document.data["inputs"][name], dict) for name in without)
+    constant = ", with `u: 0` where it is a constant" if alone else ""
     text = (
         f"{document.source.shown}:{document.line_of('inputs', without[0])}: "
         f"{'input' if one else 'inputs'} {', '.join(without[:SHOWN_INPUTS])}{more}: no `unit:`, so "
         f"that no term with {'it' if one else 'one of them'} is checked; `unit: '1'` is that of a "
-        "plain number"
+        f"plain number{constant}"
     )
     return (Notice(code="unit-not-stated", message=text),)
 

@@ -55,3 +55,22 @@ def test_beside_words_a_constant_has_a_u_of_0(tmp_path: Path) -> None:
     (message,) = told(tmp_path, "T: {value: 20, says: where lengths hold}", "a: {value: 1}")
     assert "inputs T, a: no uncertainty is given" in message
     assert message.endswith("a constant is written with `u: 0`")
+
+
+def test_beside_units_a_constant_has_one_and_a_u_of_0(tmp_path: Path) -> None:
+    """What one notice advises is no reason for another."""
+    path = tmp_path / "b.yaml"
+    head = (
+        "schema: mtu/budget/1\nname: t\nequation: L/n\ninputs:\n  L: {value: 5, u: 1, unit: mm}\n"
+    )
+
+    def notices(n: str) -> list[str]:
+        path.write_text(f"{head}  n: {n}\n", "utf-8")
+        return [own.message for own in load_budget(path).warnings]
+
+    (unit,) = notices("2")
+    assert unit.endswith(
+        "`unit: '1'` is that of a plain number, with `u: 0` where it is a constant"
+    )
+    assert any(own.endswith("a constant is written with `u: 0`") for own in notices("{value: 2}"))
+    assert notices("{value: 2, unit: '1', u: 0}") == []
