@@ -71,7 +71,7 @@ class Input(Contribution):
 
 
 def _plain_number(value: object) -> object:
-    """`g: 9.81` is short for `g: {value: 9.81}`: exactly known."""
+    """`g: 9.81` is a constant: `g: {value: 9.81}`, whose uncertainty nobody can have forgotten."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return {"value": value}
     if isinstance(value, (str, list)):

@@ -96,21 +96,25 @@ def other_scale(inputs: Mapping[str, Input], tree: Node, stated: str | None) -> 
     to_kelvin = _names(_KELVIN, stated)
     if not to_kelvin and not _names(_CELSIUS, stated):
         return None
-    found = []
+    found, zeros = [], []
     for sign, term in signed_terms(tree):
         item = inputs.get(term.name) if isinstance(term, Name) else None
         value = literal_value(term) if item is None else _value(item)
-        # One less another is a difference, and who takes off 273.15 knows what is in K.
-        if value is None or abs(abs(value) - ZERO_C) < 1.0:
+        if value is None:
             return None
-        if sign < 0 and item is not None and _is(_CELSIUS, item):
+        celsius = item is not None and _is(_CELSIUS, item)
+        # One less another is a difference, one less a small correction is none.
+        if sign < 0 and celsius and not abs(value) < TEMPERATURES[0]:
             return None
-        kelvin = abs(value) >= ABSOLUTE and (item is None or not _is(_CELSIUS, item))
-        if kelvin or _within(abs(value), REFERENCE):
+        kelvin = abs(value) >= ABSOLUTE and not celsius
+        if abs(abs(value) - ZERO_C) < 1.0:
+            zeros.append((sign, term, value, True))
+        elif kelvin or _within(abs(value), REFERENCE):
             found.append((sign, term, value, kelvin))
-    if len(found) != 1:
+    # Who takes 273.15 off a temperature, or adds it, knows what is in K; by itself 273.5 K is one.
+    if len(found) + len(zeros) != 1:
         return None
-    ((sign, term, value, kelvin),) = found
+    ((sign, term, value, kelvin),) = found or zeros
     if sign < 0 or not isinstance(term, Name) or term.name not in inputs:
         return None
     name = term.name

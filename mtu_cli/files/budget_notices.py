@@ -24,8 +24,10 @@ SHORTEST = 7
 MOST_LETTERS = 2
 """More or fewer that such a word has."""
 DOUBLED = re.compile(r"(.)\1")
-SHOWN_UNITS = 6
-"""Inputs without a unit that a warning names."""
+SHOWN_INPUTS = 6
+"""Inputs without a unit, or an uncertainty, that a warning names."""
+SPREAD = ("u", "half_width", "low", "high", "U", "readings", "contributions")
+"""Keys of which any says how well an input is known."""
 
 
 def notices(
@@ -34,6 +36,7 @@ def notices(
     """All of them, in the order in which they are told."""
     return (
         *_unused(budget, trees, document),
+        *_exact(budget, trees, document),
         *_unclear_units(budget, document),
         *_ones_in_units(budget, trees, document),
         *_like_kelvin(budget, trees, document),
@@ -68,6 +71,34 @@ def _unused(
     )
 
 
+def _exact(budget: Budget, trees: Mapping[str, Node], document: YamlDocument) -> tuple[Notice, ...]:
+    """That inputs with keys, but none of an uncertainty, are exact: its key may be forgotten, which
+    no result shows. A plain number is meant as a constant, and so is a `u` of 0.
+    """
+    used = {name for tree in trees.values() for name in names(tree)}
+    keys = {name: document.data["inputs"][name] for name in budget.inputs if name in used}
+    exact = [
+        name
+        for name, given in keys.items()
+        if isinstance(given, dict) and all(given.get(key) is None for key in SPREAD)
+    ]
+    if not exact:
+        return ()
+    one, value = len(exact) == 1, budget.inputs[exact[0]].value
+    # A unit, or words, have no place beside a plain number.
+    bare = all([*keys[name]] == ["value"] for name in exact)
+    bare = bare and all(item.unit is None for item in budget.inputs.values())
+    constant = f"`{exact[0]}: {value:.15g}`" if bare else "with `u: 0`"
+    more = f" and {len(exact) - SHOWN_INPUTS} more" if len(exact) > SHOWN_INPUTS else ""
+    text = (
+        f"{document.source.shown}:{document.line_of('inputs', exact[0])}: "
+        f"{'input' if one else 'inputs'} {', '.join(exact[:SHOWN_INPUTS])}{more}: no uncertainty "
+        f"is given, so that {'it is' if one else 'they are'} taken as exact; a constant is written "
+        f"{constant}"
+    )
+    return (Notice(code="taken-as-exact", message=text),)
+
+
 def _unstated_units(
     budget: Budget, trees: Mapping[str, Node], document: YamlDocument
 ) -> tuple[Notice, ...]:
@@ -78,13 +109,15 @@ def _unstated_units(
     without = [name for name, item in budget.inputs.items() if item.unit is None and name in used]
     if not without or all(item.unit is None for item in budget.inputs.values()):
         return ()
-    more = f" and {len(without) - SHOWN_UNITS} more" if len(without) > SHOWN_UNITS else ""
+    more = f" and {len(without) - SHOWN_INPUTS} more" if len(without) > SHOWN_INPUTS else ""
     one = len(without) == 1
+    alone = any(not isinstance(document.data["inputs"][name], dict) for name in without)
+    constant = ", with `u: 0` where it is a constant" if alone else ""
     text = (
         f"{document.source.shown}:{document.line_of('inputs', without[0])}: "
-        f"{'input' if one else 'inputs'} {', '.join(without[:SHOWN_UNITS])}{more}: no `unit:`, so "
+        f"{'input' if one else 'inputs'} {', '.join(without[:SHOWN_INPUTS])}{more}: no `unit:`, so "
         f"that no term with {'it' if one else 'one of them'} is checked; `unit: '1'` is that of a "
-        "plain number"
+        f"plain number{constant}"
     )
     return (Notice(code="unit-not-stated", message=text),)
 

@@ -119,7 +119,7 @@ def _maybe(other: str, table: Table, spec: TableSpec) -> str | None:
     # Of points a measurement is a value, unless its cells are numbers as of repeats.
     measured = own == "repeat" and plain(other).strip() in MEASUREMENTS
     counts = measured and _counts(table, other)
-    return own if counts or (may_count(other) and _whole(table, other)) else None
+    return own if counts or (may_count(other, spec) and _whole(table, other)) else None
 
 
 def _by_its_difference(other: str) -> str | None:

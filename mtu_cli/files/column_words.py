@@ -8,10 +8,10 @@ import unicodedata
 WORDS = {
     "part": ("part", "workpiece", "piece", "serial", "ser", "sample", "specimen", "werkstuck",
              "werkstueck", "teil", "bauteil", "prufteil", "prufling", "pruefling", "serien",
-             "stuck", "stueck", "barcode", "dmc", "pieza", "pezzo"),
+             "stuck", "stueck", "werkst", "wst", "barcode", "dmc", "pieza", "pezzo"),
     "feature": ("feature", "hole", "bore", "characteristic", "char", "element", "merkmal",
                 "prufmerkmal", "pruefmerkmal", "messmerkmal", "messelement", "prufposition",
-                "pruefposition", "circle", "kreis", "bohrung", "loch", "punkt", "messpunkt",
+                "pruefposition", "circle", "kreis", "bohrung", "bhrg", "loch", "punkt", "messpunkt",
                 "caracteristique", "alesage", "trou",
                 "caracteristica", "agujero", "taladro", "foro"),
     "repeat": ("repeat", "repetition", "wiederholung", "repeticion", "ripetizione"),
@@ -28,11 +28,11 @@ WORDS = {
 APPROACH = ("approach", "anfahrrichtung", "anfahrt", "approche")
 """Beside the words of directions: along which way the axis came to a point."""
 ACTUAL = ("actual", "act", "measured", "meas", "measurement", "ist", "istmass", "istwert",
-          "gemessen", "mess", "messwert", "mesure", "mesuree", "medido", "medida", "real",
+          "gemessen", "gem", "mess", "messwert", "mesure", "mesuree", "medido", "medida", "real",
           "misurato")  # fmt: skip
 NOMINAL = ("nominal", "nom", "soll", "sollmass", "sollwert", "nenn", "nennmass", "nennwert",
            "theo", "theoretical", "theorique", "nominale", "teorico", "target", "targ", "cad",
-           "design")  # fmt: skip
+           "design", "basic")  # fmt: skip
 """Without accents and in lower case; `x`, `y` or `z` stands before or behind."""
 AXIS = ("axis", "achse", "axe", "eje", "asse")
 """Of a report with a row for each of them."""

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from difflib import get_close_matches
-from itertools import islice, pairwise
+from itertools import pairwise
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.column_lengths import in_other_unit, renaming
@@ -17,19 +15,20 @@ from mtu_cli.files.csv_cells import is_text, number
 from mtu_cli.files.csv_first_line import LOOKED_AT
 from mtu_cli.files.csv_missing import (
     COORDINATES,
+    CYCLES,
     IN_MM,
     MEASUREMENTS,
     OTHER_WORDS,
     REPEATS,
     RUNS,
     UNIT,
-    column_for,
+    meant_columns,
     missing_column,
     squeezed,
 )
 from mtu_cli.files.csv_mistaken import refuse_other_table, row_per_axis
 from mtu_cli.files.csv_table import TableSpec
-from mtu_cli.files.csv_text import CsvText, Decimal, lines_from
+from mtu_cli.files.csv_text import CsvText, Decimal, first_rows
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 from mtu_cli.files.sensor_names import may_be_tool, no_sensor
 from mtu_cli.files.source import DRIFT
@@ -63,15 +62,23 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
     wanted = list(spec.required)
     wanted += [b for a, b in spec.together if a in header]
     wanted += [a for a, b in spec.together if b in header]
-    problems += _missing(text, spec, wanted)
+    absent = [name for name in dict.fromkeys(wanted) if name not in header]
+    meant = meant_columns(absent, header, spec)
+    problems += _missing(text, spec, meant)
     for first, second in spec.exclusive:
         if first in header and second in header:
             what = f"both {first!r} and {second!r} are given"
             problems.append(Problem(what=what, file=shown, row=row, expected="one of them"))
-    named = list(_named_otherwise(text, spec, wanted))
+    named = [
+        problem
+        for problem in _named_otherwise(text, spec, wanted)
+        # One column is told to be one other.
+        if problem.column not in meant.values()
+    ]
     # What may be a column of its own is no fault by itself: `column_twins` tells of it.
-    if problems or not all(_doubtful(str(problem.column)) for problem in named):
-        raise InputError(problems + named + list(_told_later(text, spec, problems + named)))
+    if problems or not all(_doubtful(str(problem.column), spec) for problem in named):
+        known = {problem.column for problem in problems + named} | {*meant.values()}
+        raise InputError(problems + named + list(_told_later(text, spec, known)))
 
 
 def _nameless(shown: str, row: int, header: tuple[str, ...], separator: str) -> Iterator[Problem]:
@@ -93,29 +100,29 @@ def _nameless(shown: str, row: int, header: tuple[str, ...], separator: str) -> 
     yield Problem(what=what, file=shown, row=row, expected=expected)
 
 
-def _missing(text: CsvText, spec: TableSpec, wanted: list[str]) -> Iterator[Problem]:
+def _missing(text: CsvText, spec: TableSpec, meant: Mapping[str, str | None]) -> Iterator[Problem]:
     """Of columns that are not there; of a table with a row for each axis that is the one fault."""
-    header = text.header
-    absent = [name for name in dict.fromkeys(wanted) if name not in header]
     asked = [name for name in spec.required if name in COORDINATES]
-    others = [other for other in header if other and not spec.named(other)]
-    found = any(name not in absent or column_for(name, others) for name in asked)
-    by_axis = row_per_axis(text, asked) if asked and not found else None
-    for name in absent:
+    found = any(name not in meant or meant[name] for name in asked)
+    by_axis = row_per_axis(text, asked, spec, meant) if asked and not found else None
+    place = (text.source.shown, text.header_row, text.header)
+    for name in meant:
         if by_axis is None or name not in COORDINATES:
-            yield missing_column(name, text.source.shown, text.header_row, header, spec)
+            yield missing_column(name, *place, spec, meant)
     if by_axis is not None:
         yield by_axis
 
 
-def _told_later(text: CsvText, spec: TableSpec, told: list[Problem]) -> Iterator[Problem]:
-    """What is told of other columns once the header is sound, so that all is told at once; by the
-    first rows, as far as cells tell.
+def _told_later(
+    text: CsvText, spec: TableSpec, known: Collection[str | int | None]
+) -> Iterator[Problem]:
+    """What is told of columns that are not `known` once the header is sound, so that all is told at
+    once; by the first rows, as far as cells tell.
     """
-    known, header = {problem.column for problem in told}, frozenset(text.header)
+    header = frozenset(text.header)
     of_points = "feature" in spec.required
     repeats = MEASUREMENTS if of_points and "repeat" not in text.header else ()
-    rows = _first_rows(text)
+    rows = first_rows(text, LOOKED_AT)
     for index, name in enumerate(text.header):
         if spec.named(name) or name in known or not is_name(name):
             continue
@@ -136,26 +143,19 @@ def _numbered(cells: Sequence[str], decimal: Decimal) -> bool:
     return len(found) == len(cells) and min(found) in (0, 1)
 
 
-def _first_rows(text: CsvText) -> list[list[str]]:
-    """The cells of the first lines below the header, as far as they can be read."""
-    # Comment lines are blank by now.
-    lines = filter(str.strip, lines_from(text.content, text.body))
-    found: list[list[str]] = []
-    with suppress(csv.Error):
-        found.extend(csv.reader(islice(lines, LOOKED_AT), delimiter=text.separator))
-    return found
+def _doubtful(name: str, spec: TableSpec) -> bool:
+    return may_count(name, spec) or bool(direction_along(name) or nominal_by_sign(name))
 
 
-def _doubtful(name: str) -> bool:
-    return may_count(name) or bool(direction_along(name) or nominal_by_sign(name))
-
-
-def may_count(name: str) -> bool:
-    """Whether a column counts something, the repeats maybe: `Run`, `run_no`, `measurement no`."""
+def may_count(name: str, spec: TableSpec) -> bool:
+    """Whether a column counts something, the repeats maybe: `Run`, `run_no`, `measurement no`; of
+    points a `Cycle` too, which names a warm-up of readings.
+    """
+    counts = RUNS + CYCLES if spec.named("repeat") else RUNS
     *before, last = re.split(r"[-_ .]+", plain(name).strip(" ."))
     if before and last in NUMBER and last != KEY:
-        return squeezed("_".join(before)) in RUNS + MEASUREMENTS
-    return squeezed(name).removesuffix("s") in RUNS
+        return squeezed("_".join(before)) in counts + MEASUREMENTS
+    return squeezed(name) in counts or squeezed(name).removesuffix("s") in counts
 
 
 def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Iterator[Problem]:
@@ -218,7 +218,9 @@ def _meant(name: str, known: Mapping[str, str]) -> str | None:
     *before, last = re.split(r"[-_ .]+", plain(name).strip(" ."))
     if before and last in (*NUMBER, "s"):
         word = squeezed("_".join(before))
-        if last == KEY and word in RUNS + MEASUREMENTS:
+        # Of readings a cycle has a name, and an id is one.
+        counts = RUNS + CYCLES if known.get(word) == "repeat" else RUNS
+        if last == KEY and word in counts + MEASUREMENTS:
             return None
         if word in MEASUREMENTS and last in NUMBER and "repeat" in known.values():
             return "repeat"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 
 from mtu_cli.errors import Problem, closest, is_near, shorten
 from mtu_cli.files.column_lengths import deviation_along, in_other_unit, renaming
@@ -12,7 +13,10 @@ from mtu_cli.units import UNITS, plain_unit
 
 RUNS = ("run", "durchgang", "durchlauf", "lauf", "trial", "versuch")
 """Of repeats, or of anything else."""
-REPEATS = ("repeat", "rep", "replicate", "replication", "repetition", "wiederholung", "wdh", *RUNS)
+REPEATS = ("repeat", "rep", "rpt", "repl", "replicate", "replication", "repetition",
+           "wiederholung", "wiederh", "wdh", *RUNS)  # fmt: skip
+CYCLES = ("cycle", "zyklus")
+"""Of points the repeats, or anything else; of readings a warm-up."""
 MEASUREMENTS = ("measurement", "meas", "messung", "mess")
 """Of a point, where they are numbered; without a number they are what was measured."""
 POS = "pos"
@@ -21,7 +25,7 @@ OTHER_WORDS = {
     "part": ("serial", "serial_number", "serial_no", "workpiece", "piece", "sn", "s/n"),
     "feature": ("hole", "bore", "point", "ring", "feature_id", "element", "label", POS),
     "sequence": ("seq",),
-    "repeat": REPEATS,
+    "repeat": (*REPEATS, *CYCLES),
     "pass": ("passes", *REPEATS),
     "cycle": ("warm_up", "zyklus"),
     "direction": ("dir", "dirn"),
@@ -63,27 +67,70 @@ _BY_UNIT = re.compile(r"(.*?)[ _]*(?:[\[(] *([^\])]+?) *[\])]|[ _/]([^\W_]+(?:/m
 
 
 def missing_column(
-    name: str, shown: str, row: int, header: tuple[str, ...], spec: TableSpec
+    name: str,
+    shown: str,
+    row: int,
+    header: tuple[str, ...],
+    spec: TableSpec,
+    meant: Mapping[str, str | None] | None = None,
 ) -> Problem:
-    """The Problem of a column that is not there, with the one that was probably meant."""
-    others = [other for other in header if other and not spec.named(other)]
-    axis = name[0] if name in COORDINATES else None
-    along = {other: deviation_along(other) for other in others} if axis else {}
-    others = [other for other in others if not along.get(other)]
-    near = column_for(name, others)
+    """The Problem of a column that is not there, with the one that was probably meant; `meant` are
+    those of all that are missing, as `meant_columns` finds them.
+    """
+    meant = meant_columns([name], header, spec) if meant is None else meant
+    every = [other for other in header if other and not spec.named(other)]
+    others = [other for other in every if other not in meant.values()]
+    along = {other: deviation_along(other) for other in others} if name in COORDINATES else {}
+    near = meant[name]
     if near is not None:
         hint = renaming(near, name)
         hint += OF_MACHINE if name == "component" and squeezed(near) in AXIS else ""
-    elif name == "unit" and (told := _told_units(others)):
+    elif name == "unit" and (told := _told_units(every)):
         hint = f"a column 'unit', with {told} in each row"
-    elif own := [other for other, of in along.items() if of == axis]:
+    elif own := [other for other, of in along.items() if of == name[0]]:
         hint = f"a column {name!r} with the measured coordinate, nominal plus deviation, in mm "
         hint += f"({own[0]!r} looks like the deviation)"
-    elif len(bare := [other for other in others if name in NAMED and plain(other) in BARE]) == 1:
-        hint = f"a column {name!r}: {bare[0]!r} may be it, renamed"
+    elif told := _bare(name, others, meant):
+        hint = f"a column {name!r}: {told}, renamed"
     else:
         hint = f"a column {name!r} (the columns are {', '.join(map(shorten, header))})"
     return Problem(what=f"the column {name!r} is missing", file=shown, row=row, expected=hint)
+
+
+def meant_columns(
+    absent: Sequence[str], header: Sequence[str], spec: TableSpec
+) -> dict[str, str | None]:
+    """The other column that each missing one probably is, None where none is: one that may be two
+    of them is the one whose name it fits best.
+    """
+    others = [other for other in header if other and not spec.named(other)]
+    meant: dict[str, str | None] = dict.fromkeys(absent)
+    for surely in (True, False):
+        for name in (name for name in absent if meant[name] is None):
+            taken = meant.values()
+            free = [
+                other
+                for other in others
+                if other not in taken and not (name in COORDINATES and deviation_along(other))
+            ]
+            near = column_for(name, free)
+            if near is not None and not (surely and meant_by(near) != name):
+                meant[name] = near
+    return meant
+
+
+def _bare(name: str, others: Sequence[str], meant: Mapping[str, str | None]) -> str | None:
+    """That the one column with a bare name may be the missing one; where both that may have it are
+    missing, once for both.
+    """
+    bare = [other for other in others if plain(other) in BARE]
+    if name not in NAMED or len(bare) != 1:
+        return None
+    lacking = [own for own in NAMED if own in meant and meant[own] is None]
+    if lacking[0] != name:
+        return None
+    also = "".join(f" or the column {own!r}" for own in lacking[1:])
+    return f"{bare[0]!r} may be it{also}"
 
 
 def column_for(name: str, others: list[str]) -> str | None:

@@ -3,21 +3,40 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import islice
 
 from mtu_cli.errors import Problem, fault
-from mtu_cli.files.column_words import ACTUAL, AXES, AXIS, NOMINAL, UNIT, VALUE, WORDS, plain
+from mtu_cli.files.column_words import (
+    ACTUAL,
+    AXES,
+    AXIS,
+    NOMINAL,
+    UNIT,
+    VALUE,
+    WORDS,
+    direction_along,
+    plain,
+)
 from mtu_cli.files.csv_cells import number
 from mtu_cli.files.csv_first_line import LOOKED_AT, header_below
+from mtu_cli.files.csv_missing import squeezed
 from mtu_cli.files.csv_table import TableSpec
-from mtu_cli.files.csv_text import DECIMALS, CsvText, lines_from
+from mtu_cli.files.csv_text import DECIMALS, CsvText, first_rows, lines_from
 
 KINDS = {
     ("component", "error", "unit"): ("readings of components", "--lbb, --laser or --drift"),
     ("part", "feature", "x_mm", "y_mm"): ("measured points", "--cmm"),
 }
 """What a table is that requires these columns, and the options that take it."""
+
+ROWS = 10_000
+"""Rows among which axes are looked for: some programs write all X before the first Y."""
+BESIDE_AXES = {"d", "r", "a", "t", "f", "l", "m", "tp", "pr", "pa", "df", "dm", "dia", "diam",
+               "diameter", "durchmesser", "radius", "angle", "winkel", "form",
+               "\u00f8"}  # fmt: skip
+"""What CMMs report of a feature in rows of the same table."""
+COORDINATE = {*ACTUAL, *NOMINAL, *VALUE, *WORDS["position_mm"]}
 
 
 def refuse_other_table(text: CsvText, spec: TableSpec) -> None:
@@ -49,11 +68,14 @@ def refuse_other_table(text: CsvText, spec: TableSpec) -> None:
         )
 
 
-def row_per_axis(text: CsvText, names: Sequence[str]) -> Problem | None:
+def row_per_axis(
+    text: CsvText, names: Sequence[str], spec: TableSpec, meant: Mapping[str, str | None]
+) -> Problem | None:
     """The Problem of a table with a row for each axis of a feature, as CMMs report them, where the
-    coordinates `names` are asked for side by side; None for any other.
+    coordinates `names` are asked for side by side; None for any other. `meant` are the columns
+    that are taken for those that are missing.
     """
-    axis = _called(text.header, AXIS) or _of_axes(text)
+    axis = _called(text.header, AXIS) or _of_axes(text, spec, meant.values())
     measured, nominal = _called(text.header, ACTUAL + VALUE), _called(text.header, NOMINAL)
     deviation = _called(text.header, WORDS["error"])
     if axis is None or measured == deviation is None:
@@ -75,17 +97,35 @@ def row_per_axis(text: CsvText, names: Sequence[str]) -> Problem | None:
     )
 
 
-def _of_axes(text: CsvText) -> str | None:
-    """The column whose first cells are axes, of whatever name (`Property`, `Merkmalsart`)."""
-    rows = [
-        [cell.strip(' "\r\n').casefold() for cell in line.split(text.separator)]
-        for line in islice(lines_from(text.content, text.body), LOOKED_AT)
-    ]
-    for i, name in enumerate(text.header):
-        cells = {row[i] for row in rows if len(row) > i and row[i]}
-        if name and len(cells) > 1 and cells <= {*AXES}:
+def _of_axes(text: CsvText, spec: TableSpec, known: Collection[str | None]) -> str | None:
+    """The column whose first cells are axes, of whatever name (`Property`, `Merkmalsart`), beside
+    no coordinates side by side: there they are axes of approach.
+
+    What is `known` as another column, by its name, is left alone: features may be called X and Y.
+    """
+    header = text.header
+    along = {_along(name) for name in header if not (spec.named(name) or direction_along(name))}
+    if len(along - {None}) > 1:
+        return None
+    own = {squeezed(name) for name in spec.names if name not in header}
+    rows = first_rows(text, ROWS)
+    for i, name in enumerate(header):
+        if not name or spec.named(name) or name in known or squeezed(name) in own:
+            continue
+        cells = {row[i].strip().casefold() for row in rows if len(row) > i} - {""}
+        if len(cells & {*AXES}) > 1 and cells <= {*AXES, *BESIDE_AXES}:
             return name
     return None
+
+
+def _along(name: str) -> str | None:
+    """The axis along which a column has a coordinate, of whatever kind: x of `x_pos` and `XIst`."""
+    words = re.findall("[a-z]+", plain(name))
+    axes = [word for word in words if word in AXES]
+    for word in words if len(words) == 1 else ():
+        ends = ((word[0], word[1:]), (word[-1], word[:-1]))
+        axes += [axis for axis, rest in ends if axis in AXES and rest in COORDINATE]
+    return axes[0] if len(axes) == 1 else None
 
 
 def _called(header: Sequence[str], words: Sequence[str]) -> str | None:

@@ -7,7 +7,9 @@ import csv
 import re
 import zlib
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Literal
 
@@ -204,6 +206,18 @@ def lines_from(content: bytes, start: int) -> Iterator[str]:
         end = end if end > 0 else len(content)
         yield content[start:end].decode()
         start = end
+
+
+def first_rows(text: CsvText, most: int) -> list[list[str]]:
+    """The cells of the first lines below the header, of `most` at most, as far as they can be
+    read.
+    """
+    # Comment lines are blank by now.
+    lines = filter(str.strip, lines_from(text.content, text.body))
+    found: list[list[str]] = []
+    with suppress(csv.Error):
+        found.extend(csv.reader(islice(lines, most), delimiter=text.separator))
+    return found
 
 
 def _header(

@@ -137,7 +137,9 @@ def read_bytes(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[
             )
         content = path.read_bytes()
     except FileNotFoundError:
-        raise fault("no such file", file=told, expected=_nearby(path)) from None
+        # A study may be given by its folder.
+        folder = " or folder" if role == "study" and not _kind(path.name) else ""
+        raise fault(f"no such file{folder}", file=told, expected=_nearby(path)) from None
     except PermissionError:
         raise fault("may not be read: permission denied", file=told) from None
     except (OSError, ValueError) as error:

@@ -11,6 +11,7 @@ from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import entry_text
 from mtu_cli.errors import fault
 from mtu_cli.files.contracts import is_identifier
+from mtu_cli.files.covariates import looks_like_temperature
 from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
@@ -244,9 +245,9 @@ def _of_levels(left: FloatArray, noise: float) -> float:
 
 
 def _odd_names(tables: Sequence[ResidualTable]) -> list[Warned]:
-    """Columns that no equation can name, once for all tables."""
+    """Columns that no equation can name, once for all tables; who reads them tells of sensors."""
     every = dict.fromkeys(name for table in tables for name in table.covariates)
-    odd = [name for name in every if not is_identifier(name)]
+    odd = [name for name in every if not is_identifier(name) and not looks_like_temperature(name)]
     if not odd:
         return []
     text = (

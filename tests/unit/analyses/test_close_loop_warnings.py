@@ -61,8 +61,10 @@ def test_columns_that_no_equation_can_name_are_told() -> None:
         return [w.message for w in loop_warnings([own], 9) if w.code == "column-not-used"]
 
     assert messages("load") == []
-    (text,) = messages("spindle temp", "load", "Zeit [min]")
-    assert "not used: 'spindle temp', 'Zeit [min]', since an equation cannot name them" in text
+    (text,) = messages("spindle load", "load", "Zeit [min]")
+    assert "not used: 'spindle load', 'Zeit [min]', since an equation cannot name them" in text
+    # Reading the points has told of it already, with the name that makes it a sensor.
+    assert messages("Spindle temp") == []
 
 
 def test_a_search_that_stopped_is_told_where_more_would_pass() -> None:

@@ -36,6 +36,9 @@ INPUTS = {
     "ZC": "value: 273.15, unit: degC",
     "HF": "value: 280, u: 3, unit: degC",
     "F": "value: 650, u: 3, unit: degC",
+    "L5": "value: 6.5, u: 0.1, unit: degC",
+    "ICE": "value: 273.16, u: 0.01, unit: K",
+    "COLD": "value: 273.5, u: 0.1, unit: K",
 }
 
 
@@ -123,6 +126,12 @@ def test_degrees_that_would_be_a_room_in_kelvin_are_asked_for(tmp_path: Path) ->
         ("TK", "degC", "inputs.TK: 295.15 K make a result in degC, and no unit is converted; "
          "expected K for the result, or TK - 273.15"),
         ("TK + DK", "\u00b0C", "295.15 K make a result in degC"),
+        # What is taken off is too small for a temperature: it corrects the one that there is.
+        ("TC - c", "K", "22 degC make a result in K"),
+        ("TK - c", "degC", "295.15 K make a result in degC"),
+        ("ICE", "degC", "273.16 K make a result in degC"),
+        ("ICE + c", "degC", "273.16 K make a result in degC"),
+        ("COLD - DK", "degC", "273.5 K make a result in degC"),
     ],
 )  # fmt: skip
 def test_a_result_in_another_scale_is_asked_for(
@@ -138,7 +147,9 @@ def test_a_result_in_another_scale_is_asked_for(
     [
         ("TC", "degC"), ("TK", "K"), ("TC + 273.15", "K"), ("TK - 273.15", "degC"),
         ("TC - T0", "K"), ("TC - 20", "K"), ("-TC", "K"), ("TK - RK", "degC"), ("c", "K"),
-        ("DK", "degC"), ("TC - F", "K"), ("TC - c", "K"),
+        ("DK", "degC"), ("TC - F", "K"), ("TC - L5", "K"),
+        ("ICE - 273.15", "degC"), ("ICE - COLD", "degC"), ("ICE - TK", "degC"),
+        ("c + 273.15", "K"), ("c + Z", "K"), ("ZC", "K"), ("ICE", "K"),
         ("TK - ZC", "degC"), ("TC + Z", "K"), ("TK - Z", "degC"), ("L*a*DK", "mm"), ("F", "K"),
     ],
 )  # fmt: skip

@@ -15,7 +15,7 @@ from mtu_cli.errors import InputError
 from mtu_cli.files.json_file import read_json
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.readings_stream import stream_readings
-from mtu_cli.files.source import check_text, hash_of, read_source, shown_path
+from mtu_cli.files.source import check_text, hash_of, read_bytes, read_source, shown_path
 from mtu_cli.files.write import check_targets, write_files
 from mtu_cli.files.yaml_file import read_yaml
 
@@ -49,6 +49,20 @@ def test_a_missing_file_names_the_closest_one(tmp_path: Path) -> None:
     assert "machin.yaml: no such file" in text
     assert "machine.yaml" in text.split("did you mean")[1]
     assert text.startswith(f"{tmp_path}/machin.yaml: ")
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "told"),
+    [
+        ("v1.2", "study", "v1.2: no such file or folder"),
+        ("other.yaml", "study", "other.yaml: no such file"),
+        ("readings", "lbb", "readings: no such file"),
+    ],
+)
+def test_a_missing_study_may_be_a_folder(tmp_path: Path, name: str, role: str, told: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_bytes(tmp_path / name, role)
+    assert str(caught.value) == f"{tmp_path}/{told}"
 
 
 @pytest.mark.parametrize(
