@@ -16,6 +16,9 @@ from mtu_cli.units import PARAMETER_UNITS, Unit
 
 EFFECT_MARK = "."
 """Stands between an effect and its parameter; no component's name holds it."""
+NAMELESS = "unnamed-"
+"""What names of drifts and fields without a name in a class begin with."""
+MOST_NAMED = 4
 SAME_VALUE = 1e-9
 """Relative; less is the rounding of a value that went through a report's unit."""
 
@@ -172,12 +175,20 @@ def effect_warnings(
 
 
 def not_told_warnings(machine: LoadedMachine) -> list[Warned]:
-    """Of effects of which a searched value (a pitch) is one of several that fit alike: elsewhere
-    than at the places that they were found on, each of those values foretells other errors.
+    """Of effects of which a searched value (a pitch), or which effect it is, was not told by what
+    they were found on: elsewhere each of those foretells other errors.
     """
     warnings = []
     for i, effect in enumerate(machine.machine.effects):
         place = f"{machine.source.shown}:{machine.line_of('effects', i)}"
+        rivals = _named_with(effect.found, effect.name)
+        if rivals:
+            text = (
+                f"{place}: the data that effects[{i}] ({effect.name}) was found on cannot tell it "
+                f"from {_listed(rivals)}: at other places or times each foretells other "
+                "errors, and u is that of this one"
+            )
+            warnings.append(Warned(code="effect-not-told", message=text))
         for name, others in effect.alike.items():
             what, _, unit = name.rpartition("_")
             where = "places" if unit == "mm" else "data"
@@ -189,6 +200,23 @@ def not_told_warnings(machine: LoadedMachine) -> list[Warned]:
             )
             warnings.append(Warned(code="searched-not-told", message=text))
     return warnings
+
+
+def _named_with(found: Mapping[str, Any], name: str) -> list[str]:
+    """The other names of the class that an effect was `found` in, as far as it says so."""
+    names = found.get("class")
+    known = names if isinstance(names, list) else []
+    return [
+        own
+        for own in known
+        if isinstance(own, str) and own != name and not own.startswith(NAMELESS)
+    ]
+
+
+def _listed(names: list[str]) -> str:
+    """Of many the first ones, the likeliest."""
+    more = len(names) - MOST_NAMED
+    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def effect_estimates(

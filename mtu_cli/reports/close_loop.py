@@ -15,9 +15,9 @@ whole cancel; one is `told` where its 95 % interval is no longer than the machin
 the values of a `covariate` (a temperature, the place along another axis in mm) at which what
 changes with it and an offset cancel, `given` as there; `seen` is the range of the data.
 `left_means` are mean errors along axes of effects that are no finding among all tests.
-`rivals` are the others of a class of three at most, each estimated in the place of the effect. An
-effect that is one of several `alike` pitches makes the verdict `class`, though its `class` has one
-name.
+`rivals` are the likeliest others of a class, each estimated in the place of the effect; `changed`
+are other effects that have another size beside one, as they are then. An effect that is one of
+several `alike` pitches makes the verdict `class`, though its `class` has one name.
 The `verdict` of an effect is its own: `named` beside a verdict `unexplained` where what has no name
 lies elsewhere, with less than 0.1 % of the posterior in its place; `unexplained` is a hint only.
 `apart` are those of the `class` of a scatter that it cannot be mistaken for: not much less likely.

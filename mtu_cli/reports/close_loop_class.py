@@ -145,11 +145,11 @@ def _experiment(effect: FoundEffect) -> list[str]:
     if should_be_told(effect):
         nameless = any(map(is_nameless, effect.class_names))
         one = "One of those with a name" if nameless else "One of them"
-        none = "or what has no name" if nameless else "or none"
+        none = "or what has no name" if nameless else "or something else"
         lead = f"{one} alone would show in this data ({now} standard deviations): more than one "
         if little:
-            return [f"{lead}may act, {none}. {_little(planned)}"]
-        return [f"{lead}may act, {none}. To tell: {planned.do}."]
+            return [f"{lead}may act at once, {none}. {_little(planned)}"]
+        return [f"{lead}may act at once, {none}. To tell: {planned.do}."]
     if little:
         return [_little(planned)]
     return [

@@ -62,7 +62,9 @@ class Curve:
 
 
 def curves(item: TableResult) -> list[Curve]:
-    """A panel an effect, the first few; without effects the residuals from part to part."""
+    """A panel an effect, of many the first few, offsets last; without effects the residuals from
+    part to part.
+    """
     if not item.effects:
         row = things(item)[0]
         return [_by_category(item, f"residuals, {row} by {row}", row, None)]
@@ -70,8 +72,15 @@ def curves(item: TableResult) -> list[Curve]:
         _of_equation(effect, item)
         if effect.equations and effect.kind != "offset"
         else _of_choice(effect, item)
-        for effect in item.effects[:MOST]
+        for effect in _drawn(item)
     ]
+
+
+def _drawn(item: TableResult) -> list[FoundEffect]:
+    """Those that are drawn, in the order found: an offset shows the least."""
+    effects = item.effects
+    chosen = sorted(range(len(effects)), key=lambda e: effects[e].kind == "offset")[:MOST]
+    return [effects[e] for e in sorted(chosen)]
 
 
 def by_column(item: TableResult) -> Curve:

@@ -228,11 +228,15 @@ def _reversal(value: float, item: TableResult) -> dict[str, str]:
 
 def direction_text(effect: FoundEffect, item: TableResult) -> str | None:
     """Which way a reversal goes: E = lost_motion dir, dir = +1 after a move towards +; and what
-    the sign of a squareness means, E = angle b along a.
+    a squareness, E = angle b along a, is with the sign of angles that are too large.
     """
     shown = parameters_of(effect)
     if effect.family == "squareness":
-        return "+ where the right angle is too small (of `mtu orthogonality`: too large)"
+        twice = sum(own.name == effect.name for own in item.effects) > 1
+        if len(shown) != 1 or twice or item.table.component is not None:
+            return "+ where the right angle is too small (of `mtu orthogonality`: too large)"
+        other = _size(-shown[0].value, shown[0].u, shown[0].unit)
+        return f"in `mtu orthogonality`, where + is more than 90 degrees, that is {other}"
     if effect.family not in ("backlash", LATER_BACKLASH) or len(shown) != 1:
         return None
     first, over = shown[0], shown[0].value >= 0

@@ -46,6 +46,8 @@ TITLE = 115
 """Characters of the title."""
 LEGEND = 3
 """Rows of the ranking that its legend is as high as."""
+BESIDE_LEGEND = 0.2
+"""Share of the ranking's width that its legend leaves free."""
 TICKS = 30
 """More columns than this are drawn without their names."""
 APART = 0.006
@@ -218,7 +220,8 @@ def _room(best: Sequence[Judged]) -> float:
     factors = [judged.log_bayes_factor or 0.0 for judged in best]
     high, low = max([0.0, *factors]), max(min([0.0, *factors]), LEAST)
     last = factors[-LEGEND:]
-    free = all(low <= factor < low + 0.5 * (high - low) for factor in last) and high > -low
+    end = low + BESIDE_LEGEND * (high - low)
+    free = all(low <= factor < end for factor in last) and high > -low
     return 0.0 if free or not last else float(LEGEND)
 
 

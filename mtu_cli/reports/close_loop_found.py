@@ -63,6 +63,7 @@ def _rival(rival: FoundEffect) -> dict[str, Any]:
         "parameters": _parameters(rival),
         "searched": _searched(rival),
         "without": list(rival.without),
+        "changed": {own.name: _parameters(own) for own in rival.changed},
     }
 
 

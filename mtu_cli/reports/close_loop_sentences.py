@@ -9,7 +9,7 @@ from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import own_verdict
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.close_loop_effects import effect_text
-from mtu_cli.reports.close_loop_shown import class_of, either, sure_levels
+from mtu_cli.reports.close_loop_shown import beside_which, class_of, either, sure_levels
 from mtu_cli.reports.numbers import plus_minus
 
 
@@ -114,11 +114,7 @@ def _one_cause_with(item: TableResult, place: int, offset: FoundEffect) -> set[s
 
 def beside_one_of(item: TableResult, effect: FoundEffect) -> str:
     """Beside which others an effect has this size, where it has another beside their rivals."""
-    changes = [
-        own.name
-        for own in item.effects
-        if any(effect.name == x.name for rival in own.rivals for x in rival.changed)
-    ]
+    changes = beside_which(item, effect)
     return f"beside {' and '.join(changes)}, " if changes else ""
 
 

@@ -194,9 +194,34 @@ def growth_alone_notes(item: TableResult) -> list[str]:
     return notes
 
 
+def beside_which(item: TableResult, effect: FoundEffect) -> list[str]:
+    """Other effects beside which an effect has its size, and beside whose rivals another one."""
+    return [
+        own.name
+        for own in item.effects
+        if any(effect.name == other.name for rival in own.rivals for other in rival.changed)
+    ]
+
+
+def _beside_notes(item: TableResult) -> list[str]:
+    """Of effects whose figures hold beside one of a class alone."""
+    pairs = [(effect.name, beside_which(item, effect)) for effect in item.effects]
+    return [
+        f"{name} has these figures beside {' and '.join(which)}, and others beside what that may "
+        "be as well: see above"
+        for name, which in pairs
+        if which
+    ]
+
+
 def held_notes(item: TableResult) -> list[str]:
     """On what the figures of growths and the like depend."""
-    return [*_mean_of_day_notes(item), *_otherwise_notes(item), *_left_notes(item)]
+    return [
+        *_beside_notes(item),
+        *_mean_of_day_notes(item),
+        *_otherwise_notes(item),
+        *_left_notes(item),
+    ]
 
 
 def _left_notes(item: TableResult) -> list[str]:

@@ -213,3 +213,28 @@ def test_faulty_reports(change: dict[str, Any], words: str, tmp_path: Path) -> N
     with pytest.raises(InputError) as caught:
         reported(tmp_path, loaded(tmp_path, MACHINE), together() | change)
     assert f"c.json: {words}" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("found", "told"),
+    [
+        ("{class: [turn, scale-z]}", "scale-z"),
+        ("{class: [turn, scale-z, unnamed-drift-x, radial]}", "scale-z, radial"),
+        ("{class: [a, b, turn, c, d, e, f]}", "a, b, c, d and 2 more"),
+        ("{class: [turn]}", None),
+        ("{class: [turn, unnamed-drift-x]}", None),
+        # What stands there is free.
+        ("{class: turn}", None),
+        ("{class: [turn, 3, {a: b}]}", None),
+        ("{by: a person}", None),
+    ],
+)
+def test_one_of_a_class_is_told_of(found: str, told: str | None, tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS + f"    found: {found}\n")
+    line = machine.line_of("effects", 1)
+    text = (
+        f"machine.yaml:{line}: the data that effects[1] (turn) was found on cannot tell it from "
+        f"{told}: at other places or times each foretells other errors, and u is that of this one"
+    )
+    known = [(item.code, item.message) for item in not_told_warnings(machine)]
+    assert known == ([] if told is None else [("effect-not-told", text)])

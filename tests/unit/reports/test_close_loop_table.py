@@ -72,10 +72,11 @@ def test_a_reversal_says_which_way_it_goes() -> None:
 def test_the_sign_of_a_squareness_is_told() -> None:
     """E_x = angle y: + leans Y towards X."""
     own = effect(
-        family="squareness", name="squareness-xy", parameters=(("angle", "arcsec", 5e-5, 1e-6),)
+        family="squareness", name="squareness-xy", parameters=(("angle", "arcsec", 10.0, 0.5),)
     )
     text = " ".join(plain_text(table(result(on_table("named", (own,))))).split())
-    assert "squareness-xy: + where the right angle is too small (of `mtu orthogonality`" in text
+    said = "in `mtu orthogonality`, where + is more than 90 degrees, that is -10.00 ± 0.50 arcsec"
+    assert f"squareness-xy: {said}" in text
 
 
 def test_no_parts_are_advised_that_tell_nothing_apart() -> None:

@@ -51,10 +51,12 @@ def test_of_a_long_class_the_sentence_names_the_likeliest_and_the_table_all() ->
 def test_rivals_that_the_data_should_have_told_apart_may_both_act() -> None:
     text = words(long_class(5.4))
     assert "One of them alone would show in this data (5.4 standard deviations)" in text
-    assert "more than one may act, or none. To tell: vary it on purpose." in text
+    assert "more than one may act at once, or something else. To tell: vary it on purpose." in text
     text = words(long_class(5.4, "abbe-x", "unnamed-drift-x"))
     assert "One of those with a name alone would show in this data (5.4 standard" in text
-    assert "more than one may act, or what has no name. To tell: vary it on purpose." in text
+    assert (
+        "more than one may act at once, or what has no name. To tell: vary it on purpose." in text
+    )
     assert "set them a further 3.2 standard deviations apart (so far 4.9)" in words(long_class(4.9))
     # Of aliases nothing but rounding is left.
     assert "apart (so far none)." in words(long_class(2.5e-15))
