@@ -355,14 +355,14 @@ def of_a_class(*rivals: FoundEffect, names: tuple[str, ...], **changed: object) 
 
 
 def test_a_drift_that_may_be_another_has_one_if_it_is_that() -> None:
-    """The offset keeps its sentence: of a rise in time it is none."""
+    """The offset keeps its sentence for the other: of a rise in time it is none."""
     rise = {"Ex": "lost_motion*(1 - exp(-time_min/20))"}
     warms = effect("warm-up-x", equations=rise, class_names=CLASS[::-1])
     text = of_a_class(warms, names=CLASS)
     one = "with offset-x that is one cause: X is right at T_spindle_degC = 22.50 ± 0.33. "
     assert f"of T_spindle_degC; {one}If warm-up-x: " in text
     assert text.count("one cause") == 1
-    assert "Everything is shifted along X by 3.68" in text
+    assert ". If it is warm-up-x, everything is shifted along X by 3.68" in text
 
 
 def test_where_each_of_a_class_has_one_the_offset_is_told_with_them() -> None:
@@ -399,4 +399,5 @@ def test_most_likely_a_drift_is_right_at_a_temperature() -> None:
     text = of_a_class(names=names)
     assert "(thermal-drift-x); with offset-x that is one cause: X is right at " in text
     assert "; a smooth drift in x without a name is not excluded. " in text
-    assert "Everything is shifted along X by 3.68" in text
+    said = "If it is a smooth drift in x without a name, everything is shifted along X by 3.68"
+    assert said in text
