@@ -80,7 +80,7 @@ def _exact(budget: Budget, trees: Mapping[str, Node], document: YamlDocument) ->
     exact = [
         name
         for name, given in keys.items()
-        if isinstance(given, dict) and all(given.get(key) is None for key in SPREAD)
+        if isinstance(given, dict) and all(given.get(key) in (None, []) for key in SPREAD)
     ]
     if not exact:
         return ()

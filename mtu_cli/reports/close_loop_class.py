@@ -24,10 +24,9 @@ from mtu_cli.reports.close_loop_shown import (
     class_of,
     either,
     nearly_alone,
-    parameters_of,
     stays,
 )
-from mtu_cli.reports.numbers import plus_minus, significant
+from mtu_cli.reports.numbers import significant
 
 ON_MACHINE = "look for each of them on the machine itself"
 BEND, PLACES = "straightness-", 4
@@ -109,19 +108,16 @@ def members(item: TableResult, effect: FoundEffect) -> list[tuple[str, str, str 
     # A rival stands in its place: what it would be is told beside the others.
     others = replace(item, effects=tuple(own for own in item.effects if own is not effect))
     first = f"{beside_one_of(item, effect)}{effect_text(effect, others)}"
-    texts = [first, *(f"{effect_text(own, others)}{_changed(own)}" for own in effect.rivals)]
+    texts = [first, *(effect_text(own, others) + _changed(own, item) for own in effect.rivals)]
     return [
         (own.name, text, one_cause(item, place, own))
         for own, text in zip((effect, *effect.rivals), texts, strict=True)
     ]
 
 
-def _changed(rival: FoundEffect) -> str:
+def _changed(rival: FoundEffect, item: TableResult) -> str:
     """What other effects are beside a rival, where it is not what they were found as."""
-    shown = ((own.name, parameters_of(own)[0]) for own in rival.changed)
-    return "".join(
-        f"; {name} is then {plus_minus(first.value, first.u)} {first.unit}" for name, first in shown
-    )
+    return "".join(f"; then {effect_text(own, item)} ({own.name})" for own in rival.changed)
 
 
 def _place(item: TableResult, effect: FoundEffect) -> int:

@@ -14,7 +14,7 @@ from mtu_cli.analyses.close_loop.shown import amplitude, pitch_is_open, things
 from mtu_cli.analyses.close_loop.zeros import zeros_of
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_scatter import one_axis_text, scatter_text
-from mtu_cli.reports.close_loop_searched import AT, SEARCHED_DIGITS, searched_text
+from mtu_cli.reports.close_loop_searched import AT, SEARCHED_DIGITS, open_end, searched_text
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     Shown,
@@ -151,7 +151,7 @@ def _of_one(first: Shown, effect: FoundEffect, item: TableResult) -> dict[str, s
     """What sentences may say of an effect with one parameter."""
     value = abs(first.value)
     return {
-        "value": _size(first.value, first.u, first.unit),
+        "value": _size(first.value, first.u, first.unit) + open_end(*first.interval),
         "size": _size(value, first.u, first.unit),
         "twice": _size(TWICE * value, TWICE * first.u, first.unit),
         **_reversal(first.value, item),

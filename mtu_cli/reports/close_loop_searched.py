@@ -17,7 +17,7 @@ def searched_text(
     """What was searched, and its 95 % interval, to two digits of a quarter of its width; of one
     of `several` values that fit alike to digits of its own. What fits best at an end of what was
     searched has that end for no reason of the data, but where the data themselves end (no `ends`);
-    what has no upper end has a lower one alone.
+    what has no upper end has a lower one alone, what is 0 at its lower end an upper one.
     """
     value, low, high = found
     if several:
@@ -25,9 +25,26 @@ def searched_text(
         return significant(value, SEARCHED_DIGITS), f"[{', '.join(both)}]"
     if not high > low:
         return significant(value, SEARCHED_DIGITS), MISSING
+    if math.isinf(high) and low <= 0:
+        return significant(value, SEARCHED_DIGITS), "(not told)"
     if math.isinf(high) or (ends and value == high):
         return f"at least {significant(low)}", ""
-    if ends and value == low:
+    if ends and (value == low or low == 0):
         return f"at most {significant(high)}", ""
     u = (high - low) / 4
     return with_u(value, u)[0], interval(low, high, u)
+
+
+def size_interval(low: float, high: float, u: float) -> str:
+    """The 95 % interval of a size, such as "> 3.4" where that has no upper end."""
+    if math.isinf(high) and math.isfinite(low):
+        return f"> {significant(low)}"
+    if math.isinf(low) and math.isfinite(high):
+        return f"< {significant(high)}"
+    return interval(low, high, u)
+
+
+def open_end(low: float, high: float) -> str:
+    """That a size which has no end one way is so much at least."""
+    text = size_interval(low, high, 1.0)
+    return f" (95 %: {text})" if text[0] in "<>" else ""

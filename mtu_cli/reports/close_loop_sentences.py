@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mtu_cli.analyses.close_loop.cancelling import FixedPoint, NeutralPoint
@@ -43,33 +44,43 @@ def sentences(item: TableResult) -> list[Sentence]:
     for point in (p for p in item.fixed_points if p.given is None):
         first = item.effects[point.growth[0]]
         own = tuple(item.effects[e] for e in (*point.growth, *point.drift))
+        beside = beside_one_of(item, *own)
         one = point.told and len(point.growth) == 1 and first.axis == point.axis
         if one and _alike(own, item):
-            text = f"{effect_text(first, item)} from a fixed point at {_place(point)}"
+            text = f"{beside}{effect_text(first, item)} from a fixed point at {_place(point)}"
             joined[point.growth[0]] = Sentence(effects=own, text=text)
             for e in point.drift:
                 told.setdefault(e, set()).add(f"E{point.axis}")
         else:
-            last.append(Sentence(effects=(), text=_fixed(point), of=own))
+            last.append(
+                Sentence(effects=(), text=beside_one_of(item, *own) + _fixed(point), of=own)
+            )
     for neutral in (p for p in item.neutral_points if p.given is None):
         (e, *more), right = neutral.drift, _right(neutral)
         own = tuple(item.effects[k] for k in (*neutral.drift, *neutral.offset))
+        beside = beside_one_of(item, *own)
         one = not more and own[0].equations.keys() == {f"E{neutral.axis}"}
         if one and _alike(own, item):
             subject = f"{neutral.axis.upper()} " if neutral.covariate in AXES else ""
-            text = f"{effect_text(own[0], item)}, and {subject}{right}"
+            text = f"{beside}{effect_text(own[0], item)}, and {subject}{right}"
             joined[e] = Sentence(effects=own, text=text)
             for k in neutral.offset:
                 told.setdefault(k, set()).add(f"E{neutral.axis}")
         else:
-            text = f"{neutral.axis.upper()} {right}"
+            text = f"{beside}{neutral.axis.upper()} {right}"
             last.append(Sentence(effects=(), text=text, of=own))
-    plain = (
+    return [*_each(item, joined, told), *last]
+
+
+def _each(
+    item: TableResult, joined: Mapping[int, Sentence], told: Mapping[int, set[str]]
+) -> list[Sentence]:
+    """That of each effect, or of the cause that it is `joined` in; none of what others hold."""
+    return [
         joined.get(e, Sentence(effects=(effect,), text=_text(item, effect)))
         for e, effect in enumerate(item.effects)
         if e not in told or not effect.equations.keys() <= told[e]
-    )
-    return [*plain, *last]
+    ]
 
 
 def _text(item: TableResult, effect: FoundEffect) -> str:
@@ -112,9 +123,9 @@ def _one_cause_with(item: TableResult, place: int, offset: FoundEffect) -> set[s
     }
 
 
-def beside_one_of(item: TableResult, effect: FoundEffect) -> str:
-    """Beside which others an effect has this size, where it has another beside their rivals."""
-    changes = beside_which(item, effect)
+def beside_one_of(item: TableResult, *effects: FoundEffect) -> str:
+    """Beside which others effects have their sizes, where they have others beside their rivals."""
+    changes = dict.fromkeys(name for own in effects for name in beside_which(item, own))
     return f"beside {' and '.join(changes)}, " if changes else ""
 
 

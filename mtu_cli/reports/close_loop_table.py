@@ -25,7 +25,7 @@ from mtu_cli.analyses.close_loop.shown import (
 from mtu_cli.reports.close_loop_effects import direction_text
 from mtu_cli.reports.close_loop_notes import copied, effect_notes, left_text, level_text, untested
 from mtu_cli.reports.close_loop_scatter import scatter_lines
-from mtu_cli.reports.close_loop_searched import AT, searched_text
+from mtu_cli.reports.close_loop_searched import AT, searched_text, size_interval
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,
@@ -38,7 +38,7 @@ from mtu_cli.reports.close_loop_shown import (
 )
 from mtu_cli.reports.close_loop_words import verdict_lines
 from mtu_cli.reports.document import finite, listed
-from mtu_cli.reports.numbers import MISSING, interval, p_value, plus_minus, significant, with_u
+from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
 
 BEST = 5
@@ -135,7 +135,7 @@ def _effect(effect: FoundEffect, item: TableResult) -> list[list[str]]:
     size = size_of(item, effect_rms(effect, item))
     rms = f"{significant(size)} {item.table.unit}" if size else MISSING
     lines = [
-        [p.name, plus_minus(p.value, p.u), p.unit, interval(*p.interval, p.u)]
+        [p.name, plus_minus(p.value, p.u), p.unit, size_interval(*p.interval, p.u)]
         for p in parameters_of(effect)
     ]
     for name_searched, value in effect.searched.items():

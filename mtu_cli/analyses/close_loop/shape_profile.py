@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtrit
 
-from mtu_cli.analyses.close_loop.describe import SUPPORT, Described
+from mtu_cli.analyses.close_loop.describe import Described
 from mtu_cli.analyses.close_loop.estimate import (
     FLAT,
     raw_design,
@@ -36,7 +36,9 @@ from mtu_cli.stats.loop_frame import grouped
 FINE = 16
 """Values looked at from one that was searched to the next: the likelihood is smooth there."""
 BEYOND = 30.0
-"""Times the longest value searched up to which a size may be: a straight line to any run."""
+"""Times the longest value searched, and below the shortest: a straight line or a step to any run.
+What the data support there they support farther on, too.
+"""
 ZOOMED, ZOOMS = 33, 3
 """Values about the best one, how often: to 1e-4 of a step, finer than any data tell."""
 DIGITS = 7
@@ -109,7 +111,7 @@ def with_shapes(
 ) -> tuple[FoundEffect, ...]:
     """The effects, each that has a shape with the 95 % intervals of that and of its size, by the
     profile of the likelihood over what was searched and, of times and the like, beyond: what is
-    slower than the run shows how fast it changes, and not how far. Such a shape has no upper end.
+    slower than the run shows how fast it changes, and not how far. Such a size has no upper end.
     """
     found, place = [], 0
     for step, effect in zip(told.found.steps, effects, strict=True):
@@ -131,19 +133,23 @@ def _with(
     tried = np.concatenate([_between(known), _beyond(bound, known), [value]])
     profile = _profile(told, step, place, bound, np.unique(tried))
     dof = effect.intervals[0][2]
-    # The covariance knows what the weights do not: how well they are known themselves.
-    factor = _inflation(told, place)
+    # The shape is an estimate, too, and costs a degree of freedom.
+    nu = max(dof - 1.0, 1.0)
+    factor = _inflation(told, place) * max(dof / nu, 1.0)
     over = (profile.left - profile.left.min()) / factor
-    t = float(stdtrit(max(dof, 1.0), 0.975))
-    inside = over <= t**2
-    half = np.sqrt(factor * np.maximum(t**2 - over[inside], 0.0)) * profile.u[inside]
-    low = float((profile.sizes[inside] - half).min())
-    high = float((profile.sizes[inside] + half).max())
-    ends = _ends(profile.values, over)
+    bound2 = float(stdtrit(nu, 0.975)) ** 2
+    inside = over <= bound2
+    half = np.sqrt(factor * np.maximum(bound2 - over[inside], 0.0)) * profile.u[inside]
+    lows, highs = profile.sizes[inside] - half, profile.sizes[inside] + half
+    ends = [float(lows.min()), float(highs.max())]
+    if inside[-1] and _is_open(bound):
+        # What is slower still is larger still.
+        ends = [-math.inf if lows[-1] < 0 else ends[0], math.inf if highs[-1] > 0 else ends[1]]
+    low, high = _ends(profile.values, over, bound2, open_=_is_open(bound))
     return replace(
         effect,
-        intervals=((low, high, dof), *effect.intervals[1:]),
-        searched={name: (value, min(ends[0], value), max(ends[1], value))},
+        intervals=((ends[0], ends[1], dof), *effect.intervals[1:]),
+        searched={name: (value, min(low, value), max(high, value))},
     )
 
 
@@ -156,17 +162,19 @@ def _inflation(told: Described, place: int) -> float:
     return max(float(effects.of_shapes[own, own]) / at_weights, 1.0) if at_weights > 0 else 1.0
 
 
-def _ends(values: FloatArray, over: FloatArray) -> tuple[float, float]:
-    """Where the profile passes what bounds a 95 % interval, no upper end where it does not. All
-    values that the data support lie between.
+def _ends(
+    values: FloatArray, over: FloatArray, bound2: float, *, open_: bool
+) -> tuple[float, float]:
+    """Where the profile passes what bounds a 95 % interval. Where it does not, 0 and no upper end
+    of what is `open_`, else the ends of what was searched.
     """
-    inside = np.flatnonzero(over <= SUPPORT)
+    inside = np.flatnonzero(over <= bound2)
     first, last = int(inside[0]), int(inside[-1])
-    low, high = float(values[first]), math.inf
+    low, high = (0.0, math.inf) if open_ else (float(values[0]), float(values[-1]))
     if first > 0:
-        low = float(np.interp(SUPPORT, over[[first, first - 1]], values[[first, first - 1]]))
+        low = float(np.interp(bound2, over[[first, first - 1]], values[[first, first - 1]]))
     if last < len(values) - 1:
-        high = float(np.interp(SUPPORT, over[[last, last + 1]], values[[last, last + 1]]))
+        high = float(np.interp(bound2, over[[last, last + 1]], values[[last, last + 1]]))
     return low, high
 
 
@@ -176,15 +184,18 @@ def _between(known: FloatArray) -> FloatArray:
     return np.interp(steps, np.arange(len(known)), known)
 
 
+def _is_open(bound: BoundTemplate) -> bool:
+    """Whether what was searched is of any size, such as a time: its grid is one of factors."""
+    return bound.template.search is not None and bound.template.search.grid == "log"
+
+
 def _beyond(bound: BoundTemplate, known: FloatArray) -> FloatArray:
-    """Values beyond those searched in equal steps of their logarithm."""
-    search = bound.template.search
-    if search is None or search.grid != "log":
+    """Values below and beyond those searched, in equal steps of their logarithm."""
+    if not _is_open(bound):
         return np.zeros(0)
     ratio = float(known[-1] / known[-2]) ** (1 / FINE)
-    count = math.ceil(math.log(BEYOND) / math.log(ratio))
-    found: FloatArray = known[-1] * ratio ** np.arange(1.0, count + 1.0)
-    return found
+    steps = ratio ** np.arange(1.0, math.ceil(math.log(BEYOND) / math.log(ratio)) + 1.0)
+    return np.concatenate([known[0] / steps, known[-1] * steps])
 
 
 def _profile(

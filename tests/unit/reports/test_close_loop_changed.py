@@ -36,7 +36,7 @@ def test_another_size_is_told_with_the_rival_and_the_first_is_told_to_be_beside_
     found = replace(SHIFTS, rivals=(replace(RIVAL, changed=(THEN,)),))
     whole = result(on_table("class", (found, SCALE)))
     text = verdict_text(whole.tables[0], whole)
-    assert "32.0 ± 1.8 um/m of travel; scale-y is then 29.8 ± 1.3 um/m." in text
+    assert "32.0 ± 1.8 um/m of travel; then positioning of Y grows by 29.8 ± 1.3 " in text
     assert text.lower().count("beside radial, positioning of y grows by 11.7 ± 1.7 um/m") == 1
     shown = " ".join(plain_text(table(whole)).split())
     assert "scale-y has these figures beside radial, and others beside what that may be" in shown
