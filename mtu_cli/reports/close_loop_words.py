@@ -8,7 +8,6 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.result import (
     CloseLoopResult,
-    Judged,
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import (
@@ -16,14 +15,13 @@ from mtu_cli.analyses.close_loop.shown import (
     things,
 )
 from mtu_cli.analyses.close_loop.warnings import APART, FEW_PARTS, FREES
-from mtu_cli.reports.close_loop_class import class_lines, members
+from mtu_cli.reports.close_loop_class import class_lines
+from mtu_cli.reports.close_loop_hints import hints, is_strong
 from mtu_cli.reports.close_loop_notes import MEANINGS, of_p
 from mtu_cli.reports.close_loop_rest import beside_gross, nameless_text, rest_text, together
 from mtu_cli.reports.close_loop_sentences import Sentence, sentences
 from mtu_cli.reports.close_loop_shown import (
     capital,
-    class_of,
-    in_words,
     plural,
     ranked,
     size_of,
@@ -40,8 +38,6 @@ MORE_LEFT = 1.3
 """Times the held-out error from which on more left in all data is told."""
 HOPELESS = 100.0
 """Times the rms of the errors beyond which an effect would be found only in name."""
-STRONG, LONE = 5.0, 0.9
-"""log Bayes factor and posterior from which on an effect that is not proven is told."""
 
 
 def verdict_text(item: TableResult, result: CloseLoopResult) -> str:
@@ -125,7 +121,7 @@ def _unexplained(item: TableResult) -> str:
     text = f"{lead}: {'; '.join(fired)}."
     first = [f"{capital(known, item)}."] if sure else []
     return " ".join(
-        [*first, text, *_hint(item, rest_of), *_set_up(item), rest_text(item), *_by_column(item)]
+        [*first, text, *hints(item, rest_of), *_set_up(item), rest_text(item), *_by_column(item)]
     )
 
 
@@ -188,30 +184,6 @@ def _of_one_part(item: TableResult) -> list[str]:
     ]
 
 
-def _hint(item: TableResult, said: list[Sentence]) -> list[str]:
-    """The nearest names, of which none is to be trusted where something is left."""
-    if said:
-        return [f"As a hint only: {'; '.join(_hinted(s, item) for s in said)}."]
-    best = ranked(item)
-    if item.effects:
-        return []
-    if not best or not _strong(best[0]):
-        return ["No one effect of the library stands out."]
-    return [f"As a hint only: of the named effects {best[0].name} comes nearest."]
-
-
-def _hinted(said: Sentence, item: TableResult) -> str:
-    if len(said.effects) != 1:
-        return said.named
-    (effect,) = said.effects
-    if len(class_of(effect)) == 1:
-        return f"{effect.name} ({said.text})"
-    known = {name: "; ".join(filter(None, said)) for name, *said in members(item, effect)}
-    return " or ".join(
-        f"{name} ({known[name]})" if name in known else in_words(name) for name in class_of(effect)
-    )
-
-
 def _none(item: TableResult, alpha: float) -> str:
     if item.before.rms <= NO_ERROR:
         return "Nothing undeclared was found: what was measured is what the model predicts."
@@ -255,7 +227,7 @@ def _likely(item: TableResult, alpha: float) -> list[str]:
     if count < 2 or not best:
         return []
     first = best[0]
-    if not _strong(first):
+    if not is_strong(first):
         return []
     row, _ = things(item)
     p = first.p_familywise
@@ -268,13 +240,6 @@ def _likely(item: TableResult, alpha: float) -> list[str]:
         f"{first.name} fits best by far, but {count} {plural(row)} cannot prove it "
         f"(p {p_value(1.0 if p is None else p)}): {plural(row)} may scatter that much. Take more."
     ]
-
-
-def _strong(judged: Judged) -> bool:
-    """Whether a candidate that is not proven is so much the best that its name is of use: of many
-    there is always one that fits noise best.
-    """
-    return (judged.log_bayes_factor or 0.0) >= STRONG and (judged.posterior or 0.0) >= LONE
 
 
 def _before_after(item: TableResult) -> str:

@@ -10,6 +10,7 @@ from close_loop_examples import effect, on_table, result
 from effect_tables import table
 from loop_bench.folds import LIBRARY
 from scipy.stats import binom
+from scipy.stats import t as student
 
 from mtu_cli.analyses.close_loop import left_mean
 from mtu_cli.analyses.close_loop.added import added
@@ -112,3 +113,43 @@ def test_it_is_noted_below_the_effects() -> None:
     assert document(result(item))["left_means"] == [
         {"axis": "x", "value_um": pytest.approx(-4.45), "u_um": pytest.approx(0.75), "p": 0.0012}
     ]
+
+
+def warming(seed: int, mean: float) -> Described:
+    """Errors that warm up by 10 um and are off by `mean` besides, without a level."""
+    with_time = {"time_min": 20.0 * np.arange(10.0)[:, None]}
+    own = replace(table(10, 12, places=PLACES, covariates=with_time), operations=("",))
+    own = replace(own, operation=np.zeros(12, np.int64))
+    rng = np.random.default_rng(seed)
+    errors = rng.normal(0.0, 1.3e-3, own.errors.shape) + rng.normal(0.0, 1e-3, (10, 1, 2))
+    errors[..., 0] += mean + 10e-3 * (1 - np.exp(-with_time["time_min"] / 60.0))
+    known = [c for c in candidates(own, LIBRARY) if c.name in ("warm-up-x", "offset-x")]
+    prepared = prepare(replace(own, errors=errors), known)
+    nothing = search(prepared, calibrated(prepared.scan, 99, 1), alpha=1e-300, most=1)
+    searched = [m.searched["tau_min"] for m in prepared.members]
+    member = int(np.argmin(np.abs(np.log(searched) - np.log(60.0))))
+    step = Step(index=0, member=member, p=0.0, log_bayes=9.0, posterior=1.0, credible=(0,))
+    return told(prepared, nothing, step)
+
+
+def test_beside_an_equation_with_a_mean_one_that_agrees_is_told_where_it_is_doubtful() -> None:
+    """Without a level what is written is off by the mean; that is told of p below 20 %, with the
+    figures of the level that is not opened.
+    """
+    seen = 0
+    for seed in range(12):
+        own = warming(seed, 1.0e-3)
+        levels = [level for level in own.effects.levels if level.axis == 0]
+        means = left_means(own)
+        whole = added(own.prepared, own.found, owners={0: 0})
+        assert whole.fit is not None
+        at = whole.levels[0].index
+        value, u = whole.fit.beta[at], np.sqrt(whole.fit.covariance[at, at])
+        p = 2 * student.sf(abs(value) / u, max(whole.fit.dof[at], 1.0))
+        assert bool(means) == (not levels and p < left_mean.NOT_SURE)
+        if means:
+            assert means[0].axis == "x"
+            assert (means[0].value, means[0].u) == pytest.approx((value, u), rel=1e-12)
+            assert means[0].p == pytest.approx(p, rel=1e-9)
+        seen += bool(means)
+    assert seen > 0

@@ -190,7 +190,9 @@ def test_growth_and_drift_are_one_cause_with_a_fixed_point() -> None:
     both = "X grows by 8.66 ± 0.40 um/m/K of T_spindle_degC from a fixed point at x = -137 ± 22 mm"
     names = " (thermal-growth-x and thermal-drift-x)"
     assert words(grown(GROWS, DRIFTS)).startswith(f"{both}{names}. Held-out parts: ")
-    assert f"As a hint only: {both}{names}." in words(grown(GROWS, DRIFTS, verdict="unexplained"))
+    assert f"the likeliest of the library: {both}{names}." in words(
+        grown(GROWS, DRIFTS, verdict="unexplained")
+    )
     # A third effect of which there are several: the two stay what they are.
     third = effect("backlash-x", class_names=("backlash-x", "abbe-x"))
     classed = words(grown(DRIFTS, GROWS, third, verdict="class"))
