@@ -88,7 +88,8 @@ def _check_kind(
         what = f"a {kind} distribution has no limits{default}"
         findings.add(path, what, expected="`distribution: rectangular`, say, or u")
     if item.distribution is not None and not stated:
-        findings.add((*path, "distribution"), "a distribution without a width", value=kind)
+        what, width = "a distribution without a width", "`u`, `half_width` or `low` and `high`"
+        findings.add((*path, "distribution"), what, value=kind, expected=width)
     if item.top is not None and kind != "trapezoidal":
         findings.add((*path, "top"), "`top` belongs to trapezoidal", value=item.top)
     if item.inexact is not None and kind != "curvilinear-trapezoidal":

@@ -168,7 +168,8 @@ def _notes(result: BudgetResult, index: int) -> list[str]:
     run, output = result.run, result.outputs[index]
     errors = [run.se_mean[index], run.se_u[index], run.se_low[index], run.se_high[index]]
     own = ", ".join(significant(float(value)) for value in errors)
-    verdict = VERDICT[output.validation.passed]
+    passed = output.validation.passed
+    verdict = f"{VERDICT[passed]}{', take the Monte Carlo interval' if passed is False else ''}"
     notes = []
     if not math.isclose(output.k, output.k_probability) and output.k_probability > 0.0:
         dof = output.first.dof

@@ -7,6 +7,8 @@ import math
 from mtu_cli.reports.numbers import MISSING, interval, significant, with_u
 
 SEARCHED_DIGITS = 3
+IN_NAMES = ("min", "mm")
+"""Units that the name of what was searched ends with."""
 AT = "at"
 """What is searched between the parts: the first and the last of them are ends of the data."""
 
@@ -48,3 +50,8 @@ def open_end(low: float, high: float) -> str:
     """That a size which has no end one way is so much at least."""
     text = size_interval(low, high, 1.0)
     return f" (95 %: {text})" if text[0] in "<>" else ""
+
+
+def searched_unit(name: str) -> str:
+    """The unit that a name such as `tau_min` says."""
+    return next((unit for unit in IN_NAMES if name.endswith(f"_{unit}")), "")

@@ -25,7 +25,7 @@ from mtu_cli.analyses.close_loop.shown import (
 from mtu_cli.reports.close_loop_effects import direction_text
 from mtu_cli.reports.close_loop_notes import copied, effect_notes, left_text, level_text, untested
 from mtu_cli.reports.close_loop_scatter import scatter_lines
-from mtu_cli.reports.close_loop_searched import AT, searched_text, size_interval
+from mtu_cli.reports.close_loop_searched import AT, searched_text, searched_unit, size_interval
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
     class_of,
@@ -140,7 +140,7 @@ def _effect(effect: FoundEffect, item: TableResult) -> list[list[str]]:
     ]
     for name_searched, value in effect.searched.items():
         best, ends = searched_text(value, pitch_is_open(effect), ends=name_searched != AT)
-        lines.append([name_searched, best, "", ends])
+        lines.append([name_searched, best, searched_unit(name_searched), ends])
     if effect.scatter is not None:
         lines += scatter_lines(effect.scatter)
     lines = lines or [[MISSING, MISSING, "", MISSING]]

@@ -12,6 +12,7 @@ from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.schemas import json_schema
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
 
+FROM = "expected a path from the folder of the file that names it"
 FEATURES = (
     "features: {3: {x_mm: 10, y_mm: 10}, '9': {x_mm: 10, y_mm: 140, z_mm: 5}, "
     "a: {x_mm: 140, y_mm: 140}, b: {x_mm: 10, y_mm: 10}}\n"
@@ -139,7 +140,7 @@ def test_all_faults_of_a_study(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         study(tmp_path, text)
     assert [str(problem) for problem in caught.value.problems] == [
-        "mtu.yaml:2: machine: no such file: 'qqq.txt'",
+        f"mtu.yaml:2: machine: no such file: 'qqq.txt'; {FROM}",
         "mtu.yaml:3: part: no such file: 'prt.yaml'; did you mean 'part.yaml'?",
         "mtu.yaml:4: lbb: is a folder: '.'; expected a file",
         "mtu.yaml:5: cmm[1]: the file is listed twice: 'part.yaml'",
@@ -201,7 +202,7 @@ def test_a_study_names_one_components_report_or_several(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         load_study(path)
     assert [str(problem) for problem in caught.value.problems] == [
-        "mtu.yaml:3: components[2]: no such file: 'u.json'",
+        f"mtu.yaml:3: components[2]: no such file: 'u.json'; {FROM}",
         "mtu.yaml:3: components[1]: the file is listed twice: 'c.json'",
     ]
 

@@ -420,7 +420,7 @@ def test_a_pitch_that_is_one_of_several_makes_a_class() -> None:
     )
     shown = plain_text(table(result(on_table("class", (own,)))))
     (row,) = [line.split() for line in shown.splitlines() if line.strip().startswith("pitch_mm")]
-    assert row == ["pitch_mm", "43.3", "[2.00,", "65.0]"]
+    assert row == ["pitch_mm", "43.3", "mm", "[2.00,", "65.0]"]
     assert "cyclic-x: 5 values of pitch_mm fit alike at these places" in shown
     many = wave(alike=(65.0, 26.04, 18.57, 2.0, 2.1))
     said = "pitch 43.3 mm; pitch_mm is one of 6 that fit alike, each with a size of its own (cyc"
