@@ -116,12 +116,11 @@ def told_of(seed: int, tau: float, found: str = "warm-up-x") -> FoundEffect:
     return effect
 
 
-# Values searched are 1.52 times apart: 160 and 245 lie between two of them, 35 and 200 by one.
+# Values searched are 1.52 times apart: 160 and 245 lie between two of them, 35 by one.
 @pytest.mark.parametrize(
     ("tau", "scale"),
     [
-        *((35.0, 1.0), (35.0, 4.0), (105.0, 0.1), (160.0, 0.1), (245.0, 0.1), (245.0, 1.0)),
-        *((560.0, 0.1), (700.0, 1.0), (700.0, 4.0)),
+        *((35.0, 4.0), (160.0, 0.1), (245.0, 1.0), (560.0, 0.1), (700.0, 4.0)),
     ],
 )
 def test_intervals_hold_what_was_drawn(

@@ -56,7 +56,7 @@ def told(parts: int, rise: float, tau: float, seed: int) -> FoundEffect:
 @pytest.mark.parametrize(("parts", "tau", "rise"), [(5, 30.0, 12e-3), (6, 30.0, 20e-3)])
 def test_of_few_parts_they_hold_what_was_drawn(parts: int, tau: float, rise: float) -> None:
     """95 % to three standard errors at least: the shape costs a degree of freedom of few."""
-    tables, sizes, times = 100, 0, 0
+    tables, sizes, times = 60, 0, 0
     for seed in range(1, tables + 1):
         effect = told(parts, rise, tau, seed)
         low, high, _ = effect.intervals[0]
