@@ -5,7 +5,7 @@ be meant as a plain number.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from mtu_cli.files.budget_contract import Budget
 from mtu_cli.files.budget_kelvin import mixed_temperatures, other_scale
@@ -89,14 +89,20 @@ def _exact(budget: Budget, trees: Mapping[str, Node], document: YamlDocument) ->
     bare = all([*keys[name]] == ["value"] for name in exact)
     bare = bare and all(item.unit is None for item in budget.inputs.values())
     constant = f"`{exact[0]}: {value:.15g}`" if bare else "with `u: 0`"
-    more = f" and {len(exact) - SHOWN_INPUTS} more" if len(exact) > SHOWN_INPUTS else ""
     text = (
-        f"{document.source.shown}:{document.line_of('inputs', exact[0])}: "
-        f"{'input' if one else 'inputs'} {', '.join(exact[:SHOWN_INPUTS])}{more}: no uncertainty "
+        f"{_inputs(exact, document)}: no uncertainty "
         f"is given, so that {'it is' if one else 'they are'} taken as exact; a constant is written "
         f"{constant}"
     )
     return (Notice(code="taken-as-exact", message=text),)
+
+
+def _inputs(named: Sequence[str], document: YamlDocument) -> str:
+    """Where the first of these inputs stands, and the names of the first few."""
+    more = f" and {len(named) - SHOWN_INPUTS} more" if len(named) > SHOWN_INPUTS else ""
+    place = f"{document.source.shown}:{document.line_of('inputs', named[0])}"
+    which = "input" if len(named) == 1 else "inputs"
+    return f"{place}: {which} {', '.join(named[:SHOWN_INPUTS])}{more}"
 
 
 def _unstated_units(
@@ -109,13 +115,11 @@ def _unstated_units(
     without = [name for name, item in budget.inputs.items() if item.unit is None and name in used]
     if not without or all(item.unit is None for item in budget.inputs.values()):
         return ()
-    more = f" and {len(without) - SHOWN_INPUTS} more" if len(without) > SHOWN_INPUTS else ""
     one = len(without) == 1
     alone = any(not isinstance(document.data["inputs"][name], dict) for name in without)
     constant = ", with `u: 0` where it is a constant" if alone else ""
     text = (
-        f"{document.source.shown}:{document.line_of('inputs', without[0])}: "
-        f"{'input' if one else 'inputs'} {', '.join(without[:SHOWN_INPUTS])}{more}: no `unit:`, so "
+        f"{_inputs(without, document)}: no `unit:`, so "
         f"that no term with {'it' if one else 'one of them'} is checked; `unit: '1'` is that of a "
         f"plain number{constant}"
     )

@@ -62,7 +62,7 @@ def _beside_own(told: Described, axis: int) -> LeftMean | None:
         if any(axis in column for column in prepared.members[m].columns):
             whole = added(prepared, found, owners={axis: place})
             at = next((x.index for x in whole.levels if x.axis == axis), None)
-            if at is not None and whole.levels:
+            if at is not None:
                 return _mean(whole, at, prepared.table.axes[axis], NOT_SURE)
     return None
 

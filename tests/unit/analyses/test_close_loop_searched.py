@@ -159,8 +159,6 @@ def test_what_is_told_has_it() -> None:
     by_name = told_of(3, TAU)
     assert effect.parameters[0][2:] == pytest.approx(by_name.parameters[0][2:], rel=0.05)
     assert effect.intervals[0] == pytest.approx(by_name.intervals[0], rel=0.05)
-    low, high, _ = effect.intervals[0]
-    assert high - low > 3.5 * effect.parameters[0][3]
 
 
 def test_a_poor_shape_is_known_no_better_than_its_grid() -> None:
