@@ -17,7 +17,7 @@ from support import CONFIGS, DATA
 UNDECLARED = CONFIGS / "undeclared"
 MACHINE, PART = UNDECLARED / "machine.yaml", UNDECLARED / "part.yaml"
 READINGS = DATA / "undeclared" / "lbb.csv"
-TRUE_UM = 4.0
+TRUE_UM = -4.0
 """What truth.yaml says; no command here reads it."""
 
 KEYS = {
@@ -124,7 +124,7 @@ def test_the_table_says_it_first_and_in_words(first: Run) -> None:
     heading, *rest = first.result.stdout.splitlines()
     assert heading == "Undeclared effects: named"
     said = " ".join(rest[:3])
-    assert re.search(r"X gains \d\.\d+ ± 0\.\d+ um at reversal, too far .*\(backlash-x\)", said)
+    assert re.search(r"X loses \d\.\d+ ± 0\.\d+ um at reversal, short .*\(backlash-x\)", said)
     assert "Held-out parts: rms 3." in said
     assert max(map(len, first.result.stdout.splitlines())) <= 100
     assert "mtu: gate found: verdict named: backlash-x\n" in first.result.stderr
@@ -188,7 +188,7 @@ def test_without_the_block_the_old_machine_is_back(first: Run, tmp_path: Path) -
 
 
 def test_the_lengths_are_as_predicted_then(first: Run) -> None:
-    """9-15 is approached from either side: it grows by twice the effect."""
+    """9-15 is approached from either side: it changes by twice the effect."""
     lengths = [
         {item["id"]: item for item in found["results"]["lengths"]}
         for found in (

@@ -199,7 +199,7 @@ def test_own_parameters_may_have_the_name_of_a_level(
     points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
     options = ("--effects", tmp_path / "mine.yaml", "--exclude", "backlash")
     found, result = few(tmp_path, points, *options)
-    assert f"It changes: {name} 3.84 ± 0.20 um" in " ".join(done(result).stdout.split())
+    assert f"It changes: {name} -4.16 ± 0.20 um" in " ".join(done(result).stdout.split())
     first = found["results"]["effects"][0]
     assert first["name"] == "step-over-x"
     assert name in first["parameters"]
