@@ -156,8 +156,7 @@ def _of_one(first: Shown, effect: FoundEffect, item: TableResult) -> dict[str, s
         "twice": _size(TWICE * value, TWICE * first.u, first.unit),
         **_reversal(first.value, item),
         "grows": _grows(effect, item, first.value),
-        # Where y rises and x with it, the axis of y leans over to that of x.
-        "angle": "less" if first.value >= 0 else "more",
+        "angle": "more" if first.value >= 0 else "less",
         "outward": "outward" if first.value >= 0 else "inward",
         "goes": "goes" if first.value >= 0 else "stops",
         "further": "further" if first.value >= 0 else "short",
@@ -228,15 +227,11 @@ def _reversal(value: float, item: TableResult) -> dict[str, str]:
 
 def direction_text(effect: FoundEffect, item: TableResult) -> str | None:
     """Which way a reversal goes: E = lost_motion dir, dir = +1 after a move towards +; and what
-    a squareness, E = angle b along a, is with the sign of angles that are too large.
+    the sign of a squareness means.
     """
     shown = parameters_of(effect)
     if effect.family == "squareness":
-        twice = sum(own.name == effect.name for own in item.effects) > 1
-        if len(shown) != 1 or twice or item.table.component is not None:
-            return "+ where the right angle is too small (of `mtu orthogonality`: too large)"
-        other = _size(-shown[0].value, shown[0].u, shown[0].unit)
-        return f"in `mtu orthogonality`, where + is more than 90 degrees, that is {other}"
+        return "+ where the right angle is too large, as in `mtu orthogonality`"
     if effect.family not in ("backlash", LATER_BACKLASH) or len(shown) != 1:
         return None
     first, over = shown[0], shown[0].value >= 0

@@ -32,7 +32,7 @@ def sum_texts(item: TableResult, result: CloseLoopResult) -> list[str]:
 def _squarenesses(item: TableResult, result: CloseLoopResult) -> list[str]:
     """What squarenesses of one pair of axes come to, found along each of them.
 
-    Of E_x = a y and E_y = b x the angle of the axes is off by a + b, whichever of the two is a
+    Of E_x = -a y and E_y = -b x the angle of the axes is off by a + b, whichever of the two is a
     squareness and which a turn.
     """
     found: dict[str, list[FoundEffect]] = {}

@@ -205,8 +205,8 @@ def test_a_squareness_is_right_where_the_other_axis_stood_at_its_setting() -> No
     """Of the error along x by the place along y, in mm; of one shared by both axes there is no
     sentence for both.
     """
-    angle = ("angle", "arcsec", 20.0, 0.5)
-    square = effect("squareness-xy", parameters=(angle,), equations={"Ex": "angle*(y - 75)"})
+    angle = ("angle", "arcsec", -20.0, 0.5)
+    square = effect("squareness-xy", parameters=(angle,), equations={"Ex": "angle*(75 - y)"})
     item, covariance = found(square, OFFSET)
     (point,) = item.neutral_points
     assert (point.axis, point.covariate) == ("x", "y")
@@ -219,7 +219,7 @@ def test_a_squareness_is_right_where_the_other_axis_stood_at_its_setting() -> No
     assert f"{said}, and X is right at y = 37.0 ± 5.2 mm (squareness-xy and offset-x)" in text
     note = "squareness-xy is counted from y = 75.00 mm, and offset-x is the error there: one cause"
     assert note in " ".join(plain_text(table(whole)).split())
-    halves = {"Ex": "0.5*angle*(y - 75)", "Ey": "0.5*angle*(x - 75)"}
+    halves = {"Ex": "0.5*angle*(75 - y)", "Ey": "0.5*angle*(75 - x)"}
     item, covariance = found(replace(square, equations=halves), OFFSET)
     text = verdict_text(item, replace(result(item), covariance=covariance))
     assert "; X is right at y = " in text
@@ -242,7 +242,7 @@ def test_an_angle_that_changes_and_a_drift_are_a_turn_about_a_place(correlation:
     square = effect(
         "squareness-xy",
         parameters=(("angle", "arcsec", 9.0, 0.5),),
-        equations={"Ex": "angle*(y - 75)"},
+        equations={"Ex": "angle*(75 - y)"},
     )
     q, u_q = 2e3 * np.pi / 648000, 0.1e3 * np.pi / 648000
     d, u_d = 0.45, 0.05

@@ -225,9 +225,9 @@ def oracle(own: ResidualTable) -> dict[str, list[Formula]]:
         ],
         "straightness-x": [lambda c: {"x": (c["y"] - y0) ** 2}],
         "squareness-xy": [
-            lambda c: {"x": c["y"] - y0},
-            lambda c: {"y": c["x"] - x0},
-            lambda c: {"x": (c["y"] - y0) / 2, "y": (c["x"] - x0) / 2},
+            lambda c: {"x": y0 - c["y"]},
+            lambda c: {"y": x0 - c["x"]},
+            lambda c: {"x": (y0 - c["y"]) / 2, "y": (x0 - c["x"]) / 2},
         ],
         "rotation-z": [lambda c: {"x": y0 - c["y"], "y": c["x"] - x0}],
         "backlash-y": [lambda c: {"y": c["dir_y"]}],
@@ -242,7 +242,7 @@ def oracle(own: ResidualTable) -> dict[str, list[Formula]]:
                 "y": (c["y"] - y0) * (c["T_spindle_degC"] - T0),
             }
         ],
-        "thermal-squareness-xy": [lambda c: {"x": (c["y"] - y0) * (c["T_spindle_degC"] - T0)}],
+        "thermal-squareness-xy": [lambda c: {"x": (y0 - c["y"]) * (c["T_spindle_degC"] - T0)}],
         "trend-x": [
             lambda c: {"x": c["sequence"] - 5.0},
             lambda c: {"x": c["tool_parts"] - tools0},

@@ -23,7 +23,7 @@ def square(angle: float, u: float, along: str, name: str = "squareness-xy") -> F
         family="squareness",
         axis="xy",
         parameters=(("angle", "arcsec", angle, u),),
-        equations={f"E{along}": f"angle*{other}"},
+        equations={f"E{along}": f"-angle*{other}"},
     )
 
 
@@ -31,13 +31,13 @@ def square(angle: float, u: float, along: str, name: str = "squareness-xy") -> F
     ("second", "correlation", "told"),
     [
         # sqrt(3^2 + 4^2), and with r = -1/4: sqrt(25 - 6).
-        (30.0, 0.0, "10.0 ± 5.0 arcsec, more"),
-        (30.0, -0.25, "10.0 ± 4.4 arcsec, more"),
-        (60.0, 0.0, "20.0 ± 5.0 arcsec, less"),
+        (30.0, 0.0, "10.0 ± 5.0 arcsec, less"),
+        (30.0, -0.25, "10.0 ± 4.4 arcsec, less"),
+        (60.0, 0.0, "20.0 ± 5.0 arcsec, more"),
     ],
 )
 def test_two_squarenesses_come_to_their_sum(second: float, correlation: float, told: str) -> None:
-    """E_x = a y and E_y = b x: the angle of the axes is off by a + b."""
+    """E_x = -a y and E_y = -b x: the angle of the axes is off by a + b."""
     before = effect(parameters=(("lost_motion", "um", 2.0, 0.3),))
     own = (before, square(-40.0, 3.0, "x"), square(second, 4.0, "y"))
     u = np.array([3e-4, 3 * ARCSEC, 4 * ARCSEC])
@@ -47,7 +47,7 @@ def test_two_squarenesses_come_to_their_sum(second: float, correlation: float, t
     said = f"squareness-xy was found along both axes: together X and Y are out of square by {told}"
     assert f"{said} than 90 degrees, and all is turned." in verdict_text(found.tables[0], found)
     shown = " ".join(plain_text(table(found)).split())
-    assert shown.count("+ where the right angle is too small") == 1
+    assert shown.count("+ where the right angle is too large") == 1
 
 
 def test_one_of_each_pair_of_axes_has_no_sum() -> None:

@@ -70,13 +70,13 @@ def test_a_reversal_says_which_way_it_goes() -> None:
 
 
 def test_the_sign_of_a_squareness_is_told() -> None:
-    """E_x = angle y: + leans Y towards X."""
+    """E_x = -angle y: + leans Y away from X."""
     own = effect(
         family="squareness", name="squareness-xy", parameters=(("angle", "arcsec", 10.0, 0.5),)
     )
     text = " ".join(plain_text(table(result(on_table("named", (own,))))).split())
-    said = "in `mtu orthogonality`, where + is more than 90 degrees, that is -10.00 ± 0.50 arcsec"
-    assert f"squareness-xy: {said}" in text
+    said = "squareness-xy: + where the right angle is too large, as in `mtu orthogonality`"
+    assert said in text
 
 
 def test_no_parts_are_advised_that_tell_nothing_apart() -> None:
@@ -295,11 +295,11 @@ def test_without_a_repeatability_none_is_told() -> None:
         ),
         (
             effect("squareness-xy", parameters=(("angle", "arcsec", 3.3, 0.2),)),
-            "X and Y are out of square by 3.30 ± 0.20 arcsec, less than 90 degrees",
+            "X and Y are out of square by 3.30 ± 0.20 arcsec, more than 90 degrees",
         ),
         (
             effect("squareness-xy", parameters=(("angle", "arcsec", -3.3, 0.2),)),
-            "X and Y are out of square by 3.30 ± 0.20 arcsec, more than 90 degrees",
+            "X and Y are out of square by 3.30 ± 0.20 arcsec, less than 90 degrees",
         ),
         (
             effect(
