@@ -25,10 +25,12 @@ def component_problems(source: Source, name: str, item: ReportedComponent) -> li
         wanted.append(("covariance_independent", item.covariance_independent, k))
     if item.half_difference_mean_square is not None:
         wanted.append(("half_difference_mean_square", item.half_difference_mean_square, q))
+    if item.run_covariance is not None:
+        wanted.append(("run_covariance", item.run_covariance, q))
     problems = []
     for key, matrix, size in wanted:
-        # The moment estimate is a difference of mean squares: negative where passes hardly differ.
-        moment = key == "pass_covariance_moment"
+        # Differences of mean squares: negative where passes, or runs, hardly differ.
+        moment = key in ("pass_covariance_moment", "run_covariance")
         what = covariance_fault(matrix, size, difference=moment)
         if what is not None:
             path = f"results.components.{name}.{key}"

@@ -35,6 +35,7 @@ class ReportedComponent(BaseModel):
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
     half_difference_mean_square: list[list[float]] | None = None
+    run_covariance: list[list[float]] | None = None
     pass_center_mm: float
     pass_dof: NonNegative | None
     repeat_dof: NonNegative | None

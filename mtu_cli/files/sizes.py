@@ -24,6 +24,7 @@ MATRICES: dict[str, tuple[Place, ...]] = {
     "pass_covariance": (COMPONENT, FITTED, JOINT),
     "pass_covariance_moment": (FITTED,),
     "half_difference_mean_square": (FITTED, JOINT),
+    "run_covariance": (FITTED,),
 }
 """Where covariance matrices stand, by their key."""
 FREE: dict[str, tuple[Place, ...]] = {

@@ -25,7 +25,9 @@ class ComponentEstimate:
     pass_dof 0: one mean square, with `repeat_dof`, stands behind all of them). `n_passes` is
     given where C is the between-pass mean square over that number. `half_differences` (k, k) is
     the mean square S_h of runs there and back, S = S_m + S_h and C = S_m/runs (see
-    `stats.pass_pairs`); None where all passes count as independent.
+    `stats.pass_pairs`); None where all passes count as independent. `run_covariance` (k, k) is
+    K = S_m - S_h of several instruments, which have no mean square in common; it may have a
+    negative part, too.
     `independent_covariance` and `independent_s` are the paper's s^2 (X'X)^-1 and s.
     `position_range` in mm is that of the readings; None where none were fitted, or without `of`.
     """
@@ -44,6 +46,7 @@ class ComponentEstimate:
     independent_s: float | None = None
     position_range: tuple[float, float] | None = None
     half_differences: FloatArray | None = None
+    run_covariance: FloatArray | None = None
 
     @property
     def degree(self) -> int:
@@ -144,6 +147,14 @@ def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
         M = R[:q, :q] - R[:q, q:] @ np.linalg.lstsq(R[q:, q:], R[q:, :q], rcond=None)[0]
         S[:q, :q] += estimate.s_repeat**2 * estimate.n_passes * M * np.outer(scale, scale)[:q, :q]
     return S
+
+
+def covariance_in_run(estimate: ComponentEstimate) -> FloatArray | None:
+    """K (k, k), the covariance of level and slope of the passes there and back of one run; None
+    where all passes count as independent.
+    """
+    S, halves = between_passes(estimate), estimate.half_differences
+    return estimate.run_covariance if S is None or halves is None else S - 2 * halves
 
 
 def from_mean(C: FloatArray, n: int, halves: FloatArray | None) -> FloatArray:

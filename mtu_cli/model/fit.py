@@ -242,6 +242,7 @@ def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:
         independent_s=None if item.s is None else item.s * f,
         position_range=item.position_range_mm,
         half_differences=_scaled(item.half_difference_mean_square, T * f),
+        run_covariance=_scaled(item.run_covariance, T * f),
     )
 
 

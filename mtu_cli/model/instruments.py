@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mtu_cli.model.estimates import ComponentEstimate, between_passes
+from mtu_cli.model.estimates import ComponentEstimate, between_passes, covariance_in_run
 from mtu_cli.stats.coverage import dof_of_shares, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -21,18 +21,17 @@ def combine(
     1/W_i proportional to d^2/G_i + s_i^2/n_i. The inverses of whole covariances that few
     passes estimate would follow their errors (95 % intervals then cover 80 %).
     C = sum W_i^2 C_i whatever the weights. The scatter of passes and of visits is pooled by
-    degrees of freedom: an instrument's own noise stays in s_repeat, which is then an upper
-    bound of the machine's.
+    degrees of freedom, and so is what passes there and back of a run share: an instrument's own
+    noise stays in s_repeat, which is then an upper bound of the machine's.
     """
     if len(estimates) == 1:
         return estimates[0], None
     first = estimates[0]
-    s2 = np.array([(item.independent_s or 0.0) ** 2 for item in estimates])
     passes = np.array([item.pass_dof for item in estimates])
     repeats = np.array([item.repeat_dof for item in estimates])
     D = _pooled([item.pass_covariance for item in estimates], passes)
-    W = _weights(estimates, D, np.array(counts, dtype=np.float64))
-    plain = np.array(counts) - len(first.coefficients)
+    n = np.array(counts, dtype=np.float64)
+    W, plain = _weights(estimates, D, n), n - len(first.coefficients)
     combined = ComponentEstimate(
         name=first.name,
         of=first.of,
@@ -40,17 +39,25 @@ def combine(
         coefficients=_weighted([item.coefficients for item in estimates], W),
         covariance=_weighted([item.covariance for item in estimates], W**2),
         pass_covariance=D,
-        s_repeat=float(np.sqrt(_pooled([np.array(e.s_repeat**2) for e in estimates], repeats))),
+        s_repeat=_pooled_deviation([item.s_repeat for item in estimates], repeats),
         pass_dof=_combined_dof(estimates, W, passes, repeats),
         repeat_dof=float(repeats.sum()),
         independent_covariance=_weighted(
             [e.independent_covariance for e in estimates if e.independent_covariance is not None],
             W**2,
         ),
-        independent_s=float(np.sqrt(_pooled([np.array(s) for s in s2], plain.astype(float)))),
+        independent_s=_pooled_deviation([item.independent_s or 0.0 for item in estimates], plain),
         position_range=_whole_range(estimates),
+        run_covariance=_in_run(estimates),
     )
     return combined, agreement(estimates[0], estimates[1])
+
+
+def _in_run(estimates: Sequence[ComponentEstimate]) -> FloatArray | None:
+    """K (k, k) of those that know it; None where none does."""
+    known = [(covariance_in_run(item), item.pass_dof) for item in estimates]
+    told = [(K, dof) for K, dof in known if K is not None]
+    return _pooled([K for K, _ in told], np.array([dof for _, dof in told])) if told else None
 
 
 def _whole_range(estimates: Sequence[ComponentEstimate]) -> tuple[float, float] | None:
@@ -128,6 +135,10 @@ def _sources(item: ComponentEstimate) -> list[tuple[FloatArray, float]]:
     halves = item.half_differences
     of_passes = (S if halves is None else 2 * (S - halves)) / item.n_passes
     return [(of_passes, item.pass_dof), (item.covariance - of_passes, item.repeat_dof)]
+
+
+def _pooled_deviation(values: Sequence[float], dofs: FloatArray) -> float:
+    return float(np.sqrt(_pooled([np.array(s**2) for s in values], dofs)))
 
 
 def _pooled(values: Sequence[FloatArray], dofs: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from mtu_cli.language import parse
 from mtu_cli.model.basis import TIME, ThermalBasis
 from mtu_cli.model.covariate_gaps import rows_without_gaps
 from mtu_cli.model.covariate_texts import texts_told
-from mtu_cli.model.estimates import ComponentEstimate, Estimates, between_passes
+from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
 from mtu_cli.model.fit import from_machine_file
 from mtu_cli.model.machine_model import AXES, MachineModel, Term, polynomial_term
 from mtu_cli.model.reading_columns import reading_columns, reading_places
@@ -264,11 +264,11 @@ def _shared_by_directions(
     """The estimate with what forward and reverse of a run do not share of D, and an error of zero
     with what they do, K = S_m - S_h (`stats.pass_pairs`).
     """
-    S, halves = between_passes(estimate), estimate.half_differences
-    if S is None or halves is None:
+    known = covariance_in_run(estimate)
+    if known is None:
         return estimate, None
     C, D = estimate.covariance, estimate.pass_covariance
-    K = drawable_passes(S - 2 * halves, C)
+    K = drawable_passes(known, C)
     own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
     nothing = np.zeros_like(C)
     return own, replace(

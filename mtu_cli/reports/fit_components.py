@@ -6,11 +6,13 @@ the between-pass mean square was averaged: null where there is none (one pass, s
 instruments, a component of the machine file); `passes_read` counts the passes of the
 readings. `pass_covariance` is for people, `pass_covariance_moment` for predictions: the same
 before its negative part, if any, was set to zero. `half_difference_mean_square` is the part of
-the between-pass mean square that is of runs there and back, as `pass_covariance` stands: null
-where all passes count as independent; `pass_dof` then counts runs. `runs` lists the passes of each
-run there and back, in time; null where no passes are given. `dof`, `r2` and the tests at the top
-are of the one instrument that read the component; with several they stand in `instruments`.
-`pass_dof` and `repeat_dof` null are infinite. Null tests are explained in `observability`.
+the between-pass mean square that is of runs there and back, as `pass_covariance` stands, and
+`pass_dof` then counts runs: null where all passes count as independent, and of several
+instruments, of which `run_covariance` is that of the two passes of a run. `runs` lists the passes
+of each run there and back, in time; null where no passes are given. `dof`, `r2` and the tests at
+the top are of the one instrument that read the component; with several they stand in
+`instruments`. `pass_dof` and `repeat_dof` null are infinite. Null tests are explained in
+`observability`.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ from mtu_cli.reports.fitted import (
     pass_covariance,
     pass_covariance_moment,
     passes_read,
+    run_covariance,
     single_instrument,
 )
 from mtu_cli.reports.observability import observability, told
@@ -86,7 +89,7 @@ def _component(
     instruments = () if found is None else found.instruments
     f = estimate.unit.to_internal
     D = pass_covariance(estimate, found) / f**2
-    halves = half_differences(estimate, found)
+    halves, in_run = half_differences(estimate, found), run_covariance(estimate, found)
     return {
         "of": estimate.of,
         "unit": estimate.unit.name,
@@ -108,13 +111,12 @@ def _component(
         "pass_covariance": matrix(D),
         "pass_covariance_moment": matrix(pass_covariance_moment(estimate, found) / f**2),
         "half_difference_mean_square": None if halves is None else matrix(halves / f**2),
+        "run_covariance": None if in_run is None else matrix(in_run / f**2),
         "pass_center_mm": pass_center(found),
         "s_pass": finite(float(np.sqrt(D[0, 0]))),
         "pass_dof": finite(estimate.pass_dof),
         "repeat_dof": finite(estimate.repeat_dof),
-        "position_range_mm": None
-        if estimate.position_range is None
-        else [float(end) for end in estimate.position_range],
+        "position_range_mm": estimate.position_range and list(map(float, estimate.position_range)),
         **_tests(one, f),
         "instruments": [_instrument(item, f) for item in instruments],
         "agreement_p": None if found is None else finite(found.agreement_p),

@@ -17,6 +17,8 @@ from mtu_cli.reports.runs import runs_notes
 from mtu_cli.reports.tables import Column, Sheet
 from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.stats.family import significant as holding_out
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.mixed import PassFit
 from mtu_cli.stats.pass_tests import FTest, Shift
 
 MM_PER_M = 1000.0
@@ -44,10 +46,11 @@ def table(machine: str, fit: MachineFit, estimates: Estimates, digits: int = 2) 
         *(Column(title=title, begins=title.startswith("drift")) for title in titles),
     ]
     standing_out = [_standing_out(fit, test) for test in TESTS]
-    rows = [
-        _row(name, item, fit.components.get(name), standing_out, digits)
-        for name, item in estimates.components.items()
-    ]
+    rows: list[list[str]] = []
+    for name, item in estimates.components.items():
+        found = fit.components.get(name)
+        rows.append(_row(name, item, found, standing_out, digits))
+        rows += _by_instrument(name, found, standing_out, digits)
     legend = [
         "± is one standard uncertainty; drift: passes differ by more than repeatability; trend: "
         "steady from pass to pass; misfit: the polynomial does not fit",
@@ -62,14 +65,16 @@ def table(machine: str, fit: MachineFit, estimates: Estimates, digits: int = 2) 
 def _standing_out(
     fit: MachineFit, test: Callable[[InstrumentFit], FTest | Shift | None]
 ) -> set[str]:
-    """Components whose test holds out among all of its kind, as the warnings count it."""
+    """``component\\nrole`` of those whose test holds out among all of its kind, as the warnings
+    count it.
+    """
     p_values: dict[str, float] = {}
     for name, component in fit.components.items():
         for item in component.instruments:
             found = test(item)
             if found is not None:
                 p_values[f"{name}\n{item.role}"] = found.p
-    return {key.partition("\n")[0] for key in holding_out(p_values)}
+    return set(holding_out(p_values))
 
 
 def _row(
@@ -79,44 +84,67 @@ def _row(
     standing_out: Sequence[set[str]],
     digits: int,
 ) -> list[str]:
-    f = estimate.unit.to_internal
-    value, u = estimate.coefficients / f, np.sqrt(np.diag(estimate.covariance)) / f
-    one = single_instrument(found)
+    f, one = estimate.unit.to_internal, single_instrument(found)
+    row = [name, estimate.of or MISSING, estimate.unit.name]
+    row += _line(estimate.coefficients / f, estimate.covariance / f**2, digits)
+    row += _scatter(estimate, found, digits)
+    # Of several instruments each has tests of its own, below.
+    if one is None:
+        return row + [MISSING] * len(TESTS)
+    return row + _tests(name, one, standing_out, f, digits)
+
+
+def _by_instrument(
+    name: str, found: ComponentFit | None, standing_out: Sequence[set[str]], digits: int
+) -> list[list[str]]:
+    """A row for each of several instruments that read a component."""
+    if found is None or len(found.instruments) == 1:
+        return []
+    rows, f = [], found.unit.to_internal
+    for item in found.instruments:
+        fit, s_pass = item.fit, float(np.sqrt(item.fit.D[0, 0])) / f
+        b, C = fit.plain.coefficients / f, fit.covariance / f**2
+        row = [f"  {item.role}", "", "", *_line(b, C, digits)]
+        row += _spread(float(np.sqrt(fit.s2)) / f, s_pass, float(b[0]), [fit], digits)
+        rows.append(row + _tests(name, item, standing_out, f, digits))
+    return rows
+
+
+def _line(value: FloatArray, C: FloatArray, digits: int) -> list[str]:
+    """Level and slope with u, in the component's unit."""
+    u = np.sqrt(np.diag(C))
     slope = MISSING
     if len(value) > 1:
         slope = plus_minus(value[1] * MM_PER_M, _known(u[1] * MM_PER_M), digits)
-    row = [name, estimate.of or MISSING, estimate.unit.name]
-    row += [plus_minus(value[0], _known(u[0]), digits), slope, *_scatter(estimate, found, digits)]
-    return row + _tests(name, one, found, standing_out, f, digits)
+    return [plus_minus(value[0], _known(u[0]), digits), slope]
 
 
 def _scatter(estimate: ComponentEstimate, found: ComponentFit | None, digits: int) -> list[str]:
     """s_repeat and s_pass, each only where something tells it from the other."""
     f = estimate.unit.to_internal
     s_pass = float(np.sqrt(pass_covariance(estimate, found)[0, 0])) / f
-    beside = max(estimate.s_repeat, abs(float(estimate.coefficients[0]))) / f
-    s_pass = 0.0 if s_pass <= NOTHING * beside else s_pass
     fits = [item.fit for item in found.instruments] if found else []
+    return _spread(estimate.s_repeat / f, s_pass, float(estimate.coefficients[0]) / f, fits, digits)
+
+
+def _spread(
+    s_repeat: float, s_pass: float, level: float, fits: Sequence[PassFit], digits: int
+) -> list[str]:
+    """As text, in the unit of `level`; `fits` of the instruments, none of a stated component."""
+    s_pass = 0.0 if s_pass <= NOTHING * max(s_repeat, abs(level)) else s_pass
     repeated = not fits or any(not fit.separated or fit.within_dof > 0 for fit in fits)
     several_passes = any(fit.separated for fit in fits) if fits else s_pass > 0
     return [
-        significant(estimate.s_repeat / f, digits) if repeated else MISSING,
+        significant(s_repeat, digits) if repeated else MISSING,
         significant(s_pass, digits) if several_passes else MISSING,
     ]
 
 
 def _tests(
-    name: str,
-    one: InstrumentFit | None,
-    found: ComponentFit | None,
-    standing_out: Sequence[set[str]],
-    f: float,
-    digits: int,
+    name: str, one: InstrumentFit, standing_out: Sequence[set[str]], f: float, digits: int
 ) -> list[str]:
-    """Cells of the four tests; of several instruments only whether one stands out."""
-    flags = ["*" if name in names else "" for names in standing_out]
-    if one is None:
-        return [flag if found and flag else MISSING for flag in flags]
+    """Cells of the four tests."""
+    flags = ["*" if f"{name}\n{one.role}" in names else "" for names in standing_out]
     cells = [p_value(test.p if (test := t(one)) else None) for t in TESTS[:3]]
     back = one.reversal
     cells.append(MISSING if back is None else plus_minus(back.value / f, back.u / f, digits))
@@ -154,7 +182,7 @@ def _agreement(fit: MachineFit) -> list[str]:
             roles = " and ".join(found.role for found in item.instruments)
             grouped.setdefault(roles, []).append(f"{name} {p_value(item.agreement_p)}")
     return [
-        f"read by {roles} (tests of each in the report); p that they agree: {listed(names, 12)}"
+        f"read by {roles}; p that they agree: {listed(names, 12)}"
         for roles, names in grouped.items()
     ]
 

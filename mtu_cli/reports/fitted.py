@@ -58,6 +58,12 @@ def half_differences(estimate: ComponentEstimate, found: ComponentFit | None) ->
     return None if halves is None else to_centre(pass_center(found), halves)
 
 
+def run_covariance(estimate: ComponentEstimate, found: ComponentFit | None) -> FloatArray | None:
+    """K (q, q) of runs there and back at `pass_center`, of several instruments; else None."""
+    K = estimate.run_covariance
+    return None if K is None else to_centre(pass_center(found), K)
+
+
 def _padded(D: FloatArray, estimate: ComponentEstimate) -> FloatArray:
     """Where some pass has one position only the level varies from pass to pass, not the slope."""
     q = min(2, len(estimate.coefficients))

@@ -8,7 +8,7 @@ from itertools import islice
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.directions import reversal_pairs
+from mtu_cli.analyses.close_loop.directions import reversal_pairs, smooth_directions
 from mtu_cli.analyses.close_loop.freedoms import fitted_powers, freeing
 from mtu_cli.analyses.close_loop.further_parts import FollowUp
 from mtu_cli.analyses.close_loop.prepare import Prepared
@@ -136,9 +136,9 @@ def sight_of(prepared: Prepared, plan: FollowUp, beside: Sequence[int] = ()) -> 
     """
     table, old = prepared.table, prepared.scan.frame.strata
     P = len(table.parts)
-    column = old.find("column", 0)
-    smooth = old.columns[:, 1 : 1 + (len(column.lead) if column else 0)]
-    strata = strata_of(P + plan.count, smooth, old.shape[2], reversal_pairs(table))
+    # The directions that those of the table were made of: of some of them others would follow.
+    along, pairs = smooth_directions(table), reversal_pairs(table)
+    strata = strata_of(P + plan.count, along, old.shape[2], pairs)
     grown = (P + plan.count) / P
     null = replace(prepared.scan.null, common=prepared.scan.null.common * np.sqrt(grown))
     whole = longer(table, plan)

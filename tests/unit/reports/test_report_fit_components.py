@@ -17,6 +17,7 @@ from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.fit import estimates_from_report
 from mtu_cli.reports import fit_components, fit_table
 from mtu_cli.reports.document import envelope
+from mtu_cli.reports.numbers import p_value, plus_minus
 from mtu_cli.reports.observability import NotDetermined, observability, told
 from mtu_cli.reports.tables import plain_text
 
@@ -254,6 +255,25 @@ def test_observability_of_stated_components_and_several_instruments(tmp_path: Pa
     assert [x["n"] for x in item["instruments"]] == [48, 48]
     assert 0 <= item["agreement_p"] <= 1
     assert "several-instruments" in {x["code"] for x in report(given)["warnings"]}
+
+
+def test_each_of_several_instruments_has_a_row_of_its_own(tmp_path: Path) -> None:
+    """Level, slope and tests; of the component itself there are no tests."""
+    given = example(tmp_path, passes=3, roles=("lbb", "laser"))
+    (sheet,) = fit_table.table("m", given.fit, given.estimates)
+    names = [row[0] for row in sheet.rows]
+    at = names.index("dx_x")
+    assert names[at : at + 3] == ["dx_x", "  lbb", "  laser"]
+    assert sheet.rows[at][7:] == ["-"] * 4
+    for item, row in zip(
+        given.fit.components["dx_x"].instruments, sheet.rows[at + 1 :], strict=False
+    ):
+        b, u = item.fit.plain.coefficients, np.sqrt(np.diag(item.fit.covariance))
+        assert row[3:5] == [plus_minus(1e3 * b[0], 1e3 * u[0]), plus_minus(1e6 * b[1], 1e6 * u[1])]
+        assert item.scatter is not None
+        assert item.reversal is not None
+        assert row[7].rstrip("*") == p_value(item.scatter.p)
+        assert row[10] == plus_minus(1e3 * item.reversal.value, 1e3 * item.reversal.u)
 
 
 def test_components_of_a_group_stay_together_in_a_list_of_groups(
