@@ -31,7 +31,7 @@ STEEPEST = 0.01
 """... but for what grows along an axis: a scale, or the slope to which a laser was aligned ..."""
 OFF_LINE = 1e-3
 """... off which they are no larger, again in proportion."""
-WAY = "the way from there to the farthest place read, or to 0"
+WAY = "the distance to 0 or to the farthest place read"
 LARGE = {LENGTH: 0.2, ANGLE: 0.002}
 """Typical errors from which on it is asked about their unit, mm and rad ..."""
 POOR = 0.01

@@ -230,13 +230,13 @@ def _add_errors(
         why = explained(raw, far.places, far.most, unit)
         if why:
             most = largest_shown(UNITS[unit].dimension, far.way, off=far.off)
-            expected = f"errors of at most {most}: {why}"
+            expected = f"errors of at most {most}"
             if narrow:
                 what = "too near to each other for their errors"
-                expected = f"{narrow}; or else {expected}"
+                expected = f"{narrow}; or else {expected}: {why}"
                 problems.add(_of_many(table, "position_mm", found, far.shown, (what, expected)))
                 return
-            what = "larger than any machine's error"
+            what = f"larger than any machine's error ({why})"
             problems.add(_of_many(table, "error", found, far.shown, (what, expected)))
             return
 

@@ -26,6 +26,7 @@ DIRECTION = "dir_"
 WAVE = ("sine", "cosine")
 PERIODS = 3.0
 """Of a wave from which on they are laid over one another."""
+WITH_MEAN = "the effect, and the mean error, which is not written"
 TOGETHER = "all effects together"
 
 Mask = NDArray[np.bool_]
@@ -123,6 +124,7 @@ def _of_equation(effect: FoundEffect, item: TableResult) -> Curve:
         ),
         example=pitch_is_open(effect),
         ticks=(-1.0, 1.0) if over is not None and over.startswith(DIRECTION) else (),
+        line=WITH_MEAN if axis in {mean.axis for mean in item.left_means} else "",
     )
 
 

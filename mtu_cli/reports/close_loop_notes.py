@@ -9,10 +9,8 @@ from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import things
 from mtu_cli.analyses.close_loop.zeros import DIGITS, zeros_of
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
+from mtu_cli.reports.close_loop_held import growth_alone_notes, held_notes, one_cause_notes
 from mtu_cli.reports.close_loop_shown import (
-    growth_alone_notes,
-    held_notes,
-    one_cause_notes,
     plural,
     something_left,
     stays,

@@ -12,7 +12,6 @@ from mtu_cli.analyses.close_loop.result import (
     CloseLoopResult,
     FoundEffect,
     Judged,
-    Scores,
     TableResult,
 )
 from mtu_cli.analyses.close_loop.shown import (
@@ -20,11 +19,11 @@ from mtu_cli.analyses.close_loop.shown import (
     entry_text,
     improvement_percent,
     pitch_is_open,
-    things,
 )
 from mtu_cli.reports.close_loop_effects import direction_text
-from mtu_cli.reports.close_loop_notes import copied, effect_notes, left_text, level_text, untested
+from mtu_cli.reports.close_loop_notes import copied, effect_notes, level_text, untested
 from mtu_cli.reports.close_loop_scatter import scatter_lines
+from mtu_cli.reports.close_loop_scores import before_after
 from mtu_cli.reports.close_loop_searched import AT, searched_text, searched_unit, size_interval
 from mtu_cli.reports.close_loop_shown import (
     RIVALS,
@@ -32,13 +31,12 @@ from mtu_cli.reports.close_loop_shown import (
     first_table,
     in_words,
     parameters_of,
-    plural,
     ranked,
     size_of,
 )
 from mtu_cli.reports.close_loop_words import verdict_lines
 from mtu_cli.reports.document import finite, listed
-from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant, with_u
+from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
 from mtu_cli.reports.tables import Column, Sheet
 
 BEST = 5
@@ -59,7 +57,7 @@ def table(result: CloseLoopResult) -> list[object]:
     if len(result.tables) > 1:
         sheets.append(_components(result))
     else:
-        sheets.append(_before_after(result.tables[0]))
+        sheets.append(before_after(result.tables[0]))
     sheets.append(_candidates(first_table(result), several=len(result.tables) > 1))
     rest = _rest(result)
     return [*sheets, rest] if rest is not None else sheets
@@ -148,68 +146,6 @@ def _effect(effect: FoundEffect, item: TableResult) -> list[list[str]]:
     return [
         [name if i == 0 else "", *line, *(first if i == 0 else ["", "", ""])]
         for i, line in enumerate(lines)
-    ]
-
-
-def _before_after(item: TableResult) -> Sheet:
-    unit, axes = item.table.unit, list(item.before.rms_by_axis)
-    row, column = things(item)
-    rows = []
-    if item.held_out_by is not None:
-        by = plural(row if item.held_out_by == "parts" else column)
-        rows += [
-            [f"held-out {by}, before", *_scores(item, item.before)],
-            [f"held-out {by}, after", *_scores(item, item.after)],
-        ]
-    rows += [
-        ["all data, before", *_scores(item, item.in_sample_before)],
-        ["all data, after", *_scores(item, item.in_sample_after)],
-    ]
-    if not item.effects:
-        rows = rows[::2]
-    columns = [
-        Column(title=f"errors, {unit}", text=True),
-        Column(title="rms"),
-        *[Column(title=f"rms {axis}") for axis in axes],
-        Column(title="95 %"),
-        Column(title="largest"),
-        Column(title="chi2/dof"),
-    ]
-    notes = []
-    if item.floor is not None:
-        notes.append(
-            f"repeatability {significant(size_of(item, item.floor))} {unit}; 95 % and "
-            "largest: of the error vector's length"
-        )
-    if item.gross:
-        notes.append(_without_outliers(item))
-    left = left_text(item)
-    return Sheet(
-        title="Before and after" if item.effects else "Measured minus predicted",
-        columns=columns,
-        rows=rows,
-        notes=[*notes, *([left] if left is not None else [])],
-    )
-
-
-def _without_outliers(item: TableResult) -> str:
-    """What the figures leave out, and what the held-out rms is with it."""
-    count = len(item.gross)
-    said = f"without {count} {'entry' if count == 1 else 'entries'} set aside"
-    if item.held_out_with_gross is None:
-        return said
-    before, after = (
-        significant(size_of(item, scores.rms), 3) for scores in item.held_out_with_gross
-    )
-    rms = f"{before} -> {after}" if item.effects else before
-    return f"{said}; held out with {'it' if count == 1 else 'them'}: rms {rms} {item.table.unit}"
-
-
-def _scores(item: TableResult, scores: Scores) -> list[str]:
-    values = [scores.rms, *scores.rms_by_axis.values(), scores.p95, scores.largest]
-    return [
-        *(with_u(size_of(item, value), size_of(item, scores.rms))[0] for value in values),
-        significant(scores.chi2_per_dof),
     ]
 
 

@@ -126,7 +126,7 @@ def cause_text(result: CompareResult) -> str | None:
         or (item.at_once is not None and item.at_once.verdict == "under-predicted")
         for item in summaries
     ):
-        return "mtu close-loop looks for the cause in the same files."
+        return "mtu close-loop looks for the cause in the same files: it names what they can prove."
     return None
 
 

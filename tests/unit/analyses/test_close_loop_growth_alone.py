@@ -18,7 +18,7 @@ from mtu_cli.analyses.close_loop.growth_alone import growths_alone
 from mtu_cli.analyses.close_loop.one_table import loop_on
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.model.effect_library import candidates, effect_library
-from mtu_cli.reports.close_loop_shown import growth_alone_notes
+from mtu_cli.reports.close_loop_held import growth_alone_notes
 
 T = "T_spindle_degC"
 FIXED = -20.0

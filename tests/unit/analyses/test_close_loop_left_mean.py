@@ -24,6 +24,7 @@ from mtu_cli.analyses.close_loop.state import Step
 from mtu_cli.model.effect_library import candidates
 from mtu_cli.reports.close_loop import document
 from mtu_cli.reports.close_loop import table as sheets
+from mtu_cli.reports.close_loop_curves import curves
 from mtu_cli.reports.tables import plain_text
 
 X, Y = np.meshgrid([20.0, 140.0, 265.0, 380.0], [15.0, 140.0, 290.0])
@@ -108,8 +109,12 @@ def test_it_is_noted_below_the_effects() -> None:
     shown = " ".join(plain_text(sheets(result(item))).split())
     assert (
         "beside these effects X is off by -4.45 ± 0.75 um on the mean (p 0.001 by itself, no "
-        "finding among all tests): that is not written"
+        "finding among all tests): that is not written, and `mtu compare` may call it biased"
     ) in shown
+    (curve,) = curves(item)
+    assert curve.line == "the effect, and the mean error, which is not written"
+    (of_y,) = curves(replace(item, left_means=(replace(own, axis="y"),)))
+    assert of_y.line == ""
     assert document(result(item))["left_means"] == [
         {"axis": "x", "value_um": pytest.approx(-4.45), "u_um": pytest.approx(0.75), "p": 0.0012}
     ]

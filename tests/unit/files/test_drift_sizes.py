@@ -141,8 +141,8 @@ def test_drifts_of_machines_are_not_read_as_a_whole(
     assert sum(map(len, blocks)) == 5 * CYCLES * TIMES
 
 
-FARTHEST = "the way from there to the farthest place read, or to 0"
-MM = f"errors of at most 1 mm, or 1 % of {FARTHEST}: these look like um in a column of mm"
+FARTHEST = "the distance to 0 or to the farthest place read"
+MM = f"expected errors of at most 1 mm, or 1 % of {FARTHEST}"
 MISTAKES: dict[str, tuple[Change, str]] = {
     "um as mm": (lengths("mm"), MM),
     "um as mm in one cycle": (
@@ -156,7 +156,7 @@ MISTAKES: dict[str, tuple[Change, str]] = {
     "lengths of a bar": (lengths("mm", 1e-3, 80.0), "these look like lengths of a bar of 80.0"),
     "arcsec as rad": (
         lambda i, c: (c.place, c.error, "rad" if c.name == "q" else c.unit),
-        "expected errors of at most 0.05 rad: these look like arcsec or urad in a column of rad",
+        "(these look like arcsec or urad in a column of rad): ",
     ),
     "um as positions": (
         lambda i, c: (1000 * c.place, c.error, c.unit),

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from close_loop_examples import effect, on_table, result
+from close_loop_examples import effect, on_table, result, scores
 
 from mtu_cli.analyses.close_loop.cancelling import NeutralPoint
 from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
@@ -270,3 +270,14 @@ def test_where_a_wear_is_none_is_told(name: str, told: bool) -> None:
     )
     shown = " ".join(plain_text(table(result(on_table("named", (own,))))).split())
     assert (f"{name} is counted from tool_parts = 1: there it is 0" in shown) == told
+
+
+@pytest.mark.parametrize(("after", "told"), [(3.7, False), (4.0, True)])
+def test_why_held_out_parts_fit_better_than_all_data_is_told(after: float, told: bool) -> None:
+    """3.8 um are left of them: of all data more only by what is not written."""
+    item = replace(on_table("named", (effect(),)), in_sample_after=scores(after))
+    shown = " ".join(plain_text(table(result(item))).split())
+    said = "held out is foretold by all that the other parts leave possible, by its probability"
+    assert (f"{said}; all data by what is written alone" in shown) == told
+    alone = " ".join(plain_text(table(result(replace(item, held_out_by="features")))).split())
+    assert said not in alone
