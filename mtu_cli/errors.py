@@ -252,3 +252,10 @@ def listing(names: Iterable[str]) -> str:
 def counted(number: int, noun: str, several: str = "") -> str:
     """``1 row``, ``2 rows``; ``1 entry``, and of `several` ``2 entries``."""
     return f"{number} {noun}" if number == 1 else f"{number} {several or noun + 's'}"
+
+
+def listed(names: Iterable[str], most: int = 6) -> str:
+    """Names for a message, the first few of them and how many more."""
+    known = list(dict.fromkeys(names))
+    more = f" and {len(known) - most} more" if len(known) > most else ""
+    return ", ".join(known[:most]) + more

@@ -12,7 +12,7 @@ from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import drift_estimates, modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import fault
+from mtu_cli.errors import fault, listed
 from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
 from mtu_cli.model.effect_ranges import column_ranges, seen_ranges
 from mtu_cli.model.fit import (
@@ -91,15 +91,30 @@ def _found_on(result: CloseLoopResult) -> list[FoundOn]:
 
 
 def _doubts(result: CloseLoopResult, written: bool) -> list[Warned]:
-    """Of a machine that holds an effect which is one of several, or only a hint."""
-    doubts = {
-        CLASS: "of effects that this data cannot tell apart, the likeliest is written",
-        UNEXPLAINED: "what is written is a hint: something may be there that no effect describes",
-    }
-    added = any(effect.equations for effect in result.effects)
-    if not written or result.verdict not in doubts or not added:
+    """Of a machine that holds an effect which is one of several, or only a hint. One that stands
+    by itself is neither, whatever has no name beside it.
+    """
+    if not written:
         return []
-    return [Warned(code=f"written-{result.verdict}", message=doubts[result.verdict])]
+    from mtu_cli.analyses.close_loop.shown import own_verdict
+
+    own: dict[str, list[str]] = {}
+    for item in result.tables:
+        for effect in item.effects:
+            if effect.equations:
+                own.setdefault(own_verdict(effect, item), []).append(effect.name)
+    hints = "what is written"
+    if len(own) > 1:
+        hints = f"of what is written {listed(own.get(UNEXPLAINED, []))}"
+    doubts = {
+        UNEXPLAINED: f"{hints} is a hint: something may be there that no effect describes",
+        CLASS: "of effects that this data cannot tell apart, the likeliest is written",
+    }
+    return [
+        Warned(code=f"written-{verdict}", message=text)
+        for verdict, text in doubts.items()
+        if verdict in own
+    ]
 
 
 def _worth(result: CloseLoopResult, results: Mapping[str, Any]) -> list[dict[str, Any]]:

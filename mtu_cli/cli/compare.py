@@ -25,8 +25,8 @@ def run(options: Options) -> None:
 
 
 def analyse(inputs: Inputs, settings: Settings) -> Outcome:
+    from mtu_cli.errors import listed
     from mtu_cli.reports import compare as report
-    from mtu_cli.reports.document import listed
 
     gates = read_gates(inputs.options.fail_if, GATES.__contains__, EXPECTED)
     found = modelled(inputs)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mtu_cli.errors import listed
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, JointPasses
 from mtu_cli.model.settings import Warned
@@ -185,7 +186,7 @@ def not_told_warnings(machine: LoadedMachine) -> list[Warned]:
         if rivals:
             text = (
                 f"{place}: the data that effects[{i}] ({effect.name}) was found on cannot tell it "
-                f"from {_listed(rivals)}: at other places or times each foretells other "
+                f"from {listed(rivals, MOST_NAMED)}: at other places or times each foretells other "
                 "errors, and u is that of this one"
             )
             warnings.append(Warned(code="effect-not-told", message=text))
@@ -211,12 +212,6 @@ def _named_with(found: Mapping[str, Any], name: str) -> list[str]:
         for own in known
         if isinstance(own, str) and own != name and not own.startswith(NAMELESS)
     ]
-
-
-def _listed(names: list[str]) -> str:
-    """Of many the first ones, the likeliest."""
-    more = len(names) - MOST_NAMED
-    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def effect_estimates(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
 from mtu_cli.analyses.close_loop.shown import own_verdict
+from mtu_cli.errors import listed
 from mtu_cli.reports.close_loop_shown import RIVALS, class_of
-from mtu_cli.reports.document import listed
 
 
 def gate_text(result: CloseLoopResult) -> str:

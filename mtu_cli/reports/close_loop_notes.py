@@ -8,6 +8,7 @@ from mtu_cli.analyses.close_loop.one_temperature import LOOKS_LIKE
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.shown import things
 from mtu_cli.analyses.close_loop.zeros import DIGITS, zeros_of
+from mtu_cli.errors import listed
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
 from mtu_cli.reports.close_loop_held import growth_alone_notes, held_notes, one_cause_notes
 from mtu_cli.reports.close_loop_shown import (
@@ -16,7 +17,6 @@ from mtu_cli.reports.close_loop_shown import (
     stays,
     sure_levels,
 )
-from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import p_value, plus_minus
 
 WEAR = "wear-approach"

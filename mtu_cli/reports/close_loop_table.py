@@ -20,6 +20,7 @@ from mtu_cli.analyses.close_loop.shown import (
     improvement_percent,
     pitch_is_open,
 )
+from mtu_cli.errors import listed
 from mtu_cli.reports.close_loop_effects import direction_text
 from mtu_cli.reports.close_loop_notes import copied, effect_notes, level_text, untested
 from mtu_cli.reports.close_loop_scatter import scatter_lines
@@ -35,7 +36,7 @@ from mtu_cli.reports.close_loop_shown import (
     size_of,
 )
 from mtu_cli.reports.close_loop_words import verdict_lines
-from mtu_cli.reports.document import finite, listed
+from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
 from mtu_cli.reports.tables import Column, Sheet
 

@@ -16,6 +16,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from mtu_cli.analyses.correct.result import CorrectResult, Size
+from mtu_cli.errors import listed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports.correct_errors import errors_after
@@ -23,7 +24,7 @@ from mtu_cli.reports.correct_figure import figure
 from mtu_cli.reports.correct_leaning import heights_differ
 from mtu_cli.reports.correct_ovals import document_of, ovals_left
 from mtu_cli.reports.correct_table import table
-from mtu_cli.reports.document import finite, listed, um
+from mtu_cli.reports.document import finite, um
 from mtu_cli.stats.least_squares import FloatArray
 
 __all__ = ["csv_rows", "document", "figure", "table", "warnings"]

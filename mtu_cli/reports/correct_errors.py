@@ -7,8 +7,8 @@ from typing import Literal
 
 from mtu_cli.analyses.correct.result import CorrectResult
 from mtu_cli.analyses.correct.summary import ROUNDING_MM, SizeErrors
+from mtu_cli.errors import listed
 from mtu_cli.model.settings import Warned
-from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import significant, told_apart
 from mtu_cli.units import UM
 

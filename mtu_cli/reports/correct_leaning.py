@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mtu_cli.analyses.correct.leaning import Leaning
+from mtu_cli.errors import listed
 from mtu_cli.model.settings import Warned
-from mtu_cli.reports.document import listed
 from mtu_cli.reports.numbers import significant
 from mtu_cli.units import UM
 

@@ -8,8 +8,9 @@ from math import hypot
 from typing import Any
 
 from mtu_cli.analyses.correct.roundness import Oval
+from mtu_cli.errors import listed
 from mtu_cli.model.settings import Warned
-from mtu_cli.reports.document import listed, um
+from mtu_cli.reports.document import um
 from mtu_cli.reports.numbers import plus_minus
 from mtu_cli.units import PARAMETER_UNITS, UM
 

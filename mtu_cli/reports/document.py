@@ -111,10 +111,3 @@ def matrix(values: FloatArray) -> list[Any]:
     if array.ndim == 1:
         return [finite(value) for value in array]
     return [matrix(row) for row in array]
-
-
-def listed(names: Iterable[str], most: int = 6) -> str:
-    """Names for a message, the first few of them and how many more."""
-    known = list(dict.fromkeys(names))
-    more = f" and {len(known) - most} more" if len(known) > most else ""
-    return ", ".join(known[:most]) + more

@@ -22,11 +22,12 @@ from typing import Any
 
 import numpy as np
 
+from mtu_cli.errors import listed
 from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, Estimates, JointPasses
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.model.settings import Warned
-from mtu_cli.reports.document import finite, listed, matrix
+from mtu_cli.reports.document import finite, matrix
 from mtu_cli.reports.fit_figure import figure
 from mtu_cli.reports.fit_table import table
 from mtu_cli.reports.fitted import (

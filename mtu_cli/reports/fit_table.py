@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from mtu_cli.errors import listed
 from mtu_cli.model.estimates import ComponentEstimate, Estimates
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
-from mtu_cli.reports.document import listed
 from mtu_cli.reports.fitted import pass_covariance, single_instrument
 from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
 from mtu_cli.reports.observability import NotDetermined, observability

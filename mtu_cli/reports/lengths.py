@@ -11,9 +11,10 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.analyses.lengths import Length, LengthsResult
+from mtu_cli.errors import listed
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports import figures, validations
-from mtu_cli.reports.document import finite, listed, root, um, um2
+from mtu_cli.reports.document import finite, root, um, um2
 from mtu_cli.reports.labels import folded
 from mtu_cli.reports.numbers import chance, interval, percent, significant, with_u
 from mtu_cli.reports.outside import components_beyond, mark_notes, marked

@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from mtu_cli.errors import listed
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
-from mtu_cli.reports.document import listed
 from mtu_cli.reports.fitted import passes_read
 from mtu_cli.stats.pass_tests import FEWEST_PASSES, MAX_POSITIONS, by_runs
 

@@ -18,9 +18,10 @@ from mtu_cli.analyses.orthogonality import (
     OrthogonalityResult,
     first_order_interval,
 )
+from mtu_cli.errors import listed
 from mtu_cli.model.settings import Warned
 from mtu_cli.reports import figures, validations
-from mtu_cli.reports.document import arcsec, finite, listed
+from mtu_cli.reports.document import arcsec, finite
 from mtu_cli.reports.labels import cut
 from mtu_cli.reports.numbers import interval, significant, with_u
 from mtu_cli.reports.outside import components_beyond, mark_notes, marked

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from mtu_cli.errors import listed
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.model.passes import Passes, PassKey
-from mtu_cli.reports.document import listed
 
 SHOWN = 12
 """Runs, and components, that a note names."""

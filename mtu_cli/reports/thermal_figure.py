@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, Curve, ThermalFit
+from mtu_cli.errors import listed
 from mtu_cli.model.drift_profile import STEPS, DriftProfile, drift_profile
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import nice
-from mtu_cli.reports.document import listed
 from mtu_cli.reports.labels import cut, spread
 from mtu_cli.reports.numbers import significant, span
 from mtu_cli.reports.thermal_shown import DETAILED, by_share, change, shown_in, twins

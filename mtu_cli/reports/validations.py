@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from mtu_cli.errors import listed
 from mtu_cli.model.settings import Warned
-from mtu_cli.reports.document import finite, listed
+from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.validation import Validation
 
