@@ -14,6 +14,7 @@ from mtu_cli.model.copied_repeats import copied_repeats
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.drawn_parts import drawn_axes, drawn_parts
 from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.measured_orders import parts_in_other_order
 from mtu_cli.model.measured_reach import reach_problems
 from mtu_cli.model.measured_rows import TWICE, check_rows
 from mtu_cli.model.measured_slips import slips
@@ -120,7 +121,9 @@ def _far(points: Points, loose: Points, axes: tuple[int, ...]) -> list[Warned]:
     i = int(np.argmax(far))
     guess = _mistake(loose.measured[far][:, axes], loose.nominal[far][:, axes])
     place = f" (first: {points.sources[points.file_index[i]].shown}, row {points.row[i]})"
-    if ORIGIN in guess and (single := slips(points, loose, axes, far, SUSPICIOUS_MM)):
+    if order := parts_in_other_order(loose, far, axes, SUSPICIOUS_MM):
+        guess = order
+    elif ORIGIN in guess and (single := slips(points, loose, axes, far, SUSPICIOUS_MM)):
         place, guess = "", single
     count = int(far.sum())
     return [
