@@ -56,7 +56,7 @@ def _salvage_items(model: type[BaseModel], name: str, data: Any) -> Any:
     return None
 
 
-# Made once for every field: to make one takes a hundred times as long as to ask it.
+# Made once for every field: to make one takes ten times as long as to ask it.
 @cache
 def _whole(model: type[BaseModel], name: str) -> TypeAdapter[Any]:
     """Of a field's value."""

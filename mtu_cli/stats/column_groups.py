@@ -185,7 +185,7 @@ def _one_stratum(
             groups.setdefault((index, len(columns)), []).append((i, columns))
     found = []
     for (index, g), own in sorted(groups.items()):
-        # In one go: to stack the columns of every member by itself takes most of the time.
+        # In one go: to stack the columns of every member by itself takes as long as the rest.
         X = np.ascontiguousarray(np.moveaxis(np.array([columns for _, columns in own]), 1, 2))
         whiten(strata, whitening, index, np.moveaxis(X, 1, 0))
         Q, left, size = _orthonormal(X, nuisance.get(index))

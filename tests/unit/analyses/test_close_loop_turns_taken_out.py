@@ -18,7 +18,7 @@ from mtu_cli.model.effect_library import candidates
 TURNS = replace(LIBRARY, families=tuple(
     own for own in LIBRARY.families if own.family.family == "rotation-scatter"
 ))  # fmt: skip
-"""Their candidates alone: those of a whole library take a hundred times as long."""
+"""Their candidates alone: those of a whole library took most of the time."""
 PARTS, FEATURES, TABLES = 20, 16, 200
 TURN, SHIFT, NOISE = 1e-4, 2e-3, 1e-4
 
