@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -38,28 +39,40 @@ def salvage(model: type[M], data: Mapping[str, Any]) -> M:
             required = info.is_required()
             values[name] = None if required else info.get_default(call_default_factory=True)
             continue
-        whole = Annotated[info.annotation, *info.metadata] if info.metadata else info.annotation
-        found, value = _attempt(whole, data[key])
-        values[name] = value if found else _salvage_items(info.annotation, data[key])
+        found, value = _attempt(_whole(model, name), data[key])
+        values[name] = value if found else _salvage_items(model, name, data[key])
     return model.model_construct(**values)
 
 
-def _salvage_items(annotation: Any, data: Any) -> Any:
-    origin = get_origin(annotation)
+def _salvage_items(model: type[BaseModel], name: str, data: Any) -> Any:
+    origin = get_origin(model.model_fields[name].annotation)
     if origin is dict:
-        item_type = get_args(annotation)[1]
         pairs = data.items() if isinstance(data, dict) else ()
-        tried = ((key, _attempt(item_type, item)) for key, item in pairs)
+        tried = ((key, _attempt(_item(model, name), item)) for key, item in pairs)
         return {key: value for key, (found, value) in tried if found}
     if origin is list:
-        item_type = get_args(annotation)[0]
         items = data if isinstance(data, list) else ()
-        return [_attempt(item_type, item)[1] for item in items]
+        return [_attempt(_item(model, name), item)[1] for item in items]
     return None
 
 
-def _attempt(annotation: Any, data: Any) -> tuple[bool, Any]:
+# Made once for every field: to make one takes ten times as long as to ask it.
+@cache
+def _whole(model: type[BaseModel], name: str) -> TypeAdapter[Any]:
+    """Of a field's value."""
+    info = model.model_fields[name]
+    whole: Any = Annotated[info.annotation, *info.metadata] if info.metadata else info.annotation
+    return TypeAdapter(whole)
+
+
+@cache
+def _item(model: type[BaseModel], name: str) -> TypeAdapter[Any]:
+    """Of the values of a field's mapping, or of the items of its list."""
+    return TypeAdapter(get_args(model.model_fields[name].annotation)[-1])
+
+
+def _attempt(adapter: TypeAdapter[Any], data: Any) -> tuple[bool, Any]:
     try:
-        return True, TypeAdapter(annotation).validate_python(data, strict=True)
+        return True, adapter.validate_python(data, strict=True)
     except ValidationError:
         return False, None

@@ -47,10 +47,12 @@ def slope_variances(
     """
     lines = _LeastSquares.of(X, y, near)
     noise, steps = spread[:, None] ** 2, STEPS if before is None else AGAIN
+    # No step changes them, and they take longer than the rest of it.
+    G, Xy = crossed(X, near), np.einsum("phj,pha->paj", X, y)
     found = lines.typical(noise) if before is None else before
     for _ in range(steps):
-        inverse = shrunken(X, near, spread, np.broadcast_to(found, lines.b.shape))
-        b = coefficients(inverse, X, y)[..., 1:]
+        inverse = shrunken(G, spread, np.broadcast_to(found, lines.b.shape))
+        b = np.einsum("paij,paj->pai", inverse, Xy)[..., 1:]
         u2 = noise * np.einsum("paii->pai", inverse)[..., 1:]
         within = b**2 <= BEYOND**2 * np.maximum(found - u2, TINY * found)
         rest = within & np.asarray(near.any(axis=1))[..., None]
@@ -61,16 +63,20 @@ def slope_variances(
     return found, np.maximum(found, lines.own(near, noise))
 
 
-def shrunken(
-    X: FloatArray, near: BoolArray, spread: FloatArray, variances: FloatArray
-) -> FloatArray:
-    """(X'X + L)^-1 (P, A, i, i) of what is near: L is the variance of entries over those of slopes,
-    `variances` (P, A, k), 0 for the intercepts, which are the parts' own.
+def crossed(X: FloatArray, near: BoolArray) -> FloatArray:
+    """X'X (P, A, i, i) of what is near (P, H, A)."""
+    found: FloatArray = np.einsum("phi,pha,phj->paij", X, near.astype(float), X)
+    return found
+
+
+def shrunken(G: FloatArray, spread: FloatArray, variances: FloatArray) -> FloatArray:
+    """(X'X + L)^-1 (P, A, i, i), G = X'X as in `crossed`: L is the variance of entries over those
+    of slopes, `variances` (P, A, k), 0 for the intercepts, which are the parts' own.
     """
     noise = np.maximum(spread[:, None] ** 2, 1e-300)
     ratio = np.maximum(variances / noise, SMALLEST)
     L = np.maximum(1.0 / ratio, SMALLEST)
-    return _inverse(X, near, np.concatenate([np.zeros((*L.shape[:2], 1)), L], axis=2))[0]
+    return _inverse(G, np.concatenate([np.zeros((*L.shape[:2], 1)), L], axis=2))[0]
 
 
 def coefficients(inverse: FloatArray, X: FloatArray, y: FloatArray) -> FloatArray:
@@ -79,12 +85,9 @@ def coefficients(inverse: FloatArray, X: FloatArray, y: FloatArray) -> FloatArra
     return found
 
 
-def _inverse(X: FloatArray, near: BoolArray, L: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """(X'X + L)^-1 (P, A, i, i) of what is near along what it tells; which coefficients (P, A, i)
-    that are.
-    """
-    eye = np.eye(X.shape[2])
-    whole = np.einsum("phi,pha,phj->paij", X, near.astype(float), X) + L[..., None] * eye
+def _inverse(G: FloatArray, L: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """(X'X + L)^-1 (P, A, i, i) along what X'X tells; which coefficients (P, A, i) that are."""
+    whole = G + L[..., None] * np.eye(G.shape[3])
     square, turn = np.linalg.eigh(whole)
     # L alone makes directions differ by any size, and tells all of them.
     least = TINY * np.where(L.any(axis=2), TINY, 1.0)[..., None]
@@ -109,7 +112,7 @@ class _LeastSquares(NamedTuple):
     @classmethod
     def of(cls, X: FloatArray, y: FloatArray, near: BoolArray) -> _LeastSquares:
         """Deletion formulas of least squares (Cook & Weisberg 1982, 2.2)."""
-        inverse, told = _inverse(X, near, np.zeros((*y.shape[::2], X.shape[2])))
+        inverse, told = _inverse(crossed(X, near), np.zeros((*y.shape[::2], X.shape[2])))
         b = coefficients(inverse, X, y)
         told &= (near.sum(axis=1) > X.shape[2])[..., None]
         chance = np.einsum("paii->pai", inverse)

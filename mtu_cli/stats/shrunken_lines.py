@@ -13,7 +13,7 @@ from scipy.special import stdtrit
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.nan_median import nan_median
 from mtu_cli.stats.outliers import NORMAL_MAD
-from mtu_cli.stats.part_slopes import TINY, coefficients, shrunken, slope_variances
+from mtu_cli.stats.part_slopes import TINY, coefficients, crossed, shrunken, slope_variances
 
 BoolArray = NDArray[np.bool_]
 
@@ -73,7 +73,7 @@ def off_lines(errors: FloatArray, slopes: FloatArray, least: FloatArray) -> OffL
     for _ in range(SWEEPS):
         y = np.where(near, values - means, 0.0)
         variances, of_parts = slope_variances(X, y, near, spread, variances)
-        inverse = shrunken(X, near, spread, of_parts)
+        inverse = shrunken(crossed(X, near), spread, of_parts)
         means = _means(X, values, near, inverse, means)
         h = np.einsum("phi,phai->pha", X, np.einsum("paij,phj->phai", inverse, X))
         left = _left(X, values - means, near, inverse)

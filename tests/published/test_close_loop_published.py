@@ -35,8 +35,12 @@ def report(folder: Path, *args: object) -> dict[str, Any]:
     return found
 
 
-def pontius(folder: Path) -> dict[str, Any]:
-    """Two passes of 20 loads: 1000 lb as 1 mm, one inch as 1 mm; nothing known before them."""
+@pytest.fixture(scope="module")
+def pontius(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """Two passes of 20 loads: 1000 lb as 1 mm, one inch as 1 mm; nothing known before them. The
+    folder of the extended machine, and what was found.
+    """
+    folder = tmp_path_factory.mktemp("pontius")
     (folder / "machine.yaml").write_text(
         "schema: mtu/machine/1\nname: load cell\n"
         "components: {load: {of: x, unit: um, degree: 1, says: deflection}}\n"
@@ -49,12 +53,13 @@ def pontius(folder: Path) -> dict[str, Any]:
     text = "\n".join(["component,position_mm,error,unit,pass", *rows])
     (folder / "readings.csv").write_text(text + "\n")
     extended = ("--write-machine", "extended.yaml", "--write-components", "extended.json")
-    return report(folder, "close-loop", "-m", "machine.yaml", "--laser", "readings.csv", *extended)
+    call = ("close-loop", "-m", "machine.yaml", "--laser", "readings.csv", *extended)
+    return folder, report(folder, *call)
 
 
-def test_pontius_bends_and_nothing_else(tmp_path: Path) -> None:
+def test_pontius_bends_and_nothing_else(pontius: tuple[Path, dict[str, Any]]) -> None:
     """A load cell's deflection takes a quadratic; a cubic is not certified, nor supported."""
-    found = pontius(tmp_path)
+    _, found = pontius
     (effect,) = found["effects"]
     assert effect["name"] == "curvature-x"
     assert list(effect["parameters"]) == ["bend"]
@@ -78,16 +83,16 @@ def _residual_variance() -> float:
     return float(left @ left) / 37
 
 
-def test_the_extended_load_cell_is_the_certified_quadratic(tmp_path: Path) -> None:
+def test_the_extended_load_cell_is_the_certified_quadratic(
+    pontius: tuple[Path, dict[str, Any]],
+) -> None:
     """Three predictions give the polynomial of the extended machine, to seven digits."""
-    pontius(tmp_path)
+    folder, _ = pontius
     loads = np.array([150.0, 1500.0, 3000.0])
     places = ", ".join(f"'{i}': {{x_mm: {x}, y_mm: 0}}" for i, x in enumerate(loads))
-    (tmp_path / "part.yaml").write_text(
-        f"schema: mtu/part/1\nname: loads\nfeatures: {{{places}}}\n"
-    )
+    (folder / "part.yaml").write_text(f"schema: mtu/part/1\nname: loads\nfeatures: {{{places}}}\n")
     machine = ("-m", "extended.yaml", "-c", "extended.json")
-    points = report(tmp_path, "predict-points", *machine, "-p", "part.yaml")["points"]
+    points = report(folder, "predict-points", *machine, "-p", "part.yaml")["points"]
     deflection = np.array([point["Ex_um"] for point in points]) / 1e3
     found = np.linalg.solve(np.vander(loads, 3, increasing=True), deflection)
     certified = REFERENCES["Pontius"].certified * np.array([1.0, 1e3, 1e6])

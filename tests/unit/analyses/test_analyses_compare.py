@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -47,25 +48,37 @@ def test_false_alarms_on_parts_of_a_known_machine() -> None:
     assert alarms / runs < 0.05 + 3.3 * np.sqrt(0.05 * 0.95 / runs)
 
 
+@cache
+def clean(passes: int, seed: int) -> tuple[CompareResult, tuple[float, float]]:
+    """A study of parts as they are predicted, and the shares of its single tests of bias and of
+    scatter that are below 5 %.
+    """
+    seen: list[tuple[float, float]] = []
+    judged = module.judged
+
+    def spy(features: Evidence, lengths: Evidence | None) -> object:
+        shares = [float((p < 0.05).mean()) for p in (features.p_bias, features.p_scatter)]
+        seen.append((shares[0], shares[1]))
+        return judged(features, lengths)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(module, "judged", spy)
+        found = trial(passes, seed)
+    (own,) = seen
+    return found, own
+
+
 @pytest.mark.parametrize("passes", [5, 2])
-def test_false_alarms_from_readings_to_verdict(
-    passes: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_false_alarms_from_readings_to_verdict(passes: int) -> None:
     """Truth, readings, fit, parts, comparison: 5 % of studies at most, with 8 or 2 degrees of
     freedom of the passes. Single tests keep their 5 % too, and are not blind: a tenth of that
     at least.
     """
-    runs, seen = 60, []
-    judged = module.judged
-
-    def spy(features: Evidence, lengths: Evidence | None) -> object:
-        seen.append([(features.p_bias < 0.05).mean(), (features.p_scatter < 0.05).mean()])
-        return judged(features, lengths)
-
-    monkeypatch.setattr(module, "judged", spy)
-    alarms = sum(faults(trial(passes, seed)) > 0 for seed in range(runs))
+    runs = 60
+    found = [clean(passes, seed) for seed in range(runs)]
+    alarms = sum(faults(result) > 0 for result, _ in found)
     assert alarms / runs < 0.05 + 3.3 * np.sqrt(0.05 * 0.95 / runs)
-    rates = np.array(seen)
+    rates = np.array([shares for _, shares in found])
     error = rates.std(axis=0) / np.sqrt(runs)
     assert (rates.mean(axis=0) < 0.05 + 3.3 * error).all()
     assert (rates.mean(axis=0) > 0.005).all()
@@ -74,8 +87,8 @@ def test_false_alarms_from_readings_to_verdict(
 def test_clean_studies_hear_of_no_undecided_scatter() -> None:
     """Not one in twenty; of parts that scatter more most do."""
     runs, extra = 40, 0.012
-    clean = [trial(5, seed).feature_summaries[0].undecided for seed in range(runs)]
-    assert sum(found is not None for found in clean) <= 0.05 * runs
+    undecided = [clean(5, seed)[0].feature_summaries[0].undecided for seed in range(runs)]
+    assert sum(found is not None for found in undecided) <= 0.05 * runs
     # Parts that are set down 12 um apart scatter more, seldom enough for a finding.
     more = [trial(5, seed, extra=extra, parts=10).feature_summaries[0] for seed in range(20)]
     assert sum(item.under_predicted > 0 for item in more) < 5

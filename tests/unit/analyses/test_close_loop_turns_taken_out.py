@@ -15,6 +15,10 @@ from mtu_cli.analyses.close_loop.evidence import WITH_TURNS, _without_direction
 from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
 from mtu_cli.model.effect_library import candidates
 
+TURNS = replace(LIBRARY, families=tuple(
+    own for own in LIBRARY.families if own.family.family == "rotation-scatter"
+))  # fmt: skip
+"""Their candidates alone: those of a whole library took most of the time."""
 PARTS, FEATURES, TABLES = 20, 16, 200
 TURN, SHIFT, NOISE = 1e-4, 2e-3, 1e-4
 
@@ -30,7 +34,7 @@ def prepared_of(seed: int, about: tuple[float, float] | None) -> Prepared:
     errors += SHIFT * rng.normal(size=(PARTS, 1, 2))
     errors += np.stack([-turn * at[:, 1], turn * at[:, 0]], axis=-1)
     own = replace(table, errors=errors)
-    return prepare(own, [c for c in candidates(own, LIBRARY) if c.name == "rotation-scatter"])
+    return prepare(own, candidates(own, TURNS))
 
 
 def shifts(prepared: Prepared, y: Floats) -> list[Floats]:

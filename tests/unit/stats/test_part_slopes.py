@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mtu_cli.stats.part_slopes import CLEAR, coefficients, shrunken, slope_variances
+from mtu_cli.stats.part_slopes import CLEAR, coefficients, crossed, shrunken, slope_variances
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -67,7 +67,7 @@ def test_variances_are_those_of_restricted_maximum_likelihood() -> None:
 def test_best_linear_predictions_are_those_of_the_covariance() -> None:
     X, y, near = drawn(4, (2.0, 1.0), 0.3)
     variances = np.array([4.0, 1.0]) * 1.7**2
-    inverse = shrunken(X, near, np.array([1.7]), np.tile(variances, (P, 1, 1)))
+    inverse = shrunken(crossed(X, near), np.array([1.7]), np.tile(variances, (P, 1, 1)))
     b = coefficients(inverse, X, y)[:, 0]
     for p in range(P):
         there = near[p, :, 0]
