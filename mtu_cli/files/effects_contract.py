@@ -105,6 +105,9 @@ class Family(Contract):
     )
     says: Text = Field(description="What it is, in words")
     separates: Text | None = Field(default=None, description="What tells it from its rivals")
+    separates_readings: Text | None = Field(
+        default=None, description="The same of readings of a component, where it is not the same"
+    )
     kind: Kind = Field(default="mean", description="What of the errors it changes")
     over: Over | None = Field(
         default=None, description="`chosen` is 1 on one of these, 0 on the others"

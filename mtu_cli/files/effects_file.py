@@ -194,7 +194,7 @@ def _check_words(family: Family, name: str, path: YamlPath, findings: Findings) 
     for mark in sorted(known - {"a", "b", "n"}):
         what = f"{{{mark}}} in the name of a candidate"
         findings.add((*path, "name"), what, value=name, expected="{a}, {b} or {n}")
-    for key in ("says", "separates"):
+    for key in ("says", "separates", "separates_readings"):
         text = getattr(family, key) or ""
         for mark in sorted(marks(text) - known):
             what = f"{{{mark}}} is not in the name {name!r}"

@@ -19,6 +19,8 @@ COPY = 1.0 - 1e-7
 FEW_RESETS = 0.4
 """Of the steps of a column that counts, at most this share may be resets."""
 
+FEWEST_PLACES = 3
+"""Of two each is off by what the other is not."""
 _TAKEN = {"pi", "chosen", *POSITIONS, *MACHINE_FUNCTIONS}
 
 
@@ -174,16 +176,35 @@ def copy_notes(data: TableData, names: Iterable[str]) -> tuple[str, ...]:
 
 
 def labels(table: ResidualTable, over: str) -> Sequence[str]:
-    """Names of the features, parts or operations."""
-    return {"feature": table.features, "part": table.parts, "operation": table.operations}[over]
+    """Names of the features, parts or operations; of readings there and back those of the positions
+    follow, for a spot on a screw or scale shows in both directions.
+    """
+    if over == "feature":
+        return (*table.features, *_both_ways(table))
+    return {"part": table.parts, "operation": table.operations}[over]
 
 
 def indicators(table: ResidualTable, over: str) -> FloatArray:
-    """1 on the chosen one, else 0: (H, 1, H), (P, P, 1) or (operations, 1, H)."""
+    """1 on the chosen one, else 0: (G, 1, H), (P, P, 1) or (operations, 1, H)."""
     if over == "part":
         return np.eye(len(table.parts))[:, :, None]
     if over == "feature":
-        return np.eye(len(table.features))[:, None, :]
+        one = np.eye(len(table.features))
+        both = [one[own].sum(axis=0) for own in _both_ways(table).values()]
+        return np.stack([*one, *both])[:, None, :]
     codes = np.arange(len(table.operations))
     own: FloatArray = (table.operation[None, :] == codes[:, None]).astype(float)[:, None, :]
     return own
+
+
+def _both_ways(table: ResidualTable) -> dict[str, list[int]]:
+    """The columns of each position that was read in both directions, where those are enough to
+    tell one from the others; none of parts.
+    """
+    found: dict[str, list[int]] = {}
+    for i, name in enumerate(table.features if table.component is not None else ()):
+        place, _, sign = name.partition(" ")
+        if sign:
+            found.setdefault(place, []).append(i)
+    both = {place: own for place, own in found.items() if len(own) > 1}
+    return both if len(both) >= FEWEST_PLACES else {}

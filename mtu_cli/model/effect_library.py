@@ -142,7 +142,7 @@ def _all_possible(library: EffectLibrary) -> list[str]:
 def _of_family(family: LoadedFamily, data: TableData) -> Iterator[Candidate]:
     for binding in of_candidates(family, data):
         if family.family.kind == "scatter":
-            yield _candidate(family, binding, (), _missing(family, data), ())
+            yield _candidate(family, binding, (), _missing(family, data), (), data)
             continue
         batches, reasons, possible = _batches(family, binding, data)
         if not possible:
@@ -155,7 +155,7 @@ def _of_family(family: LoadedFamily, data: TableData) -> Iterator[Candidate]:
         reason = None if members else "; ".join(reasons)
         coarse = [note for batch in batches for note in batch.bound.not_searched(batch.members)]
         notes = (*notes, *coarse, *told, *copy_notes(data, used), *_unusable(family, data))
-        yield _candidate(family, binding, members, reason, notes)
+        yield _candidate(family, binding, members, reason, notes, data)
 
 
 def _batches(
@@ -218,8 +218,11 @@ def _candidate(
     members: tuple[Member, ...],
     unavailable: str | None,
     notes: tuple[str, ...],
+    data: TableData,
 ) -> Candidate:
     separates = family.family.separates
+    if data.table.component is not None and family.family.separates_readings is not None:
+        separates = family.family.separates_readings
     axis = binding.get("n") or binding.get("a", "") + binding.get("b", "")
     return Candidate(
         name=filled(family.name, binding),

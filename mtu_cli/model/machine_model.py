@@ -216,6 +216,10 @@ def _no_uncertainty(machine: LoadedMachine, name: str) -> Problem:
     )
 
 
+MEANT = {"sequence": ", the number of the part, or of the pass of readings, in their order"}
+"""What a column is that a file may have under another name, or not at all."""
+
+
 def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
     """Raises InputError naming every covariate that the equations need and nobody gave."""
     _check_temperatures(model, given)
@@ -233,7 +237,7 @@ def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
                         f"{name!r}"
                         if name in drifts
                         else f"the equations of {model.name!r} need the covariate {name!r}",
-                        expected=f"--at {name}=VALUE{_given(given)}",
+                        expected=f"--at {name}=VALUE{MEANT.get(name, '')}{_given(given)}",
                     )
                     for name in missing
                     if name not in together

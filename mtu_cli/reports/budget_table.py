@@ -32,6 +32,9 @@ OF_COVARIANCE = (
 LEAST_SHARE = 5e-4
 """Of a share, that is seen in the table."""
 
+TOLD = 3
+"""Digits more, at most, that tell two intervals apart."""
+
 
 def table(result: BudgetResult, digits: int) -> list[Sheet]:
     """For every output its contributions and its result; with several their correlation."""
@@ -102,17 +105,39 @@ def _result(result: BudgetResult, index: int, digits: int) -> Sheet:
     name = output.first.name + (f" ({output.unit})" if output.unit else "")
     percent = f"{100 * result.probability:.4g} % interval"
     titles = ("value", "u", "dof", "k", "U", percent, "shortest")
+    of_ends = _of_ends(result, index, digits)
     return Sheet(
         title=f"{result.name}: result for {name}",
         columns=[Column(title=name, text=True), *(Column(title=title) for title in titles)],
-        rows=[*_orders(output, digits), _monte_carlo(result, index, digits)],
+        rows=[*_orders(output, digits, of_ends), _monte_carlo(result, index, digits, of_ends)],
         notes=_notes(result, index),
     )
 
 
-def _orders(output: OutputBudget, digits: int) -> list[list[str]]:
-    first = output.first
+def _of_ends(result: BudgetResult, index: int, digits: int) -> int:
+    """The digits of the intervals: as many as tell that of Monte Carlo from that of first order,
+    where it is to be taken instead.
+    """
+    output = result.outputs[index]
+    for more in range(TOLD if output.validation.passed is False else 0):
+        first = _first_interval(output, digits + more)
+        if first != _ends_text(result, index, digits + more, shortest=False):
+            return digits + more
+    return digits
+
+
+def _first_interval(output: OutputBudget, digits: int) -> str:
     low, high = output.interval
+    return interval(low, high, _scale(output.first.u, high - low), digits)
+
+
+def _ends_text(result: BudgetResult, index: int, digits: int, *, shortest: bool) -> str:
+    low, high = ends(result, index, shortest=shortest)
+    return interval(low, high, _scale(float(result.run.u[index]), high - low), digits)
+
+
+def _orders(output: OutputBudget, digits: int, of_ends: int) -> list[list[str]]:
+    first = output.first
     shown = _known(first.u)
     return [
         [
@@ -122,7 +147,7 @@ def _orders(output: OutputBudget, digits: int) -> list[list[str]]:
             MISSING if math.isnan(first.dof) else degrees_of_freedom(first.dof),
             significant(output.k, 3),
             significant(output.expanded, digits),
-            interval(low, high, _scale(first.u, high - low), digits),
+            _first_interval(output, of_ends),
             MISSING,
         ],
         [
@@ -134,7 +159,7 @@ def _orders(output: OutputBudget, digits: int) -> list[list[str]]:
     ]
 
 
-def _monte_carlo(result: BudgetResult, index: int, digits: int) -> list[str]:
+def _monte_carlo(result: BudgetResult, index: int, digits: int, of_ends: int) -> list[str]:
     run = result.run
     u = float(run.u[index])
     exists = math.isfinite(u)
@@ -143,10 +168,7 @@ def _monte_carlo(result: BudgetResult, index: int, digits: int) -> list[str]:
         with_u(float(run.mean[index]), _known(u), digits)[0] if exists else MISSING,
         significant(u, digits),
         *[MISSING] * 3,
-        *(
-            interval(low, high, _scale(u, high - low), digits)
-            for low, high in (ends(result, index), ends(result, index, shortest=True))
-        ),
+        *(_ends_text(result, index, of_ends, shortest=shortest) for shortest in (False, True)),
     ]
 
 

@@ -7,8 +7,9 @@ where the machine gets no equation. `rms` pools all coordinates, `p95` and `max`
 vector's length. The keys of an angular component end in `_arcsec`, all others in `_um`. With
 several components, `component` names the one whose scores stand at the top, `tables` hold all.
 A `minimum_detectable` is the root mean square over the cells of an effect that would have been
-found four times in five. The `rms` of an effect is over all coordinates, `explained_share` the
-share of their mean square. Fields of a candidate are of the first look at the data.
+found four times in five. The `rms` of an effect is over all coordinates, about its mean,
+`explained_share` the share of their mean square. Fields of a candidate are of the first look at
+the data.
 `fixed_points` are the places where effects that grow along an axis and effects that move it as a
 whole cancel; one is `told` where its 95 % interval is no longer than the machine's travel, and
 `given` the effect it depends on where the data cannot tell that from others. `neutral_points` are

@@ -10,7 +10,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.one_phase import least_amplitude
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.analyses.close_loop.scatter_rivals import ROTATION
-from mtu_cli.analyses.close_loop.shown import amplitude, pitch_is_open, things
+from mtu_cli.analyses.close_loop.shown import amplitude, column_text, pitch_is_open, things
 from mtu_cli.analyses.close_loop.zeros import zeros_of
 from mtu_cli.language import names, parse
 from mtu_cli.reports.close_loop_scatter import one_axis_text, scatter_text
@@ -127,7 +127,7 @@ def _words(effect: FoundEffect, item: TableResult, shown: tuple[Shown, ...]) -> 
     if effect.axis is not None and len(effect.axis) == 2 and item.table.component is None:
         words |= {"A": effect.axis[0].upper(), "B": effect.axis[1].upper()}
     if effect.chosen is not None:
-        words["chosen"] = effect.chosen
+        words["chosen"] = column_text(effect.chosen, item)
     if effect.covariate is not None:
         words["covariate"] = effect.covariate
         words["each"] = _each(effect.covariate, row)

@@ -19,7 +19,7 @@ from mtu_cli.reports.close_loop_shown import (
 )
 from mtu_cli.reports.numbers import p_value, plus_minus
 
-WEAR = "wear-approach"
+WEAR, SEQUENCE = "wear-approach", "sequence"
 LEVEL = (
     "{names}: {what} of its own: the error where the effects of its axis are 0. Beside a growth or "
     "a drift it holds their constant part and any offset"
@@ -63,6 +63,7 @@ def effect_notes(item: TableResult) -> list[str]:
         *held_notes(item),
         *_level_notes(item),
         *_wear_notes(item),
+        *_pass_notes(item),
         *_unsure_notes(item),
         *_found_at_notes(item),
     ]
@@ -76,6 +77,14 @@ def _level_notes(item: TableResult) -> list[str]:
         for effect in item.effects
         for own, axis in sure_levels(effect)
     ]
+
+
+def _pass_notes(item: TableResult) -> list[str]:
+    """What stands for the pass in equations on readings."""
+    counted = any(effect.covariate == SEQUENCE for effect in item.effects)
+    if item.table.component is None or not counted:
+        return []
+    return ["sequence is the number of the pass: 1, 2, ... in the order of time"]
 
 
 def _wear_notes(item: TableResult) -> list[str]:

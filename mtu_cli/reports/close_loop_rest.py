@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mtu_cli.analyses.close_loop.result import TableResult
-from mtu_cli.analyses.close_loop.shown import entry_text, most_left, things
+from mtu_cli.analyses.close_loop.shown import column_text, entry_text, most_left, things
 from mtu_cli.reports.close_loop_shown import in_words, size_of
 from mtu_cli.reports.numbers import with_u
 
@@ -27,6 +27,7 @@ def rest_text(item: TableResult) -> str:
     """What is left, and where most of it is; nothing to look for where it is only scatter."""
     _, column = things(item)
     where = most_left(item)
+    at_place = column_text(where.column, item)
     rest, floor, *at = together(item, item.unexplained_rms, item.floor, where.along, where.there)
     left = f"What is left has an rms of {rest} {item.table.unit}"
     if item.floor is not None and item.unexplained_rms is not None:
@@ -34,7 +35,7 @@ def rest_text(item: TableResult) -> str:
         if scatter and not (item.fired or item.twofold):
             return f"{left}: about repeatability ({floor})."
     along = f"along {where.axis.upper()} ({at[0]} {item.table.unit}), and there "
-    left += f": most {along if item.table.component is None else ''}at {column} {where.column}"
+    left += f": most {along if item.table.component is None else ''}at {column} {at_place}"
     left += f" ({at[1]} {item.table.unit})"
     known = "" if item.floor is None else f"; repeatability is {floor} {item.table.unit}"
     return f"{left}{known}."

@@ -40,6 +40,7 @@ from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
 from mtu_cli.reports.tables import Column, Sheet
 
+ITS_RMS = "its rms: of all coordinates, about the effect's own mean over the data"
 BEST = 5
 """Candidates listed."""
 COMPONENTS = 20
@@ -71,7 +72,9 @@ def _verdict(result: CloseLoopResult) -> Group:
     lines = [line for item in shown for line in verdict_lines(item, result)]
     none = (item for item in result.tables if item.verdict == "none" and item not in shown)
     if silent := [item.table.component or "" for item in none]:
-        lines.append((False, f"Nothing undeclared in {listed(silent, 8)}."))
+        aside = any(item.gross for item in result.tables if item.table.component in silent)
+        but = ", beside what was set aside (see below)" if aside else ""
+        lines.append((False, f"Nothing undeclared in {listed(silent, 8)}{but}."))
     head = Text(f"Undeclared effects: {result.verdict}", style="bold")
     told = [Padding(Text(text), (0, 0, 0, 2 if one else 0)) for one, text in lines]
     return Group(head, *told, Text(""))
@@ -117,6 +120,8 @@ def _effect_notes(result: CloseLoopResult) -> list[str]:
     notes += dict.fromkeys(f"{name}: {way}" for name, way in ways if way is not None)
     for item in result.tables:
         notes += effect_notes(item)
+    if any(effect.kind == "mean" for effect in result.effects):
+        notes.append(ITS_RMS)
     return [*level_text(result.effects), *notes]
 
 
@@ -230,7 +235,9 @@ def _outliers(item: TableResult) -> str | None:
         return None
     unit, named = item.table.unit, []
     for gross in item.gross:
-        sizes = zip(item.table.axes, gross.deviation, strict=True)
-        off = ", ".join(f"{a} {significant(size_of(item, value))}" for a, value in sizes)
+        sizes = [significant(size_of(item, value)) for value in gross.deviation]
+        axes = item.table.axes if item.table.component is None else [""]
+        off = ", ".join(f"{a} {size}".strip() for a, size in zip(axes, sizes, strict=True))
         named.append(f"{entry_text(gross, item)} ({off} {unit})")
-    return f"set aside as far off whatever the rest does: {listed(named, OUTLIERS)}"
+    of = "" if item.table.component is None else f"{item.table.component}: "
+    return f"{of}set aside as far off whatever the rest does: {listed(named, OUTLIERS)}"

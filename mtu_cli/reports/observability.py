@@ -197,7 +197,7 @@ def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
     }
     groups = [group.components for group in estimates.joint]
     grouped = {name for group in groups for name in group}
-    would = "read it in the same passes (same set-up) as the others, or give `time` or `setup`"
+    would = _together(separated.values())
     for name, found in separated.items():
         if name in grouped or len(separated) < 2:
             continue
@@ -215,6 +215,16 @@ def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
             because="each group was read in passes of its own, or in other directions",
             reading_that_would=would,
         )
+
+
+def _together(components: Iterable[ComponentFit]) -> str:
+    """What would make passes those of others, too: a time or a set-up makes none of passes of which
+    some have a direction and others have none.
+    """
+    ways = {bool(np.any(item.direction)) for found in components for item in found.instruments}
+    if len(ways) > 1:
+        return "read it in the same directions of the same passes (same set-up) as the others"
+    return "read it in the same passes (same set-up) as the others, or give `time` or `setup`"
 
 
 def _count(count: int, what: str) -> str:

@@ -30,6 +30,8 @@ CYCLE_NAMES = 62
 """Characters of cycles' names that fit below one panel."""
 TICKS = 5
 """Steps that all minutes make, at least."""
+CHARACTERS = 75
+"""Of labels of minutes that fit below one panel, side by side."""
 CYCLES_WITH_MINUTES = 8
 STATES = (figures.BLUE, figures.GREY, figures.RED)
 
@@ -135,17 +137,34 @@ def _mark_cycles(panel: Axes, starts: dict[str, float], ends: dict[str, float]) 
 
 
 def _minutes(starts: dict[str, float], ends: dict[str, float]) -> list[tuple[float, float]]:
-    """Ticks: place on the panel, min from the cycle's start. None where cycles are many."""
+    """Ticks: place on the panel, min from the cycle's start, as far from each other as their
+    labels need. None where cycles are many.
+    """
     lengths = {name: ends[name] - starts[name] for name in starts}
     longest, total = max(lengths.values()), sum(lengths.values())
     if len(lengths) > CYCLES_WITH_MINUTES or longest == 0:
         return []
     step = min(nice(longest), nice(total / TICKS))
-    return [
-        (starts[name] + float(minute), float(minute))
-        for name, length in lengths.items()
-        for minute in np.arange(0.0, length * (1 + 1e-9), step)
-    ]
+    every = _apart(starts, lengths, step)
+    # Where the step leaves most cycles no tick but the start, half of it tells how long they are.
+    told = sum(minute > 0 for _, minute in every)
+    return every if 2 * told > len(lengths) else _apart(starts, lengths, step / 2)
+
+
+def _apart(
+    starts: dict[str, float], lengths: dict[str, float], step: float
+) -> list[tuple[float, float]]:
+    """Those of a step that do not run into the next cycle's zero."""
+    names, digit = list(starts), max(starts[n] + lengths[n] for n in starts) / CHARACTERS
+    found = []
+    for name, after in zip(names, [*names[1:], None], strict=True):
+        end = np.inf if after is None else starts[after]
+        for minute in np.arange(0.0, lengths[name] * (1 + 1e-9), step).tolist():
+            # Half of its own label, half of a zero and a space.
+            room = (len(f"{minute:g}") / 2 + 1.5) * digit
+            if starts[name] + minute + room <= end or minute == 0:
+                found.append((starts[name] + minute, minute))
+    return found
 
 
 def _fitting(names: Sequence[str]) -> list[str]:

@@ -82,8 +82,11 @@ def _others(log: FurtherParts, wanted: Wanted) -> Iterator[FollowUp]:
             yield _varied(log, name)
     for part in wanted.outlying:
         again = np.full(log.count, part)
-        words = f"clamp and measure {log.table.parts[part]} again"
-        yield log.made("again", words, "measure this part again", parts=again)
+        words, fits = f"run {log.table.parts[part]} again", "run this pass again"
+        if points:
+            words = f"clamp and measure {log.table.parts[part]} again"
+            fits = "measure this part again"
+        yield log.made("again", words, fits, parts=again)
     yield from _other_times(log, used)
 
 
@@ -144,7 +147,7 @@ def _moved(log: FurtherParts, axis: str, by: float, fits: str) -> FollowUp:
     return log.made(
         f"shift-{axis}",
         f"shift the {fixture} along {axis} by {by:.3g} mm",
-        f"shift the fixture along {axis} by {fits}" if fits else "",
+        f"shift the {fixture} along {axis} by {fits}" if fits else "",
         places=places,
         detail=f"{by:.3g} mm",
     )

@@ -132,9 +132,11 @@ WAYS = {"+": "forward", "-": "in reverse"}
 def entry_text(gross: Gross, item: TableResult) -> str:
     """Which entry of the table it is."""
     row, column = things(item)
-    feature = gross.feature
-    if item.table.component is not None:
-        # Readings of both directions have it as a sign behind the position.
-        place, _, sign = feature.partition(" ")
-        feature = f"{place} {WAYS[sign]}" if sign in WAYS else feature
-    return f"{column} {feature} of {row} {gross.part}"
+    return f"{column} {column_text(gross.feature, item)} of {row} {gross.part}"
+
+
+def column_text(name: str, item: TableResult) -> str:
+    """A feature, or a position and its direction, which stands behind it as a sign."""
+    place, _, sign = name.partition(" ")
+    readings = item.table.component is not None
+    return f"{place} {WAYS[sign]}" if readings and sign in WAYS else name

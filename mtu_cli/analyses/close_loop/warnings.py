@@ -118,7 +118,7 @@ def _of_table(result: TableResult) -> list[Warned]:
         names = ", ".join(entry_text(g, result) for g in result.gross[:MOST_NAMED])
         beyond = len(result.gross) - MOST_NAMED
         more = f" and {beyond} more" if beyond > 0 else ""
-        text = f"far off whatever the rest does, and set aside: {names}{more}"
+        text = f"far off whatever the rest does, and set aside{of}: {names}{more}"
         found.append(Warned(code="outliers-set-aside", message=text))
     found += [*_passes_apart(result), *_scatter_beyond(result)]
     for effect in result.effects:

@@ -13,6 +13,7 @@ from effect_tables import table as points_table
 from scipy.optimize import least_squares
 from separation_examples import LIBRARY, found_as, prepared_of
 
+from mtu_cli.analyses.close_loop import close_loop
 from mtu_cli.analyses.close_loop.describe import Described, found_effects
 from mtu_cli.analyses.close_loop.follow_up import as_it_is
 from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
@@ -87,3 +88,19 @@ def least_squares_pitch(table: ResidualTable) -> float:
 
     start = [PITCH, AMPLITUDE, 0.0, 0.0, 0.0]
     return float(least_squares(left, start, xtol=1e-14, ftol=1e-14).x[0])
+
+
+def test_a_spot_that_shows_in_both_directions_is_named_as_one_position() -> None:
+    """A damaged scale or screw is off whichever way it is passed; one way alone is told as that."""
+    table = both_ways(4, SHARES[0])
+    names = tuple(f"{x:g} {'+-'[i % 2]}" for i, x in enumerate(table.places[0, :, 0]))
+    wave = AMPLITUDE * np.sin(2 * np.pi * table.places[..., :1] / PITCH)
+    for spot, chosen in (([20, 21], names[20].split()[0]), ([21], names[21])):
+        errors = table.errors - wave
+        errors[:, spot, 0] += 4e-3
+        own = replace(table, features=names, errors=errors)
+        found = close_loop((own,), LIBRARY, alpha=0.05, max_effects=4, seed=1)
+        assert found.verdict == "named"
+        (effect,) = found.effects
+        assert (effect.name, effect.chosen) == ("feature-outlier", chosen)
+        assert effect.parameters[0][2] == pytest.approx(4e-3, abs=3 * effect.parameters[0][3])

@@ -111,6 +111,46 @@ def test_every_family_has_its_candidates(library: EffectLibrary) -> None:
         assert "{" not in candidate.says + (candidate.separates or "") + candidate.name
 
 
+def test_what_tells_effects_of_readings_apart_can_be_done_with_an_instrument(
+    library: EffectLibrary,
+) -> None:
+    """There is no part, tool or fixture in a run of a laser."""
+    axis = readings_table()
+    warm = {"T_bed_degC": 20.0 + np.array([0.1, 1.3, 2.0, 2.6, 3.3, 3.5])[:, None]}
+    own = replace(axis, covariates={**axis.covariates, **warm, "load": warm["T_bed_degC"] ** 2})
+    found = by_name(candidates(own, library))
+    assert {"trend-x", "step-x", "feature-outlier", "part-outlier", "warm-up-x"} <= set(found)
+    can_be = [own for own in found.values() if own.members and own.kind != "scatter"]
+    for candidate in can_be:
+        words = set(re.findall(r"[a-z]+", candidate.separates or "until then"))
+        of_parts = {"part", "parts", "tool", "fixture", "program", "feature", "features", "spindle"}
+        assert not words & of_parts, (candidate.name, candidate.separates)
+
+
+def test_a_position_may_stand_out_in_both_directions(library: EffectLibrary) -> None:
+    """Beside each column by itself; of two positions each is off by what the other is not."""
+    axis = readings_table()
+    names = tuple(f"{50 * (i // 2)} {'+-'[i % 2]}" for i in range(len(axis.features)))
+    axis = replace(axis, features=names)
+    found = by_name(candidates(axis, library))["feature-outlier"]
+    both = {m.chosen: m for m in found.members if m.chosen not in axis.features}
+    assert list(both) == ["0", "50", "100", "150", "200", "250", "300"]
+    lever = column(both["100"], 0, 0, axis)
+    wanted = np.isin(axis.features, ["100 +", "100 -"]).astype(float)
+    np.testing.assert_array_equal(np.broadcast_to(lever, axis.there.shape), [wanted] * 6)
+    few = [i for i, name in enumerate(axis.features) if name.split()[0] in ("0", "50")]
+    two = replace(
+        axis, features=tuple(axis.features[i] for i in few), errors=axis.errors[:, few],
+        repeats=axis.repeats[:, few], places=axis.places[:, few], operation=axis.operation[few],
+        covariates={n: v[:, few] if v.shape[1] > 1 else v for n, v in axis.covariates.items()},
+        common=axis.common[:, few], of_part=axis.of_part[:, few],
+    )  # fmt: skip
+    found = by_name(candidates(two, library))["feature-outlier"]
+    assert {m.chosen for m in found.members} <= set(two.features)
+    plain = by_name(candidates(PLANE, library))["feature-outlier"]
+    assert {m.chosen for m in plain.members} == set(PLANE.features)
+
+
 def test_a_growth_from_the_zero_of_an_axis_is_for_readings_alone(library: EffectLibrary) -> None:
     def from_zero(own: ResidualTable) -> list[bool]:
         grows = by_name(candidates(own, library))["thermal-growth-x"]

@@ -44,6 +44,15 @@ def test_a_missing_covariate_is_named(tmp_path: Path) -> None:
     assert len(error.value.problems) == 2
 
 
+def test_what_a_sequence_is_is_told(tmp_path: Path) -> None:
+    """Readings have passes, and no column of that name."""
+    model = stated(tmp_path, COVARIATES.replace("dir_x", "sequence"))
+    with pytest.raises(InputError) as error:
+        predict(model, ["a"], np.zeros((1, 3)), {"T_spindle_degC": 20.0, "pass": 3.0})
+    said = "expected --at sequence=VALUE, the number of the part, or of the pass of readings, in"
+    assert f"{said} their order; given: T_spindle_degC, pass" in str(error.value)
+
+
 def test_a_position_constant_fixes_the_coordinate(tmp_path: Path) -> None:
     text = """
     constants: {z: 127.0}

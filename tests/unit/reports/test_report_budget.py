@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -259,3 +260,23 @@ def test_shares_that_hold_a_covariance_say_so(one: BudgetResult) -> None:
     (note,) = table(found, 2)[0].notes
     assert note.startswith("share, of correlated inputs: (c_i u_i)^2 + sum over the others of")
     assert table(one, 2)[0].notes == []
+
+
+def test_intervals_that_differ_by_less_than_is_shown_have_more_digits() -> None:
+    """Where first order is not valid, what is to be taken instead can be told from it."""
+    pin = """
+    quantity: {name: V, unit: mm^3}
+    equation: pi*d**2/4*h
+    inputs:
+      d: {unit: mm, readings: [20.01, 20.02, 20.01, 20.02, 20.015], u: 0.0104}
+      h: {value: 50, U: 0.04, k: 2, unit: mm}
+    """
+    found = evaluated(pin)
+    assert found.outputs[0].validation.passed is False
+    first, second, sampled = table(found, 2)[1].rows
+    assert re.fullmatch(r"\[15\d{3}\.\d, 15\d{3}\.\d\]", first[6])
+    assert first[6] != sampled[6]
+    assert first[1] == second[1] == "15732"
+    valid = replace(found.outputs[0], validation=replace(found.outputs[0].validation, passed=True))
+    first, _, sampled = table(replace(found, outputs=(valid,)), 2)[1].rows
+    assert "." not in first[6] + sampled[6]

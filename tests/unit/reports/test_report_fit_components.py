@@ -14,7 +14,7 @@ from report_examples import LINES, SAYS, SETTINGS, Example, example
 from mtu_cli.files.components_file import read_components
 from mtu_cli.files.json_file import report_bytes
 from mtu_cli.model.estimates import ComponentEstimate
-from mtu_cli.model.fit import estimates_from_report
+from mtu_cli.model.fit import MachineFit, estimates_from_report
 from mtu_cli.reports import fit_components, fit_table
 from mtu_cli.reports.document import envelope
 from mtu_cli.reports.numbers import p_value, plus_minus
@@ -255,6 +255,28 @@ def test_observability_of_stated_components_and_several_instruments(tmp_path: Pa
     assert [x["n"] for x in item["instruments"]] == [48, 48]
     assert 0 <= item["agreement_p"] <= 1
     assert "several-instruments" in {x["code"] for x in report(given)["warnings"]}
+
+
+def test_what_makes_passes_those_of_others_can_be_done(tmp_path: Path) -> None:
+    """A time or a set-up joins no passes of which some have a direction and others have none."""
+    given = example(tmp_path, passes=3)
+
+    def would(fit: MachineFit) -> set[str]:
+        every = observability(fit, given.estimates)
+        return {x.reading_that_would for x in every if "correlation" in x.not_determined}
+
+    assert would(given.fit) == {
+        "read it in the same passes (same set-up) as the others, or give `time` or `setup`"
+    }
+    name, *_ = given.fit.components
+    one = given.fit.components[name]
+    item = one.instruments[0]
+    ways = np.ones_like(item.direction) * (0 if item.direction.any() else 1)
+    other = replace(one, instruments=(replace(item, direction=ways),))
+    fit = replace(given.fit, components={**given.fit.components, name: other})
+    assert would(fit) == {
+        "read it in the same directions of the same passes (same set-up) as the others"
+    }
 
 
 def test_each_of_several_instruments_has_a_row_of_its_own(tmp_path: Path) -> None:

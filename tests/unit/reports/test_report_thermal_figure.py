@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,8 @@ from thermal_examples import (
 )
 
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
-from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.figures import blank, figure_bytes
+from mtu_cli.reports.thermal_figure import _minutes
 from mtu_cli.reports.thermal_fit import figure
 
 
@@ -119,3 +120,23 @@ def test_components_left_out_are_named() -> None:
 def test_pictures_are_the_same_bytes_every_time(suffix: str) -> None:
     fit = example(cubic(), without_sensors())
     assert figure_bytes(figure(fit), suffix) == figure_bytes(figure(fit), suffix)
+
+
+@pytest.mark.parametrize("lengths", [[240.0] * 6, [240.0] * 2, [95.0, 400.0, 30.0]])
+def test_labels_of_minutes_keep_clear_of_the_next_cycle(lengths: list[float]) -> None:
+    """By the widths as drawn; every long cycle has one beside its start."""
+    starts, at = {}, 0.0
+    for i, length in enumerate(lengths):
+        starts[str(i)] = at
+        at += length + 0.06 * sum(lengths) / len(lengths)
+    ends = {name: start + lengths[int(name)] for name, start in starts.items()}
+    ticks = _minutes(starts, ends)
+    page = blank(13.0, 3.0)
+    panel = page.subplots(1, 3, gridspec_kw={"width_ratios": [2.3, 1.0, 1.15]})[0]
+    panel.set_xlim(-0.01 * at, 1.01 * max(ends.values()))
+    panel.set_xticks([place for place, _ in ticks], [f"{minute:g}" for _, minute in ticks])
+    page.canvas.draw()
+    boxes = [label.get_window_extent() for label in panel.get_xticklabels()]
+    assert all(a.x1 < b.x0 for a, b in pairwise(boxes))
+    long = [n for n, length in zip(starts, lengths, strict=True) if length > 0.5 * max(lengths)]
+    assert all(any(starts[n] < place <= ends[n] for place, _ in ticks) for n in long)
