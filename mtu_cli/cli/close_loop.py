@@ -102,7 +102,8 @@ def _doubts(result: CloseLoopResult, written: bool) -> list[Warned]:
     for item in result.tables:
         for effect in item.effects:
             if effect.equations:
-                own.setdefault(own_verdict(effect, item), []).append(effect.name)
+                of = f"{item.table.component} " if item.table.component else ""
+                own.setdefault(own_verdict(effect, item), []).append(f"{of}{effect.name}")
     hints = "what is written"
     if len(own) > 1:
         hints = f"of what is written {listed(own.get(UNEXPLAINED, []))}"

@@ -58,8 +58,10 @@ def check_copied_passes(readings: Readings, problems: ProblemList) -> None:
 
 def _problem(readings: Readings, name: str, rows: Rows, first: Rows) -> Problem:
     own, other = (int(readings.pass_number[item[0]]) for item in (rows, first))
+    files = [readings.file_index[item[0]] for item in (rows, first)]
+    of = "" if files[0] == files[1] else f" of {readings.sources[files[1]].shown}"
     return Problem(
-        what=f"pass {own} of {name!r} has the same readings as pass {other}, to the last digit",
+        what=f"pass {own} of {name!r} has the same readings as pass {other}{of}, to the last digit",
         file=readings.sources[readings.file_index[rows[0]]].shown,
         row=int(readings.row[rows].min()),
         column="pass",

@@ -193,7 +193,7 @@ def missing_file(folder: Path, name: str) -> Problem | None:
     except (OSError, ValueError) as error:
         return Problem(what=f"cannot be read: {reason(error)}", value=name)
     near = _near_name(path)
-    where = "a path from the folder of the file that names it"
+    where = "a path from the folder of the file that names it, or a whole one"
     hint = where if near is None else f"did you mean {(Path(name).parent / near).as_posix()!r}?"
     return Problem(what="no such file", value=name, expected=hint)
 

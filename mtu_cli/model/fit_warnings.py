@@ -203,8 +203,9 @@ def _reversal(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
 
 def _trend(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
     value = found.trend.value / unit.to_internal if found.trend else 0.0
+    each = "a pass there and back" if len(found.fit.pairs) else "a pass"
     return (
-        f"{name} drifts by {value:.2g} {unit.name} a pass (p = {p:.1g}): its passes are not "
+        f"{name} drifts by {value:.2g} {unit.name} {each} (p = {p:.1g}): its passes are not "
         "exchangeable, the next part may lie beyond what they span"
     )
 

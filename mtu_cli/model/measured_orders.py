@@ -59,7 +59,15 @@ def other_order(
     if len(measured) < FEWEST:
         return ""
     near = min(EXPLAINS * _typical(measured - nominal), limit)
+    away = measured - nominal
+    if _typical(away - np.median(away, axis=0)) < near:
+        # It lies elsewhere, whatever else its places may be taken for.
+        return ""
+    flat = np.ptp(nominal, axis=0) <= limit
     for order, turned in _orders(len(axes)):
+        # What has one place along an axis has no way round.
+        if flat[np.array(turned)].any():
+            continue
         own = measured[:, order] * np.where(turned, -1.0, 1.0)
         left = own - nominal
         left = left - np.where(turned, np.median(left, axis=0), 0.0)

@@ -29,6 +29,7 @@ from mtu_cli.model.thermal_estimates import thermal_from_machine_file
 from mtu_cli.model.thermal_terms import leftover_estimate, temperature_estimate
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
+from mtu_cli.stats.pass_pairs import bounded
 from mtu_cli.units import ANGLE, UNITS
 
 if TYPE_CHECKING:
@@ -267,16 +268,13 @@ def _shared_by_directions(
     known = covariance_in_run(estimate)
     if known is None:
         return estimate, None
-    C, D = estimate.covariance, estimate.pass_covariance
-    K = drawable_passes(known, C)
+    C = estimate.covariance
+    # Of several instruments D is of all, K of those that ran both ways: together they are D.
+    D = drawable_passes(estimate.pass_covariance, C)
+    K = bounded(drawable_passes(known, C), D)
     own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
-    nothing = np.zeros_like(C)
-    return own, replace(
-        estimate,
-        coefficients=np.zeros_like(estimate.coefficients),
-        covariance=nothing,
-        pass_covariance=K,
-    )
+    zero = np.zeros_like(estimate.coefficients)
+    return own, replace(estimate, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
 
 
 def _alone(

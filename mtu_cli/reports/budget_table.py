@@ -119,16 +119,23 @@ def _of_ends(result: BudgetResult, index: int, digits: int) -> int:
     where it is to be taken instead.
     """
     output = result.outputs[index]
-    for more in range(TOLD if output.validation.passed is False else 0):
+    low, high = ends(result, index)
+    for more in range(1 + TOLD if output.validation.passed is False else 0):
         first = _first_interval(output, digits + more)
-        if first != _ends_text(result, index, digits + more, shortest=False):
+        # To the same place: the same ends to other digits are the same ends.
+        if first != _rounded(output, (low, high), digits + more):
             return digits + more
     return digits
 
 
 def _first_interval(output: OutputBudget, digits: int) -> str:
+    return _rounded(output, output.interval, digits)
+
+
+def _rounded(output: OutputBudget, found: tuple[float, float], digits: int) -> str:
+    """Ends rounded as those of first order are."""
     low, high = output.interval
-    return interval(low, high, _scale(output.first.u, high - low), digits)
+    return interval(*found, _scale(output.first.u, high - low), digits)
 
 
 def _ends_text(result: BudgetResult, index: int, digits: int, *, shortest: bool) -> str:

@@ -84,7 +84,7 @@ def _pass_notes(item: TableResult) -> list[str]:
     counted = any(effect.covariate == SEQUENCE for effect in item.effects)
     if item.table.component is None or not counted:
         return []
-    return ["sequence is the number of the pass: 1, 2, ... in the order of time"]
+    return ["sequence counts the passes in the order of time: 1, 2, ... (there and back are one)"]
 
 
 def _wear_notes(item: TableResult) -> list[str]:

@@ -9,6 +9,7 @@ from mtu_cli.reports.close_loop_shown import plural, size_of
 from mtu_cli.reports.numbers import significant, with_u
 from mtu_cli.reports.tables import Column, Sheet
 
+NO_BETTER = "held-out {by} are foretold no better with what was found than without"
 FEWER = 0.97
 """Of the rms in sample, that of held-out parts below which it is told why it is less."""
 WEIGHED = (
@@ -52,12 +53,15 @@ def before_after(item: TableResult) -> Sheet:
 
 def _notes(item: TableResult) -> list[str]:
     """What there is to compare the errors with, and what is left."""
-    notes, (row, _) = [], things(item)
+    notes, (row, column) = [], things(item)
     if item.floor is not None:
         notes.append(
             f"repeatability {significant(size_of(item, item.floor))} {item.table.unit}; 95 % and "
             "largest: of the error vector's length"
         )
+    if item.effects and item.held_out_by and item.after.rms >= item.before.rms:
+        by = plural(row if item.held_out_by == "parts" else column)
+        notes.append(NO_BETTER.format(by=by))
     of_parts = bool(item.effects) and item.held_out_by == "parts"
     if of_parts and item.after.rms < FEWER * item.in_sample_after.rms:
         notes.append(WEIGHED.format(by=plural(row)))

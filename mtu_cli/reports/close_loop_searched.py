@@ -27,9 +27,10 @@ def searched_text(
         return significant(value, SEARCHED_DIGITS), f"[{', '.join(both)}]"
     if not high > low:
         return significant(value, SEARCHED_DIGITS), MISSING
-    if math.isinf(high) and low <= 0:
+    no_upper = math.isinf(high) or (ends and value == high)
+    if no_upper and low <= 0:
         return significant(value, SEARCHED_DIGITS), "(not told)"
-    if math.isinf(high) or (ends and value == high):
+    if no_upper:
         return f"at least {significant(low)}", ""
     if ends and (value == low or low == 0):
         return f"at most {significant(high)}", ""
@@ -39,6 +40,8 @@ def searched_text(
 
 def size_interval(low: float, high: float, u: float) -> str:
     """The 95 % interval of a size, such as "> 3.4" where that has no upper end."""
+    if math.isinf(high) and math.isinf(low):
+        return "any"
     if math.isinf(high) and math.isfinite(low):
         return f"> {significant(low)}"
     if math.isinf(low) and math.isfinite(high):
@@ -47,11 +50,12 @@ def size_interval(low: float, high: float, u: float) -> str:
 
 
 def open_end(low: float, high: float) -> str:
-    """That a size which has no end one way is so much at least."""
-    text = size_interval(low, high, 1.0)
-    return f" (95 %: {text})" if text[0] in "<>" else ""
+    """That a size which has no end one way is so much at least, or may be any."""
+    open_ = math.isinf(low) or math.isinf(high)
+    return f" (95 %: {size_interval(low, high, 1.0)})" if open_ else ""
 
 
 def searched_unit(name: str) -> str:
-    """The unit that a name such as `tau_min` says."""
-    return next((unit for unit in IN_NAMES if name.endswith(f"_{unit}")), "")
+    """The unit that a name such as `tau_min` or `pitch_mm` says, a word and the unit."""
+    _, _, unit = name.partition("_")
+    return unit if unit in IN_NAMES else ""

@@ -36,6 +36,7 @@ NO_ERROR = 1e-12
 """Root mean square (mm, rad) below which errors are the rounding of coordinates."""
 MORE_LEFT = 1.3
 """Times the held-out error from which on more left in all data is told."""
+COMPARES = " `mtu compare`, which tests item by item, may call it biased."
 HOPELESS = 100.0
 """Times the rms of the errors beyond which an effect would be found only in name."""
 
@@ -239,6 +240,7 @@ def _likely(item: TableResult, alpha: float) -> list[str]:
     return [
         f"{first.name} fits best by far, but {count} {plural(row)} cannot prove it "
         f"(p {p_value(1.0 if p is None else p)}): {plural(row)} may scatter that much. Take more."
+        + (COMPARES if item.table.component is None else "")
     ]
 
 

@@ -11,8 +11,8 @@ the between-pass mean square that is of runs there and back, as `pass_covariance
 instruments, of which `run_covariance` is that of the two passes of a run. `runs` lists the passes
 of each run there and back, in time; null where no passes are given. `dof`, `r2` and the tests at
 the top are of the one instrument that read the component; with several they stand in
-`instruments`. `pass_dof` and `repeat_dof` null are infinite. Null tests are explained in
-`observability`.
+`instruments`; `per_pass` counts there and back as one. `pass_dof` and `repeat_dof` null are
+infinite. Null tests are explained in `observability`.
 """
 
 from __future__ import annotations

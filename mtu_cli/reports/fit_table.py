@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mtu_cli.errors import listed
-from mtu_cli.model.estimates import ComponentEstimate, Estimates
+from mtu_cli.model.estimates import ComponentEstimate, Estimates, from_centre, to_centre
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
-from mtu_cli.reports.fitted import pass_covariance, single_instrument
+from mtu_cli.reports.fitted import pass_center, pass_covariance, single_instrument
 from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
 from mtu_cli.reports.observability import NotDetermined, observability
 from mtu_cli.reports.runs import runs_notes
@@ -102,7 +102,10 @@ def _by_instrument(
         return []
     rows, f = [], found.unit.to_internal
     for item in found.instruments:
-        fit, s_pass = item.fit, float(np.sqrt(item.fit.D[0, 0])) / f
+        fit, k = item.fit, len(item.fit.plain.coefficients)
+        T = from_centre(fit.center, k, len(fit.D))
+        # At the place that the component's own is of.
+        s_pass = float(np.sqrt(max(to_centre(pass_center(found), T @ fit.D @ T.T)[0, 0], 0.0))) / f
         b, C = fit.plain.coefficients / f, fit.covariance / f**2
         row = [f"  {item.role}", "", "", *_line(b, C, digits)]
         row += _spread(float(np.sqrt(fit.s2)) / f, s_pass, float(b[0]), [fit], digits)

@@ -17,6 +17,7 @@ from mtu_cli.stats.pass_tests import FEWEST_PASSES, MAX_POSITIONS, by_runs
 FEWEST_OF_TREND = 3
 """Runs there and back from which on a straight line leaves a degree of freedom."""
 _ALONE = "correlation of its drift with that of other components"
+BY_ONE = "read it by one instrument, in the same passes as the others"
 _GROUPS = "correlation of their drift with that of the other groups"
 _SAID = {
     _ALONE: "correlation of the drift of {} with that of other components",
@@ -206,7 +207,7 @@ def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
             component=name,
             not_determined=_ALONE,
             because="read by several instruments" if several else "read in passes of its own",
-            reading_that_would=would,
+            reading_that_would=BY_ONE if several else would,
         )
     for group in groups if len(groups) > 1 else ():
         yield NotDetermined(
@@ -218,10 +219,14 @@ def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
 
 
 def _together(components: Iterable[ComponentFit]) -> str:
-    """What would make passes those of others, too: a time or a set-up makes none of passes of which
-    some have a direction and others have none.
+    """What would make passes those of others, too: a time or a set-up makes none of passes that
+    went other ways.
     """
-    ways = {bool(np.any(item.direction)) for found in components for item in found.instruments}
+    ways = {
+        frozenset(np.unique(item.direction).tolist())
+        for found in components
+        for item in found.instruments
+    }
     if len(ways) > 1:
         return "read it in the same directions of the same passes (same set-up) as the others"
     return "read it in the same passes (same set-up) as the others, or give `time` or `setup`"

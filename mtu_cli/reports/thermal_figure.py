@@ -146,9 +146,10 @@ def _minutes(starts: dict[str, float], ends: dict[str, float]) -> list[tuple[flo
         return []
     step = min(nice(longest), nice(total / TICKS))
     every = _apart(starts, lengths, step)
-    # Where the step leaves most cycles no tick but the start, half of it tells how long they are.
-    told = sum(minute > 0 for _, minute in every)
-    return every if 2 * told > len(lengths) else _apart(starts, lengths, step / 2)
+    # Where the step leaves a long cycle no tick but the start, half of it tells how long it is.
+    long = [name for name, length in lengths.items() if 2 * length > longest]
+    told = all(any(starts[n] < at <= ends[n] for at, _ in every) for n in long)
+    return every if told else _apart(starts, lengths, step / 2)
 
 
 def _apart(

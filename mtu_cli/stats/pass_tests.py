@@ -93,7 +93,7 @@ def pass_trend(fit: PassFit, order: IntArray | FloatArray) -> Shift | None:
 
     `order` (G,) is the sequence of the passes in time. A trend means that passes are not
     exchangeable, which D and every interval built on it assume. Passes there and back of a run
-    are one unit, their mean.
+    are one unit, their mean, and count as one pass.
     """
     if not fit.separated or fit.pass_dof < 2:
         return None
@@ -101,8 +101,9 @@ def pass_trend(fit: PassFit, order: IntArray | FloatArray) -> Shift | None:
     columns = np.column_stack([fit.deviations[:, 0], fit.group_direction, _ranks(order)])
     means = lines_by_pass(columns, np.ones((len(unit), 1)), unit, int(unit.max()) + 1)[0][:, 0]
     level, sign, rank = means.T
+    count = _ranks(rank)
     fixed = [np.ones(len(level)), *([sign] if np.ptp(sign) > 0 else [])]
-    line = least_squares(np.column_stack([*fixed, rank - rank.mean()]), level)
+    line = least_squares(np.column_stack([*fixed, count - count.mean()]), level)
     if line.rank < len(line.coefficients) or line.dof < 1:
         return None
     u = float(np.sqrt(line.s2 * line.unscaled_covariance[-1, -1]))

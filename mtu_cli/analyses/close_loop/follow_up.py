@@ -82,7 +82,7 @@ def _others(log: FurtherParts, wanted: Wanted) -> Iterator[FollowUp]:
             yield _varied(log, name)
     for part in wanted.outlying:
         again = np.full(log.count, part)
-        words, fits = f"run {log.table.parts[part]} again", "run this pass again"
+        words, fits = f"run pass {log.table.parts[part]} again", "run this pass again"
         if points:
             words = f"clamp and measure {log.table.parts[part]} again"
             fits = "measure this part again"

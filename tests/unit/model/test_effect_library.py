@@ -282,7 +282,14 @@ def oracle(own: ResidualTable) -> dict[str, list[Formula]]:
                 "y": (c["y"] - y0) * (c["T_spindle_degC"] - T0),
             }
         ],
-        "thermal-squareness-xy": [lambda c: {"x": (y0 - c["y"]) * (c["T_spindle_degC"] - T0)}],
+        "thermal-squareness-xy": [
+            lambda c: {"x": (y0 - c["y"]) * (c["T_spindle_degC"] - T0)},
+            lambda c: {"y": (x0 - c["x"]) * (c["T_spindle_degC"] - T0)},
+            lambda c: {
+                "x": (y0 - c["y"]) / 2 * (c["T_spindle_degC"] - T0),
+                "y": (x0 - c["x"]) / 2 * (c["T_spindle_degC"] - T0),
+            },
+        ],
         "trend-x": [
             lambda c: {"x": c["sequence"] - 5.0},
             lambda c: {"x": c["tool_parts"] - tools0},

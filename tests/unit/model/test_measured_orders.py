@@ -51,12 +51,13 @@ def test_what_was_done_to_a_part_is_named(order: str) -> None:
     "change",
     [
         lambda m: m + np.array([5.0, 0.0, 0.0]),
+        lambda m: m + np.array([0.0, 0.0, 60.0]),
         lambda m: m / 25.4,
         lambda m: np.random.default_rng(2).uniform(0, 150, m.shape),
         # Two features in the place of each other are no order of the part's.
         lambda m: m[[3, 4, 5, 0, 1, 2, *range(6, 18)]],
     ],
-    ids=["moved", "inches", "anywhere", "two exchanged"],
+    ids=["moved", "moved in z", "inches", "anywhere", "two exchanged"],
 )
 def test_what_is_no_order_is_not_named(change: object) -> None:
     assert callable(change)
@@ -81,3 +82,22 @@ def test_a_part_of_several_is_named_in_the_warning() -> None:
     many = np.where(found.part[:, None] < 4, found.measured[:, [1, 0, 2]], found.measured)
     (warning,) = check_measured(with_measured(found, many))
     assert warning.message.endswith("row 2): this looks like x and y swapped")
+
+
+def test_a_part_that_lies_elsewhere_is_no_row_in_another_order() -> None:
+    """A row of holes a pitch farther on, or off along an axis in which all have one place."""
+    row = np.column_stack([np.linspace(0, 400, 5), np.full(5, 30.0), np.zeros(5)])
+    there = np.repeat(row, 3, axis=0)
+    done = there + np.random.default_rng(3).normal(0.0, 5e-3, there.shape)
+    for by in ([100.0, 0, 0], [0, 10.0, 0], [0, 0, 10.0]):
+        assert other_order(done + by, there, (0, 1, 2), LIMIT) == ""
+    assert other_order(400 - done, 400 - there[::-1], (0, 1, 2), LIMIT) != ""
+
+
+def test_one_bad_point_hides_no_order() -> None:
+    bad = measured()[:, [1, 0, 2]]
+    bad[4] += 3.0
+    assert other_order(bad, NOMINAL, (0, 1, 2), LIMIT) == "x and y swapped"
+    half = measured()
+    half[:9] = half[:9, [1, 0, 2]]
+    assert other_order(half, NOMINAL, (0, 1, 2), LIMIT) == ""

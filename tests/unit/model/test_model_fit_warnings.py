@@ -54,7 +54,7 @@ def test_p_values_of_clean_machines_are_uniform(clean: list[MachineFit], name: s
 
 
 def planted(given: Readings, name: str, what: str) -> Readings:
-    """A reversal of 6 um, a drift of 2 um a pass, or a bend of 6 um."""
+    """A reversal of 6 um, a drift of 4 um a pass there and back, or a bend of 6 um."""
     rows = given.code == given.components.index(name)
     size = 1e-3 if name.startswith("d") else 1e-5
     p = given.position_mm - 80
@@ -99,7 +99,7 @@ def test_a_single_doubted_row_comes_before_a_higher_degree(tmp_path: Path) -> No
 def test_the_stated_amounts_are_those_planted(tmp_path: Path) -> None:
     known = machine(tmp_path)
     given = read_machine(np.random.default_rng(6), Drift(0.0))
-    for what, wanted in (("reversal", 6.0), ("passes-drift", 2.0)):
+    for what, wanted in (("reversal", 6.0), ("passes-drift", 4.0)):
         fit = fit_machine(known, planted(given, "dx_x", what))
         item = fit.components["dx_x"].instruments[0]
         shift = item.reversal if what == "reversal" else item.trend

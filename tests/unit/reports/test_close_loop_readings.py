@@ -65,7 +65,7 @@ def test_what_stands_for_the_pass_is_told() -> None:
         "trend-x", equations={"Ex": "slope*(sequence - 3.5)"}, covariate="sequence",
         parameters=(("slope", "um", 1.4, 0.1),),
     )  # fmt: skip
-    note = "sequence is the number of the pass: 1, 2, ... in the order of time"
+    note = "sequence counts the passes in the order of time: 1, 2, ... (there and back are one)"
     assert note in shown(result(on_component(effects=(replace(own),))))
     assert note not in shown(result(on_table("named", (own,))))
     assert note not in shown(result(on_component()))

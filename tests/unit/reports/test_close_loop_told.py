@@ -281,3 +281,11 @@ def test_why_held_out_parts_fit_better_than_all_data_is_told(after: float, told:
     assert (f"{said}; all data by what is written alone" in shown) == told
     alone = " ".join(plain_text(table(result(replace(item, held_out_by="features")))).split())
     assert said not in alone
+
+
+def test_that_held_out_parts_are_foretold_no_better_is_told() -> None:
+    item = on_table("named", (effect(),))
+    said = "held-out parts are foretold no better with what was found than without"
+    assert said not in " ".join(plain_text(table(result(item))).split())
+    worse = replace(item, after=scores(6.0))
+    assert said in " ".join(plain_text(table(result(worse))).split())

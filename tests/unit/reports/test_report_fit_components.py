@@ -17,7 +17,7 @@ from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.fit import MachineFit, estimates_from_report
 from mtu_cli.reports import fit_components, fit_table
 from mtu_cli.reports.document import envelope
-from mtu_cli.reports.numbers import p_value, plus_minus
+from mtu_cli.reports.numbers import p_value, plus_minus, significant
 from mtu_cli.reports.observability import NotDetermined, observability, told
 from mtu_cli.reports.tables import plain_text
 
@@ -226,8 +226,8 @@ def test_what_is_not_determined_is_told_once_with_what_would(paper: Example) -> 
         "the readings do not tell the repeatability of one visit of axy. What would: read it at "
         "least twice in a pass from the same side, in the same set-up. Nor the correlation of the "
         "drift of axy with "
-        "that of other components. What would: read it in the same passes (same set-up) as the "
-        "others, or give `time` or `setup`. Why: results.observability"
+        "that of other components. What would: read it in the same directions of the same passes "
+        "(same set-up) as the others. Why: results.observability"
     )
     two = ["no axis", "one run"]
     several = [
@@ -265,17 +265,28 @@ def test_what_makes_passes_those_of_others_can_be_done(tmp_path: Path) -> None:
         every = observability(fit, given.estimates)
         return {x.reading_that_would for x in every if "correlation" in x.not_determined}
 
-    assert would(given.fit) == {
+    def turned(way: int) -> MachineFit:
+        """With the first instrument of every component read one way, of the first `way`."""
+        found = {}
+        for i, (name, one) in enumerate(given.fit.components.items()):
+            item = one.instruments[0]
+            ways = np.full_like(item.direction, way if i == 0 else 1)
+            found[name] = replace(one, instruments=(replace(item, direction=ways),))
+        return replace(given.fit, components=found)
+
+    assert would(turned(1)) == {
         "read it in the same passes (same set-up) as the others, or give `time` or `setup`"
     }
-    name, *_ = given.fit.components
-    one = given.fit.components[name]
-    item = one.instruments[0]
-    ways = np.ones_like(item.direction) * (0 if item.direction.any() else 1)
-    other = replace(one, instruments=(replace(item, direction=ways),))
-    fit = replace(given.fit, components={**given.fit.components, name: other})
-    assert would(fit) == {
-        "read it in the same directions of the same passes (same set-up) as the others"
+    for other in (0, -1):
+        assert would(turned(other)) == {
+            "read it in the same directions of the same passes (same set-up) as the others"
+        }
+    several = example(tmp_path, passes=3, roles=("lbb", "laser"))
+    apart = [
+        x for x in observability(several.fit, several.estimates) if "drift with" in x.not_determined
+    ]
+    assert {x.reading_that_would for x in apart if x.because == "read by several instruments"} == {
+        "read it by one instrument, in the same passes as the others"
     }
 
 
@@ -287,6 +298,7 @@ def test_each_of_several_instruments_has_a_row_of_its_own(tmp_path: Path) -> Non
     at = names.index("dx_x")
     assert names[at : at + 3] == ["dx_x", "  lbb", "  laser"]
     assert sheet.rows[at][7:] == ["-"] * 4
+    middle = report(given)["results"]["components"]["dx_x"]["pass_center_mm"]
     for item, row in zip(
         given.fit.components["dx_x"].instruments, sheet.rows[at + 1 :], strict=False
     ):
@@ -296,6 +308,10 @@ def test_each_of_several_instruments_has_a_row_of_its_own(tmp_path: Path) -> Non
         assert item.reversal is not None
         assert row[7].rstrip("*") == p_value(item.scatter.p)
         assert row[10] == plus_minus(1e3 * item.reversal.value, 1e3 * item.reversal.u)
+        # In um, at the same place as that of the component.
+        lever = np.array([1.0, middle - item.fit.center])
+        s_pass = np.sqrt(lever @ item.fit.D @ lever)
+        assert row[6] == significant(1e3 * s_pass)
 
 
 def test_components_of_a_group_stay_together_in_a_list_of_groups(

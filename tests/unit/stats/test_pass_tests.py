@@ -135,13 +135,13 @@ def shared_in_runs(design: Design, rng: np.random.Generator, size: float) -> Flo
 
 
 def test_of_runs_the_trend_is_that_of_their_means() -> None:
-    """Ordinary least squares of the runs' mean levels on their mean place, by statsmodels."""
+    """Ordinary least squares of the runs' mean levels on their number, by statsmodels."""
     design = balanced(12, both=True)
     rng = np.random.default_rng(4)
     y = drawn(design, rng, reversal=3.0) + shared_in_runs(design, rng, 2.0) + 0.4 * design.group
     level = plain_passes(design, y).lines[:, 0]
-    middle = np.arange(12.0).reshape(6, 2).mean(axis=1)
-    wanted = OLS(level.reshape(6, 2).mean(axis=1), np.column_stack([np.ones(6), middle])).fit()
+    number = np.arange(6.0)
+    wanted = OLS(level.reshape(6, 2).mean(axis=1), np.column_stack([np.ones(6), number])).fit()
     found = pass_trend(in_runs(design, y), np.arange(12.0))
     assert found is not None
     assert found.value == pytest.approx(wanted.params[1], rel=1e-8)
