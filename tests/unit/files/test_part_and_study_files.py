@@ -12,7 +12,7 @@ from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.schemas import json_schema
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
 
-FROM = "expected a path from the folder of the file that names it"
+FROM = "expected a path from the folder of the file that names it, or a whole one"
 FEATURES = (
     "features: {3: {x_mm: 10, y_mm: 10}, '9': {x_mm: 10, y_mm: 140, z_mm: 5}, "
     "a: {x_mm: 140, y_mm: 140}, b: {x_mm: 10, y_mm: 10}}\n"
