@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from mtu_cli.analyses.close_loop import CloseLoopResult
 
 CLASS = "class"
+OF_READINGS = {"parts": "passes", "columns": "positions"}
+"""What rows and columns are called in a machine that was found from readings."""
 
 
 def run(options: Options) -> None:
@@ -127,7 +129,10 @@ def _worth(result: CloseLoopResult, results: Mapping[str, Any]) -> list[dict[str
     for item, scored in zip(result.tables, results["tables"] or [results], strict=True):
         rms = f"rms_{item.table.unit}"
         own = {key: {rms: scored[key][rms]} for key in ("before", "after")}
-        found += [{"by": item.held_out_by, **own}] * len(item.effects)
+        by = item.held_out_by
+        if item.table.component is not None and by is not None:
+            by = OF_READINGS.get(by, by)
+        found += [{"by": by, **own}] * len(item.effects)
     return found
 
 

@@ -121,7 +121,11 @@ def test_passes_that_follow_each_other_grow_or_shift(
         (tmp_path / "laser.csv").write_text("\n".join(rows) + "\n", "utf-8")
         (tmp_path / "machine.yaml").write_text(MACHINE, "utf-8")
         done(mtu("close-loop", "-m", "machine.yaml", "--laser", "laser.csv", "-o", "o.json",
-                 cwd=tmp_path))  # fmt: skip
+                 "--write-machine", "new.yaml", cwd=tmp_path))  # fmt: skip
+        # A machine that was found from readings speaks of passes.
+        written = (tmp_path / "new.yaml").read_text("utf-8")
+        assert "held_out: {by: passes," in written.replace("\n", " ")
+        assert "of the parts or passes" in written or name != "trend-x"
         found = json.loads((tmp_path / "o.json").read_text("utf-8"))["results"]
         # Five levels alone may also drift as nothing of the library does.
         assert found["verdict"] in (("named",) if rate else ("named", "class"))
