@@ -11,7 +11,7 @@ import numpy as np
 
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.model.estimates import ComponentEstimate, from_centre
-from mtu_cli.model.instruments import combine
+from mtu_cli.model.instruments import at_both_ways, combine
 from mtu_cli.model.passes import Passes, PassKey, passes_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray, PassFit, fit_passes
@@ -52,6 +52,12 @@ class InstrumentFit:
     def keys_read(self) -> tuple[PassKey, ...]:
         """Of all passes, those that broke off early too; none where no pass is given."""
         return () if self.read is None else self.read.keys
+
+    @property
+    def way(self) -> int | None:
+        """The direction that all readings have, +1 forward or -1; None of both, or of none."""
+        found = np.unique(self.direction).astype(int).tolist()
+        return found[0] if found in ([1], [-1]) else None
 
     @cached_property
     def scatter(self) -> FTest | None:
@@ -119,6 +125,8 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     estimates = [_estimate(name, component, unit, fit) for fit in fits]
     if len(fits) > 1:
         _check_weights(readings, name, fits, estimates)
+        ways, reversals = [fit.way for fit in fits], [fit.reversal for fit in fits]
+        estimates = at_both_ways(estimates, ways, reversals)
     estimate, agreement = combine(estimates, [len(fit.error) for fit in fits])
     return ComponentFit(
         name=name, unit=unit, instruments=fits, estimate=estimate, agreement_p=agreement

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mtu_cli.model.estimates import ComponentEstimate, between_passes, covariance_in_run
 from mtu_cli.stats.coverage import dof_of_shares, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
+
+if TYPE_CHECKING:
+    from mtu_cli.stats.pass_tests import Shift
 
 
 def combine(
@@ -51,6 +56,32 @@ def combine(
         run_covariance=_in_run(estimates),
     )
     return combined, agreement(estimates[0], estimates[1])
+
+
+def at_both_ways(
+    estimates: Sequence[ComponentEstimate],
+    ways: Sequence[int | None],
+    reversals: Sequence[Shift | None],
+) -> list[ComponentEstimate]:
+    """Lines of the mean of both directions, which predictions are for.
+
+    An instrument that ran one way alone (`ways`: +1 forward, -1; None: both, or not told) reads
+    the line of that way, which is half of the reversal value h away: b_0 - w h/2, with u(h)^2/4
+    more variance, h of one that ran both ways. Without such a one it stays as it is.
+    """
+    known = next((own for own in reversals if own is not None), None)
+    if known is None:
+        return list(estimates)
+    found = []
+    for item, way in zip(estimates, ways, strict=True):
+        if way is None:
+            found.append(item)
+            continue
+        b, C = item.coefficients.copy(), item.covariance.copy()
+        b[0] -= way * known.value / 2
+        C[0, 0] += known.u**2 / 4
+        found.append(replace(item, coefficients=b, covariance=C))
+    return found
 
 
 def _in_run(estimates: Sequence[ComponentEstimate]) -> FloatArray | None:

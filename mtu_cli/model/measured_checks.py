@@ -28,6 +28,7 @@ SUSPICIOUS_MM = 0.5
 """A typical error beyond this is not one of a machine tool."""
 FAR = "error-of-millimetres"
 ORIGIN = "origin"
+FEW_NAMED = 3
 MOST: Datum = "offset,rotation"
 _BLOCK = 1 << 15
 
@@ -125,6 +126,9 @@ def _far(points: Points, loose: Points, axes: tuple[int, ...]) -> list[Warned]:
         guess = order
     elif ORIGIN in guess and (single := slips(points, loose, axes, far, SUSPICIOUS_MM)):
         place, guess = "", single
+    elif ORIGIN in guess and len(own := np.unique(points.part[far])) <= FEW_NAMED:
+        names = " and ".join(repr(points.parts[code]) for code in own)
+        guess = f"of part{'s' if len(own) > 1 else ''} {names} {guess}"
     count = int(far.sum())
     return [
         Warned(

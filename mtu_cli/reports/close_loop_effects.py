@@ -203,9 +203,16 @@ def _where(effect: FoundEffect, item: TableResult) -> str:
     told = " and ".join(dict.fromkeys(found))
     if told:
         return f" where {told}"
+    if effect.family == "offset" and item.table.component is not None and _one_way(item):
+        return ", or has half of a lost motion: all was read one way"
     varies = any(e.family in CENTRED and e.axis == effect.axis for e in item.effects)
     mean_of = f" on the mean of these {plural(things(item)[0])}"
     return mean_of if varies and effect.family == "offset" else ""
+
+
+def _one_way(item: TableResult) -> bool:
+    way = item.table.covariates.get(f"dir_{item.table.axes[0]}")
+    return way is not None and len(np.unique(way[np.isfinite(way)])) == 1
 
 
 def _grows(effect: FoundEffect, item: TableResult, value: float) -> str:

@@ -58,7 +58,7 @@ def table(machine: str, fit: MachineFit, estimates: Estimates, digits: int = 2) 
         f"{100 * FAMILY_RATE:g} % (Bonferroni)",
     ]
     notes = [*legend, *_higher(estimates, digits), *_stated(fit, estimates), *_agreement(fit)]
-    notes += [*runs_notes(fit), *_open(fit, estimates)]
+    notes += [*_one_way(fit, digits), *runs_notes(fit), *_open(fit, estimates)]
     return [Sheet(title=f"Components of {machine}", columns=columns, rows=rows, notes=notes)]
 
 
@@ -188,6 +188,23 @@ def _agreement(fit: MachineFit) -> list[str]:
         f"read by {roles}; p that they agree: {listed(names, 12)}"
         for roles, names in grouped.items()
     ]
+
+
+def _one_way(fit: MachineFit, digits: int) -> list[str]:
+    """Of instruments that ran one way beside one that tells the reversal."""
+    notes = []
+    for name, item in fit.components.items():
+        told = next((x for x in item.instruments if x.reversal is not None), None)
+        one = [x.role for x in item.instruments if x.way is not None]
+        if told is None or told.reversal is None or not one or len(item.instruments) < 2:
+            continue
+        f, back = item.unit.to_internal, told.reversal
+        size = plus_minus(back.value / f, back.u / f, digits)
+        notes.append(
+            f"{name}: {' and '.join(one)} ran one way; half of the reversal of {told.role} "
+            f"({size} {item.unit.name}) brings it to the mean of both directions"
+        )
+    return notes
 
 
 def _open(fit: MachineFit, estimates: Estimates) -> list[str]:

@@ -332,7 +332,7 @@ def test_single_points_are_told_by_row_and_column() -> None:
     assert f"in column 'y_mm', all by +10 mm, of feature '{name}' in every part" in warning.message
     measured = found.measured + np.where(found.part[:, None] == 2, [0.0, 10.0, 0.0], 0.0)
     (warning,) = check_measured(with_measured(found, measured))
-    assert "this looks like an origin that differs by" in warning.message
+    assert "of part 'P2' this looks like an origin that differs by" in warning.message
 
 
 def test_a_part_measured_under_two_names() -> None:

@@ -69,3 +69,16 @@ def test_what_stands_for_the_pass_is_told() -> None:
     assert note in shown(result(on_component(effects=(replace(own),))))
     assert note not in shown(result(on_table("named", (own,))))
     assert note not in shown(result(on_component()))
+
+
+def test_an_offset_of_readings_one_way_may_be_half_of_a_lost_motion() -> None:
+    own = effect(
+        "offset-x", equations={"Ex": "shift"}, kind="offset",
+        parameters=(("shift", "um", -2.3, 0.2),), component="dx_x",
+    )  # fmt: skip
+    item = on_component(effects=(own,))
+    said = "or has half of a lost motion: all was read one way"
+    assert said not in verdict_text(item, result(item))
+    way = {**item.table.covariates, "dir_x": np.ones((1, len(item.table.features)))}
+    alone = replace(item, table=replace(item.table, covariates=way))
+    assert said in verdict_text(alone, result(alone))
