@@ -84,7 +84,7 @@ def told(found: Iterable[NotDetermined]) -> str:
 
 
 def _of_instrument(name: str, fit: ComponentFit, item: InstrumentFit) -> list[NotDetermined]:
-    by = f" ({item.role})" if len(fit.instruments) > 1 else ""
+    by = f" by {item.role}" if len(fit.instruments) > 1 else ""
     without_axis = fit.estimate.of is None
     checks = [_uncertainty(item), _drift(item, without_axis), _slope(item), _trend(item)]
     checks += [_repeatability(item)]
@@ -93,8 +93,8 @@ def _of_instrument(name: str, fit: ComponentFit, item: InstrumentFit) -> list[No
     return [
         NotDetermined(
             component=name,
-            not_determined=what,
-            because=f"{because}{by}",
+            not_determined=f"{what}{by}",
+            because=because,
             reading_that_would=would,
         )
         for what, because, would in (check for check in checks if check is not None)

@@ -125,9 +125,9 @@ def set_up_warnings(found: tuple[FeatureMap, ...]) -> list[Warned]:
         of = f" of {item.operation} features" if item.operation else ""
         x, y = (1e3 * value for value in errors.mean(axis=0))
         text = (
-            f"a common offset (x {x:.3g}, y {y:.3g} um) and rotation explain "
-            f"{share} % of the mean errors{of}. If the parts were set up by hand on the CMM, that "
-            "is their set-up: --datum offset,rotation takes it out"
+            f"an offset (x {x:.3g}, y {y:.3g} um) and rotation explain "
+            f"{share} % of the mean errors{of}. If the parts, or one far off, were set up by hand "
+            "on the CMM, that is their set-up: --datum offset,rotation takes it out"
         )
         warned.append(Warned(code="set-up-dominates", message=text))
     return warned
