@@ -42,7 +42,8 @@ SLOPES: dict[str, Callable[[float], list[float]]] = {
     "acos": lambda x: [-slope for slope in _asin(x)],
     "atan": _atan,
     "exp": lambda x: [math.exp(x)] * ORDER,
-    "log": lambda x: [1.0 / x, -1.0 / x**2, 2.0 / x**3],
+    # Of a power of 1/x what is too large is told; one of x may be lost, and nothing divides by 0.
+    "log": lambda x: [1.0 / x, -((1.0 / x) ** 2), 2.0 * (1.0 / x) ** 3],
     "sqrt": _sqrt,
     "abs": lambda x: _constant_sides(math.copysign(1.0, x) if x else math.nan),
     "step": lambda x: _constant_sides(0.0 if x else math.nan),

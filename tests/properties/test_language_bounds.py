@@ -8,7 +8,7 @@ import numpy as np
 from fuzz.extremes import EQUATION_PIECES
 from fuzz.messages import unclean
 from fuzz.readers import within_time
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from property_settings import tried
 
@@ -83,6 +83,7 @@ def test_extreme_values_give_a_value_or_none(text: str, values: tuple[float, ...
 
 
 @tried(200)
+@example(text="log(b)", values=(0.0, 1.0e-289, 0.0, 0.0))
 @given(text=terms, values=st.tuples(*[extremes] * 4))
 def test_derivatives_at_extreme_values(text: str, values: tuple[float, ...]) -> None:
     node = parsed(text)
