@@ -54,6 +54,8 @@ class Derivatives:
     faults: tuple[EquationError, ...]
 
 
+# What is too large is inf or nan, which who asked tells; numpy has no word on it.
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def derivatives(node: Node, values: Mapping[str, float], names: Sequence[str]) -> Derivatives:
     """The derivatives of an equation with respect to `names` (n) at `values`.
 
