@@ -14,7 +14,7 @@ from mtu_cli.model.copied_repeats import copied_repeats
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.drawn_parts import drawn_axes, drawn_parts
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.measured_orders import parts_in_other_order
+from mtu_cli.model.measured_orders import parts_in_other_order, typical
 from mtu_cli.model.measured_reach import reach_problems
 from mtu_cli.model.measured_rows import TWICE, check_rows
 from mtu_cli.model.measured_slips import slips
@@ -193,7 +193,7 @@ def _blocks(points: Points) -> Iterator[slice]:
 
 
 def _mistake(measured: FloatArray, nominal: FloatArray) -> str:
-    now = _typical(measured - nominal)
+    now = typical(measured - nominal)
     guesses = {
         "this looks like x and y swapped": measured[:, [1, 0, *range(2, measured.shape[1])]],
         "this looks like a sign the other way round": -measured,
@@ -209,12 +209,12 @@ def _mistake(measured: FloatArray, nominal: FloatArray) -> str:
         "this looks like um taken for mm": measured / 1000.0,
         "this looks like metres taken for mm": measured * 1000.0,
     }
-    left = {text: _typical(changed - nominal) for text, changed in guesses.items()}
+    left = {text: typical(changed - nominal) for text, changed in guesses.items()}
     best = min(left, key=lambda text: left[text])
     if left[best] < min(EXPLAINS * now, SUSPICIOUS_MM):
         return best
     shift = np.median(measured - nominal, axis=0)
-    if _typical(measured - nominal - shift) < EXPLAINS * now:
+    if typical(measured - nominal - shift) < EXPLAINS * now:
         return "this looks like an origin that differs by " + ", ".join(
             f"{value:.4g} mm" for value in shift
         )
@@ -228,7 +228,3 @@ def _of_one(measured: FloatArray, axis: int, factor: float) -> FloatArray:
     found = np.ones(measured.shape[1])
     found[axis] = factor
     return found
-
-
-def _typical(errors: FloatArray) -> float:
-    return float(np.median(np.abs(errors).max(axis=1)))

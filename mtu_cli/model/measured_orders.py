@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
 from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.measured_units import EXPLAINS
 from mtu_cli.stats.least_squares import FloatArray
 
 IntArray = NDArray[np.int64]
 
-EXPLAINS = 0.1
-"""A mistake is named if undoing it leaves less than this share of the error."""
 NAMED = 3
 NEARLY_ALL = 0.9
 """Share of a part's points that a mistake explains: there may be a bad one among them."""
@@ -58,9 +57,9 @@ def other_order(
     """
     if len(measured) < FEWEST:
         return ""
-    near = min(EXPLAINS * _typical(measured - nominal), limit)
+    near = min(EXPLAINS * typical(measured - nominal), limit)
     away = measured - nominal
-    if _typical(away - np.median(away, axis=0)) < near:
+    if typical(away - np.median(away, axis=0)) < near:
         # It lies elsewhere, whatever else its places may be taken for.
         return ""
     flat = np.ptp(nominal, axis=0) <= limit
@@ -118,5 +117,6 @@ def _spread(which: IntArray, nominal: FloatArray) -> bool:
     return taken >= NEARLY_ALL * there
 
 
-def _typical(errors: FloatArray) -> float:
+def typical(errors: FloatArray) -> float:
+    """The median over points (n, axes) of the largest error along an axis."""
     return float(np.median(np.abs(errors).max(axis=1)))
