@@ -8,8 +8,8 @@ import numpy as np
 from effect_tables import readings_table
 from effect_tables import table as points_table
 
-from mtu_cli.analyses.close_loop.gross import Gross
-from mtu_cli.analyses.close_loop.result import (
+from mtu_cli.close_loop_sealed.analyses.loop.gross import Gross
+from mtu_cli.close_loop_sealed.analyses.loop.result import (
     CloseLoopResult,
     Experiment,
     FoundEffect,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.crossed import Freeing, completion
-from mtu_cli.stats.expected_squares import ExpectedSquares
-from mtu_cli.stats.loop_frame import Frame
-from mtu_cli.stats.loop_null import KnownScatter, NullModel
+from mtu_cli.close_loop_sealed.stats.crossed import Freeing, completion
+from mtu_cli.close_loop_sealed.stats.expected_squares import ExpectedSquares
+from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
+from mtu_cli.close_loop_sealed.stats.loop_null import KnownScatter, NullModel
 from mtu_cli.stats.mean_squares import MeanSquares
 from mtu_cli.stats.strata import Strata, strata_of
 

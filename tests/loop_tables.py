@@ -9,8 +9,8 @@ import numpy as np
 from crossed_tables import Floats, Mask
 from effect_tables import grid_places
 
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.model.effect_candidate import Candidate, Column, Member
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.model.effect_candidate import Candidate, Column, Member
 from mtu_cli.model.residual_table import ResidualTable
 
 

@@ -11,13 +11,13 @@ from loop_bench.days import shop_table
 from shop_day import ShopDay, Truth, effect, measure
 from shop_day.day import Floats, Kind
 
-from mtu_cli.analyses.close_loop.added import Added, added
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.search import Search
-from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.model.effect_library import candidates, effect_library
+from mtu_cli.close_loop_sealed.analyses.loop.added import Added, added
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
+from mtu_cli.close_loop_sealed.model.effect_library import candidates, effect_library
+from mtu_cli.close_loop_sealed.stats.profile_ratio import ratios
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.profile_ratio import ratios
 
 LIBRARY = effect_library()
 

@@ -12,13 +12,13 @@ from effect_tables import shop_covariates
 from effect_tables import table as points_table
 from separation_examples import LIBRARY, index, members_of
 
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.describe import Described
-from mtu_cli.analyses.close_loop.own_constant import owners_of
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.search import Search
-from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.describe import Described
+from mtu_cli.close_loop_sealed.analyses.loop.own_constant import owners_of
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
 from mtu_cli.model.residual_table import ResidualTable
 
 T = "T_spindle_degC"

@@ -11,9 +11,9 @@ from mtu_cli import __version__
 from mtu_cli.cli import graph_parameters as g
 from mtu_cli.cli import parameters as p
 from mtu_cli.cli.budget_parameters import BUDGET
-from mtu_cli.cli.close_loop_parameters import CLOSE_LOOP
 from mtu_cli.cli.options import Commands, Options, register
 from mtu_cli.cli.simulate_parameters import SIMULATE
+from mtu_cli.close_loop_sealed.cli.close_loop_parameters import CLOSE_LOOP
 
 app = typer.Typer(
     name="mtu",
@@ -33,7 +33,8 @@ def _lazily(module: str) -> Callable[[Options], None]:
     def run(options: Options) -> None:
         from importlib import import_module
 
-        command = import_module(f"mtu_cli.cli.{module}")
+        folder = "close_loop_sealed.cli" if module == "close_loop" else "cli"
+        command = import_module(f"mtu_cli.{folder}.{module}")
         from mtu_cli.cli.places import placed_faults
 
         with placed_faults(options):

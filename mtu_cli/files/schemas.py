@@ -13,7 +13,7 @@ KINDS: dict[str, tuple[str, str]] = {
     "study": ("mtu_cli.files.study", "Study"),
     "budget": ("mtu_cli.files.budget_contract", "Budget"),
     "graph": ("mtu_cli.files.graph_contract", "Graph"),
-    "effects": ("mtu_cli.files.effects_contract", "Effects"),
+    "effects": ("mtu_cli.close_loop_sealed.files.effects_contract", "Effects"),
 }
 """Module and model of each kind; the modules are imported when asked for."""
 

@@ -12,12 +12,12 @@ from scipy.stats import binom
 from shop_day import ShopDay, measure
 from shop_day.day import Kind
 
-from mtu_cli.analyses.close_loop.gross import set_aside
-from mtu_cli.analyses.close_loop.prepare import prepare
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import search
+from mtu_cli.close_loop_sealed.analyses.loop.gross import set_aside
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import prepare
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import search
+from mtu_cli.close_loop_sealed.model.effect_library import candidates, effect_library
 from mtu_cli.model.datum import Datum
-from mtu_cli.model.effect_library import candidates, effect_library
 
 ALPHA, COUNT, SAMPLES = 0.05, 200, 499
 DAY = 900

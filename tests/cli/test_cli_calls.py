@@ -11,8 +11,9 @@ import pytest
 from cli_runner import SMALL, TRUTH, done, mtu, prepared, refused
 from support import CONFIGS, PAPER
 
-from mtu_cli.cli import anova, close_loop_choices, compare, fit_components, lengths
+from mtu_cli.cli import anova, compare, fit_components, lengths
 from mtu_cli.cli.gates import OWNERS
+from mtu_cli.close_loop_sealed.cli import close_loop_choices
 
 OUTPUTS = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.png"]
 

@@ -14,18 +14,18 @@ from cli_runner import prepared
 from model_examples import run_command
 from numpy.typing import NDArray
 
-from mtu_cli.cli.close_loop import _tables as tables_of
-from mtu_cli.cli.close_loop_choices import read_choices
-from mtu_cli.cli.close_loop_files import FoundOn, Known, written
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.outputs import check_outputs
+from mtu_cli.close_loop_sealed.cli.close_loop import _tables as tables_of
+from mtu_cli.close_loop_sealed.cli.close_loop_choices import read_choices
+from mtu_cli.close_loop_sealed.cli.close_loop_files import FoundOn, Known, written
+from mtu_cli.close_loop_sealed.files.machine_write import WrittenEffect, extended_machine
 from mtu_cli.errors import InputError
 from mtu_cli.files.components_file import read_components
 from mtu_cli.files.machine import load_machine
-from mtu_cli.files.machine_write import WrittenEffect, extended_machine
 from mtu_cli.model.settings import Settings
 
 EFFECTS = [

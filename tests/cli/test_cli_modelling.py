@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from cli_runner import mtu, prepared
 
-from mtu_cli.cli.close_loop import _tables as tables_of
-from mtu_cli.cli.close_loop_choices import read_choices
 from mtu_cli.cli.execute import execute
 from mtu_cli.cli.fit_components import analyse as fitting
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
+from mtu_cli.close_loop_sealed.cli.close_loop import _tables as tables_of
+from mtu_cli.close_loop_sealed.cli.close_loop_choices import read_choices
 from mtu_cli.errors import InputError
 
 LARGE = "coefficients-large"

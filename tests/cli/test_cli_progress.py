@@ -14,7 +14,7 @@ from cli_runner import done, mtu, prepared
 from mtu_cli.cli import progress
 from mtu_cli.cli.commands import app
 from mtu_cli.cli.progress import LateBar
-from mtu_cli.stats import side_by_side
+from mtu_cli.close_loop_sealed.stats import side_by_side
 
 
 class Terminal(io.StringIO):

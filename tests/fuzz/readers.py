@@ -20,6 +20,9 @@ import numpy as np
 from fuzz.cases import Case
 from fuzz.messages import unclean
 from fuzz.samples import Kind, Sample
+from mtu_cli.close_loop_sealed.files.effects_file import load_effects
+from mtu_cli.close_loop_sealed.files.machine_write import WrittenEffect, extended_machine
+from mtu_cli.close_loop_sealed.model.effect_library import effect_library
 from mtu_cli.errors import InputError
 from mtu_cli.files import csv_file
 from mtu_cli.files.budget import load_budget
@@ -27,9 +30,7 @@ from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_slow import read_slow
 from mtu_cli.files.csv_table import ProblemList, TableSpec
 from mtu_cli.files.csv_text import read_csv_text
-from mtu_cli.files.effects_file import load_effects
 from mtu_cli.files.machine import LoadedMachine, load_machine
-from mtu_cli.files.machine_write import WrittenEffect, extended_machine
 from mtu_cli.files.model_reports import read_report
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import SPEC as POINTS_SPEC
@@ -38,7 +39,6 @@ from mtu_cli.files.readings import SPEC as READINGS_SPEC
 from mtu_cli.files.readings import ComponentLike, Readings, read_readings
 from mtu_cli.files.readings_stream import stream_readings
 from mtu_cli.files.study import load_study
-from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.graph.examine import examine
 
 LIMIT_S = 10.0

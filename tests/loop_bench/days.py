@@ -11,13 +11,13 @@ from shop_day.day import Floats, Kind
 from shop_day.noise import SIG_CMM, SIG_PART
 
 from loop_bench.folds import folds_of
-from mtu_cli.analyses.close_loop.held_out import Fold
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.model.effect_candidate import Candidate
-from mtu_cli.model.effect_library import candidates, effect_library
+from mtu_cli.close_loop_sealed.analyses.loop.held_out import Fold
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.model.effect_candidate import Candidate
+from mtu_cli.close_loop_sealed.model.effect_library import candidates, effect_library
+from mtu_cli.close_loop_sealed.stats.family_gate import Gate
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.family_gate import Gate
 
 UM = 1e-3
 """In mm."""

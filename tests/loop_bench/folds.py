@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.close_loop.held_out import (
+from mtu_cli.close_loop_sealed.analyses.loop.held_out import (
     FOLDS,
     Fold,
     HeldOut,
@@ -17,7 +17,7 @@ from mtu_cli.analyses.close_loop.held_out import (
     splits_by,
     splits_of,
 )
-from mtu_cli.model.effect_library import Candidate, effect_library
+from mtu_cli.close_loop_sealed.model.effect_library import Candidate, effect_library
 from mtu_cli.model.residual_table import ResidualTable
 
 LIBRARY = effect_library()

@@ -9,10 +9,10 @@ from shop_day.day import Floats
 
 from loop_bench.folds import LIBRARY
 from loop_bench.judge import Diagnosis
-from mtu_cli.analyses.close_loop.added import NO_OWNERS, Added, added
-from mtu_cli.analyses.close_loop.describe import Described
-from mtu_cli.analyses.close_loop.refined import searched_members, with_refined
-from mtu_cli.model.effect_candidate import Member
+from mtu_cli.close_loop_sealed.analyses.loop.added import NO_OWNERS, Added, added
+from mtu_cli.close_loop_sealed.analyses.loop.describe import Described
+from mtu_cli.close_loop_sealed.analyses.loop.refined import searched_members, with_refined
+from mtu_cli.close_loop_sealed.model.effect_candidate import Member
 
 SHAPED = frozenset({"cyclic", "curvature", "straightness", "warm-up"})
 """Families whose parameters depend on what was searched: judged by what they say on the cells."""

@@ -11,16 +11,20 @@ from shop_day.day import Floats
 
 from loop_bench.days import UM, BenchDay
 from loop_bench.folds import LIBRARY
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.describe import Described, candidate_name, found_effects
-from mtu_cli.analyses.close_loop.gross import set_aside
-from mtu_cli.analyses.close_loop.held_out import Fold, of_fold
-from mtu_cli.analyses.close_loop.one_table import verdict_of
-from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.result import FoundEffect, Verdict
-from mtu_cli.analyses.close_loop.search import Search, search
-from mtu_cli.analyses.close_loop.shown import verdict_on
-from mtu_cli.analyses.close_loop.twofold import twofold
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.describe import (
+    Described,
+    candidate_name,
+    found_effects,
+)
+from mtu_cli.close_loop_sealed.analyses.loop.gross import set_aside
+from mtu_cli.close_loop_sealed.analyses.loop.held_out import Fold, of_fold
+from mtu_cli.close_loop_sealed.analyses.loop.one_table import verdict_of
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect, Verdict
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
+from mtu_cli.close_loop_sealed.analyses.loop.shown import verdict_on
+from mtu_cli.close_loop_sealed.analyses.loop.twofold import twofold
 
 ALPHA = 0.05
 MOST = 4

@@ -47,8 +47,7 @@ class Plan:
 def folder_of(tuning: bool) -> Path:
     """Where pieces are kept: apart for every state of the code that draws and judges them."""
     code = hashlib.sha256()
-    ours = ("analyses/close_loop/*.py", "model/effect*", "model/re[as]*.py", "stats/*.py",
-            "model/fit.py", "model/estimat*.py")  # fmt: skip
+    ours = ("close_loop_sealed/*/*.py", "close_loop_sealed/*/*/*.py", "model/*.py", "stats/*.py")
     package = Path(mtu_cli.__file__).parent
     files = [path for pattern in ours for path in package.glob(pattern)]
     files += Path(__file__).parent.glob("[cdijl]*.py")

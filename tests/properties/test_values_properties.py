@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from property_settings import tried
 
+from mtu_cli.close_loop_sealed.files.yaml_append import with_appended
+from mtu_cli.close_loop_sealed.files.yaml_dump import block_lines, flow_text
 from mtu_cli.files.json_file import read_json, report_bytes
 from mtu_cli.files.source import Source
-from mtu_cli.files.yaml_append import with_appended
-from mtu_cli.files.yaml_dump import block_lines, flow_text
 from mtu_cli.files.yaml_file import parse_yaml
 
 SOURCE = Source(role="machine", path=Path("m.yaml"), shown="m.yaml", sha256="")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from close_loop_examples import ambiguous, effect, left_over, named, nothing, on_table, result
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult
-from mtu_cli.cli.close_loop_choices import GATES, Choices
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult
+from mtu_cli.close_loop_sealed.cli.close_loop_choices import GATES, Choices
 
 
 def hint() -> CloseLoopResult:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 from close_loop_examples import effect, on_table, result
 
-from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
-from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.cli.close_loop import _doubts
+from mtu_cli.close_loop_sealed.analyses.loop.found_scatter import ScatterSize
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
+from mtu_cli.close_loop_sealed.cli.close_loop import _doubts
 
 GROWTH = ScatterSize(
     parameter=("s", "um/m", 17e-6, 2.8e-6),

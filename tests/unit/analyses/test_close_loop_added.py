@@ -10,11 +10,11 @@ from crossed_tables import Floats, coordinate_matrix
 from loop_tables import candidate, crossed, gls, offset, prepared_with, residuals, whole_column
 from scipy.stats import binom, t
 
-from mtu_cli.analyses.close_loop.added import Added, added, contribution, mean_variance
-from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.search import Search
-from mtu_cli.analyses.close_loop.state import State, Step
-from mtu_cli.model.effect_candidate import Column
+from mtu_cli.close_loop_sealed.analyses.loop.added import Added, added, contribution, mean_variance
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search
+from mtu_cli.close_loop_sealed.analyses.loop.state import State, Step
+from mtu_cli.close_loop_sealed.model.effect_candidate import Column
 
 SHAPE = (10, 9, 1)
 STEP: Column = {0: np.asarray(np.arange(10) >= 4, float)[:, None]}

@@ -14,12 +14,12 @@ from effect_tables import table as points_table
 from separation_examples import LIBRARY
 from warm_day import found, step
 
-from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
-from mtu_cli.analyses.close_loop.one_table import verdict_of
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.scatter_size import scatter_size
-from mtu_cli.analyses.close_loop.shown import verdict_on
-from mtu_cli.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.analyses.loop.found_scatter import ScatterSize
+from mtu_cli.close_loop_sealed.analyses.loop.one_table import verdict_of
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.scatter_size import scatter_size
+from mtu_cli.close_loop_sealed.analyses.loop.shown import verdict_on
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
 
 PARTS, FEATURES, TABLES = 15, 16, 40
 NOISE, TURN, SIZE = 1.5e-3, 2.5e-5, 1e-4

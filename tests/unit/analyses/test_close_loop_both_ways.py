@@ -13,12 +13,12 @@ from effect_tables import table as points_table
 from scipy.optimize import least_squares
 from separation_examples import LIBRARY, found_as, prepared_of
 
-from mtu_cli.analyses.close_loop import close_loop
-from mtu_cli.analyses.close_loop.describe import Described, found_effects
-from mtu_cli.analyses.close_loop.follow_up import as_it_is
-from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
-from mtu_cli.analyses.close_loop.refined import with_refined
-from mtu_cli.analyses.close_loop.separation import sight_of
+from mtu_cli.close_loop_sealed.analyses.loop import close_loop
+from mtu_cli.close_loop_sealed.analyses.loop.describe import Described, found_effects
+from mtu_cli.close_loop_sealed.analyses.loop.follow_up import as_it_is
+from mtu_cli.close_loop_sealed.analyses.loop.other_pitches import with_other_pitches
+from mtu_cli.close_loop_sealed.analyses.loop.refined import with_refined
+from mtu_cli.close_loop_sealed.analyses.loop.separation import sight_of
 from mtu_cli.model.residual_table import ResidualTable
 
 P, PITCH, AMPLITUDE, NOISE, LEVEL = 5, 10.0, 1.5e-3, 5e-4, 8e-4

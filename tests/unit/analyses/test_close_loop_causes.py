@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from warm_day import T, empty, of_covariate, step
 
-from mtu_cli.analyses.close_loop.causes import causes, levels_of
-from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.close_loop_sealed.analyses.loop.causes import causes, levels_of
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
 
 
 def steps_of(*names: str) -> list[Step]:

@@ -11,9 +11,9 @@ from effect_tables import table as points_table
 from scipy.stats import binom
 from separation_examples import LIBRARY
 
-from mtu_cli.analyses.close_loop import CloseLoopResult, close_loop
-from mtu_cli.analyses.close_loop.clamped import CODE
-from mtu_cli.model.effect_library import EffectLibrary
+from mtu_cli.close_loop_sealed.analyses.loop import CloseLoopResult, close_loop
+from mtu_cli.close_loop_sealed.analyses.loop.clamped import CODE
+from mtu_cli.close_loop_sealed.model.effect_library import EffectLibrary
 from mtu_cli.model.residual_table import ResidualTable
 
 SIGMA = 1.5e-3

@@ -13,16 +13,21 @@ from crossed_tables import Floats
 from loop_tables import candidate, crossed, offset, prepared_with, residuals, whole_column
 from scipy.stats import binom, t
 
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.describe import Described, candidate_name, floor_of, found_effects
-from mtu_cli.analyses.close_loop.experiment import NO_RIVALS, Choice
-from mtu_cli.analyses.close_loop.experiment import SAME as NEVER_APART
-from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import search
-from mtu_cli.model.effect_candidate import Column
-from mtu_cli.stats.family_gate import Gate
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.describe import (
+    Described,
+    candidate_name,
+    floor_of,
+    found_effects,
+)
+from mtu_cli.close_loop_sealed.analyses.loop.experiment import NO_RIVALS, Choice
+from mtu_cli.close_loop_sealed.analyses.loop.experiment import SAME as NEVER_APART
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import search
+from mtu_cli.close_loop_sealed.model.effect_candidate import Column
+from mtu_cli.close_loop_sealed.stats.family_gate import Gate
 
 SHAPE = (12, 10, 2)
 RNG = np.random.default_rng(1)

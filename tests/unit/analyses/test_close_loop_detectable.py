@@ -12,14 +12,14 @@ from effect_tables import table
 from loop_bench.folds import LIBRARY
 from scipy.stats import nct
 
-from mtu_cli.analyses.close_loop.detectable import minimum_detectable
-from mtu_cli.analyses.close_loop.estimate import raw_design
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import search
-from mtu_cli.model.effect_library import candidates
-from mtu_cli.stats.column_groups import whitened
-from mtu_cli.stats.family_gate import Gate
+from mtu_cli.close_loop_sealed.analyses.loop.detectable import minimum_detectable
+from mtu_cli.close_loop_sealed.analyses.loop.estimate import raw_design
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import search
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.stats.column_groups import whitened
+from mtu_cli.close_loop_sealed.stats.family_gate import Gate
 
 NOISE = 1e-3
 

@@ -10,7 +10,7 @@ from crossed_tables import contrasts
 from effect_tables import grid_places, readings_table
 from loop_tables import crossed, residuals
 
-from mtu_cli.analyses.close_loop.directions import (
+from mtu_cli.close_loop_sealed.analyses.loop.directions import (
     reversal_pairs,
     scatter_directions,
     smooth_directions,

@@ -11,9 +11,9 @@ from loop_tables import candidate, crossed, gls, prepared_with, residuals, whole
 from scipy.optimize import minimize
 from scipy.stats import binom, t
 
-from mtu_cli.analyses.close_loop.estimate import drawn_covariance, estimate, raw_design
-from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.model.effect_candidate import Column
+from mtu_cli.close_loop_sealed.analyses.loop.estimate import drawn_covariance, estimate, raw_design
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.model.effect_candidate import Column
 
 SHAPE = (9, 8, 1)
 RNG = np.random.default_rng(1)

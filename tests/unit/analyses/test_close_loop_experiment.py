@@ -17,12 +17,12 @@ from separation_examples import (
 )
 from shop_day import ShopDay, measure
 
-from mtu_cli.analyses.close_loop import rivalry
-from mtu_cli.analyses.close_loop.classes import experiments
-from mtu_cli.analyses.close_loop.experiment import Choice, choice
-from mtu_cli.analyses.close_loop.follow_up import Travel
-from mtu_cli.analyses.close_loop.prepare import prepare
-from mtu_cli.model.effect_library import candidates, effect_library
+from mtu_cli.close_loop_sealed.analyses.loop import rivalry
+from mtu_cli.close_loop_sealed.analyses.loop.classes import experiments
+from mtu_cli.close_loop_sealed.analyses.loop.experiment import Choice, choice
+from mtu_cli.close_loop_sealed.analyses.loop.follow_up import Travel
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import prepare
+from mtu_cli.close_loop_sealed.model.effect_library import candidates, effect_library
 
 
 def chosen(names: list[str], family: str, travel: Travel | None = None) -> Choice:

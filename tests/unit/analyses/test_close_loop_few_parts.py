@@ -12,15 +12,15 @@ from scipy.special import stdtrit
 from scipy.stats import binom
 from separation_examples import LIBRARY, found_as
 
-from mtu_cli.analyses.close_loop.added import Added
-from mtu_cli.analyses.close_loop.fitted import beside_polynomial
-from mtu_cli.analyses.close_loop.prepare import prepare
+from mtu_cli.close_loop_sealed.analyses.loop.added import Added
+from mtu_cli.close_loop_sealed.analyses.loop.fitted import beside_polynomial
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import prepare
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
+from mtu_cli.close_loop_sealed.stats.estimated_scatter import inflation
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.effect_library import candidates
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
-from mtu_cli.model.reading_tables import reading_tables
-from mtu_cli.stats.estimated_scatter import inflation
 
 UM = 1e-3
 TARGETS = np.linspace(0.0, 400.0, 9)

@@ -10,9 +10,9 @@ import pytest
 from close_loop_examples import effect, on_component, on_table, result
 from scipy.stats import t as student
 
-from mtu_cli.analyses.close_loop.cancelling import FixedPoint
-from mtu_cli.analyses.close_loop.fixed_point import fixed_points
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
+from mtu_cli.close_loop_sealed.analyses.loop.cancelling import FixedPoint
+from mtu_cli.close_loop_sealed.analyses.loop.fixed_point import fixed_points
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult, FoundEffect
 
 GROWTH, DRIFT = 8.66, 1.84
 """um/m/K and um/K: 8.66e-3 um/mm/K are 1.84 um/K at 212.5 mm."""

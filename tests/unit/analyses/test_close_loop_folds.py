@@ -3,8 +3,8 @@
 import numpy as np
 from loop_tables import candidate
 
-from mtu_cli.analyses.close_loop.folds import cut_candidates, identity
-from mtu_cli.model.effect_candidate import Column
+from mtu_cli.close_loop_sealed.analyses.loop.folds import cut_candidates, identity
+from mtu_cli.close_loop_sealed.model.effect_candidate import Column
 
 
 def test_steps_that_are_the_same_on_what_is_kept_foretell_their_mean() -> None:

@@ -12,18 +12,18 @@ from model_examples import readings
 from reading_examples import machine, only, run
 from separation_examples import LIBRARY, found_as, members_of, prepared_day, prepared_of
 
-from mtu_cli.analyses.close_loop.classes import experiments
-from mtu_cli.analyses.close_loop.follow_up import (
+from mtu_cli.close_loop_sealed.analyses.loop.classes import experiments
+from mtu_cli.close_loop_sealed.analyses.loop.follow_up import (
     GOLDEN,
     OTHER_DAY_K,
     Wanted,
     as_it_is,
     follow_ups,
 )
-from mtu_cli.analyses.close_loop.further_parts import FollowUp
-from mtu_cli.analyses.close_loop.separation import member_columns
-from mtu_cli.model.effect_library import candidates
-from mtu_cli.model.reading_tables import reading_tables
+from mtu_cli.close_loop_sealed.analyses.loop.further_parts import FollowUp
+from mtu_cli.close_loop_sealed.analyses.loop.separation import member_columns
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.model.residual_table import ResidualTable
 
 ALL = ("x", "y", "z", "dir_x", "dir_y", "time_min", "sequence", "tool_parts", "load",

@@ -11,8 +11,8 @@ from separation_examples import prepared_of
 from shop_day import SIGMA, ShopDay, measure
 from shop_day.day import Floats
 
-from mtu_cli.analyses.close_loop.evidence import evidence
-from mtu_cli.analyses.close_loop.ranking import CREDIBLE, posterior_of
+from mtu_cli.close_loop_sealed.analyses.loop.evidence import evidence
+from mtu_cli.close_loop_sealed.analyses.loop.ranking import CREDIBLE, posterior_of
 
 
 def reversed_after(day: ShopDay, parts: int) -> None:

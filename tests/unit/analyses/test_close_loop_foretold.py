@@ -12,16 +12,21 @@ from loop_bench.folds import LIBRARY as BUILT_IN
 from loop_bench.folds import folds_of, held_out
 from loop_tables import candidate, crossed, offset, residuals, whole_column
 
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.folds import CutCandidates, cut_candidates, identity, only_parts
-from mtu_cli.analyses.close_loop.foretold import LEAST, foretold
-from mtu_cli.analyses.close_loop.held_out import of_fold
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import Search, search
-from mtu_cli.analyses.close_loop.state import State, Step
-from mtu_cli.model.effect_candidate import Candidate, Column
-from mtu_cli.stats.size_prior import sized
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.folds import (
+    CutCandidates,
+    cut_candidates,
+    identity,
+    only_parts,
+)
+from mtu_cli.close_loop_sealed.analyses.loop.foretold import LEAST, foretold
+from mtu_cli.close_loop_sealed.analyses.loop.held_out import of_fold
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
+from mtu_cli.close_loop_sealed.analyses.loop.state import State, Step
+from mtu_cli.close_loop_sealed.model.effect_candidate import Candidate, Column
+from mtu_cli.close_loop_sealed.stats.size_prior import sized
 
 SHAPE = (12, 10, 2)
 KEPT = np.arange(12) % 4 != 3

@@ -10,11 +10,11 @@ from crossed_tables import Floats, coordinate_matrix
 from loop_tables import candidate, crossed, prepared_with, residuals
 from scipy.stats import binom, t
 
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.freedoms import degrees_of_freedom, freeing
-from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.search import Search
-from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.freedoms import degrees_of_freedom, freeing
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
 from mtu_cli.model.datum import Datum
 
 SHAPE = (7, 8, 2)
@@ -72,7 +72,7 @@ def test_intervals_of_a_shear_cover_beside_a_freed_rotation(
 ) -> None:
     """Two strata say the same of it: together they have the freedom of one."""
     # Of 3000 tables u is drawn to 1.3 %, of 500 to 3.2 %: 0.7 % of coverage.
-    monkeypatch.setattr("mtu_cli.analyses.close_loop.estimate.DRAWN", 500)
+    monkeypatch.setattr("mtu_cli.close_loop_sealed.analyses.loop.estimate.DRAWN", 500)
     own, rng, count, hits = prepared(3, "offset,rotation"), np.random.default_rng(4), 400, 0
     none = np.zeros(len(own.scan.names))
     step = Step(index=0, member=0, p=0.0, log_bayes=0.0, posterior=1.0, credible=(0,))

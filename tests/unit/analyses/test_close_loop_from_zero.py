@@ -11,15 +11,15 @@ from crossed_tables import Floats
 from loop_tables import candidate, crossed, offset, prepared_with, residuals
 from scipy.stats import t as student
 
-from mtu_cli.analyses.close_loop import searched as module
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.from_zero import not_told_from_zero
-from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import Search, search
-from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.close_loop_sealed.analyses.loop import searched as module
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.from_zero import not_told_from_zero
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
+from mtu_cli.close_loop_sealed.stats.family_gate import Gate
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.family_gate import Gate
 
 SHAPE = (14, 10, 1)
 RNG = np.random.default_rng(5)

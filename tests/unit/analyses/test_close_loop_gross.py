@@ -11,8 +11,8 @@ from loop_tables import crossed, residuals
 from numpy.typing import NDArray
 from scipy.stats import binom, norm
 
-from mtu_cli.analyses.close_loop.gross import set_aside
-from mtu_cli.stats.nan_median import nan_median
+from mtu_cli.close_loop_sealed.analyses.loop.gross import set_aside
+from mtu_cli.close_loop_sealed.stats.nan_median import nan_median
 
 SHAPE = (12, 10, 2)
 

@@ -12,13 +12,13 @@ import pytest
 from close_loop_examples import effect, on_table, result
 from loop_tables import residuals
 
-from mtu_cli.analyses.close_loop.cancelling import FixedPoint
-from mtu_cli.analyses.close_loop.describe import Described
-from mtu_cli.analyses.close_loop.growth_alone import growths_alone
-from mtu_cli.analyses.close_loop.one_table import loop_on
-from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
-from mtu_cli.model.effect_library import candidates, effect_library
-from mtu_cli.reports.close_loop_held import growth_alone_notes
+from mtu_cli.close_loop_sealed.analyses.loop.cancelling import FixedPoint
+from mtu_cli.close_loop_sealed.analyses.loop.describe import Described
+from mtu_cli.close_loop_sealed.analyses.loop.growth_alone import growths_alone
+from mtu_cli.close_loop_sealed.analyses.loop.one_table import loop_on
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect, TableResult
+from mtu_cli.close_loop_sealed.model.effect_library import candidates, effect_library
+from mtu_cli.close_loop_sealed.reports.close_loop_held import growth_alone_notes
 
 T = "T_spindle_degC"
 FIXED = -20.0

@@ -12,17 +12,17 @@ from loop_bench.folds import LIBRARY as BUILT_IN
 from loop_bench.folds import folds_of, held_out
 from loop_tables import candidate, crossed, residuals, whole_column
 
-from mtu_cli.analyses.close_loop.folds import cut_candidates, only_columns, only_parts
-from mtu_cli.analyses.close_loop.held_out import (
+from mtu_cli.close_loop_sealed.analyses.loop.folds import cut_candidates, only_columns, only_parts
+from mtu_cli.close_loop_sealed.analyses.loop.held_out import (
     Fold,
     HeldOut,
     joined,
     of_fold,
     scores,
 )
-from mtu_cli.model.effect_candidate import Candidate, Column
+from mtu_cli.close_loop_sealed.model.effect_candidate import Candidate, Column
+from mtu_cli.close_loop_sealed.stats.loop_null import entry_variance
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.loop_null import entry_variance
 
 SHAPE = (8, 12, 2)
 RNG = np.random.default_rng(1)

@@ -9,13 +9,13 @@ import pytest
 from effect_tables import table
 from loop_bench.folds import LIBRARY
 
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.same_in_all import constants, with_constants
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import Search, search
-from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.same_in_all import constants, with_constants
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
 
 GROWTH, NOISE = 12e-6, 0.8e-3
 """1/K and mm: the whole of x grows by 4.7 um for every kelvin."""

@@ -13,19 +13,19 @@ from loop_bench.folds import LIBRARY
 from scipy.stats import binom
 from scipy.stats import t as student
 
-from mtu_cli.analyses.close_loop import left_mean
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.describe import Described
-from mtu_cli.analyses.close_loop.left_mean import LIKELY, left_means
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.result import LeftMean
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import Search, search
-from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.model.effect_library import candidates
-from mtu_cli.reports.close_loop import document
-from mtu_cli.reports.close_loop import table as sheets
-from mtu_cli.reports.close_loop_curves import curves
+from mtu_cli.close_loop_sealed.analyses.loop import left_mean
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.describe import Described
+from mtu_cli.close_loop_sealed.analyses.loop.left_mean import LIKELY, left_means
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.result import LeftMean
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.reports.close_loop import document
+from mtu_cli.close_loop_sealed.reports.close_loop import table as sheets
+from mtu_cli.close_loop_sealed.reports.close_loop_curves import curves
 from mtu_cli.reports.tables import plain_text
 
 X, Y = np.meshgrid([20.0, 140.0, 265.0, 380.0], [15.0, 140.0, 290.0])

@@ -11,9 +11,9 @@ from effect_tables import grid_places
 from effect_tables import table as points_table
 from separation_examples import LIBRARY
 
-from mtu_cli.analyses.close_loop.one_table import loop_on
-from mtu_cli.model.effect_candidate import centred_axes
-from mtu_cli.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.analyses.loop.one_table import loop_on
+from mtu_cli.close_loop_sealed.model.effect_candidate import centred_axes
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
 from mtu_cli.model.residual_table import ResidualTable
 
 PARTS, FEATURES = 16, 12

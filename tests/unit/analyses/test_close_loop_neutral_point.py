@@ -10,12 +10,12 @@ import pytest
 from close_loop_examples import effect, on_component, on_table, result
 from scipy.stats import t as student
 
-from mtu_cli.analyses.close_loop.cancelling import NeutralPoint
-from mtu_cli.analyses.close_loop.neutral_point import neutral_points
-from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
-from mtu_cli.reports.close_loop import document
-from mtu_cli.reports.close_loop_table import table
-from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.close_loop_sealed.analyses.loop.cancelling import NeutralPoint
+from mtu_cli.close_loop_sealed.analyses.loop.neutral_point import neutral_points
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect, TableResult
+from mtu_cli.close_loop_sealed.reports.close_loop import document
+from mtu_cli.close_loop_sealed.reports.close_loop_table import table
+from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
 
 T = "T_spindle_degC"

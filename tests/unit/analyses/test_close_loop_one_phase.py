@@ -9,8 +9,8 @@ from crossed_tables import Floats
 from effect_tables import table as points_table
 from numpy.typing import ArrayLike
 
-from mtu_cli.analyses.close_loop.one_phase import least_amplitude
-from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.close_loop_sealed.analyses.loop.one_phase import least_amplitude
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
 from mtu_cli.model.residual_table import ResidualTable
 
 PITCH, STEP = 60.0, 30.0

@@ -11,15 +11,20 @@ from loop_bench.folds import LIBRARY
 from scipy.stats import binom
 from scipy.stats import t as student
 
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.classes import class_of
-from mtu_cli.analyses.close_loop.jointly import jointly
-from mtu_cli.analyses.close_loop.one_size import DISAGREES, _by_axis, is_one_size, of_no_size
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import search
-from mtu_cli.analyses.close_loop.state import State, Step
-from mtu_cli.model.effect_library import EffectLibrary, candidates
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.classes import class_of
+from mtu_cli.close_loop_sealed.analyses.loop.jointly import jointly
+from mtu_cli.close_loop_sealed.analyses.loop.one_size import (
+    DISAGREES,
+    _by_axis,
+    is_one_size,
+    of_no_size,
+)
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import search
+from mtu_cli.close_loop_sealed.analyses.loop.state import State, Step
+from mtu_cli.close_loop_sealed.model.effect_library import EffectLibrary, candidates
 
 X, Y = np.meshgrid([20.0, 140.0, 265.0, 380.0], [15.0, 140.0, 290.0])
 PLACES = np.stack([X.ravel(), Y.ravel(), np.full(12, 10.0)], axis=1)

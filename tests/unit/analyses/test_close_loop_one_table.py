@@ -13,9 +13,9 @@ from crossed_tables import Floats
 from loop_bench.days import UM, shop_table
 from shop_day import SIGMA, ShopDay, Truth, effect, measure
 
-from mtu_cli.analyses.close_loop import CloseLoopResult, close_loop
+from mtu_cli.close_loop_sealed.analyses.loop import CloseLoopResult, close_loop
+from mtu_cli.close_loop_sealed.model.effect_library import effect_library
 from mtu_cli.errors import InputError
-from mtu_cli.model.effect_library import effect_library
 
 PARTS, SEED = 10, 7
 SLOW = ("cyclic", "warm-up", "curvature", "straightness", "wear-approach", "thermal-growth")

@@ -18,16 +18,16 @@ from separation_examples import (
     with_variances,
 )
 
-from mtu_cli.analyses.close_loop.describe import Described, found_effects
-from mtu_cli.analyses.close_loop.one_table import verdict_of
-from mtu_cli.analyses.close_loop.other_pitches import (
+from mtu_cli.close_loop_sealed.analyses.loop.describe import Described, found_effects
+from mtu_cli.close_loop_sealed.analyses.loop.one_table import verdict_of
+from mtu_cli.close_loop_sealed.analyses.loop.other_pitches import (
     periodic,
     pitches_as_good,
     squares_left,
     with_other_pitches,
 )
-from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.analyses.close_loop.shown import pitch_is_open
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
+from mtu_cli.close_loop_sealed.analyses.loop.shown import pitch_is_open
 from mtu_cli.model.residual_table import ResidualTable
 
 PITCH, NOISE = 10.0, 1e-3

@@ -12,16 +12,16 @@ from crossed_tables import Floats
 from separation_examples import LIBRARY
 from warm_day import T, described, empty, found, of_covariate, step, with_x
 
-from mtu_cli.analyses.close_loop import one_table
-from mtu_cli.analyses.close_loop.added import Added, contribution
-from mtu_cli.analyses.close_loop.describe import found_effects
-from mtu_cli.analyses.close_loop.own_constant import with_own_constants
-from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.rivals import all_instead
-from mtu_cli.analyses.close_loop.search import Search
-from mtu_cli.analyses.close_loop.searched import Searched
-from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.stats.stratified import StratifiedFit
+from mtu_cli.close_loop_sealed.analyses.loop import one_table
+from mtu_cli.close_loop_sealed.analyses.loop.added import Added, contribution
+from mtu_cli.close_loop_sealed.analyses.loop.describe import found_effects
+from mtu_cli.close_loop_sealed.analyses.loop.own_constant import with_own_constants
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.analyses.loop.rivals import all_instead
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search
+from mtu_cli.close_loop_sealed.analyses.loop.searched import Searched
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
+from mtu_cli.close_loop_sealed.stats.stratified import StratifiedFit
 
 GROWTH, FIXED = 20e-6, 400.0
 

@@ -9,8 +9,8 @@ import pytest
 from crossed_tables import Floats, contrasts, coordinate_matrix, holes
 from loop_tables import candidate, crossed, offset, prepared_with, residuals, whole_column
 
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.model.effect_candidate import Column
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.model.effect_candidate import Column
 
 SHAPE = (8, 9, 2)
 RNG = np.random.default_rng(1)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from separation_examples import index, members_of, prepared_day
 
-from mtu_cli.analyses.close_loop.ranking import ranked
-from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.close_loop_sealed.analyses.loop.ranking import ranked
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
 
 
 @pytest.mark.parametrize("name", ["squareness-xy", "scale-y", "rotation-z"])

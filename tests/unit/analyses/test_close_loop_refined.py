@@ -14,19 +14,19 @@ from scipy.optimize import least_squares
 from scipy.stats import binom
 from separation_examples import found_as, members_of, prepared_of
 
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.describe import Described, found_effects
-from mtu_cli.analyses.close_loop.estimate import raw_design, searched_spread
-from mtu_cli.analyses.close_loop.held_out import fold_of, of_fold, splits_of
-from mtu_cli.analyses.close_loop.other_pitches import with_other_pitches
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.refined import searched_members, with_refined
-from mtu_cli.analyses.close_loop.rivals import all_instead
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import search
-from mtu_cli.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.describe import Described, found_effects
+from mtu_cli.close_loop_sealed.analyses.loop.estimate import raw_design, searched_spread
+from mtu_cli.close_loop_sealed.analyses.loop.held_out import fold_of, of_fold, splits_of
+from mtu_cli.close_loop_sealed.analyses.loop.other_pitches import with_other_pitches
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.refined import searched_members, with_refined
+from mtu_cli.close_loop_sealed.analyses.loop.rivals import all_instead
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import search
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.stats.column_groups import whitened
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.column_groups import whitened
 
 AMPLITUDE, NOISE, PITCH = 2e-3, 7e-4, 20.0
 PLACES = np.cumsum([0.0, *np.tile([13.0, 17.3, 8.9, 19.1, 11.7], 5)])

@@ -9,13 +9,13 @@ import pytest
 from effect_tables import table as points_table
 from separation_examples import LIBRARY, found_as, prepared_of
 
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.describe import Described, found_effects
-from mtu_cli.analyses.close_loop.fixed_point import fixed_points
-from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.refined import searched_members, with_refined
-from mtu_cli.analyses.close_loop.rivals import MOST, all_instead, with_rivals
-from mtu_cli.analyses.close_loop.shape_profile import with_shapes
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.describe import Described, found_effects
+from mtu_cli.close_loop_sealed.analyses.loop.fixed_point import fixed_points
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.analyses.loop.refined import searched_members, with_refined
+from mtu_cli.close_loop_sealed.analyses.loop.rivals import MOST, all_instead, with_rivals
+from mtu_cli.close_loop_sealed.analyses.loop.shape_profile import with_shapes
 from mtu_cli.model.residual_table import ResidualTable
 
 T = "T_spindle_degC"

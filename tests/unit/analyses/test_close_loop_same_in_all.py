@@ -11,24 +11,24 @@ from loop_bench.folds import LIBRARY
 from scipy.special import stdtr, stdtrit
 from scipy.stats import binom
 
-from mtu_cli.analyses.close_loop import otherwise, varying
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.describe import Described, found_effects
-from mtu_cli.analyses.close_loop.otherwise import DOUBTED, MATTERS, with_otherwise
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.analyses.close_loop.same_in_all import (
+from mtu_cli.close_loop_sealed.analyses.loop import otherwise, varying
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.describe import Described, found_effects
+from mtu_cli.close_loop_sealed.analyses.loop.otherwise import DOUBTED, MATTERS, with_otherwise
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
+from mtu_cli.close_loop_sealed.analyses.loop.same_in_all import (
     DISAGREES,
     Constant,
     constants,
     with_constants,
 )
-from mtu_cli.analyses.close_loop.same_strata import same_of
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import search
-from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.analyses.close_loop.varying import _alike, _shape, _times, at_reference
-from mtu_cli.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.analyses.loop.same_strata import same_of
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import search
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
+from mtu_cli.close_loop_sealed.analyses.loop.varying import _alike, _shape, _times, at_reference
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
 
 GROWTH, NOISE = 12e-6, 1.3e-3
 """1/K and mm."""

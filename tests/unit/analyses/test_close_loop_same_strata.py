@@ -8,8 +8,8 @@ from typing import cast
 import numpy as np
 import pytest
 
-from mtu_cli.analyses.close_loop.same_strata import NEARLY, hides, is_same, same_of
-from mtu_cli.analyses.close_loop.scan import Scan
+from mtu_cli.close_loop_sealed.analyses.loop.same_strata import NEARLY, hides, is_same, same_of
+from mtu_cli.close_loop_sealed.analyses.loop.scan import Scan
 
 KINDS = ("part", "column", "reversal", "interaction", "line")
 

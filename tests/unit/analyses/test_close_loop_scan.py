@@ -13,14 +13,14 @@ from effect_tables import shop_covariates
 from loop_tables import candidate, crossed, offset, prepared_with, residuals
 from scipy.stats import binom, chi2
 
-from mtu_cli.analyses.close_loop.evidence import CHECKS, Evidence, evidence
-from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.scan import Scan, beside_found, calibrated
-from mtu_cli.analyses.close_loop.search import search
-from mtu_cli.model.effect_candidate import Candidate
+from mtu_cli.close_loop_sealed.analyses.loop.evidence import CHECKS, Evidence, evidence
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.analyses.loop.scan import Scan, beside_found, calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import search
+from mtu_cli.close_loop_sealed.model.effect_candidate import Candidate
+from mtu_cli.close_loop_sealed.stats.family_gate import Gate
+from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.family_gate import Gate
-from mtu_cli.stats.loop_frame import Frame
 from mtu_cli.stats.mean_squares import EntryNoise
 
 SHAPE = (12, 10, 2)

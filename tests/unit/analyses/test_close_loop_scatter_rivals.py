@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from loop_tables import candidate, crossed, offset, prepared_with, residuals
 
-from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.scatter_rivals import apart_from
-from mtu_cli.analyses.close_loop.state import Step
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.analyses.loop.scatter_rivals import apart_from
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
 
 P, H = 12, 10
 SCATTERS = ("rotation-scatter", "scale-scatter")

@@ -13,11 +13,11 @@ from effect_tables import table as points_table
 from separation_examples import LIBRARY, index
 from warm_day import described, found, step
 
-from mtu_cli.analyses.close_loop.describe import found_effects
-from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.scatter_size import scatter_size
-from mtu_cli.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.analyses.loop.describe import found_effects
+from mtu_cli.close_loop_sealed.analyses.loop.found_scatter import ScatterSize
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.scatter_size import scatter_size
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.scatter_tests import log_variance_u
 

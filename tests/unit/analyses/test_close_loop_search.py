@@ -15,18 +15,18 @@ from scipy.special import logsumexp
 from scipy.stats import binom
 from separation_examples import LIBRARY as SHOP
 
-from mtu_cli.analyses.close_loop.classes import class_of
-from mtu_cli.analyses.close_loop.describe import candidate_name
-from mtu_cli.analyses.close_loop.detectable import minimum_detectable
-from mtu_cli.analyses.close_loop.estimate import raw_design
-from mtu_cli.analyses.close_loop.evidence import _scatters_apart
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.ranking import posterior_of
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import Search, search
-from mtu_cli.model.effect_candidate import Column
-from mtu_cli.model.effect_library import candidates
-from mtu_cli.stats.family_gate import Gate
+from mtu_cli.close_loop_sealed.analyses.loop.classes import class_of
+from mtu_cli.close_loop_sealed.analyses.loop.describe import candidate_name
+from mtu_cli.close_loop_sealed.analyses.loop.detectable import minimum_detectable
+from mtu_cli.close_loop_sealed.analyses.loop.estimate import raw_design
+from mtu_cli.close_loop_sealed.analyses.loop.evidence import _scatters_apart
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.ranking import posterior_of
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
+from mtu_cli.close_loop_sealed.model.effect_candidate import Column
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.stats.family_gate import Gate
 from mtu_cli.stats.scatter_tests import two_scatters_p
 
 SHAPE = (12, 10, 2)

@@ -15,14 +15,14 @@ from separation_examples import index
 from warm_day import found as found_as
 from warm_day import step
 
-from mtu_cli.analyses.close_loop.added import Added, added
-from mtu_cli.analyses.close_loop.describe import Described, found_effects
-from mtu_cli.analyses.close_loop.one_table import loop_on
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.refined import searched_members, with_refined
-from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.analyses.close_loop.shape_profile import with_shapes
-from mtu_cli.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.analyses.loop.added import Added, added
+from mtu_cli.close_loop_sealed.analyses.loop.describe import Described, found_effects
+from mtu_cli.close_loop_sealed.analyses.loop.one_table import loop_on
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.refined import searched_members, with_refined
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
+from mtu_cli.close_loop_sealed.analyses.loop.shape_profile import with_shapes
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
 
 PARTS, FEATURES, TABLES = 24, 9, 60
 RISE, TAU, PART, NOISE = 12e-3, 200.0, 1e-3, 1e-3

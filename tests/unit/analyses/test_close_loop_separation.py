@@ -17,8 +17,8 @@ from shop_day.day import Floats
 from shop_day.noise import SIG_HOLE, SIG_PART, SIGMA
 from shop_day.oracle import whitened
 
-from mtu_cli.analyses.close_loop.experiment import Choice, choice
-from mtu_cli.analyses.close_loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.analyses.loop.experiment import Choice, choice
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
 
 VARIANCES = (
     np.array([11e-6, 17e-6]),

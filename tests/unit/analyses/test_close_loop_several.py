@@ -12,15 +12,15 @@ from effect_tables import table
 from loop_bench.folds import LIBRARY
 from scipy.stats import binom
 
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.needless import needless
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import Search, search
-from mtu_cli.analyses.close_loop.several import _best_pair, _Lone, _of_parts, several
-from mtu_cli.analyses.close_loop.state import State
-from mtu_cli.model.effect_library import candidates
-from mtu_cli.stats.remainder import COMMON_SHAPE
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.needless import needless
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
+from mtu_cli.close_loop_sealed.analyses.loop.several import _best_pair, _Lone, _of_parts, several
+from mtu_cli.close_loop_sealed.analyses.loop.state import State
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.stats.remainder import COMMON_SHAPE
 
 NOISE = 1.3e-3
 SCALE, ANGLE = 20e-6, 58e-6

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from crossed_tables import Floats
 
-from mtu_cli.analyses.close_loop.shape_prior import shape_weights
-from mtu_cli.model.effect_candidate import Member
+from mtu_cli.close_loop_sealed.analyses.loop.shape_prior import shape_weights
+from mtu_cli.close_loop_sealed.model.effect_candidate import Member
 
 MINUTES = np.sort(np.random.default_rng(1).uniform(0, 480, 24))[:, None]
 

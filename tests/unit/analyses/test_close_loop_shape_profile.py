@@ -13,14 +13,18 @@ from loop_bench.folds import LIBRARY
 from warm_day import found as found_as
 from warm_day import step
 
-from mtu_cli.analyses.close_loop.added import added
-from mtu_cli.analyses.close_loop.describe import Described, found_effects
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.refined import searched_members, with_refined
-from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.analyses.close_loop.shape_profile import with_shapes
-from mtu_cli.model.effect_library import candidates
-from mtu_cli.reports.close_loop_searched import open_end, searched_text, size_interval
+from mtu_cli.close_loop_sealed.analyses.loop.added import added
+from mtu_cli.close_loop_sealed.analyses.loop.describe import Described, found_effects
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.refined import searched_members, with_refined
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
+from mtu_cli.close_loop_sealed.analyses.loop.shape_profile import with_shapes
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.reports.close_loop_searched import (
+    open_end,
+    searched_text,
+    size_interval,
+)
 
 FEATURES, STEP, SD = 9, 15.0, 1e-3
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mtu_cli.analyses.close_loop.share_done import NOBODY, ShareDone
+from mtu_cli.close_loop_sealed.analyses.loop.share_done import NOBODY, ShareDone
 
 
 def test_tables_follow_one_another_to_the_end() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from close_loop_examples import on_table
 
-from mtu_cli.analyses.close_loop.straight_lines import (
+from mtu_cli.close_loop_sealed.analyses.loop.straight_lines import (
     NODES,
     extent,
     in_covariate,

@@ -11,9 +11,9 @@ from effect_tables import grid_places
 from effect_tables import table as points_table
 from separation_examples import LIBRARY
 
-from mtu_cli.analyses.close_loop.evidence import WITH_TURNS, _without_direction
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.analyses.loop.evidence import WITH_TURNS, _without_direction
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
 
 TURNS = replace(LIBRARY, families=tuple(
     own for own in LIBRARY.families if own.family.family == "rotation-scatter"

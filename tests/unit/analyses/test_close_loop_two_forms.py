@@ -13,15 +13,15 @@ from effect_tables import table as points_table
 from separation_examples import LIBRARY, index, members_of
 from warm_day import described, found, step
 
-from mtu_cli.analyses.close_loop.describe import found_effects
-from mtu_cli.analyses.close_loop.otherwise import with_otherwise
-from mtu_cli.analyses.close_loop.prepare import Prepared, prepare
-from mtu_cli.analyses.close_loop.ranking import ranked
-from mtu_cli.analyses.close_loop.scan import calibrated
-from mtu_cli.analyses.close_loop.search import Search, search
-from mtu_cli.analyses.close_loop.two_forms import difference, hidden_in, in_two_names
-from mtu_cli.model.effect_library import candidates
-from mtu_cli.stats.family_gate import Gate
+from mtu_cli.close_loop_sealed.analyses.loop.describe import found_effects
+from mtu_cli.close_loop_sealed.analyses.loop.otherwise import with_otherwise
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
+from mtu_cli.close_loop_sealed.analyses.loop.ranking import ranked
+from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
+from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
+from mtu_cli.close_loop_sealed.analyses.loop.two_forms import difference, hidden_in, in_two_names
+from mtu_cli.close_loop_sealed.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.stats.family_gate import Gate
 
 PARTS, FEATURES = 12, 16
 WAYS = np.where((np.arange(PARTS)[:, None] + np.arange(FEATURES)) % 2, -1.0, 1.0)

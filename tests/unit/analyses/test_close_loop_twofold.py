@@ -11,9 +11,9 @@ from crossed_tables import Floats
 from separation_examples import members_of
 from warm_day import FEATURES, PARTS, described, empty, found, of_covariate, step, with_x
 
-from mtu_cli.analyses.close_loop.prepare import Prepared
-from mtu_cli.analyses.close_loop.state import Step
-from mtu_cli.analyses.close_loop.twofold import twofold
+from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
+from mtu_cli.close_loop_sealed.analyses.loop.state import Step
+from mtu_cli.close_loop_sealed.analyses.loop.twofold import twofold
 
 
 def lost(prepared: Prepared) -> Floats:

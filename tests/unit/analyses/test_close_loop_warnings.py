@@ -9,10 +9,10 @@ import pytest
 from close_loop_examples import effect, on_component, on_table
 from effect_tables import table
 
-from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
-from mtu_cli.analyses.close_loop.gross import Gross
-from mtu_cli.analyses.close_loop.result import FoundEffect, Judged, TableResult
-from mtu_cli.analyses.close_loop.warnings import loop_warnings
+from mtu_cli.close_loop_sealed.analyses.loop.found_scatter import ScatterSize
+from mtu_cli.close_loop_sealed.analyses.loop.gross import Gross
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect, Judged, TableResult
+from mtu_cli.close_loop_sealed.analyses.loop.warnings import loop_warnings
 from mtu_cli.model.visit_scatter import VisitScatter
 from mtu_cli.units import UM
 

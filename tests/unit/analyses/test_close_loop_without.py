@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from close_loop_examples import effect
 
-from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.analyses.close_loop.rivals import Instead, with_rivals
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
+from mtu_cli.close_loop_sealed.analyses.loop.rivals import Instead, with_rivals
 
 
 def shift(axis: str, value: float) -> FoundEffect:

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
+from mtu_cli.close_loop_sealed.files.effects_contract import Effects
 from mtu_cli.errors import InputError
 from mtu_cli.files.budget import load_budget
 from mtu_cli.files.budget_contract import Budget
 from mtu_cli.files.contracts import Contract, Findings, check_contract
-from mtu_cli.files.effects_contract import Effects
 from mtu_cli.files.graph_contract import Graph
 from mtu_cli.files.graph_file import load_graph
 from mtu_cli.files.machine import load_machine

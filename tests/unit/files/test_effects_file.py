@@ -10,10 +10,10 @@ import jsonschema
 import pytest
 import yaml
 
+from mtu_cli.close_loop_sealed.files.effects_file import LoadedEffects, load_effects
+from mtu_cli.close_loop_sealed.model.effect_library import BUILT_IN, effect_library
 from mtu_cli.errors import InputError
-from mtu_cli.files.effects_file import LoadedEffects, load_effects
 from mtu_cli.files.schemas import json_schema
-from mtu_cli.model.effect_library import BUILT_IN, effect_library
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 
 BACKLASH = """\

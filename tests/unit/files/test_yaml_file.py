@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from mtu_cli.close_loop_sealed.files.yaml_dump import flow_text
 from mtu_cli.errors import InputError
 from mtu_cli.files.shown_values import shown_value
 from mtu_cli.files.source import Source
-from mtu_cli.files.yaml_dump import flow_text
 from mtu_cli.files.yaml_file import MAX_BYTES, YamlDocument, parse_yaml, read_yaml
 from mtu_cli.files.yaml_scalars import NotFinite
 

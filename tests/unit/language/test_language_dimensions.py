@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from mtu_cli.files.effect_text import filled_tree
+from mtu_cli.close_loop_sealed.files.effect_text import filled_tree
 from mtu_cli.language import EquationError, check_dimension, parse
 from mtu_cli.units import ANGLE, LENGTH
 

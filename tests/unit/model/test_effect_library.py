@@ -15,12 +15,7 @@ import pytest
 import yaml
 from effect_tables import FloatArray, grid_places, readings_table, shop_covariates, table
 
-from mtu_cli.errors import InputError
-from mtu_cli.files.column_dimensions import columns_of, own_columns
-from mtu_cli.files.machine import load_machine
-from mtu_cli.language import check_dimension, evaluate, linear_form, names, parse
-from mtu_cli.model.design import design
-from mtu_cli.model.effect_library import (
+from mtu_cli.close_loop_sealed.model.effect_library import (
     BUILT_IN,
     Candidate,
     EffectLibrary,
@@ -28,6 +23,11 @@ from mtu_cli.model.effect_library import (
     candidates,
     effect_library,
 )
+from mtu_cli.errors import InputError
+from mtu_cli.files.column_dimensions import columns_of, own_columns
+from mtu_cli.files.machine import load_machine
+from mtu_cli.language import check_dimension, evaluate, linear_form, names, parse
+from mtu_cli.model.design import design
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.residual_table import ResidualTable

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtu_cli.model.effect_candidate import Column
-from mtu_cli.model.effect_slopes import slopes
+from mtu_cli.close_loop_sealed.model.effect_candidate import Column
+from mtu_cli.close_loop_sealed.model.effect_slopes import slopes
 
 X = np.linspace(0.0, 600.0, 41)[None]
 

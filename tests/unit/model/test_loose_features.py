@@ -14,8 +14,8 @@ from scipy.stats import binom
 from separation_examples import LIBRARY
 
 from mtu_cli.analyses.anova import analyse_variance
-from mtu_cli.analyses.close_loop import close_loop
 from mtu_cli.analyses.compare import compare
+from mtu_cli.close_loop_sealed.analyses.loop import close_loop
 from mtu_cli.files.points import Points
 from mtu_cli.model.loose_features import CODE, loose_features, loose_of_tables
 from mtu_cli.model.measured import feature_tables

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from reading_examples import in_table_order, machine, only, run
 from thermal_machines import drift
 
+from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.estimates import Estimates
-from mtu_cli.model.reading_tables import reading_tables
 from mtu_cli.units import UM
 
 Floats = NDArray[np.float64]

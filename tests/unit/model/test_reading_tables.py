@@ -13,12 +13,12 @@ from model_examples import Segment, estimate, loaded, model_of, permuted, readin
 from numpy.typing import NDArray
 from reading_examples import MACHINE, TARGETS, at, in_table_order, machine, only, run
 
+from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.errors import InputError
 from mtu_cli.files.readings import read_readings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model
-from mtu_cli.model.reading_tables import reading_tables
 from mtu_cli.units import ARCSEC, UM
 
 Floats = NDArray[np.float64]

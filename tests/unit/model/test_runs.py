@@ -12,6 +12,7 @@ from model_examples import Segment, loaded, readings
 from numpy.typing import NDArray
 from reading_examples import only
 
+from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.errors import InputError
 from mtu_cli.files.components_file import components_from
 from mtu_cli.files.source import Source
@@ -20,7 +21,6 @@ from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_mac
 from mtu_cli.model.fit_warnings import scatter_warnings
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
-from mtu_cli.model.reading_tables import reading_tables
 from mtu_cli.model.runs import fellows, runs_of, ways
 from mtu_cli.reports.fit_components import document
 

@@ -11,6 +11,7 @@ from model_examples import Segment, loaded, readings
 from numpy.typing import NDArray
 from reading_examples import only
 
+from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.errors import InputError
 from mtu_cli.files.components_file import components_from
 from mtu_cli.files.source import Source
@@ -18,7 +19,6 @@ from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.estimation import ComponentFit
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.instruments import combine
-from mtu_cli.model.reading_tables import reading_tables
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.reports.fit_components import document
 from mtu_cli.reports.fit_table import table

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from close_loop_examples import effect, on_table, result
 
-from mtu_cli.reports.close_loop import document, table
-from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.close_loop_sealed.reports.close_loop import document, table
+from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
 
 NAMES = ("radial", "scale-z")

@@ -20,12 +20,12 @@ from matplotlib.colors import to_hex
 from matplotlib.patches import Rectangle
 from matplotlib.quiver import Quiver
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult
+from mtu_cli.close_loop_sealed.reports.close_loop import figure
+from mtu_cli.close_loop_sealed.reports.close_loop_arrows import round_near, view_of
+from mtu_cli.close_loop_sealed.reports.close_loop_curves import MOST, curves
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Plane
-from mtu_cli.reports.close_loop import figure
-from mtu_cli.reports.close_loop_arrows import round_near, view_of
-from mtu_cli.reports.close_loop_curves import MOST, curves
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.stats.least_squares import FloatArray
 

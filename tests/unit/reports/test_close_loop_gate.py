@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from close_loop_examples import effect, on_table, result
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Verdict
-from mtu_cli.reports.close_loop import gate_text
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult, FoundEffect, Verdict
+from mtu_cli.close_loop_sealed.reports.close_loop import gate_text
 
 CLEAR = effect("backlash-y")
 LONG = ("backlash-x", "abbe-x", "trend-x", "scale-x", "radial", "step-x")

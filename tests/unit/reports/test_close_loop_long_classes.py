@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from close_loop_examples import ambiguous, effect, judged, left_over, on_table, result
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult
-from mtu_cli.reports.close_loop import document, table
-from mtu_cli.reports.close_loop_notes import untested
-from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult
+from mtu_cli.close_loop_sealed.reports.close_loop import document, table
+from mtu_cli.close_loop_sealed.reports.close_loop_notes import untested
+from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
 
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 from close_loop_examples import effect, on_table, result
 
-from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
-from mtu_cli.reports.close_loop import document, gate_text, table
-from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.close_loop_sealed.analyses.loop.found_scatter import ScatterSize
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult, FoundEffect
+from mtu_cli.close_loop_sealed.reports.close_loop import document, gate_text, table
+from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
 
 GROWTH = ScatterSize(

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from close_loop_examples import effect, on_component, on_table, result
 
-from mtu_cli.analyses.close_loop.gross import Gross
-from mtu_cli.analyses.close_loop.result import CloseLoopResult
-from mtu_cli.analyses.close_loop.warnings import loop_warnings
-from mtu_cli.reports.close_loop import table
-from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.close_loop_sealed.analyses.loop.gross import Gross
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult
+from mtu_cli.close_loop_sealed.analyses.loop.warnings import loop_warnings
+from mtu_cli.close_loop_sealed.reports.close_loop import table
+from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
 
 OFF = Gross(part="2", feature="150 -", deviation=(0.0082,), score=9.0)

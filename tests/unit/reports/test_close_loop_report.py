@@ -23,8 +23,8 @@ from close_loop_examples import (
     several,
 )
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
-from mtu_cli.reports.close_loop import csv_rows, document
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult, FoundEffect
+from mtu_cli.close_loop_sealed.reports.close_loop import csv_rows, document
 from mtu_cli.reports.csv_text import csv_text
 
 EVERY = {"named": named, "class": ambiguous, "unexplained": left_over, "none": nothing}

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from close_loop_examples import effect, on_component, on_table, result
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult
-from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult
+from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
 
 
 def words(found: CloseLoopResult) -> str:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from close_loop_examples import effect, on_table, result
 
-from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.reports.close_loop_table import table
-from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
+from mtu_cli.close_loop_sealed.reports.close_loop_table import table
+from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
 
 ARCSEC = np.pi / 180 / 3600

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from close_loop_examples import effect, left_over, on_table, result
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
-from mtu_cli.analyses.close_loop.shown import SURE
-from mtu_cli.reports.close_loop import document
-from mtu_cli.reports.close_loop_figure import figure
-from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult, FoundEffect
+from mtu_cli.close_loop_sealed.analyses.loop.shown import SURE
+from mtu_cli.close_loop_sealed.reports.close_loop import document
+from mtu_cli.close_loop_sealed.reports.close_loop_figure import figure
+from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
 
 SURELY = effect("backlash-x", unnamed=0.1 * SURE)
 DOUBTFUL = effect(

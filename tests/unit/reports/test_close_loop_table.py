@@ -20,10 +20,14 @@ from close_loop_examples import (
     several,
 )
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
-from mtu_cli.reports.close_loop import table
-from mtu_cli.reports.close_loop_effects import SENTENCES, direction_text, effect_text
-from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult, FoundEffect
+from mtu_cli.close_loop_sealed.reports.close_loop import table
+from mtu_cli.close_loop_sealed.reports.close_loop_effects import (
+    SENTENCES,
+    direction_text,
+    effect_text,
+)
+from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import WIDTH, plain_text
 
 EVERY = {"named": named, "class": ambiguous, "unexplained": left_over, "none": nothing}

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from close_loop_examples import effect, on_table, result, scores
 
-from mtu_cli.analyses.close_loop.cancelling import NeutralPoint
-from mtu_cli.analyses.close_loop.found_scatter import ScatterSize
-from mtu_cli.analyses.close_loop.result import CloseLoopResult
-from mtu_cli.reports.close_loop import document, table
-from mtu_cli.reports.close_loop_effects import direction_text
-from mtu_cli.reports.close_loop_words import verdict_text
+from mtu_cli.close_loop_sealed.analyses.loop.cancelling import NeutralPoint
+from mtu_cli.close_loop_sealed.analyses.loop.found_scatter import ScatterSize
+from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult
+from mtu_cli.close_loop_sealed.reports.close_loop import document, table
+from mtu_cli.close_loop_sealed.reports.close_loop_effects import direction_text
+from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
 
 DRIFTS = ("unnamed-drift-y",)

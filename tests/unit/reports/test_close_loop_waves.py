@@ -9,8 +9,8 @@ import pytest
 from close_loop_examples import effect, on_table
 from effect_tables import table
 
-from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
-from mtu_cli.reports.close_loop_curves import curves
+from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect, TableResult
+from mtu_cli.close_loop_sealed.reports.close_loop_curves import curves
 
 X = np.cumsum(np.tile([13.0, 17.3, 8.9, 19.1, 11.7], 4))
 

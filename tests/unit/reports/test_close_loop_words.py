@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from close_loop_examples import ambiguous, effect, named, on_component, on_table, result, scores
 
-from mtu_cli.analyses.close_loop.fixed_point import fixed_points
-from mtu_cli.analyses.close_loop.result import (
+from mtu_cli.close_loop_sealed.analyses.loop.fixed_point import fixed_points
+from mtu_cli.close_loop_sealed.analyses.loop.result import (
     CloseLoopResult,
     Experiment,
     FoundEffect,
     Otherwise,
     Verdict,
 )
+from mtu_cli.close_loop_sealed.reports.close_loop import document, table
+from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
 from mtu_cli.model.datum import Datum
-from mtu_cli.reports.close_loop import document, table
-from mtu_cli.reports.close_loop_words import verdict_text
 from mtu_cli.reports.tables import plain_text
 
 

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 from matplotlib.text import Annotation
 
+from mtu_cli.close_loop_sealed.reports.close_loop import figure as loop_figure
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import GAP
-from mtu_cli.reports.close_loop import figure as loop_figure
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.labels import folded
 from mtu_cli.reports.level_maps import Maps, Side

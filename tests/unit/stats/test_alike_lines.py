@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 from scipy.stats import kstest, uniform
 
-from mtu_cli.stats.alike_lines import MOST_COLUMNS, apart_from_whole, p_alike
+from mtu_cli.close_loop_sealed.stats.alike_lines import MOST_COLUMNS, apart_from_whole, p_alike
 
 PARTS, FEATURES = 9, 8
 SD = np.array([1.0, 3.0])

@@ -16,10 +16,10 @@ from crossed_tables import (
     turned_out,
 )
 
-from mtu_cli.stats import as_if_complete as module
-from mtu_cli.stats.as_if_complete import as_if_complete
-from mtu_cli.stats.crossed import completion
-from mtu_cli.stats.loop_frame import Frame
+from mtu_cli.close_loop_sealed.stats import as_if_complete as module
+from mtu_cli.close_loop_sealed.stats.as_if_complete import as_if_complete
+from mtu_cli.close_loop_sealed.stats.crossed import completion
+from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
 from mtu_cli.stats.mean_squares import LEAST, MeanSquares, mean_squares
 
 STRATA = made(8, 9, 2)

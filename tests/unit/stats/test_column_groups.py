@@ -6,8 +6,8 @@ import numpy as np
 from crossed_tables import Floats, made, sizes, whole_frame
 from numpy.typing import NDArray
 
-from mtu_cli.stats.column_groups import MemberColumns, Packed, packed, whitened
-from mtu_cli.stats.profile_ratio import member_ratios
+from mtu_cli.close_loop_sealed.stats.column_groups import MemberColumns, Packed, packed, whitened
+from mtu_cli.close_loop_sealed.stats.profile_ratio import member_ratios
 from mtu_cli.stats.strata import Strata
 
 STRATA = made(6, 9, 2)

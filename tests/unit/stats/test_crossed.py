@@ -7,7 +7,7 @@ import pytest
 from crossed_tables import Floats, Mask, grid, half_measured, holes
 from scipy.sparse.csgraph import connected_components
 
-from mtu_cli.stats.crossed import completion
+from mtu_cli.close_loop_sealed.stats.crossed import completion
 
 MASKS: dict[str, Mask] = {
     "holes": holes(6, 5, 0.3, 1),

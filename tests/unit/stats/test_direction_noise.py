@@ -18,10 +18,10 @@ from crossed_tables import (
 from scipy.integrate import simpson
 from scipy.stats import binom, chi2, f
 
-from mtu_cli.stats import design_inputs as module
-from mtu_cli.stats import direction_noise as direction_module
-from mtu_cli.stats.direction_noise import DirectionNoise
-from mtu_cli.stats.loop_frame import Frame
+from mtu_cli.close_loop_sealed.stats import design_inputs as module
+from mtu_cli.close_loop_sealed.stats import direction_noise as direction_module
+from mtu_cli.close_loop_sealed.stats.direction_noise import DirectionNoise
+from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
 from mtu_cli.stats.scatter_tests import scatter_p
 
 STRATA = made(9, 8, 2)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom, ks_2samp, kstest, t
 
-from mtu_cli.stats.estimated_scatter import inflation, scattered
+from mtu_cli.close_loop_sealed.stats.estimated_scatter import inflation, scattered
 
 Floats = NDArray[np.float64]
 COUNT = 4000

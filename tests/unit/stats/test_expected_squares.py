@@ -20,11 +20,11 @@ from crossed_tables import (
     within,
 )
 
-from mtu_cli.stats import design_inputs as module
-from mtu_cli.stats.crossed import completion
-from mtu_cli.stats.expected_squares import expected_squares
-from mtu_cli.stats.loop_frame import Frame
-from mtu_cli.stats.loop_null import NullModel, draw
+from mtu_cli.close_loop_sealed.stats import design_inputs as module
+from mtu_cli.close_loop_sealed.stats.crossed import completion
+from mtu_cli.close_loop_sealed.stats.expected_squares import expected_squares
+from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
+from mtu_cli.close_loop_sealed.stats.loop_null import NullModel, draw
 from mtu_cli.stats.mean_squares import MeanSquares, mean_squares
 from mtu_cli.stats.strata import Strata, strata_of
 

@@ -7,7 +7,7 @@ import pytest
 from crossed_tables import Floats
 from scipy.stats import binom, chi2, ks_1samp
 
-from mtu_cli.stats.family_gate import Gate, gate_of
+from mtu_cli.close_loop_sealed.stats.family_gate import Gate, gate_of
 
 
 def gate(null: Floats, independent: int = 0) -> Gate:

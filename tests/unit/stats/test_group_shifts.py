@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from mtu_cli.stats import group_shifts
-from mtu_cli.stats.group_shifts import GroupShift, group_shift
+from mtu_cli.close_loop_sealed.stats import group_shifts
+from mtu_cli.close_loop_sealed.stats.group_shifts import GroupShift, group_shift
 
 Floats = NDArray[np.float64]
 Drawn = tuple[Floats, NDArray[np.bool_], Floats]

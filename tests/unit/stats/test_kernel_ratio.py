@@ -9,7 +9,12 @@ from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from mtu_cli.stats.kernel_ratio import RATIOS, kernel_log_bayes, kernel_of, kernel_ratios
+from mtu_cli.close_loop_sealed.stats.kernel_ratio import (
+    RATIOS,
+    kernel_log_bayes,
+    kernel_of,
+    kernel_ratios,
+)
 
 
 def walk(n: int) -> Floats:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from crossed_tables import Floats, Mask, frame_of, half_measured, holes, made, whole_frame
 
-from mtu_cli.stats.loop_frame import Frame
+from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
 
 STRATA = made(6, 8, 2)
 COLUMNS: dict[str, dict[int, Floats]] = {
@@ -65,7 +65,9 @@ def test_columns_of_incomplete_tables_are_completed_as_the_errors_are(name: str,
 @pytest.mark.parametrize("mask", ["none", *MASKS])
 def test_many_columns_are_each_what_it_is_alone(mask: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where they are turned in several goes, with columns between them that need none."""
-    monkeypatch.setattr("mtu_cli.stats.loop_frame.CACHED", 2 * int(np.prod(STRATA.shape)))
+    monkeypatch.setattr(
+        "mtu_cli.close_loop_sealed.stats.loop_frame.CACHED", 2 * int(np.prod(STRATA.shape))
+    )
     frame = whole_frame(STRATA) if mask == "none" else frame_of(STRATA, MASKS[mask])
     rng = np.random.default_rng(4)
     several = [*COLUMNS.values(), *({1: rng.normal(size=(6, 8))} for _ in range(4))]

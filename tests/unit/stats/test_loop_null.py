@@ -22,8 +22,8 @@ from crossed_tables import (
     within,
 )
 
-from mtu_cli.stats.loop_frame import Frame
-from mtu_cli.stats.loop_null import KnownScatter, NullModel, null_of, whitening_of
+from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
+from mtu_cli.close_loop_sealed.stats.loop_null import KnownScatter, NullModel, null_of, whitening_of
 from mtu_cli.stats.strata import Strata, strata_of
 
 Draws = tuple[Strata, NullModel]

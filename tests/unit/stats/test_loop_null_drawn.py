@@ -15,9 +15,9 @@ from crossed_tables import (
 )
 from scipy.stats import kstest, t
 
-from mtu_cli.stats.crossed import Freeing, completion
-from mtu_cli.stats.loop_frame import Frame
-from mtu_cli.stats.loop_null import draw
+from mtu_cli.close_loop_sealed.stats.crossed import Freeing, completion
+from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
+from mtu_cli.close_loop_sealed.stats.loop_null import draw
 
 STRATA = made(5, 6, 2)
 COUNT = 20_000

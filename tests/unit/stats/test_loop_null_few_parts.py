@@ -7,7 +7,13 @@ import pytest
 from crossed_tables import Floats, frame_of, made, nothing_known, null, sizes, whole_frame
 from scipy.stats import binom, kstest
 
-from mtu_cli.stats.loop_null import KnownScatter, NullModel, draw, null_of, whitening_of
+from mtu_cli.close_loop_sealed.stats.loop_null import (
+    KnownScatter,
+    NullModel,
+    draw,
+    null_of,
+    whitening_of,
+)
 from mtu_cli.stats.strata import Strata
 
 STRATA = made(6, 10, 1)

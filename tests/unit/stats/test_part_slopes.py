@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mtu_cli.stats.part_slopes import CLEAR, coefficients, crossed, shrunken, slope_variances
+from mtu_cli.close_loop_sealed.stats.part_slopes import (
+    CLEAR,
+    coefficients,
+    crossed,
+    shrunken,
+    slope_variances,
+)
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -8,8 +8,14 @@ from crossed_tables import Floats, made, sizes, whole_frame
 from scipy.optimize import minimize
 from scipy.stats import f, ks_1samp
 
-from mtu_cli.stats.column_groups import Column, MemberColumns, packed
-from mtu_cli.stats.profile_ratio import NEVER, member_ratios, ratios, solved, unit_information
+from mtu_cli.close_loop_sealed.stats.column_groups import Column, MemberColumns, packed
+from mtu_cli.close_loop_sealed.stats.profile_ratio import (
+    NEVER,
+    member_ratios,
+    ratios,
+    solved,
+    unit_information,
+)
 
 STRATA = made(8, 10, 2)
 FRAME = whole_frame(STRATA)

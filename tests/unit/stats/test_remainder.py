@@ -7,8 +7,14 @@ import pytest
 from crossed_tables import Floats, contrasts, made
 from scipy.stats import binom, multivariate_normal
 
-from mtu_cli.stats.kernel_ratio import RATIOS
-from mtu_cli.stats.remainder import COMMON_SHAPE, DRAWN, REACH, Remainder, remainder_of
+from mtu_cli.close_loop_sealed.stats.kernel_ratio import RATIOS
+from mtu_cli.close_loop_sealed.stats.remainder import (
+    COMMON_SHAPE,
+    DRAWN,
+    REACH,
+    Remainder,
+    remainder_of,
+)
 from mtu_cli.stats.strata import Strata
 
 STRATA = made(12, 10, 2)

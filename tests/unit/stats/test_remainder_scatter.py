@@ -17,7 +17,7 @@ from crossed_tables import (
 )
 from scipy.stats import binom, f, ks_1samp, norm
 
-from mtu_cli.stats.direction_noise import DirectionNoise
+from mtu_cli.close_loop_sealed.stats.direction_noise import DirectionNoise
 from mtu_cli.stats.mean_squares import EntryNoise
 from mtu_cli.stats.scatter_tests import scatter_p, score_of, two_scatters_p
 

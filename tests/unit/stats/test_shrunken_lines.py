@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 from scipy.stats import t as student
 
-from mtu_cli.stats import shrunken_lines
-from mtu_cli.stats.shrunken_lines import MARGIN, RATE, OffLines, off_lines
+from mtu_cli.close_loop_sealed.stats import shrunken_lines
+from mtu_cli.close_loop_sealed.stats.shrunken_lines import MARGIN, RATE, OffLines, off_lines
 
 Floats = NDArray[np.float64]
 

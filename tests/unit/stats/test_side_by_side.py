@@ -14,8 +14,8 @@ from types import ModuleType
 
 import pytest
 
-from mtu_cli.stats import side_by_side
-from mtu_cli.stats.side_by_side import MOST_PIECES, SideBySide
+from mtu_cli.close_loop_sealed.stats import side_by_side
+from mtu_cli.close_loop_sealed.stats.side_by_side import MOST_PIECES, SideBySide
 
 COUNT = 6
 PATIENCE_S = 60.0
@@ -349,7 +349,7 @@ def test_a_process_of_the_same_number_is_not_killed(monkeypatch: pytest.MonkeyPa
 
 ENDLESS = """
 import os, sys, time
-from mtu_cli.stats import side_by_side
+from mtu_cli.close_loop_sealed.stats import side_by_side
 side_by_side.available_threads = lambda: 2
 def work(piece):
     {work}

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from mtu_cli.stats.profile_ratio import MemberRatios
-from mtu_cli.stats.size_prior import CERTAIN, SIZES, WEIGHTS, sized
+from mtu_cli.close_loop_sealed.stats.profile_ratio import MemberRatios
+from mtu_cli.close_loop_sealed.stats.size_prior import CERTAIN, SIZES, WEIGHTS, sized
 
 N = 9
 RNG = np.random.default_rng(4)

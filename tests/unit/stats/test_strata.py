@@ -15,7 +15,7 @@ from crossed_tables import (
     within,
 )
 
-from mtu_cli.stats.loop_null import draw
+from mtu_cli.close_loop_sealed.stats.loop_null import draw
 from mtu_cli.stats.strata import Strata, strata_of
 
 DESIGNS: dict[str, Strata] = {

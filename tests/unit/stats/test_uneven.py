@@ -7,9 +7,9 @@ import pytest
 from crossed_tables import Floats, made, sizes, whole_frame
 from scipy.stats import chi2
 
-from mtu_cli.stats.column_groups import Column, Packed, packed
-from mtu_cli.stats.profile_ratio import member_ratios
-from mtu_cli.stats.uneven import uneven
+from mtu_cli.close_loop_sealed.stats.column_groups import Column, Packed, packed
+from mtu_cli.close_loop_sealed.stats.profile_ratio import member_ratios
+from mtu_cli.close_loop_sealed.stats.uneven import uneven
 
 P, H, A = 8, 10, 2
 STRATA = made(P, H, A)
