@@ -28,7 +28,7 @@ def table(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> Table:
 def faults(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> list[str]:
     with pytest.raises(InputError) as caught:
         table(tmp_path, content, name)
-    return [str(problem).removeprefix(name) for problem in caught.value.problems]
+    return [str(problem).removeprefix(name) for problem in caught.value.findings]
 
 
 def names(read: Table, column: str = "name") -> list[str]:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
+from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.variance import drawable_passes
 
 Floats = NDArray[np.float64]
@@ -157,7 +157,7 @@ def moved(points: Points, errors: Floats, axes: Sequence[int], *, turning: bool)
     return left
 
 
-def codes(warned: tuple[Warned, ...]) -> list[str]:
+def codes(warned: tuple[Finding, ...]) -> list[str]:
     """The codes of warnings."""
     return [item.code for item in warned]
 

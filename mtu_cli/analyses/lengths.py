@@ -7,16 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.errors import fault
+from mtu_cli.errors import Warned, fault
 from mtu_cli.files.part import Length as LengthEntry
 from mtu_cli.files.part import LoadedPart
+from mtu_cli.findings import Finding
 from mtu_cli.model.conformance import Conformance, conformance_of, joint_conformance
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.length_geometry import differences, length_gradient, length_measure
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.settings import PROBABILITY, Settings, Warned
+from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.trials import Measure, PointTrials
 from mtu_cli.model.variance import Shares
@@ -72,7 +73,7 @@ class LengthsResult:
     lengths: tuple[Length, ...]
     joint_conformance: tuple[float, float] | None
     run: MonteCarloResult
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
 
 
 def predict_lengths(
@@ -130,7 +131,7 @@ class _Geometry:
 
 def _predicted(
     model: MachineModel, part: LoadedPart, covariates: Mapping[str, float] | None
-) -> tuple[_Geometry, Prediction, list[Warned]]:
+) -> tuple[_Geometry, Prediction, list[Finding]]:
     entries = part.part.lengths
     if not entries:
         raise fault(
@@ -256,7 +257,7 @@ def _bounds(prediction: Prediction, by_block: FloatArray) -> Bounds:
     return (low, float(np.sqrt(total + cross))), (names[0], names[1])
 
 
-def _planar_warnings(model: MachineModel, delta: FloatArray, names: Sequence[str]) -> list[Warned]:
+def _planar_warnings(model: MachineModel, delta: FloatArray, names: Sequence[str]) -> list[Finding]:
     missing = [axis for axis in AXES if axis not in model.axes]
     return [
         Warned(

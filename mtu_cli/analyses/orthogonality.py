@@ -9,13 +9,14 @@ import numpy as np
 
 from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
+from mtu_cli.findings import Finding
 from mtu_cli.model.angle_geometry import Line, angle_error, check_square, contrasts
 from mtu_cli.model.angle_trials import AngleTrials
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.settings import PROBABILITY, Settings, Warned
+from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.model.trials import Measure, PointTrials
 from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import coverage_factor
@@ -56,7 +57,7 @@ class OrthogonalityResult:
     """All angles of a part."""
 
     angles: tuple[Orthogonality, ...]
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
 
 
 def predict_orthogonality(
@@ -87,7 +88,7 @@ def predict_orthogonality(
         )
     check_square(part, range(len(part.part.orthogonality)))
     angles: list[Orthogonality] = []
-    warnings: list[Warned] = []
+    warnings: list[Finding] = []
     for entry in part.part.orthogonality:
         ids, points, noted = feature_points(part, model, [*entry.row, *entry.column])
         prediction = predict(model, ids, points, covariates)

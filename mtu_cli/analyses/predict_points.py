@@ -9,12 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from mtu_cli.files.part import LoadedPart
+from mtu_cli.findings import Finding
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.reportable import reportable, reportable_of_points
-from mtu_cli.model.settings import PROBABILITY, Settings, Warned
+from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.variance import Shares, Variance
 from mtu_cli.stats.coverage import coverage_factor
@@ -38,7 +39,7 @@ class PointsResult:
     interval95: FloatArray
     split: Variance
     independent: bool
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -97,7 +98,7 @@ def predict_places(
     points: FloatArray,
     settings: Settings,
     covariates: Mapping[str, float] | None = None,
-    warnings: Sequence[Warned] = (),
+    warnings: Sequence[Finding] = (),
 ) -> PointsResult:
     """The same at any places (n, 3) in mm, such as a grid over the machine's volume."""
     prediction = predict(model, ids, points, covariates)

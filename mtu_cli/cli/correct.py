@@ -39,7 +39,8 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
             *(
                 item
                 for item in found.warnings
-                if item.code != "covariate-not-needed" or not used.issuperset(item.about)
+                if item.code != "covariate-not-needed"
+                or not used.issuperset(item.facts.get("about", ()))
             ),
             *unused_warmth(found.model, inputs.points, reference),
             *result.warnings,

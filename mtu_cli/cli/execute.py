@@ -19,7 +19,8 @@ from mtu_cli.cli.progress import LateBar
 from mtu_cli.cli.settings import doubts, read_settings
 from mtu_cli.cli.streams import write_bytes
 from mtu_cli.errors import EXIT_GATE, cut_names
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.findings import Finding
+from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,7 +42,7 @@ class Outcome:
     tables: Callable[[], Iterable[object]]
     rows: Callable[[], tuple[Sequence[str], Iterable[Sequence[object]]]]
     figure: Callable[[], Figure]
-    warnings: Sequence[Warned] = field(default=())
+    warnings: Sequence[Finding] = field(default=())
     gate: str | None = None
     settings: Settings | None = None
     files: Callable[[], Mapping[Path, bytes]] = dict
@@ -144,14 +145,14 @@ def show(tables: Iterable[object]) -> None:
 
 
 def warning_lines(
-    warnings: Iterable[Warned], of: str = "", options: Options | None = None
+    warnings: Iterable[Finding], of: str = "", options: Options | None = None
 ) -> list[str]:
     """Warnings as lines for standard error, each once, of one code MOST_ALIKE at most; those for
     the report alone left out. Files that the call's `options` name have their whole paths.
 
     `of` names the file that they are about, unless a warning begins with it itself.
     """
-    told = dict.fromkeys((item.code, item.message) for item in warnings if not item.report_only)
+    told = dict.fromkeys((item.code, item.message) for item in warnings if item.severity != "note")
     found = whole_paths(options) if told and options else {}
     count = Counter(code for code, _ in told)
     lines, shown = [], Counter[str]()

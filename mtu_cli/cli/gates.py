@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.findings import Finding
 
 OWNERS = {
     "drift": "fit-components",
@@ -40,7 +41,7 @@ def given_gates(given: str | None) -> list[str]:
 
 def unknown_gates(
     gates: Iterable[str], known: Callable[[str], bool], expected: Callable[[str], str]
-) -> list[Problem]:
+) -> list[Finding]:
     """The Problem of each that is not `known`, with the command that has it, if one does."""
     return [
         Problem(what="unknown gate", value=gate, expected=expected(gate) + _of_another(gate))

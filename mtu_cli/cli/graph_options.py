@@ -10,6 +10,7 @@ from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import InputError, Problem, did_you_mean, fault
 from mtu_cli.files.graph_file import load_graph
+from mtu_cli.findings import Finding
 from mtu_cli.model.graph.examine import examine
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, build_graph
 
@@ -39,7 +40,7 @@ def varied(options: Options, known: Sequence[str]) -> dict[str, tuple[float, ...
     if not options.vary:
         raise fault("nothing to vary", expected=EXAMPLE)
     found: dict[str, tuple[float, ...]] = {}
-    problems: list[Problem] = []
+    problems: list[Finding] = []
     for text in options.vary:
         name, equals, listed = (part.strip() for part in text.partition("="))
         values = _values(listed) if equals else None
@@ -75,7 +76,7 @@ def _bad_count(text: str) -> bool:
         return False
 
 
-def _bad_number(option: str, text: str) -> Problem | None:
+def _bad_number(option: str, text: str) -> Finding | None:
     """The first of listed numbers, or of both ends of a range and their count, that is none."""
     parts = text.split(":") if ":" in text else text.split(",")
     if not all(part.strip() for part in parts):

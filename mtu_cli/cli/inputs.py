@@ -16,6 +16,7 @@ from mtu_cli.files.covariates import DIRECTIONS
 from mtu_cli.files.csv_table import cell_text
 from mtu_cli.files.sign_words import direction_sign
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from mtu_cli.files.components_file import ComponentsReport
@@ -173,7 +174,7 @@ class Inputs:
     def at(self) -> dict[str, float]:
         """The covariates given with --at."""
         found: dict[str, float] = {}
-        problems: list[Problem] = []
+        problems: list[Finding] = []
         for text in self.options.at or ():
             name, equals, value = (part.strip() for part in text.partition("="))
             if not (equals and name and name.isprintable() and value):
@@ -196,7 +197,7 @@ class Inputs:
         return found
 
 
-def unlike_cells(name: str, value: float) -> list[Problem]:
+def unlike_cells(name: str, value: float) -> list[Finding]:
     """The problem, if there is one, of a value that no cell of its column may have: a direction
     that is neither forth nor back, or a broken count.
     """

@@ -8,9 +8,9 @@ from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled, one_direction
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import fault
+from mtu_cli.errors import Warned, fault
 from mtu_cli.files.csv_cells import number
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Settings
 
 GATE = "nonconforming"
 

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mtu_cli.cli.inputs import Inputs, unlike_cells
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Warned, reworded
 from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.fahrenheit import fahrenheit_words
 from mtu_cli.files.source import hash_of, shown_path
 from mtu_cli.files.study import find_study
+from mtu_cli.findings import Finding
 from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import (
@@ -28,7 +29,6 @@ from mtu_cli.model.fit import (
 from mtu_cli.model.fit_warnings import limit_warnings, limits_of, scatter_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
 from mtu_cli.model.reading_doubts import reading_doubts
-from mtu_cli.model.settings import Warned
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.thermal_fit import Check
@@ -49,7 +49,7 @@ class Modelled:
     model: MachineModel
     estimates: Estimates
     fit: MachineFit | None
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
 
 
 def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
@@ -64,7 +64,7 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
     try:
         model = build_model(machine, replace(estimates, thermal=thermal))
     except InputError as error:
-        raise InputError(_shortened(error.problems, inputs)) from None
+        raise InputError(_shortened(error.findings, inputs)) from None
     warnings += _limits(inputs, fit, model)
     # Of a column that no equation has a declared effect may tell where it holds.
     used = (*model.covariates(), *(name for effect in model.effects for name in effect.within))
@@ -80,7 +80,7 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
     return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
 
 
-def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Warned]]:
+def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Finding]]:
     """The components, the fit that they are of, and what to warn of where they are from."""
     machine = inputs.machine
     report = inputs.components
@@ -99,7 +99,7 @@ def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Warn
     return estimates, fit, doubts
 
 
-def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list[Warned]:
+def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list[Finding]:
     """What limits the truth of u of a part, from the fit or as the report of it tells."""
     used = {term.estimate.name for term in model.terms}
     report = inputs.components
@@ -112,8 +112,7 @@ def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list
         if isinstance(item, dict)
     ]
     return [
-        replace(item, message=f"{report.source.shown}: {item.message}")
-        for item in limits_of(told, used)
+        reworded(item, f"{report.source.shown}: {item.message}") for item in limits_of(told, used)
     ]
 
 
@@ -134,7 +133,7 @@ def _columns(inputs: Inputs) -> Collection[str]:
 
 def _not_read(
     inputs: Inputs, roles: Sequence[str], fitted: frozenset[str], text: str
-) -> list[Warned]:
+) -> list[Finding]:
     """That readings are not read beside a report of their fit: on the screen only where they are
     not, to the byte, those that it was fitted to.
 
@@ -153,12 +152,12 @@ def _not_read(
     return [Warned(code="readings-not-used", message=text, report_only=same)]
 
 
-def _shortened(problems: Sequence[Problem], inputs: Inputs) -> list[Problem]:
+def _shortened(problems: Sequence[Finding], inputs: Inputs) -> list[Finding]:
     """What a model lacks; where -m alone leaves the study of this folder, and so its readings,
     unread, the only report is thermal, or no component of many has readings, that is one cause and
     one problem.
     """
-    lacking = [item for item in problems if item.what.endswith(NO_READINGS)]
+    lacking = [item for item in problems if item.text.endswith(NO_READINGS)]
     near = find_study(Path()) if inputs.study is None else None
     half = _thermal_alone(inputs)
     if not lacking or (near is None and not half and len(lacking) <= MOST_LACKING):
@@ -166,15 +165,16 @@ def _shortened(problems: Sequence[Problem], inputs: Inputs) -> list[Problem]:
     names = [repr((item.path or "").removeprefix("components.")) for item in lacking]
     more = f" and {len(names) - MOST_LACKING} more" if len(names) > MOST_LACKING else ""
     many = f"the components {', '.join(names[:MOST_LACKING])}{more} have {NO_READINGS}"
-    one = replace(lacking[0], what=lacking[0].what if len(names) == 1 else many, path="components")
+    told = lacking[0].text if len(names) == 1 else many
+    one = replace(reworded(lacking[0], told), path="components")
     if half:
         expected = "a fit-components report too (-c), readings (--lbb, --laser), or "
         expected += "coefficients in the machine file" if near is None else "the study's folder"
-        one = replace(one, what=f"{one.what}: {half}", expected=expected)
+        one = replace(reworded(one, f"{one.text}: {half}"), expected=expected)
     elif near is not None:
         unread = f"{near.name} is not read where -m is given without a study"
         expected = "the study's folder as an argument too, and -m in place of its machine"
-        one = replace(one, what=f"{one.what}: {unread}", expected=expected)
+        one = replace(reworded(one, f"{one.text}: {unread}"), expected=expected)
     return [one, *(item for item in problems if item not in lacking)]
 
 
@@ -186,7 +186,7 @@ def _thermal_alone(inputs: Inputs) -> str:
     return f"{thermal.source.shown} holds the thermal part only"
 
 
-def one_direction(inputs: Inputs, model: MachineModel) -> list[Warned]:
+def one_direction(inputs: Inputs, model: MachineModel) -> list[Finding]:
     """Of an approach direction that one value is given for: between features it cancels."""
     names = [name for name in inputs.at if name.startswith("dir_") and name in model.covariates()]
     if not names:
@@ -213,7 +213,7 @@ def _expand(at: dict[str, float], needed: Iterable[str]) -> None:
 
 def drift_estimates(
     inputs: Inputs, check: Check | None = None
-) -> tuple[dict[str, ThermalEstimate], list[Warned]]:
+) -> tuple[dict[str, ThermalEstimate], list[Finding]]:
     """A thermal-fit report wins over drift readings, those over the machine file."""
     from mtu_cli.model.thermal_estimates import thermal_from_machine_file, thermal_from_report
 
@@ -238,7 +238,7 @@ def drift_estimates(
 
 def _beaten(
     machine: LoadedMachine, stated: Collection[str], winners: Collection[str]
-) -> list[Warned]:
+) -> list[Finding]:
     return beaten_warnings(machine, [name for name in stated if name in winners], "thermal")
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.findings import Finding
 
 WRITES = "write_"
 """How the names of options begin that name a file to write beside these."""
@@ -43,7 +44,7 @@ def bad_number(param: Any, raw: Mapping[str, Any], said: str) -> InputError | No
     return InputError(Problem(what=what, value=bad[0], expected=_meant(bad[0].strip(), whole)))
 
 
-def no_number(option: str, text: str, *, whole: bool = False) -> Problem | None:
+def no_number(option: str, text: str, *, whole: bool = False) -> Finding | None:
     """The Problem of a part of an option's value, such as the VALUE of NAME=VALUE, that is no
     finite number; None of one that is.
     """

@@ -11,6 +11,7 @@ from mtu_cli.cli.option_values import OUTPUTS, WRITES
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.simulate_ranges import option_name
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from mtu_cli.files.study import LoadedStudy
@@ -57,7 +58,7 @@ def check_outputs(inputs: Inputs) -> None:
     try:
         check_targets(list(files.values()))
     except InputError as error:
-        problems += error.problems
+        problems += error.findings
     told = {problem.file for problem in problems}
     problems += [problem for problem in _endings(files) if problem.file not in told]
     if problems:
@@ -93,7 +94,7 @@ def written_files(options: Options) -> dict[str, Path]:
     }
 
 
-def _pictures(plot: Path | None) -> Iterator[Problem]:
+def _pictures(plot: Path | None) -> Iterator[Finding]:
     from mtu_cli.reports.figures import SUFFIXES
 
     if plot is not None and plot.suffix.lower().lstrip(".") not in SUFFIXES:
@@ -102,7 +103,7 @@ def _pictures(plot: Path | None) -> Iterator[Problem]:
         yield Problem(what=what, value=str(plot), expected=expected)
 
 
-def _streams(options: Options, written: Mapping[str, Path]) -> Iterator[Problem]:
+def _streams(options: Options, written: Mapping[str, Path]) -> Iterator[Finding]:
     if options.out == options.csv == STANDARD_OUTPUT:
         yield Problem(what="-o - and --csv - both want standard output", expected="one of them")
     for name, path in written.items():
@@ -111,7 +112,7 @@ def _streams(options: Options, written: Mapping[str, Path]) -> Iterator[Problem]
             yield Problem(what=what, expected="a file")
 
 
-def _endings(files: Mapping[str, Path]) -> Iterator[Problem]:
+def _endings(files: Mapping[str, Path]) -> Iterator[Finding]:
     """A file that other programs would take for what it is not, perhaps over one that is."""
     from mtu_cli.files.source import given_path
 
@@ -128,7 +129,7 @@ def _endings(files: Mapping[str, Path]) -> Iterator[Problem]:
             )
 
 
-def _lost(inputs: Inputs, files: Mapping[str, Path]) -> Iterator[Problem]:
+def _lost(inputs: Inputs, files: Mapping[str, Path]) -> Iterator[Finding]:
     """Outputs over a file that the call or its study names, whether this command reads it or not.
 
     What a command is there to make may be made anew: the data of a study by `simulate`, its

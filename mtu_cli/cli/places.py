@@ -14,9 +14,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, reworded
 from mtu_cli.files.source import given_path, resolved, shown_path
 from mtu_cli.files.study import load_study
+from mtu_cli.findings import Finding
 
 
 @contextmanager
@@ -29,16 +30,16 @@ def placed_faults(options: Options) -> Iterator[None]:
         if not found:
             raise
         # One object may stand for millions of cells, and is told once as long as it is one.
-        made: dict[int, Problem] = {}
-        for problem in error.problems:
+        made: dict[int, Finding] = {}
+        for problem in error.findings:
             if id(problem) not in made:
                 made[id(problem)] = _placed(problem, found)
-        raise InputError([made[id(problem)] for problem in error.problems]) from None
+        raise InputError([made[id(problem)] for problem in error.findings]) from None
 
 
-def _placed(problem: Problem, found: Mapping[str, str]) -> Problem:
+def _placed(problem: Finding, found: Mapping[str, str]) -> Finding:
     file = None if problem.file is None else placed_text(problem.file, found)
-    return replace(problem, file=file, what=placed_text(problem.what, found))
+    return replace(reworded(problem, placed_text(problem.text, found)), file=file)
 
 
 def whole_paths(options: Options) -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, Warned
 from mtu_cli.files.study import (
     MAX_COVERAGE,
     MAX_DIGITS,
@@ -13,7 +13,8 @@ from mtu_cli.files.study import (
     MAX_TRIALS,
     MIN_TRIALS,
 )
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.findings import Finding
+from mtu_cli.model.settings import Settings
 from mtu_cli.stats.monte_carlo import Progress
 
 OPTIONS = {
@@ -50,7 +51,7 @@ def read_settings(inputs: Inputs, progress: Progress | None) -> Settings:
     return settings
 
 
-def doubts(inputs: Inputs, settings: Settings) -> list[Warned]:
+def doubts(inputs: Inputs, settings: Settings) -> list[Finding]:
     """Settings of the call, or of its study, that may be meant otherwise."""
     k = settings.coverage_factor
     if not (LEAST_PROBABILITY <= k < 1 or k >= BELOW_FACTOR):

@@ -28,7 +28,8 @@ from mtu_cli.cli.simulate_large import large_warnings
 from mtu_cli.cli.simulate_positions import read_positions
 from mtu_cli.cli.simulate_ranges import check_ranges, option_name
 from mtu_cli.cli.simulate_unused import CLIMATE, DRIFT_TEST, check_used
-from mtu_cli.errors import fault
+from mtu_cli.errors import Warned, fault
+from mtu_cli.findings import Finding
 from mtu_cli.language import Node
 from mtu_cli.model.drift_simulation import simulate_drift
 from mtu_cli.model.effect_parameters import EFFECT_MARK
@@ -36,7 +37,7 @@ from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.pass_draws import cut_warnings
 from mtu_cli.model.reading_simulation import ReadingsPlan, simulate_readings
-from mtu_cli.model.settings import DEFAULT_SEED, Warned
+from mtu_cli.model.settings import DEFAULT_SEED
 from mtu_cli.model.simulate import PartsPlan, simulate_points
 from mtu_cli.reports.simulate import drift_csv, points_csv, readings_csv
 
@@ -85,7 +86,7 @@ LARGE = ("constant-large", "coefficients-large")
 """What a machine file says of errors that no machine has."""
 
 
-def _doubts(inputs: Inputs) -> list[Warned]:
+def _doubts(inputs: Inputs) -> list[Finding]:
     """Of components that stand in no equation nothing is simulated; of numbers in another unit
     than the file's too much.
     """
@@ -121,7 +122,7 @@ def _readings(inputs: Inputs, model: MachineModel, seed: int) -> str:
     return readings_csv(simulate_readings(model, plan, seed), heading)
 
 
-def _points(inputs: Inputs, model: MachineModel, seed: int) -> tuple[str, list[Warned]]:
+def _points(inputs: Inputs, model: MachineModel, seed: int) -> tuple[str, list[Finding]]:
     """The points file, and what to ask about it."""
     options = inputs.options
     ids, points, _ = feature_points(inputs.part, model)

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.language import Node
 from mtu_cli.model.effect_ranges import LARGE_MM, STEEP
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.simulate import PartsPlan, SimulatedPoints
 from mtu_cli.model.simulate_equations import Visits, error_values
 from mtu_cli.stats.least_squares import FloatArray
@@ -16,7 +17,7 @@ from mtu_cli.stats.least_squares import FloatArray
 
 def large_warnings(
     plan: PartsPlan, found: SimulatedPoints, ids: Sequence[str], points: FloatArray
-) -> list[Warned]:
+) -> list[Finding]:
     """Asks for the unit of every --effect and --scatter that is above `LARGE_MM` at some feature,
     and above `STEEP` of how far apart the features `ids` at `points` (n, 3) mm are.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mtu_cli.cli.options import Options
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.findings import Finding
 
 MOST = 1e9
 """Of any number: a slip of the keyboard beyond."""
@@ -48,5 +49,5 @@ def option_name(name: str) -> str:
     return f"--{name.replace('_', '-')}".replace("degc", "degC")
 
 
-def _problem(option: str, value: float, expected: str) -> Problem:
+def _problem(option: str, value: float, expected: str) -> Finding:
     return Problem(what=f"{option} is out of range", value=str(value), expected=expected)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.simulate_ranges import option_name
-from mtu_cli.errors import InputError, Problem
-from mtu_cli.model.settings import Warned
+from mtu_cli.errors import InputError, Problem, Warned
+from mtu_cli.findings import Finding
 
 READINGS = ("passes", "one_way", "positions")
 POINTS = (
@@ -29,7 +29,7 @@ each one writes: told, not refused. What it takes for an error of the machine is
 """
 
 
-def check_used(options: Options) -> list[Warned]:
+def check_used(options: Options) -> list[Finding]:
     """Warnings of a plan of what is not written.
 
     Raises InputError with every other given option that changes nothing.
@@ -41,7 +41,7 @@ def check_used(options: Options) -> list[Warned]:
     return [Warned(code="option-not-used", message=str(problem)) for _, problem in found]
 
 
-def _unused(options: Options) -> Iterator[tuple[str, Problem]]:
+def _unused(options: Options) -> Iterator[tuple[str, Finding]]:
     readings, points, drift = (
         getattr(options, name) is not None for name in ("write_lbb", "write_cmm", "write_drift")
     )

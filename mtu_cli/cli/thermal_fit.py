@@ -7,8 +7,8 @@ from mtu_cli.analyses.thermal_fit.result import ThermalFit
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import fault
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.errors import Warned, fault
+from mtu_cli.model.settings import Settings
 from mtu_cli.stats.threads import one_blas_thread
 
 REFERENCE_WITHOUT_MACHINE = 20.0

@@ -17,10 +17,11 @@ from mtu_cli.files.budget_readings import reading_notices
 from mtu_cli.files.budget_sizes import check_sizes
 from mtu_cli.files.budget_units import BudgetUnits
 from mtu_cli.files.contract_errors import path_text
-from mtu_cli.files.contracts import Findings, Notice, check_contract, is_identifier
+from mtu_cli.files.contracts import Findings, check_contract, is_identifier
 from mtu_cli.files.source import Source
 from mtu_cli.files.unit_text import grams
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
+from mtu_cli.findings import Finding
 from mtu_cli.language import EquationError, Node, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 
@@ -51,7 +52,7 @@ class LoadedBudget:
     budget: Budget
     trees: dict[str, Node]
     single: bool
-    warnings: tuple[Notice, ...]
+    warnings: tuple[Finding, ...]
     document: YamlDocument
 
     def line_of(self, *path: str | int) -> int | None:

@@ -7,17 +7,17 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
+from mtu_cli.errors import Notice, nearest
 from mtu_cli.files.budget_contract import Budget
 from mtu_cli.files.budget_kelvin import mixed_temperatures, other_scale
 from mtu_cli.files.budget_ones import ones_in_units
 from mtu_cli.files.budget_unit_texts import COMMON
 from mtu_cli.files.budget_units import BudgetUnits
 from mtu_cli.files.contract_errors import path_text
-from mtu_cli.files.contracts import Notice
 from mtu_cli.files.unit_text import GRAMS, WORDS, meant, unit_exponents
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
+from mtu_cli.findings import Finding
 from mtu_cli.language import Node, names
-from mtu_cli.slips import nearest
 
 SHORTEST = 7
 """Letters of a word for a unit that may be another one with a slip."""
@@ -32,7 +32,7 @@ SPREAD = ("u", "half_width", "low", "high", "U", "readings", "contributions")
 
 def notices(
     budget: Budget, trees: Mapping[str, Node], document: YamlDocument
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     """All of them, in the order in which they are told."""
     return (
         *_unused(budget, trees, document),
@@ -58,7 +58,7 @@ def _place_of(budget: Budget, name: str) -> YamlPath:
 
 def _unused(
     budget: Budget, trees: Mapping[str, Node], document: YamlDocument
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     used = {name for tree in trees.values() for name in names(tree)}
     shown = document.source.shown
     return tuple(
@@ -71,7 +71,9 @@ def _unused(
     )
 
 
-def _exact(budget: Budget, trees: Mapping[str, Node], document: YamlDocument) -> tuple[Notice, ...]:
+def _exact(
+    budget: Budget, trees: Mapping[str, Node], document: YamlDocument
+) -> tuple[Finding, ...]:
     """That inputs with keys, but none of an uncertainty, are exact: its key may be forgotten, which
     no result shows. A plain number is meant as a constant, and so is a `u` of 0.
     """
@@ -107,7 +109,7 @@ def _inputs(named: Sequence[str], document: YamlDocument) -> str:
 
 def _unstated_units(
     budget: Budget, trees: Mapping[str, Node], document: YamlDocument
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     """That inputs without a unit are left alone, where others have theirs: who states some expects
     that they are checked. A budget of plain numbers throughout says nothing of units.
     """
@@ -128,7 +130,7 @@ def _unstated_units(
 
 def _ones_in_units(
     budget: Budget, trees: Mapping[str, Node], document: YamlDocument
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     """What a 1 is taken for beside a share in a unit of its own."""
     units = BudgetUnits.of_inputs({name: item.unit for name, item in budget.inputs.items()})
     found = []
@@ -143,7 +145,7 @@ def _ones_in_units(
 
 def _like_kelvin(
     budget: Budget, trees: Mapping[str, Node], document: YamlDocument
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     """Temperatures in K beside what may be degC, ones in degC that would be a room's in K, and
     ones in either that make a result in the other.
     """
@@ -174,7 +176,7 @@ def _near(unit: str | None) -> str | None:
     return near[0] if like and abs(len(near[0]) - len(unit)) <= MOST_LETTERS else None
 
 
-def _unclear_units(budget: Budget, document: YamlDocument) -> tuple[Notice, ...]:
+def _unclear_units(budget: Budget, document: YamlDocument) -> tuple[Finding, ...]:
     """Units that are left alone, as nothing tells what stands under their line, or as they are
     known but for a slip.
     """

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from decimal import Decimal
 
+from mtu_cli.errors import Notice
 from mtu_cli.files.budget_contract import Budget, Contribution
-from mtu_cli.files.contracts import Notice
 from mtu_cli.files.yaml_file import YamlDocument
+from mtu_cli.findings import Finding
 
 GAPS = {4: 50.0, 5: 15.0}
 """By the number of readings, 5 or more alike: how many ranges of the others one may be away from
@@ -19,7 +20,7 @@ ALIKE = 0.05
 """... where those are alike: their range is no more than this share of their size."""
 
 
-def reading_notices(budget: Budget, document: YamlDocument) -> tuple[Notice, ...]:
+def reading_notices(budget: Budget, document: YamlDocument) -> tuple[Finding, ...]:
     """What is to be said of the readings of every input."""
     found = []
     for name, item in budget.inputs.items():

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mtu_cli.errors import Notice
 from mtu_cli.files.column_dimensions import POSITIONS
 from mtu_cli.files.column_orders import orders_and_times
 from mtu_cli.files.column_words import (
@@ -16,11 +17,12 @@ from mtu_cli.files.column_words import (
     nominal_by_sign,
     plain,
 )
-from mtu_cli.files.contracts import NAME_TAKEN, Notice
+from mtu_cli.files.contracts import NAME_TAKEN
 from mtu_cli.files.csv_header import may_count
 from mtu_cli.files.csv_missing import MEASUREMENTS, squeezed
 from mtu_cli.files.csv_table import Table, TableSpec
 from mtu_cli.files.source import DRIFT
+from mtu_cli.findings import Finding
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
 TAKEN = (
@@ -39,7 +41,7 @@ _ALONG = re.compile("[+-] ?[xyz]|[xyz] ?[+-]", re.IGNORECASE)
 NOMINAL = "nominal_"
 
 
-def column_twins(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
+def column_twins(tables: Iterable[Table], spec: TableSpec) -> Iterator[Finding]:
     """One warning a column: of `error` and `Error` the first alone is read, and a reader of the
     table may take the other for it; a `Run` may be the repeat, or the pass, and `Richtung_x` the
     direction along x. Nor is a column that an equation cannot name.
@@ -74,7 +76,7 @@ def column_twins(tables: Iterable[Table], spec: TableSpec) -> Iterator[Notice]:
                 )  # fmt: skip
 
 
-def _notice(table: Table, other: str, code: str, words: str) -> Notice:
+def _notice(table: Table, other: str, code: str, words: str) -> Finding:
     place = f"{table.source.shown}, row {table.header_row}"
     return Notice(code=code, message=f"{place}: the column {other!r} {words}")
 

@@ -12,10 +12,11 @@ from mtu_cli.files.covariance import covariance_fault
 from mtu_cli.files.machine_checks import PASSES
 from mtu_cli.files.report_file import any_estimated, no_dof, unit_problem
 from mtu_cli.files.source import Source
+from mtu_cli.findings import Finding
 from mtu_cli.units import PARAMETER_UNITS
 
 
-def component_problems(source: Source, name: str, item: ReportedComponent) -> list[Problem]:
+def component_problems(source: Source, name: str, item: ReportedComponent) -> list[Finding]:
     """Of the sizes, covariances, degrees of freedom and the unit of a component."""
     k = len(item.coefficients)
     q = min(2, k)
@@ -49,7 +50,7 @@ def component_problems(source: Source, name: str, item: ReportedComponent) -> li
     return problems + unit_problem(source, name, item.unit)
 
 
-def _half_known(source: Source, name: str, item: ReportedComponent) -> Iterator[Problem]:
+def _half_known(source: Source, name: str, item: ReportedComponent) -> Iterator[Finding]:
     """A fit of as many readings as coefficients tells neither a covariance nor a repeatability; any
     other tells all of both.
     """
@@ -63,7 +64,7 @@ def _half_known(source: Source, name: str, item: ReportedComponent) -> Iterator[
         yield Problem(what="is not known", file=source.shown, path=place, expected="a number")
 
 
-def _without_dof(source: Source, name: str, item: ReportedComponent) -> Iterator[Problem]:
+def _without_dof(source: Source, name: str, item: ReportedComponent) -> Iterator[Finding]:
     """Of `pass_dof` and `repeat_dof`: 0 where something was estimated with it.
 
     pass_dof 0 alone says that one mean square stands behind all, with `repeat_dof`.
@@ -79,7 +80,7 @@ def _without_dof(source: Source, name: str, item: ReportedComponent) -> Iterator
 
 def group_problems(
     source: Source, i: int, group: ReportedGroup, known: dict[str, ReportedComponent]
-) -> list[Problem]:
+) -> list[Finding]:
     """Of the i-th group of components that were fitted together."""
     path = f"results.joint_pass_covariance.{i}"
     unknown = [name for name in group.components if name not in known]
@@ -113,7 +114,7 @@ def group_problems(
 
 def _matrix_problems(
     source: Source, path: str, group: ReportedGroup, known: dict[str, ReportedComponent]
-) -> Iterator[Problem]:
+) -> Iterator[Finding]:
     # Of as many readings as coefficients nobody can tell a covariance, but of passes everybody can.
     bare = {name for name, own in known.items() if any(map(isnan, chain(*own.covariance)))}
     for key, may_lack in (("coefficient_covariance", bare), ("pass_covariance", set[str]())):
@@ -149,7 +150,7 @@ def _unknown_entry(
     )
 
 
-def effect_problems(source: Source, effects: ReportedEffects) -> list[Problem]:
+def effect_problems(source: Source, effects: ReportedEffects) -> list[Finding]:
     """Of the parameters of declared effects, their units and covariance."""
     path = "results.effects"
     size = len(effects.parameters)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
-from mtu_cli.errors import Problem, question
+from mtu_cli.errors import Problem, nearest, question
 from mtu_cli.files.contract_keys import Decimals, expected_key, meant, torn_values
 from mtu_cli.files.contract_shapes import (
     annotation_at,
@@ -22,7 +22,7 @@ from mtu_cli.files.contract_shapes import (
 from mtu_cli.files.shown_values import shown_value
 from mtu_cli.files.yaml_entries import COLON, as_entry
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
-from mtu_cli.slips import nearest
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -105,7 +105,7 @@ def missing_key(key: str) -> str:
 
 def to_problems(
     error: ValidationError, document: YamlDocument, model: type[BaseModel]
-) -> list[Problem]:
+) -> list[Finding]:
     """One Problem for each fault: a required key that was only misspelt is told once, and so is
     what a comma has torn to pieces.
     """
@@ -150,7 +150,7 @@ def _torn(
     }
 
 
-def _torn_problem(path: YamlPath, parts: list[str], document: YamlDocument) -> Problem:
+def _torn_problem(path: YamlPath, parts: list[str], document: YamlDocument) -> Finding:
     text = ", ".join(parts)
     return Problem(
         what="a comma ends a value",
@@ -162,7 +162,7 @@ def _torn_problem(path: YamlPath, parts: list[str], document: YamlDocument) -> P
     )
 
 
-def _problem(item: ErrorDetails, decimals: Decimals, model: type[BaseModel]) -> Problem:
+def _problem(item: ErrorDetails, decimals: Decimals, model: type[BaseModel]) -> Finding:
     document = decimals.document
     path = tuple(step for step in item["loc"] if step != "[key]")
     path = existing_path(path, document)

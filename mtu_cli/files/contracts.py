@@ -23,6 +23,7 @@ from mtu_cli.files.shown_values import shown_value
 from mtu_cli.files.sizes import WHAT, expected_size, too_large, without
 from mtu_cli.files.source import a_file
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
+from mtu_cli.findings import Finding
 
 SCHEMA_VERSION = 1
 MAX_DEGREE = 9
@@ -59,20 +60,6 @@ NAME_TAKEN = "column-name-taken"
 """Code of the Notice of a column that no equation can name."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Notice:
-    """Something the user should know that stops nothing: a report's warning.
-
-    `coefficients_of` is the component whose coefficients it is about: readings win over them.
-    `about`: the names of what it tells of, as in `Warned`.
-    """
-
-    code: str
-    message: str
-    coefficients_of: str | None = None
-    about: tuple[str, ...] = ()
-
-
 M = TypeVar("M", bound=Contract)
 T = TypeVar("T")
 
@@ -82,7 +69,7 @@ class Findings:
     """Collects the problems of one document; `add` finds file and line from the path."""
 
     document: YamlDocument
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[Finding] = field(default_factory=list)
 
     def add(
         self,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.errors import Problem
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,7 +57,7 @@ def check_copied_passes(readings: Readings, problems: ProblemList) -> None:
                 problems.add(_problem(readings, name, rows, first))
 
 
-def _problem(readings: Readings, name: str, rows: Rows, first: Rows) -> Problem:
+def _problem(readings: Readings, name: str, rows: Rows, first: Rows) -> Finding:
     own, other = (int(readings.pass_number[item[0]]) for item in (rows, first))
     files = [readings.file_index[item[0]] for item in (rows, first)]
     of = "" if files[0] == files[1] else f" of {readings.sources[files[1]].shown}"

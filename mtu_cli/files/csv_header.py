@@ -32,6 +32,7 @@ from mtu_cli.files.csv_text import CsvText, Decimal, first_rows
 from mtu_cli.files.names import EXPECTED, NO_NAME, is_name
 from mtu_cli.files.sensor_names import may_be_tool, no_sensor
 from mtu_cli.files.source import DRIFT
+from mtu_cli.findings import Finding
 
 NUMBER = ("no", "nr", "number", "num", "id")
 KEY = "id"
@@ -48,7 +49,7 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
     """Raises InputError for columns that are missing, doubled, without name or at odds."""
     refuse_other_table(text, spec)
     shown, row, header = text.source.shown, text.header_row, text.header
-    problems: list[Problem] = []
+    problems: list[Finding] = []
     places: dict[str, int] = {}
     for index, name in enumerate(header):
         if name and not is_name(name):
@@ -81,7 +82,7 @@ def check_header(text: CsvText, spec: TableSpec) -> None:
         raise InputError(problems + named + list(_told_later(text, spec, known)))
 
 
-def _nameless(shown: str, row: int, header: tuple[str, ...], separator: str) -> Iterator[Problem]:
+def _nameless(shown: str, row: int, header: tuple[str, ...], separator: str) -> Iterator[Finding]:
     """The one problem of all columns without a name."""
     places = [index for index, name in enumerate(header, 1) if not name]
     if not places:
@@ -100,7 +101,7 @@ def _nameless(shown: str, row: int, header: tuple[str, ...], separator: str) -> 
     yield Problem(what=what, file=shown, row=row, expected=expected)
 
 
-def _missing(text: CsvText, spec: TableSpec, meant: Mapping[str, str | None]) -> Iterator[Problem]:
+def _missing(text: CsvText, spec: TableSpec, meant: Mapping[str, str | None]) -> Iterator[Finding]:
     """Of columns that are not there; of a table with a row for each axis that is the one fault."""
     asked = [name for name in spec.required if name in COORDINATES]
     found = any(name not in meant or meant[name] for name in asked)
@@ -115,7 +116,7 @@ def _missing(text: CsvText, spec: TableSpec, meant: Mapping[str, str | None]) ->
 
 def _told_later(
     text: CsvText, spec: TableSpec, known: Collection[str | int | None]
-) -> Iterator[Problem]:
+) -> Iterator[Finding]:
     """What is told of columns that are not `known` once the header is sound, so that all is told at
     once; by the first rows, as far as cells tell.
     """
@@ -158,7 +159,7 @@ def may_count(name: str, spec: TableSpec) -> bool:
     return squeezed(name) in counts or squeezed(name).removesuffix("s") in counts
 
 
-def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Iterator[Problem]:
+def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Iterator[Finding]:
     """Optional columns that only their spelling, or another word, keeps from being read: they
     would be lost.
     """
@@ -194,7 +195,7 @@ def _named_otherwise(text: CsvText, spec: TableSpec, wanted: list[str]) -> Itera
             yield _otherwise(text, other, name, _minutes(name))
 
 
-def _otherwise(text: CsvText, other: str, name: str, more: str) -> Problem:
+def _otherwise(text: CsvText, other: str, name: str, more: str) -> Finding:
     """The Problem of the column `other` that is likely the column `name`."""
     return Problem(
         what=f"the column {other!r} would not be read as {name!r}",

@@ -9,6 +9,7 @@ from mtu_cli.errors import Problem, closest, is_near, shorten
 from mtu_cli.files.column_lengths import deviation_along, in_other_unit, renaming
 from mtu_cli.files.column_words import AXIS, may_name, meant_by, plain
 from mtu_cli.files.csv_table import TableSpec
+from mtu_cli.findings import Finding
 from mtu_cli.units import UNITS, plain_unit
 
 RUNS = ("run", "durchgang", "durchlauf", "lauf", "trial", "versuch")
@@ -73,7 +74,7 @@ def missing_column(
     header: tuple[str, ...],
     spec: TableSpec,
     meant: Mapping[str, str | None] | None = None,
-) -> Problem:
+) -> Finding:
     """The Problem of a column that is not there, with the one that was probably meant; `meant` are
     those of all that are missing, as `meant_columns` finds them.
     """

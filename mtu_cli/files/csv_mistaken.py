@@ -23,6 +23,7 @@ from mtu_cli.files.csv_first_line import LOOKED_AT, header_below
 from mtu_cli.files.csv_missing import squeezed
 from mtu_cli.files.csv_table import TableSpec
 from mtu_cli.files.csv_text import DECIMALS, CsvText, first_rows, lines_from
+from mtu_cli.findings import Finding
 
 KINDS = {
     ("component", "error", "unit"): ("readings of components", "--lbb, --laser or --drift"),
@@ -70,7 +71,7 @@ def refuse_other_table(text: CsvText, spec: TableSpec) -> None:
 
 def row_per_axis(
     text: CsvText, names: Sequence[str], spec: TableSpec, meant: Mapping[str, str | None]
-) -> Problem | None:
+) -> Finding | None:
     """The Problem of a table with a row for each axis of a feature, as CMMs report them, where the
     coordinates `names` are asked for side by side; None for any other. `meant` are the columns
     that are taken for those that are missing.

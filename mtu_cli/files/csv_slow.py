@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from itertools import islice, pairwise
 from typing import TYPE_CHECKING
 
-from mtu_cli.errors import Problem, counted
+from mtu_cli.errors import counted
 from mtu_cli.files.csv_stores import cell_problem, store_of
 from mtu_cli.files.csv_table import Columns, ProblemList, TableSpec
 from mtu_cli.files.csv_text import CELL_LIMIT, CsvText, lines_from
 from mtu_cli.files.odd_rows import odd_row
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     import numpy as np
@@ -71,7 +72,7 @@ def _records(text: CsvText, problems: ProblemList) -> Iterator[tuple[int, list[s
             yield row, cells
 
 
-def _broken(text: CsvText, row: int, reason: str) -> Problem:
+def _broken(text: CsvText, row: int, reason: str) -> Finding:
     what, expected = f"a cell cannot be read ({reason})", 'quotes inside a cell doubled: ""'
     if "unexpected end" in reason:
         what, expected = "a quote that opens in this row is never closed", 'a closing "'
@@ -118,7 +119,7 @@ def _halves(cells: list[str]) -> int:
     )
 
 
-def _wrong_length(text: CsvText, row: int, cells: list[str], torn: bool) -> Problem:
+def _wrong_length(text: CsvText, row: int, cells: list[str], torn: bool) -> Finding:
     wanted = len(text.header)
     (other,) = _SIGNS.keys() - {text.separator}
     # Commas may be decimal ones beside other separators, not where they are the only sign.

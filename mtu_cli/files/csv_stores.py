@@ -32,6 +32,7 @@ from mtu_cli.files.csv_text import CsvText
 from mtu_cli.files.csv_times import time_faults
 from mtu_cli.files.sign_words import direction_hint, direction_sign
 from mtu_cli.files.source import DRIFT
+from mtu_cli.findings import Finding
 
 _DATE = re.compile(r"\s*(?:[0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]|[0-9]{1,2}:[0-9]{2})")
 """How a date or a time of day begins."""
@@ -39,7 +40,7 @@ _DATE = re.compile(r"\s*(?:[0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]|[0-9]{1,2}:[0-9]{
 
 def cell_problem(
     text: CsvText, row: int, column: str | None, what: str, value: str | None, expected: str | None
-) -> Problem:
+) -> Finding:
     """A Problem of a cell of a text, or of its row."""
     return Problem(
         what=what,

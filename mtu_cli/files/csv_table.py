@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.files.source import Source
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     import numpy as np
@@ -121,7 +122,7 @@ class Table:
 
     def problem(
         self, index: int, column: str, what: str, value: object, expected: str | None = None
-    ) -> Problem:
+    ) -> Finding:
         """A Problem of one cell; `index` counts the rows of the table from 0."""
         return Problem(
             what=what,
@@ -142,11 +143,11 @@ def cell_text(value: object) -> str:
 class ProblemList:
     """All problems of a file: the first ten thousand in full, the rest counted."""
 
-    listed: list[Problem] = field(default_factory=list)
+    listed: list[Finding] = field(default_factory=list)
     uncounted: int = 0
     _cells: set[tuple[str | None, int, str | int]] = field(default_factory=set)
 
-    def add(self, problem: Problem) -> None:
+    def add(self, problem: Finding) -> None:
         """One more problem; of several of one cell the first is told."""
         if problem.row is not None and problem.column is not None:
             cell = (problem.file, problem.row, problem.column)
@@ -185,8 +186,4 @@ class ProblemList:
         if self.listed:
             files = list(dict.fromkeys(problem.file for problem in self.listed))
             ordered = sorted(self.listed, key=lambda p: (files.index(p.file), p.row or 0))
-            rest = Problem(
-                what=f"a bad cell beyond the first {LISTED_PROBLEMS}", file=ordered[0].file
-            )
-            # One shared entry a further cell: the count is right and costs next to nothing.
-            raise InputError([*ordered, *[rest] * self.uncounted])
+            raise InputError(ordered, self.uncounted)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.errors import Problem
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice, Problem
 from mtu_cli.files.csv_table import ProblemList, Table
 from mtu_cli.files.row_marks import all_distinct, row_marks
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -157,7 +157,7 @@ def _repeated(table: Table) -> int:
 
 def equal_notes(
     tables: Sequence[Table], equal: Sequence[Sequence[tuple[int, int]]]
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     """The one warning of the `equal` rows of all tables that were read nevertheless."""
     found = [(table, own) for table, own in zip(tables, equal, strict=True) if own]
     if not found:

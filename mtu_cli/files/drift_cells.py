@@ -18,6 +18,7 @@ from mtu_cli.files.covariates import (
 from mtu_cli.files.sensor_faults import check_sensors
 from mtu_cli.files.sensor_names import check_sensor_names
 from mtu_cli.files.source import DRIFT
+from mtu_cli.findings import Finding
 from mtu_cli.units import UNITS, dimension_name
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def _in_kelvin(table: Table) -> list[str]:
     return found
 
 
-def _kelvin_problem(table: Table, names: Sequence[str]) -> Problem:
+def _kelvin_problem(table: Table, names: Sequence[str]) -> Finding:
     """The one Problem of sensors in kelvin, at the first of their cells."""
     far = np.array([np.abs(table.columns.numbers[name]) > HOTTEST_DEGC for name in names])
     row = int(far.any(axis=0).argmax())
@@ -114,7 +115,7 @@ def _of_cells(table: Table, components: Mapping[str, object] | None, problems: P
     return not header and 2 * int(known[column.codes].sum()) > len(table)
 
 
-def drift_problem(file: str, sensors: Sequence[str]) -> Problem:
+def drift_problem(file: str, sensors: Sequence[str]) -> Finding:
     """The Problem of drift readings where others are asked for."""
     more = ", ..." if len(sensors) > 1 else ""
     return Problem(

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import closest
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice, closest
 from mtu_cli.files.csv_table import cell_text
 from mtu_cli.files.sensor_faults import in_runs, sensor_notes, times_of
 from mtu_cli.files.source import DRIFT
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,7 +30,7 @@ CYCLE = "cyc"
 """How the name of a column begins that may be meant to tell cycles apart."""
 
 
-def drift_notes(tables: Sequence[Table]) -> Iterator[Notice]:
+def drift_notes(tables: Sequence[Table]) -> Iterator[Finding]:
     """All of it of the tables of drift readings, or of blocks of them; of others their times."""
     drifts = [table for table in tables if table.source.role == DRIFT]
     yield from negative_times([table for table in tables if table.source.role != DRIFT])
@@ -40,7 +40,7 @@ def drift_notes(tables: Sequence[Table]) -> Iterator[Notice]:
         yield from _cycle_notes(table)
 
 
-def negative_times(tables: Sequence[Table]) -> Iterator[Notice]:
+def negative_times(tables: Sequence[Table]) -> Iterator[Finding]:
     """Of few rows whose minutes are below 0, in files whose other minutes ascend from 0 or more,
     by rows or by parts: without their sign they may be in order.
     """
@@ -81,7 +81,7 @@ def _orders(table: Table, values: Floats) -> Iterator[tuple[Rows, str]]:
     yield np.lexsort((values, made)), "where the times of parts ascend"
 
 
-def _cycle_notes(table: Table) -> Iterator[Notice]:
+def _cycle_notes(table: Table) -> Iterator[Finding]:
     """Of a column that only its name keeps from telling cycles apart."""
     if "cycle" in table.columns.texts:
         return
@@ -95,7 +95,7 @@ def _cycle_notes(table: Table) -> Iterator[Notice]:
         yield Notice(code="no-cycles", message=text)
 
 
-def _time_notes(table: Table) -> Iterator[Notice]:
+def _time_notes(table: Table) -> Iterator[Finding]:
     """Of single rows whose times lie outside those of their neighbours in the file."""
     minutes = times_of(table)
     if minutes is None:
@@ -145,7 +145,7 @@ def _out_of_order(
     table: Table,
     found: Sequence[tuple[int, list[int]]],
     ascend: str = "in a file whose times ascend",
-) -> Notice:
+) -> Finding:
     """The warning of rows and their neighbours, by the first."""
     row, near = min(found)
     column = "time" if "time" in table.columns.times else "time_min"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mtu_cli.errors import did_you_mean
+from mtu_cli.errors import Notice, did_you_mean
 from mtu_cli.files.column_dimensions import columns_of, own_columns
-from mtu_cli.files.contracts import Findings, Notice
+from mtu_cli.files.contracts import Findings
 from mtu_cli.files.covariates import (
     COLDEST_K,
     KELVIN,
@@ -17,6 +17,7 @@ from mtu_cli.files.covariates import (
 )
 from mtu_cli.files.machine_contract import Effect, Machine
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
+from mtu_cli.findings import Finding
 from mtu_cli.language import EquationError, Node, linear_form, names, parse
 from mtu_cli.language.dimensions import base_scales, exponent
 from mtu_cli.language.term_dimensions import units_per
@@ -89,7 +90,7 @@ def _used(effect: Effect) -> set[str]:
     return {name for text in effect.equations.values() for name in names(parse(text))}
 
 
-def effect_notices(machine: Machine, document: YamlDocument) -> Iterator[Notice]:
+def effect_notices(machine: Machine, document: YamlDocument) -> Iterator[Finding]:
     """Of parameters that nothing holds, that count as exactly known or whose unit is not as it was
     written, and of kelvin set against degC.
     """

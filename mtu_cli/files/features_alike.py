@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,7 +29,7 @@ Place = tuple[list[int], "Floats"]
 """Features, and their nominal coordinates (3,) in mm."""
 
 
-def features_alike(points: Points) -> Iterator[Notice]:
+def features_alike(points: Points) -> Iterator[Finding]:
     """One warning of all such places: coordinates of a common place cannot tell which is which.
 
     A hole at two depths differs in z: its nominal one, or else the measured one. Features of
@@ -57,7 +58,7 @@ def features_alike(points: Points) -> Iterator[Notice]:
     yield _notice(f"{name}, row {row}", names, [(own, nominal[own[0]]) for own in met])
 
 
-def part_features_alike(where: str, names: Sequence[str], nominal: Floats) -> Iterator[Notice]:
+def part_features_alike(where: str, names: Sequence[str], nominal: Floats) -> Iterator[Finding]:
     """The same of the features of a part file, (n,), and their nominal places (n, 3) in mm, nan
     where not given.
     """
@@ -66,7 +67,7 @@ def part_features_alike(where: str, names: Sequence[str], nominal: Floats) -> It
         yield _notice(where, names, [(own, nominal[own[0]]) for own in map(sorted, groups)])
 
 
-def _notice(where: str, names: Sequence[str], places: Sequence[Place]) -> Notice:
+def _notice(where: str, names: Sequence[str], places: Sequence[Place]) -> Finding:
     shown = [_words([names[f] for f in own], at) for own, at in places[:SHOWN]]
     more = f", and {len(places) - SHOWN} places more" if len(places) > SHOWN else ""
     depth = np.isnan(places[0][1][2])

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import SequenceMatcher
 
-from mtu_cli.errors import listing, question
-from mtu_cli.slips import nearest
+from mtu_cli.errors import listing, nearest, question
 
 SHOWN = 12
 """Names listed."""

@@ -48,7 +48,7 @@ def read_tables(
         try:
             table = read_table(path, role, spec, problems)
         except InputError as error:
-            for problem in error.problems:
+            for problem in error.findings:
                 problems.add(problem)
             continue
         tables.append(table)

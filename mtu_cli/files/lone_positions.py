@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice
 from mtu_cli.files.pass_units import alike
 from mtu_cli.files.source import DRIFT
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,7 +29,9 @@ MOST = 3
 """Slips of a component."""
 
 
-def lone_positions(readings: Readings, components: Mapping[str, ComponentLike]) -> Iterator[Notice]:
+def lone_positions(
+    readings: Readings, components: Mapping[str, ComponentLike]
+) -> Iterator[Finding]:
     """A warning of each reading at a position where its component is read but once, in a pass that
     lacks one where nearly all others read.
     """

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from mtu_cli.files.contracts import Findings, Notice, check_contract, present
+from mtu_cli.errors import Notice
+from mtu_cli.files.contracts import Findings, check_contract, present
 from mtu_cli.files.effect_checks import check_effect_used, effect_notices
 from mtu_cli.files.machine_axes import tell_axes_once
 from mtu_cli.files.machine_checks import (
@@ -29,6 +30,7 @@ from mtu_cli.files.machine_sizes import large_coefficients, large_constants
 from mtu_cli.files.source import Source
 from mtu_cli.files.thermal_contract import missed_gradient
 from mtu_cli.files.yaml_file import YamlDocument, read_yaml
+from mtu_cli.findings import Finding
 from mtu_cli.language import LinearForm
 
 __all__ = [
@@ -56,7 +58,7 @@ class LoadedMachine:
     machine: Machine
     forms: dict[str, LinearForm]
     effect_forms: tuple[dict[str, LinearForm], ...]
-    warnings: tuple[Notice, ...]
+    warnings: tuple[Finding, ...]
     document: YamlDocument
 
     def line_of(self, *path: str | int) -> int | None:
@@ -135,7 +137,7 @@ def _warnings(
     forms: dict[str, LinearForm],
     effect_forms: list[dict[str, LinearForm]],
     document: YamlDocument,
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     notices = []
     used = _used(forms, effect_forms)
     shown = document.source.shown
@@ -161,7 +163,7 @@ def _warnings(
     return (*notices, *effect_notices(machine, document))
 
 
-def _thermal_notices(component: Component, place: str) -> list[Notice]:
+def _thermal_notices(component: Component, place: str) -> list[Finding]:
     missed = None if component.thermal is None else missed_gradient(component.thermal)
     if component.thermal is None or missed is None:
         return []

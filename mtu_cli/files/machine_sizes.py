@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from mtu_cli.errors import Notice
 from mtu_cli.files.contract_errors import path_text
-from mtu_cli.files.contracts import Notice
 from mtu_cli.files.machine_contract import Component, Machine
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
+from mtu_cli.findings import Finding
 from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.dimensions import signed_terms
 from mtu_cli.units import UNITS
@@ -29,7 +30,7 @@ def large_constants(
     forms: Mapping[str, LinearForm],
     effect_forms: Sequence[Mapping[str, LinearForm]],
     document: YamlDocument,
-) -> Iterator[Notice]:
+) -> Iterator[Finding]:
     """Of equations whose terms without position, column and component add up to a length that is
     no error: 5 for 5 um. Tool lengths and arms stand beside an angle and are no such term.
     """

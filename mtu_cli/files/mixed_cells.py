@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice
 from mtu_cli.files.csv_cells import number
 from mtu_cli.files.csv_table import Table, TableSpec
 from mtu_cli.files.csv_text import DECIMALS
+from mtu_cli.findings import Finding
 
 FEW = 0.1
 """Share of the cells that are texts up to which the others are what the column holds."""
@@ -66,7 +67,7 @@ class MixedCells:
             own.given += int((column.codes >= 0).sum())
             own.texts += len(odd)
 
-    def notes(self) -> Iterator[Notice]:
+    def notes(self) -> Iterator[Finding]:
         """One warning of each column whose cells are numbers but for a few: these make it one of
         names. More of them are names that digits stand among.
         """
@@ -82,7 +83,7 @@ class MixedCells:
             yield Notice(code="cells-mixed", message=text)
 
 
-def mixed_cells(tables: Iterable[Table], spec: TableSpec) -> tuple[Notice, ...]:
+def mixed_cells(tables: Iterable[Table], spec: TableSpec) -> tuple[Finding, ...]:
     """All of it of whole tables."""
     found = MixedCells(spec)
     for table in tables:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice
 from mtu_cli.files.csv_table import Table
+from mtu_cli.findings import Finding
 from mtu_cli.units import UNITS
 
 
@@ -40,7 +41,7 @@ class UnitRows:
                 own[units.labels[unit]] = _Rows(f"{table.source.shown}, row {row}")
             own[units.labels[unit]].count += int(counts[pair])
 
-    def notes(self) -> Iterator[Notice]:
+    def notes(self) -> Iterator[Finding]:
         """One warning a component, at the first row of its rarest unit."""
         for (_, name), own in self._found.items():
             # urad and um/m are two names of one unit.
@@ -57,7 +58,7 @@ class UnitRows:
             yield Notice(code="units-mixed", message=text)
 
 
-def mixed_units(tables: Iterable[Table]) -> tuple[Notice, ...]:
+def mixed_units(tables: Iterable[Table]) -> tuple[Finding, ...]:
     """All of it of whole tables."""
     found = UnitRows()
     for table in tables:

@@ -13,6 +13,7 @@ from mtu_cli.files.json_file import read_json
 from mtu_cli.files.report_file import not_a_report, schema_of
 from mtu_cli.files.source import Source
 from mtu_cli.files.thermal_file import ThermalReport, thermal_from
+from mtu_cli.findings import Finding
 
 _EXPECTED = (
     f"{components_file.SCHEMA!r} or {thermal_file.SCHEMA!r}, "
@@ -52,13 +53,13 @@ def read_reports(paths: Iterable[Path]) -> ModelReports:
 
     Raises InputError with the problems of all files, and for a second report of a kind.
     """
-    problems: list[Problem] = []
+    problems: list[Finding] = []
     found = ModelReports()
     for path in paths:
         try:
             report = read_report(path)
         except InputError as error:
-            problems += error.problems
+            problems += error.findings
             continue
         if isinstance(report, ComponentsReport):
             problems += _second(found.components, report, "fit-components")
@@ -75,7 +76,7 @@ def _second(
     earlier: ComponentsReport | ThermalReport | None,
     report: ComponentsReport | ThermalReport,
     kind: str,
-) -> list[Problem]:
+) -> list[Finding]:
     if earlier is None:
         return []
     return [

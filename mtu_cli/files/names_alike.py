@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from mtu_cli.files.points import Points
@@ -19,7 +20,7 @@ _NUMBER = re.compile(r"([0-9]++)(?:\.0*+)?", re.ASCII)
 SHOWN = 3
 
 
-def names_alike(points: Points) -> Iterator[Notice]:
+def names_alike(points: Points) -> Iterator[Finding]:
     """One warning of the parts, and one of the features, that a spreadsheet may have renamed: each
     name counts as one of its own.
     """

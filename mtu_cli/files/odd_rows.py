@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from mtu_cli.errors import Problem, shorten
 from mtu_cli.files.column_words import plain
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from mtu_cli.files.csv_table import TableSpec
@@ -30,7 +31,7 @@ def is_total(text: str) -> bool:
     return plain(text).strip(" :.") in TOTALS
 
 
-def odd_row(text: CsvText, row: int, cells: list[str], spec: TableSpec) -> Problem | None:
+def odd_row(text: CsvText, row: int, cells: list[str], spec: TableSpec) -> Finding | None:
     """The one Problem of a whole row that holds no measurement; None of any other."""
     found = _what(text, cells, spec, first=row == text.body_row)
     if found is None:

@@ -10,13 +10,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from mtu_cli.errors import Notice
 from mtu_cli.files.contract_errors import path_text, told
 from mtu_cli.files.contracts import (
     Contract,
     Findings,
     IdText,
     NonNegative,
-    Notice,
     Positive,
     check_contract,
     duplicates,
@@ -24,6 +24,7 @@ from mtu_cli.files.contracts import (
 )
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
+from mtu_cli.findings import Finding
 
 Place = tuple[float, float, float | None]
 REFERENCE_TEMPERATURE = 20.0
@@ -149,7 +150,7 @@ class LoadedPart:
     source: Source
     part: Part
     document: YamlDocument
-    warnings: tuple[Notice, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
     def line_of(self, *path: str | int) -> int | None:
         """The line of a value of the file."""
@@ -167,7 +168,7 @@ def load_part(path: Path, role: str = "part") -> LoadedPart:
     return LoadedPart(source=document.source, part=part, document=document, warnings=warnings)
 
 
-def _small_tolerances(part: Part, document: YamlDocument) -> Iterator[Notice]:
+def _small_tolerances(part: Part, document: YamlDocument) -> Iterator[Finding]:
     """One warning of all tolerances that are likely in mm."""
     small = [
         (index, item.tolerance_um)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import Problem
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice, Problem
 from mtu_cli.files.csv_table import ProblemList, Table
 from mtu_cli.files.joined import labelled
 from mtu_cli.files.source import DRIFT
+from mtu_cli.findings import Finding
 from mtu_cli.units import UNITS, Unit
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class _Odd:
 
 def pass_units(
     readings: Readings, tables: Sequence[Table], problems: ProblemList
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     """Problems of passes that scatter a hundredth of the other passes of their component and by one
     instrument, or a hundred times as much, where another unit of reading makes them as the others;
     Notices of those where that is about a twenty-fifth (inches).
@@ -198,7 +198,7 @@ def _factors(unit: Unit) -> dict[str, float]:
     return found
 
 
-def _problem(readings: Readings, group: list[_Odd]) -> Problem:
+def _problem(readings: Readings, group: list[_Odd]) -> Finding:
     """The problem of a pass of some components, at the first of its rows."""
     row = min(int(odd.rows.min()) for odd in group)
     unit = group[0].unit

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import Problem
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice, Problem
 from mtu_cli.files.covariates import HOTTEST_DEGC, is_temperature
 from mtu_cli.files.fahrenheit import (
     FAHRENHEIT,
@@ -27,6 +26,7 @@ from mtu_cli.files.sensor_faults import (
     check_sensors,
     code_notes,
 )
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,7 +70,7 @@ def check_temperatures_of_points(
                 problems.add(_faulty(points, name, coded, i))
 
 
-def temperature_notes(tables: Sequence[Table], points: Points) -> Iterator[Notice]:
+def temperature_notes(tables: Sequence[Table], points: Points) -> Iterator[Finding]:
     """Of sensors that show codes of faults too often, or at the wrong times, to be refused, or
     that seem to be in Fahrenheit.
     """
@@ -90,7 +90,7 @@ def temperature_notes(tables: Sequence[Table], points: Points) -> Iterator[Notic
     yield from _fahrenheit_notes(points)
 
 
-def _fahrenheit_notes(points: Points) -> Iterator[Notice]:
+def _fahrenheit_notes(points: Points) -> Iterator[Finding]:
     """Of sensors in Fahrenheit in all rows, of each in some."""
     code, sensors = FAHRENHEIT, _sensors(points)
     for name, values in sensors.items():
@@ -129,7 +129,7 @@ def _judged(tables: Sequence[Table], points: Points, name: str) -> Iterator[Tabl
             yield table
 
 
-def _faulty(points: Points, name: str, coded: _Coded, i: int) -> Problem:
+def _faulty(points: Points, name: str, coded: _Coded, i: int) -> Finding:
     near = f", {coded.low:.4g} to {coded.high:.4g} as in other rows"
     return Problem(
         what="a fault of the sensor, no temperature",

@@ -13,7 +13,6 @@ from mtu_cli.errors import Problem, did_you_mean, shorten
 from mtu_cli.files import doubled, joined
 from mtu_cli.files.column_twins import column_twins
 from mtu_cli.files.column_words import nominal_by_sign
-from mtu_cli.files.contracts import Notice
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.drift_notes import negative_times
 from mtu_cli.files.features_alike import features_alike
@@ -23,6 +22,7 @@ from mtu_cli.files.odd_rows import is_total
 from mtu_cli.files.point_temperatures import check_temperatures_of_points, temperature_notes
 from mtu_cli.files.sensor_names import check_temperature_names, sensor_name_notes
 from mtu_cli.files.source import Source
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -88,7 +88,7 @@ class Points:
     file_index: NDArray[np.int64]
     row: NDArray[np.int64]
     sources: tuple[Source, ...]
-    notes: tuple[Notice, ...] = ()
+    notes: tuple[Finding, ...] = ()
 
     def __len__(self) -> int:
         return len(self.part)

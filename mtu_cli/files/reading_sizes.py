@@ -26,6 +26,7 @@ from mtu_cli.files.reading_cells import (
 )
 from mtu_cli.files.reading_lines import off_lines
 from mtu_cli.files.reading_mistakes import explained
+from mtu_cli.findings import Finding
 from mtu_cli.units import LENGTH, UNITS
 
 if TYPE_CHECKING:
@@ -273,7 +274,7 @@ def _positions_expected(table: Table, rows: Rows, travels: Travels, axis: str) -
 
 def _of_many(
     table: Table, column: str, found: list[_Far], row: int, words: tuple[str, str]
-) -> Problem:
+) -> Finding:
     """One problem of many rows, at one of them; `words` say what they are and what is expected."""
     what, expected = words
     names = [far.name for far in found]

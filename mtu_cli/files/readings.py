@@ -13,7 +13,6 @@ from mtu_cli.errors import Problem, did_you_mean
 from mtu_cli.files import doubled, joined
 from mtu_cli.files.blank_directions import check_blank_directions
 from mtu_cli.files.column_twins import column_twins
-from mtu_cli.files.contracts import Notice
 from mtu_cli.files.copied_files import check_copied_files
 from mtu_cli.files.copied_passes import check_copied_passes
 from mtu_cli.files.csv_missing import missing_column
@@ -32,6 +31,7 @@ from mtu_cli.files.small_readings import small_readings
 from mtu_cli.files.source import DRIFT, Source
 from mtu_cli.files.swapped_columns import refuse_swapped
 from mtu_cli.files.unused_positions import unused_positions
+from mtu_cli.findings import Finding
 from mtu_cli.units import UNITS, dimension_name
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class Readings:
     row: NDArray[np.int64]
     sources: tuple[Source, ...]
     roles: tuple[str, ...]
-    notes: tuple[Notice, ...] = ()
+    notes: tuple[Finding, ...] = ()
 
     def __len__(self) -> int:
         return len(self.code)
@@ -147,7 +147,7 @@ def read_readings(
     return replace(readings, notes=(*notes, *(run_signs(readings) if for_fit else ())))
 
 
-def _notes_of_all(tables: Sequence[Table]) -> tuple[Notice, ...]:
+def _notes_of_all(tables: Sequence[Table]) -> tuple[Finding, ...]:
     """What no block of the rows tells by itself."""
     return (*mixed_units(tables), *small_readings(tables), *mixed_cells(tables, SPEC))
 
@@ -156,7 +156,7 @@ def _notes_for_fit(
     readings: Readings,
     tables: Sequence[Table],
     components: Mapping[str, ComponentLike],
-) -> list[Notice]:
+) -> list[Finding]:
     """What looks odd among readings of sound sizes. Raises InputError for passes whose unit is sure
     to be another one, and for directions that are missing.
     """

@@ -13,6 +13,7 @@ from mtu_cli.files.contract_errors import in_words
 from mtu_cli.files.shown_values import shown_value
 from mtu_cli.files.sizes import WHAT, expected_size, too_large
 from mtu_cli.files.source import Source
+from mtu_cli.findings import Finding
 from mtu_cli.units import UNITS
 
 NonNegative = Annotated[float, Field(ge=0)]
@@ -81,7 +82,7 @@ def validated(source: Source, document: Any, model: type[M], command: str) -> M:
     return found
 
 
-def _problem(source: Source, item: Any, command: str) -> Problem:
+def _problem(source: Source, item: Any, command: str) -> Finding:
     return Problem(
         what=_what(item),
         file=source.shown,
@@ -103,7 +104,7 @@ def _what(item: Any) -> str:
     return in_words(item) if item["type"] == "value_error" else f"is not {in_words(item)}"
 
 
-def unit_problem(source: Source, name: str, unit: str) -> list[Problem]:
+def unit_problem(source: Source, name: str, unit: str) -> list[Finding]:
     """The Problem of a component's unknown unit, if it is one."""
     if unit in UNITS:
         return []
@@ -117,7 +118,7 @@ def any_estimated(matrix: Matrix) -> bool:
     return any(map(any, matrix))
 
 
-def no_dof(source: Source, path: str, what: str, *, known: bool = True) -> Problem:
+def no_dof(source: Source, path: str, what: str, *, known: bool = True) -> Finding:
     """The Problem of 0 degrees of freedom at `path` of `what` was estimated; `known`: null may
     say that it is known exactly.
     """

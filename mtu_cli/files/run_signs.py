@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,7 +42,7 @@ class _Run(NamedTuple):
     errors: Floats
 
 
-def run_signs(readings: Readings) -> Iterator[Notice]:
+def run_signs(readings: Readings) -> Iterator[Finding]:
     """One warning of the runs with the opposite sign of all others of their component, which agree
     with each other: a run is a pass in one direction, through the same positions.
     """

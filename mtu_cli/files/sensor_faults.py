@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.fahrenheit import FAHRENHEIT, some_fahrenheit, told_partly
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -74,7 +75,7 @@ def check_sensors(table: Table, name: str, problems: ProblemList) -> None:
         problems.add(table.problem(int(order[i]), name, what, float(cells.values[i]), expected))
 
 
-def sensor_notes(tables: Sequence[Table]) -> Iterator[Notice]:
+def sensor_notes(tables: Sequence[Table]) -> Iterator[Finding]:
     """Of sensors that look faulty more often, or slower, than from a fault, or without times, and
     of those that are in Fahrenheit from some row on.
     """
@@ -93,7 +94,7 @@ def sensor_notes(tables: Sequence[Table]) -> Iterator[Notice]:
                 yield Notice(code=FAHRENHEIT, message=message)
 
 
-def code_notes(table: Table, name: str) -> Iterator[Notice]:
+def code_notes(table: Table, name: str) -> Iterator[Finding]:
     """The same of one sensor, of error codes alone."""
     cells = _cells(table, name)
     for words in () if cells is None else cells.usual:
@@ -101,7 +102,7 @@ def code_notes(table: Table, name: str) -> Iterator[Notice]:
             yield _doubtful(table, name, words)
 
 
-def _doubtful(table: Table, name: str, words: str) -> Notice:
+def _doubtful(table: Table, name: str, words: str) -> Finding:
     text = (
         f"{table.source.shown}, column {name!r}: {words}; such cells are too many in a cycle for "
         f"a fault, or more than {SOON_MIN:g} min from the readings beside them, or no times are "

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import Problem
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice, Problem
 from mtu_cli.files.covariates import (
     KELVIN,
     as_temperature,
@@ -19,6 +18,7 @@ from mtu_cli.files.covariates import (
     is_temperature,
     looks_like_temperature,
 )
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,7 +79,7 @@ def _refuse(table: Table, problems: ProblemList, names: Sequence[str]) -> None:
         problems.add(no_sensor(table, name, header))
 
 
-def sensor_name_notes(tables: Sequence[Table]) -> Iterator[Notice]:
+def sensor_name_notes(tables: Sequence[Table]) -> Iterator[Finding]:
     """Of columns of points that seem to be sensors and may be none, one a file."""
     for table in tables:
         names = [name for name in _like_sensors(table) if not _is_sure(name)]
@@ -116,7 +116,7 @@ def may_be_tool(name: str) -> bool:
     return _TOOL.fullmatch(name) is not None
 
 
-def no_sensor(table: Table | CsvText, name: str, header: Container[str]) -> Problem:
+def no_sensor(table: Table | CsvText, name: str, header: Container[str]) -> Finding:
     """The Problem of a column that seems to hold temperatures; `header` as a set, for a table of
     thousands of them.
     """
@@ -143,7 +143,7 @@ def no_sensor(table: Table | CsvText, name: str, header: Container[str]) -> Prob
     )
 
 
-def unused_sensor_notes(readings: Readings) -> Iterator[Notice]:
+def unused_sensor_notes(readings: Readings) -> Iterator[Finding]:
     """Of columns of drift readings that no name makes sensors, but whose numbers move like
     temperatures: with a sensor that is one, or under a name that only sensors have.
     """

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from mtu_cli.errors import question
-from mtu_cli.slips import nearest
+from mtu_cli.errors import nearest, question
 
 SIGN_WORDS = {"forward": 1, "+": 1, "1": 1, "+1": 1, "reverse": -1, "-": -1, "-1": -1}
 _MINUS = str.maketrans({"\u2212": "-", "\u2013": "-"})

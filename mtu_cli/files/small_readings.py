@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice
 from mtu_cli.files.csv_table import Table
+from mtu_cli.findings import Finding
 from mtu_cli.units import ANGLE, LENGTH, UNITS
 
 CODE = "readings-small"
@@ -62,7 +63,7 @@ class SmallReadings:
                 own.low = min(own.low, float(known.min(initial=inf)))
                 own.high = max(own.high, float(known.max(initial=-inf)))
 
-    def notes(self) -> Iterator[Notice]:
+    def notes(self) -> Iterator[Finding]:
         """One warning a file and unit, with its components, at the first row of the first."""
         told: dict[tuple[Path, str], list[tuple[str, _Seen]]] = {}
         for (file, name, unit), seen in self._found.items():
@@ -95,7 +96,7 @@ def _likelier(largest: float, dimension: float) -> str:
     return " or ".join(fit)
 
 
-def small_readings(tables: Iterable[Table]) -> tuple[Notice, ...]:
+def small_readings(tables: Iterable[Table]) -> tuple[Finding, ...]:
     """All of it of whole tables."""
     found = SmallReadings()
     for table in tables:

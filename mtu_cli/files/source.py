@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mtu_cli.errors import Problem, closest, fault, is_near, printable, reason
+from mtu_cli.findings import Finding
 
 _CHUNK = 1 << 20
 DRIFT = "drift"
@@ -182,7 +183,7 @@ def begins_with(path: Path, mark: str) -> bool:
     return not found or found.startswith(start)
 
 
-def missing_file(folder: Path, name: str) -> Problem | None:
+def missing_file(folder: Path, name: str) -> Finding | None:
     """The Problem of a `name` below `folder` that is no file, or None where it is one."""
     path = folder / name
     try:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
+from mtu_cli.errors import question
 from mtu_cli.files.contracts import Contract, Findings, check_contract, duplicates
 from mtu_cli.files.source import Source, missing_file, resolved
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
@@ -121,7 +122,12 @@ def load_study(path: Path, role: str = "study", *, there: bool = True) -> Loaded
         for _, place, name in _named(study):
             problem = missing_file(folder, name) if there else None
             if problem is not None:
-                findings.add(place, problem.what, value=name, expected=problem.expected)
+                findings.add(
+                    place,
+                    problem.text,
+                    value=name,
+                    expected=problem.expected or question(problem.meant),
+                )
         for key in SEVERAL:
             names = [(index, name) for index, name in enumerate(getattr(study, key) or ()) if name]
             for index, name, _ in duplicates(names):

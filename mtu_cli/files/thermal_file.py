@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from mtu_cli.errors import InputError, Problem, counted
-from mtu_cli.files.contracts import Notice, duplicates
+from mtu_cli.errors import InputError, Notice, Problem, counted
+from mtu_cli.files.contracts import duplicates
 from mtu_cli.files.covariance import covariance_fault
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.report_file import (
@@ -25,6 +25,7 @@ from mtu_cli.files.report_file import (
 )
 from mtu_cli.files.source import Source
 from mtu_cli.files.thermal_contract import STEEPEST, SensorU, TimeConstant
+from mtu_cli.findings import Finding
 
 SCHEMA = "mtu/thermal-fit/1"
 DOUBTS = ("no-better", "not-held-out")
@@ -81,7 +82,7 @@ class ThermalReport:
 
     source: Source
     components: dict[str, ReportedDrift]
-    doubts: tuple[Notice, ...] = ()
+    doubts: tuple[Finding, ...] = ()
     readings: frozenset[str] = frozenset()
 
 
@@ -116,7 +117,7 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
     )
 
 
-def _doubts(source: Source, warnings: list[_Warning]) -> tuple[Notice, ...]:
+def _doubts(source: Source, warnings: list[_Warning]) -> tuple[Finding, ...]:
     """One a code and text, with the components that it is told of: "name: text" each."""
     names: dict[tuple[str, str], list[str]] = {}
     for item in warnings:
@@ -131,7 +132,7 @@ def _doubts(source: Source, warnings: list[_Warning]) -> tuple[Notice, ...]:
 
 def _problem(
     source: Source, name: str, key: str, what: str, *, value: str | None = None, expected: str = ""
-) -> Problem:
+) -> Finding:
     return Problem(
         what=what,
         file=source.shown,
@@ -141,7 +142,7 @@ def _problem(
     )
 
 
-def _sensors(source: Source, name: str, item: ReportedDrift) -> list[Problem]:
+def _sensors(source: Source, name: str, item: ReportedDrift) -> list[Finding]:
     twice = [
         _problem(source, name, f"sensors.{index}", "the sensor stands twice", value=sensor)
         for index, sensor, _ in duplicates(enumerate(item.sensors))
@@ -155,7 +156,7 @@ def _sensors(source: Source, name: str, item: ReportedDrift) -> list[Problem]:
     ]
 
 
-def _sizes(source: Source, name: str, item: ReportedDrift) -> list[Problem]:
+def _sizes(source: Source, name: str, item: ReportedDrift) -> list[Finding]:
     """Lists of one entry a sensor, and the rows and columns of the coefficients."""
     sensors = len(item.sensors)
     problems = []
@@ -182,7 +183,7 @@ def _sizes(source: Source, name: str, item: ReportedDrift) -> list[Problem]:
     return problems
 
 
-def _without_dof(source: Source, name: str, item: ReportedDrift) -> Iterator[Problem]:
+def _without_dof(source: Source, name: str, item: ReportedDrift) -> Iterator[Finding]:
     for key, value, what, matrix in (
         ("coefficient_dof", item.coefficient_dof, "a covariance", item.covariance),
         ("leftover_dof", item.leftover_dof, "a covariance of what is left",
@@ -192,7 +193,7 @@ def _without_dof(source: Source, name: str, item: ReportedDrift) -> Iterator[Pro
             yield no_dof(source, f"results.components.{name}.{key}", what)
 
 
-def _matrices(source: Source, name: str, item: ReportedDrift) -> list[Problem]:
+def _matrices(source: Source, name: str, item: ReportedDrift) -> list[Finding]:
     powers = item.degree + 1
     problems = []
     for key, matrix, size in (

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import Notice
 from mtu_cli.files.csv_table import Table
+from mtu_cli.findings import Finding
 
 if TYPE_CHECKING:
     from mtu_cli.files.readings import ComponentLike
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 def unused_positions(
     tables: Sequence[Table], components: Mapping[str, ComponentLike]
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     """Positions that are given for components without an axis: they mean nothing, and 0 is what
     some programs write there.
     """

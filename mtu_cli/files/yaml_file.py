@@ -17,6 +17,7 @@ from mtu_cli.files.source import Source, a_file, check_text, read_source
 from mtu_cli.files.yaml_commas import Cell, OddNumber, decimal_point, odd_number
 from mtu_cli.files.yaml_faults import control_line, unreadable
 from mtu_cli.files.yaml_scalars import CORE_TAG, plain_scalar, tagged_scalar
+from mtu_cli.findings import Finding
 
 MAX_BYTES = 10_000_000
 MAX_NODES = 500_000
@@ -131,8 +132,8 @@ class _Composer:
         self.root: _Node | None = None
         self.documents = 0
         self.total = 0
-        self.duplicates: list[Problem] = []
-        self.bad_tags: list[Problem] = []
+        self.duplicates: list[Finding] = []
+        self.bad_tags: list[Finding] = []
 
     def compose(self, events: Iterator[Any]) -> _Node | None:
         for event in events:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mtu_cli.errors import MtuError, Problem
+from mtu_cli.findings import Finding
 
 
 class EquationError(MtuError):
@@ -22,7 +23,7 @@ class EquationError(MtuError):
 
     def problem(
         self, *, file: str | None = None, line: int | None = None, path: str | None = None
-    ) -> Problem:
+    ) -> Finding:
         """This fault as a Problem of the file in which the equation stands."""
         return Problem(
             what=self.what,

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, Warned
 from mtu_cli.files.features_alike import SAME_MM
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import fingerprints
+from mtu_cli.findings import Finding
 from mtu_cli.model.part_spread import shares_alike
 from mtu_cli.model.residual_cells import IntArray
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import operations_of
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -41,7 +41,7 @@ class _Values(NamedTuple):
     shared: FloatArray
 
 
-def copied_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+def copied_parts(points: Points, axes: tuple[int, ...]) -> list[Finding]:
     """A warning of parts whose values of an operation agree with an earlier part's in every
     feature, in whatever order.
 
@@ -83,7 +83,7 @@ def copied_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
     return [Warned(code="parts-alike", message=_twice(alike))] if alike else []
 
 
-def _problem(points: Points, row: int, what: str) -> Problem:
+def _problem(points: Points, row: int, what: str) -> Finding:
     return Problem(
         what=what,
         file=points.sources[points.file_index[row]].shown,

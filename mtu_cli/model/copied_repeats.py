@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import fingerprints, row_marks
+from mtu_cli.findings import Finding
 from mtu_cli.model.copied_parts import CHANCE, FEWEST_COPIED, MOST_ALIKE
 from mtu_cli.model.resolution import last_digit
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import IntArray, numbered, operations_of
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -39,7 +40,7 @@ class _Repeats(NamedTuple):
     twin: IntArray
 
 
-def copied_repeats(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+def copied_repeats(points: Points, axes: tuple[int, ...]) -> list[Finding]:
     """One warning of repeats with the values of an earlier one of their part in all features.
 
     Two repeats of other parts tell how often that is chance: a coarse last digit makes equal
@@ -133,7 +134,7 @@ def _mean_range(count: IntArray) -> FloatArray:
 
 def _all_agree(
     points: Points, axes: tuple[int, ...], found: _Repeats, size: IntArray
-) -> list[Warned]:
+) -> list[Finding]:
     """Of repeats that all agree, each in its `size` (m,) of values: what would be said of the CMM,
     or nothing where a CMM may repeat as well as that.
     """
@@ -151,7 +152,7 @@ def _all_agree(
     return [Warned(code="repeats-alike", message=text)]
 
 
-def _warned(points: Points, found: _Repeats, copies: IntArray) -> Warned:
+def _warned(points: Points, found: _Repeats, copies: IntArray) -> Finding:
     """The copies, the first few of them by part and rows."""
     named = []
     for copy in copies[:MOST_ALIKE].tolist():

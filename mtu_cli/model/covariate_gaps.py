@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
+from mtu_cli.findings import Finding
 from mtu_cli.model.residual_covariates import point_columns
 from mtu_cli.model.residual_visits import only_rows
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW = 0.05
@@ -20,7 +21,7 @@ FEW = 0.05
 and looks like one that the library lacks."""
 
 
-def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[Warned]]:
+def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[Finding]]:
     """The points without rows that lack a covariate which nearly all others have (`_few`). Not of
     `needed` ones, whose gaps are faults.
     """
@@ -41,7 +42,7 @@ def rows_without_gaps(
     rows: NDArray[np.int64],
     columns: Mapping[str, NDArray[Any]],
     groups: Sequence[NDArray[np.int64]],
-) -> tuple[NDArray[np.int64], list[Warned]]:
+) -> tuple[NDArray[np.int64], list[Finding]]:
     """The readings `rows` (n,) of a component without those that lack one of the `columns` (n,)
     which nearly all others have; `groups` (n,) are codes of which each keeps a reading.
     """
@@ -76,7 +77,7 @@ def _few(
     return gone, named
 
 
-def _told(named: Sequence[str], gone: NDArray[np.bool_], place: str, whose: str = "") -> Warned:
+def _told(named: Sequence[str], gone: NDArray[np.bool_], place: str, whose: str = "") -> Finding:
     text = (
         f"{whose}empty cells in {', '.join(map(repr, named))}: left out {int(gone.sum())} of "
         f"{len(gone)} rows, the first {place}"

@@ -6,13 +6,14 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.mixed_cells import is_name, of_names
 from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.settings import Warned
+from mtu_cli.findings import Finding
 
 
-def texts_told(measured: Points | Readings) -> list[Warned]:
+def texts_told(measured: Points | Readings) -> list[Finding]:
     """One warning of all columns that are texts by more than a few of their cells."""
     told = [
         _text(name, column, measured)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.findings import Finding
 from mtu_cli.language import evaluate, names
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -115,7 +116,7 @@ def coordinates_of(model: MachineModel, axis: str) -> tuple[str, ...]:
     return tuple(name for name in AXES if name in used and name not in model.constants)
 
 
-def not_finite(model: MachineModel, axis: str, point: FloatArray) -> Problem:
+def not_finite(model: MachineModel, axis: str, point: FloatArray) -> Finding:
     """The Problem of the equation of an axis that has no value at `point` (3,), mm."""
     used = coordinates_of(model, axis)
     unknown = [name for k, name in enumerate(AXES) if np.isnan(point[k]) and name in used]
@@ -136,7 +137,7 @@ def not_finite(model: MachineModel, axis: str, point: FloatArray) -> Problem:
 
 def without_coordinate(
     model: MachineModel, points: FloatArray
-) -> tuple[np.ndarray, Problem] | None:
+) -> tuple[np.ndarray, Finding] | None:
     """Which of `points` (n, 3) lack a coordinate that an equation needs, and the Problem of the
     first of them; None where none does.
     """

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, Warned
 from mtu_cli.files.features_alike import SAME_MM
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.copied_parts import CHANCE, FEWEST_COPIED
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.resolution import in_steps
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import IntArray
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -18,7 +18,7 @@ COARSE_MM = 0.005
 """To such digits a good part may be on its nominal everywhere, whatever the others are."""
 
 
-def drawn_axes(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+def drawn_axes(points: Points, axes: tuple[int, ...]) -> list[Finding]:
     """A warning of every axis along which all values of all parts are the nominal ones, to the
     last digit.
 
@@ -52,7 +52,7 @@ def _on_nominal(points: Points, axis: int) -> np.ndarray:
     return found
 
 
-def drawn_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+def drawn_parts(points: Points, axes: tuple[int, ...]) -> list[Finding]:
     """A warning of parts that are on their nominal in every value, to the last digit, of no more
     digits than `COARSE_MM`, while the errors of all other parts differ from each other so much
     that this is no chance.
@@ -83,7 +83,7 @@ def drawn_parts(points: Points, axes: tuple[int, ...]) -> list[Warned]:
         raise InputError(problems)
     text = "are its places those of the drawing, or is it as good as the digits tell?"
     return [
-        Warned(code="part-on-nominal", message=f"{item.file}, row {item.row}: {item.what}: {text}")
+        Warned(code="part-on-nominal", message=f"{item.file}, row {item.row}: {item.text}: {text}")
         for item in problems
     ]
 
@@ -111,7 +111,7 @@ def _agreeing(points: Points, axes: tuple[int, ...], size: IntArray) -> FloatArr
     return np.asarray((alike + 1) / (pairs + 1), np.float64)
 
 
-def _problem(points: Points, row: int, values: int) -> Problem:
+def _problem(points: Points, row: int, values: int) -> Finding:
     return Problem(
         what=f"part {points.parts[points.part[row]]!r} is on its nominal in all of {values} "
         "values, to the last digit, and no other part is",

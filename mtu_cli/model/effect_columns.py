@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mtu_cli.findings import Finding
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.residual_covariates import Columns, Values, number, used_columns
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -37,7 +37,7 @@ def guess_warnings(
     values: Values,
     columns: Columns,
     at: Mapping[str, float],
-) -> list[Warned]:
+) -> list[Finding]:
     """Temperatures of points at `places` (n, 3) mm, and what declared effects were found in,
     beyond what is known.
     """

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.errors import listed
+from mtu_cli.errors import Warned, listed
 from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.findings import Finding
 from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, JointPasses
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, Unit
 
@@ -152,7 +152,7 @@ def all_together(
 
 def effect_warnings(
     machine: LoadedMachine, reported: EffectEstimates | None, shown: str
-) -> list[Warned]:
+) -> list[Finding]:
     """Where the report `shown` and the machine file speak of different effects."""
     if reported is None:
         return []
@@ -175,7 +175,7 @@ def effect_warnings(
     return warnings
 
 
-def not_told_warnings(machine: LoadedMachine) -> list[Warned]:
+def not_told_warnings(machine: LoadedMachine) -> list[Finding]:
     """Of effects of which a searched value (a pitch), or which effect it is, was not told by what
     they were found on: elsewhere each of those foretells other errors.
     """

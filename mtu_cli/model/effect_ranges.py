@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.covariates import NEAR_K, is_temperature
+from mtu_cli.findings import Finding
 from mtu_cli.language import names, parse
 from mtu_cli.model.design import design, places, theta
 from mtu_cli.model.effect_parameters import EFFECT_MARK, DeclaredEffect
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def _outward(low: float, high: float) -> list[float]:
 
 def effect_warnings_at(
     model: MachineModel, points: FloatArray, covariates: Mapping[str, FloatArray | float]
-) -> list[Warned]:
+) -> list[Finding]:
     """Of effects used beyond what they were found on, and of those that are too large to be true,
     at `points` (n, 3) in mm under `covariates`, one value for all or one a point.
     """
@@ -107,7 +108,7 @@ def effect_warnings_at(
 
 def _not_given(
     effects: Sequence[DeclaredEffect], values: Mapping[str, FloatArray | float]
-) -> list[Warned]:
+) -> list[Finding]:
     """One warning for all effects that hold within a range of a column of which nothing is known,
     or not at all points: no equation asks for it.
     """
@@ -136,7 +137,7 @@ def _lacks(given: FloatArray | float | None, column: str) -> str:
 
 def outside_seen(
     effects: Sequence[DeclaredEffect], values: Mapping[str, FloatArray | float]
-) -> list[Warned]:
+) -> list[Finding]:
     """One warning for all effects that left the same range by more than a tenth of it."""
     found: dict[_Left, list[DeclaredEffect]] = {}
     for effect in effects:
@@ -189,7 +190,7 @@ def _listed(effects: Sequence[DeclaredEffect]) -> str:
 
 def _too_large(
     model: MachineModel, points: FloatArray, covariates: Mapping[str, FloatArray | float]
-) -> list[Warned]:
+) -> list[Finding]:
     warnings = []
     known = np.nan_to_num(points)
     moved = float(max(np.abs(known).max(), np.ptp(known, axis=0).max()))

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.errors import InputError
+from mtu_cli.errors import InputError, Warned, reworded
 from mtu_cli.files.features_alike import part_features_alike
 from mtu_cli.files.part import LoadedPart
+from mtu_cli.findings import Finding
 from mtu_cli.model.design import without_coordinate
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
 OTHER_UNIT = 10.0
@@ -23,7 +23,7 @@ FEW_DOF = 3.0
 
 def feature_points(
     part: LoadedPart, model: MachineModel, chosen: Iterable[str] | None = None
-) -> tuple[tuple[str, ...], FloatArray, list[Warned]]:
+) -> tuple[tuple[str, ...], FloatArray, list[Finding]]:
     """Ids, nominal coordinates (n, 3) in mm (nan: not given) and warnings.
 
     A coordinate that a constant of the machine fixes (its effective z) is the machine's.
@@ -37,7 +37,7 @@ def feature_points(
         dtype=np.float64,
     ).reshape(len(ids), 3)
     _check_coordinates(part, model, ids, points)
-    warnings: list[Warned] = []
+    warnings: list[Finding] = []
     for axis, value in model.position_constants().items():
         column = points[:, AXES.index(axis)]
         if (np.isfinite(column) & (np.abs(column - value) > 1e-9)).any():
@@ -66,8 +66,7 @@ def _check_coordinates(
     more = f" (and {len(lacking) - 1} more features)" if len(lacking) > 1 else ""
     raise InputError(
         replace(
-            problem,
-            what=f"{problem.what}, of feature {name!r}{more}",
+            reworded(problem, f"{problem.text}, of feature {name!r}{more}"),
             file=part.source.shown,
             line=part.line_of("features", name),
             path=f"features.{name}",
@@ -75,7 +74,7 @@ def _check_coordinates(
     )
 
 
-def outside_warnings(prediction: Prediction) -> list[Warned]:
+def outside_warnings(prediction: Prediction) -> list[Finding]:
     """One warning for all components whose measured range the features leave alike."""
     alike: dict[tuple[float, float, tuple[str, ...]], list[tuple[str, float]]] = {}
     by_component: dict[str, list[tuple[str, float, float, float]]] = {}
@@ -105,7 +104,7 @@ def outside_warnings(prediction: Prediction) -> list[Warned]:
     return warnings
 
 
-def dof_warnings(what: Sequence[str], dof: FloatArray) -> list[Warned]:
+def dof_warnings(what: Sequence[str], dof: FloatArray) -> list[Finding]:
     """Fewer than three effective degrees of freedom: Student's t has no variance there."""
     few = [name for name, value in zip(what, dof, strict=True) if value < FEW_DOF]
     if not few:

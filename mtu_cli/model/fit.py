@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, Warned
 from mtu_cli.files.components_contract import ReportedComponent, ReportedEffects, ReportedGroup
 from mtu_cli.files.components_file import ComponentsReport
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.drift_cells import drift_problem
 from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.findings import Finding
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
@@ -25,7 +26,6 @@ from mtu_cli.model.estimates import (
 from mtu_cli.model.estimation import ComponentFit, fit_component
 from mtu_cli.model.joint import shared_passes
 from mtu_cli.model.reading_rest import without_effects
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 
@@ -41,7 +41,7 @@ class MachineFit:
 
     components: dict[str, ComponentFit]
     joint: tuple[JointPasses, ...]
-    warnings: tuple[Warned, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
 
 def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
@@ -76,7 +76,7 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     return MachineFit(components=fits, joint=shared_passes(fits), warnings=warned)
 
 
-def _drift_instead(readings: Readings) -> list[Problem]:
+def _drift_instead(readings: Readings) -> list[Finding]:
     """That the readings look like those of drifts: then these are not the machine's components."""
     sensors = [name for name in readings.covariates if is_temperature(name)]
     if not sensors or not readings.cycles or readings.has_pass.any() or readings.direction.any():
@@ -101,7 +101,7 @@ SHOWN = 6
 """Components that a warning names."""
 
 
-def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Warned]:
+def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Finding]:
     """What the machine file makes one ask; not of coefficients that readings, or a report of
     their fit, win over.
     """
@@ -114,7 +114,7 @@ def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Warne
     told = [
         Warned(code=item.code, message=item.message)
         for item in machine.warnings
-        if item.coefficients_of is None or item.coefficients_of in used
+        if item.facts.get("coefficients_of") is None or item.facts.get("coefficients_of") in used
     ]
     stated = [name for name, own in machine.machine.components.items() if own.coefficients]
     idle = [name for name in stated if name not in used and name in machine.used]
@@ -123,7 +123,7 @@ def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Warne
 
 def beaten_warnings(
     machine: LoadedMachine, idle: Sequence[str], key: Literal["coefficients", "thermal"]
-) -> list[Warned]:
+) -> list[Finding]:
     """That what the file states of components under a key is not used: one warning of all."""
     if not idle:
         return []
@@ -172,7 +172,7 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     or degree.
     """
     found = from_machine_file(machine)
-    problems: list[Problem] = []
+    problems: list[Finding] = []
     for name, item in report.components.items():
         problems += [
             Problem(

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable
-from dataclasses import replace
 from statistics import median
 
 import numpy as np
 
+from mtu_cli.errors import Warned, reworded
+from mtu_cli.findings import Finding
 from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.family import FAMILY_RATE, significant
 from mtu_cli.units import LENGTH, Unit
 
@@ -30,25 +30,25 @@ DISAGREE = "the instruments disagree on "
 """Other warnings of LIMITS begin with the component."""
 
 
-def scatter_warnings(fit: MachineFit) -> list[Warned]:
+def scatter_warnings(fit: MachineFit) -> list[Finding]:
     """That readings do not give all of the scatter: what is predicted from them has less of it."""
     return [*_not_separated(fit), *_one_run(fit), *_without_scatter(fit)]
 
 
-def fit_warnings(fit: MachineFit, doubts: Iterable[Warned] = ()) -> list[Warned]:
+def fit_warnings(fit: MachineFit, doubts: Iterable[Finding] = ()) -> list[Finding]:
     """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement.
 
     A component of which the `doubts` of the readings name a single row is not advised to be given
     a higher degree.
     """
-    named = {name for item in doubts if item.code in SINGLE for name in item.about}
+    named = {name for item in doubts if item.code in SINGLE for name in item.facts.get("about", ())}
     return [
         *fit.warnings,
         *scatter_warnings(fit),
         *_too_well(fit),
         *(
-            replace(item, message=item.message.replace(RAISE, FIRST))
-            if item.code == "lack-of-fit" and named.intersection(item.about)
+            reworded(item, item.text.replace(RAISE, FIRST))
+            if item.code == "lack-of-fit" and named.intersection(item.facts.get("about", ()))
             else item
             for item in _significant(fit, ("reversal", "passes-drift", "lack-of-fit"))
         ),
@@ -56,12 +56,12 @@ def fit_warnings(fit: MachineFit, doubts: Iterable[Warned] = ()) -> list[Warned]
     ]
 
 
-def limit_warnings(fit: MachineFit) -> list[Warned]:
+def limit_warnings(fit: MachineFit) -> list[Finding]:
     """What limits the truth of u of a part (LIMITS), of all components that were read."""
     return [*_significant(fit, ("reversal", "passes-drift")), *_disagreeing(fit)]
 
 
-def limits_of(warnings: Iterable[Warned], used: Container[str]) -> list[Warned]:
+def limits_of(warnings: Iterable[Finding], used: Container[str]) -> list[Finding]:
     """Those of the warnings of a fit that are LIMITS of one of the components `used`, once each."""
     return [
         item
@@ -70,7 +70,7 @@ def limits_of(warnings: Iterable[Warned], used: Container[str]) -> list[Warned]:
     ]
 
 
-def _significant(fit: MachineFit, codes: Iterable[str]) -> list[Warned]:
+def _significant(fit: MachineFit, codes: Iterable[str]) -> list[Finding]:
     """Of each kind of test on the passes those that hold out among all of it."""
     warnings = []
     for code in codes:
@@ -91,7 +91,7 @@ def _significant(fit: MachineFit, codes: Iterable[str]) -> list[Warned]:
     return warnings
 
 
-def _disagreeing(fit: MachineFit) -> list[Warned]:
+def _disagreeing(fit: MachineFit) -> list[Finding]:
     return [
         Warned(
             code="instruments-disagree",
@@ -104,7 +104,7 @@ def _disagreeing(fit: MachineFit) -> list[Warned]:
     ]
 
 
-def _not_separated(fit: MachineFit) -> list[Warned]:
+def _not_separated(fit: MachineFit) -> list[Finding]:
     names = [
         name
         for name, component in fit.components.items()
@@ -122,7 +122,7 @@ def _not_separated(fit: MachineFit) -> list[Warned]:
     ]
 
 
-def _one_run(fit: MachineFit) -> list[Warned]:
+def _one_run(fit: MachineFit) -> list[Finding]:
     """Components of which an instrument read one run there and back alone."""
     names = [
         name
@@ -143,7 +143,7 @@ def _one_run(fit: MachineFit) -> list[Warned]:
     ]
 
 
-def _without_scatter(fit: MachineFit) -> list[Warned]:
+def _without_scatter(fit: MachineFit) -> list[Finding]:
     still = [
         name
         for name, component in fit.components.items()
@@ -166,7 +166,7 @@ def _without_scatter(fit: MachineFit) -> list[Warned]:
     return found
 
 
-def _too_well(fit: MachineFit) -> list[Warned]:
+def _too_well(fit: MachineFit) -> list[Finding]:
     """Components that repeat so much better than all others that their unit is asked about."""
     found = []
     for name, component in fit.components.items():

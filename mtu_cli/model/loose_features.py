@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.place_lines import smooth_of
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.loose_columns import Loose, loose_columns
 from mtu_cli.units import p_text, um_text
@@ -25,7 +26,7 @@ MOST_COLUMNS = 300
 """Features that are looked at: of more the others are not known better, and time grows."""
 
 
-def loose_of_tables(tables: MeasuredTables, points: Points) -> list[Warned]:
+def loose_of_tables(tables: MeasuredTables, points: Points) -> list[Finding]:
     """Of measured features, means of their repeats."""
     axes = list(dict.fromkeys(label[2] for label in tables.labels))
     by_axis = [[i for i, own in enumerate(tables.labels) if own[2] == axis] for axis in axes]
@@ -48,7 +49,7 @@ def loose_features(
     places: FloatArray,
     columns: Sequence[str],
     axes: Sequence[str],
-) -> list[Warned]:
+) -> list[Finding]:
     """A warning on each of the loosest `columns` of errors (P, H, A), mm, that are `there` (P, H),
     features at `places` (H, 3), mm.
     """

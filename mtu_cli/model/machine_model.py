@@ -11,6 +11,7 @@ from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature
 from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.findings import Finding
 from mtu_cli.language import LinearForm, Node, names
 from mtu_cli.language.tree import Binary
 from mtu_cli.model.basis import Basis, PolynomialBasis, ThermalBasis
@@ -190,7 +191,7 @@ def _added(lever: Node | None, more: Node) -> Node:
     return more if lever is None else Binary("+", lever, more, more.column)
 
 
-def _no_estimate(machine: LoadedMachine, name: str) -> Problem:
+def _no_estimate(machine: LoadedMachine, name: str) -> Finding:
     return Problem(
         what=f"the component {name!r} has neither readings nor coefficients",
         file=machine.source.shown,
@@ -205,7 +206,7 @@ def _is_known(term: Term) -> bool:
     return bool(np.isfinite(term.estimate.covariance).all() and np.isfinite(term.estimate.s_repeat))
 
 
-def _no_uncertainty(machine: LoadedMachine, name: str) -> Problem:
+def _no_uncertainty(machine: LoadedMachine, name: str) -> Finding:
     return Problem(
         what=f"the component {name!r} has as many readings as coefficients: its uncertainty "
         "cannot be had",
@@ -248,7 +249,7 @@ def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
 
 def _needed_together(
     drifts: Mapping[str, Sequence[str]], sensors: Sequence[str], given: Mapping[str, object]
-) -> list[Problem]:
+) -> list[Finding]:
     """One problem for many sensors that nobody gave."""
     if not sensors:
         return []

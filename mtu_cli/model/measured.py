@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import all_distinct
+from mtu_cli.findings import Finding
 from mtu_cli.model.angle_geometry import Line, angle_error, check_square
 from mtu_cli.model.length_geometry import differences, length_error
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import MOST_TOLD as MOST_TOLD
 from mtu_cli.model.visits import IntArray as IntArray
 from mtu_cli.model.visits import Visits as Visits
@@ -153,7 +154,7 @@ def length_axes(points: Points, part: LoadedPart) -> tuple[int, ...]:
     return axes_of(only_features(points, sorted(ends)))
 
 
-def length_warnings(points: Points, part: LoadedPart) -> list[Warned]:
+def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
     """Lengths with a nominal difference along z that was not measured at all their ends."""
     measured = set(points.features)
     places = part.part.places()

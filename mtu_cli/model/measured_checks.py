@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mtu_cli.errors import InputError, fault
+from mtu_cli.errors import InputError, Warned, fault
 from mtu_cli.files.features_alike import SAME_MM
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.copied_parts import copied_parts
 from mtu_cli.model.copied_repeats import copied_repeats
 from mtu_cli.model.datum import Datum, freed
@@ -19,7 +20,6 @@ from mtu_cli.model.measured_reach import reach_problems
 from mtu_cli.model.measured_rows import TWICE, check_rows
 from mtu_cli.model.measured_slips import slips
 from mtu_cli.model.measured_units import EXPLAINS, look_like_errors, parts_of_other_units
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import axes_of
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -33,7 +33,7 @@ MOST: Datum = "offset,rotation"
 _BLOCK = 1 << 15
 
 
-def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
+def check_measured(points: Points, datum: Datum = "none") -> list[Finding]:
     """Warnings on errors of millimetres less the freedoms of `datum`, with the mistake that would
     explain them, on rows that stand twice, on repeats that are copies, on axes that are all on
     their nominal, and of what was noted when the points were read.
@@ -57,7 +57,7 @@ def check_measured(points: Points, datum: Datum = "none") -> list[Warned]:
     ]
 
 
-def sound(points: Points, datum: Datum | None = None) -> list[Warned]:
+def sound(points: Points, datum: Datum | None = None) -> list[Finding]:
     """The warnings of `check_measured` on points that `refuse_mistaken` lets pass; raises as both
     do.
     """
@@ -115,7 +115,7 @@ def _are_far(points: Points, axes: tuple[int, ...]) -> np.ndarray:
     return far
 
 
-def _far(points: Points, loose: Points, axes: tuple[int, ...]) -> list[Warned]:
+def _far(points: Points, loose: Points, axes: tuple[int, ...]) -> list[Finding]:
     far = _are_far(loose, axes)
     if not far.any():
         return []
@@ -139,7 +139,7 @@ def _far(points: Points, loose: Points, axes: tuple[int, ...]) -> list[Warned]:
     ]
 
 
-def _left_out(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+def _left_out(points: Points, axes: tuple[int, ...]) -> list[Finding]:
     """An axis that only some points have, or that has no nominal, is not analysed: say so."""
     found = []
     for axis in range(3):
@@ -149,7 +149,7 @@ def _left_out(points: Points, axes: tuple[int, ...]) -> list[Warned]:
     return found
 
 
-def not_measured(predicted: Sequence[str], points: Points) -> list[Warned]:
+def not_measured(predicted: Sequence[str], points: Points) -> list[Finding]:
     """Of axes with an equation along which no point was measured: nothing is judged there."""
     found = []
     for axis, name in enumerate(AXES):
@@ -162,7 +162,7 @@ def not_measured(predicted: Sequence[str], points: Points) -> list[Warned]:
     return found
 
 
-def _moved(points: Points, axes: tuple[int, ...]) -> list[Warned]:
+def _moved(points: Points, axes: tuple[int, ...]) -> list[Finding]:
     """A feature is one place of the part: two nominals are two features, or a slip."""
     place = np.zeros((len(points.features), len(axes)))
     for block in reversed(list(_blocks(points))):

@@ -8,6 +8,7 @@ import numpy as np
 
 from mtu_cli.errors import Problem
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured_rows import LARGEST_MM
 from mtu_cli.stats.least_squares import FloatArray
@@ -23,7 +24,7 @@ SAME_MM, SAME = 0.5, 1e-3
 """How near a slip that is undone comes to the nominal, mm or in proportion."""
 
 
-def reach_problems(points: Points, axes: tuple[int, ...], near: float) -> Iterator[Problem]:
+def reach_problems(points: Points, axes: tuple[int, ...], near: float) -> Iterator[Finding]:
     """A Problem for each cell farther from its nominal than the features of the part are from
     each other, in the order of the rows; `near` as in `_out_of_reach`.
     """

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, Warned
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import row_marks
+from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import operations_of
 
 TWICE = "rows-stand-twice"
@@ -24,7 +24,7 @@ NEARLY_ALL = 0.9
 _BLOCK = 1 << 15
 
 
-def check_rows(points: Points) -> list[Warned]:
+def check_rows(points: Points) -> list[Finding]:
     """Warnings on rows that stand twice and on names that differ by case or blanks only.
 
     Raises InputError for a negative `repeat`, a part with two numbers of `sequence`, and a
@@ -40,7 +40,7 @@ def check_rows(points: Points) -> list[Warned]:
     return [*_twins(points), *_alike(points)]
 
 
-def _negative_repeats(points: Points) -> Iterator[Problem]:
+def _negative_repeats(points: Points) -> Iterator[Finding]:
     negative = points.repeat < 0
     if not negative.any():
         return
@@ -53,7 +53,7 @@ def _negative_repeats(points: Points) -> Iterator[Problem]:
         )
 
 
-def _two_sequences(points: Points) -> Iterator[Problem]:
+def _two_sequences(points: Points) -> Iterator[Finding]:
     # Parts may go through each operation in an order of their own.
     operations, operation = operations_of(points)
     run = operation.astype(np.int64) * len(points.parts) + points.part
@@ -73,7 +73,7 @@ def _two_sequences(points: Points) -> Iterator[Problem]:
             return
 
 
-def _too_large(points: Points) -> Iterator[Problem]:
+def _too_large(points: Points) -> Iterator[Finding]:
     for axis, letter in enumerate(AXES):
         for column, values in (
             (f"{letter}_mm", points.measured[:, axis]),
@@ -86,7 +86,7 @@ def _too_large(points: Points) -> Iterator[Problem]:
 
 def _problem(
     points: Points, i: int, column: str, what: str, value: float, expected: str
-) -> Problem:
+) -> Finding:
     return Problem(
         what=what,
         file=points.sources[points.file_index[i]].shown,
@@ -97,7 +97,7 @@ def _problem(
     )
 
 
-def _twins(points: Points) -> list[Warned]:
+def _twins(points: Points) -> list[Finding]:
     """Repeats that are one measurement twice: then nearly every row has an exact twin.
 
     Rows whose repeats are all numbered say themselves that they are different measurements.
@@ -145,7 +145,7 @@ def _counts(marks: NDArray[np.uint64], wanted: NDArray[np.uint64]) -> NDArray[np
     return found
 
 
-def _alike(points: Points) -> list[Warned]:
+def _alike(points: Points) -> list[Finding]:
     found = []
     for what, names in (
         ("part", points.parts),

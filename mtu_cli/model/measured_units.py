@@ -8,6 +8,7 @@ import numpy as np
 
 from mtu_cli.errors import Problem
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -29,7 +30,7 @@ SMALL = 0.5
 
 def parts_of_other_units(
     points: Points, far: np.ndarray, axes: tuple[int, ...], limit: float, free: bool
-) -> Iterator[Problem]:
+) -> Iterator[Finding]:
     """A Problem for each file and unit of parts that the unit explains: `far` (n,) are the points
     more than `limit` mm off. `free`: parts lie as they were put down, wherever that is.
     """
@@ -50,7 +51,7 @@ def parts_of_other_units(
 
 def _problem(
     points: Points, axes: tuple[int, ...], file: int, unit: str, first: list[int]
-) -> Problem:
+) -> Finding:
     names = [repr(points.parts[points.part[i]]) for i in first]
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     i = first[0]

@@ -6,6 +6,7 @@ import numpy as np
 
 from mtu_cli.errors import Problem
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.basis import AGREE_DEGC, Covariates, row_times
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.stats.lag import farthest_at_once
@@ -28,7 +29,7 @@ def disagreement(model: MachineModel, covariates: Covariates) -> tuple[str, int,
     return None
 
 
-def moment_problem(model: MachineModel, points: Points, covariates: Covariates) -> Problem | None:
+def moment_problem(model: MachineModel, points: Points, covariates: Covariates) -> Finding | None:
     """The disagreement of measured points (n,) with their covariates (n,), with file and rows."""
     found = disagreement(model, covariates)
     if found is None:

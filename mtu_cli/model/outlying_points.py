@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.outlying_repeats import (
@@ -17,7 +19,6 @@ from mtu_cli.model.outlying_repeats import (
     rows_at,
     swollen,
 )
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import IntArray, axes_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import display_step, outlying_p
@@ -37,7 +38,7 @@ class Outlying(NamedTuple):
     """
 
     parts: tuple[str, ...]
-    warnings: list[Warned]
+    warnings: list[Finding]
     texts: tuple[str, ...]
     told: int
     rows: IntArray
@@ -72,7 +73,7 @@ def outlying(tables: MeasuredTables, points: Points) -> Outlying:
     )
 
 
-def _warned(texts: list[str], parts: int, cells: int) -> list[Warned]:
+def _warned(texts: list[str], parts: int, cells: int) -> list[Finding]:
     if not texts:
         return []
     more = f"; and {parts - SHOWN} more parts" if parts > SHOWN else ""

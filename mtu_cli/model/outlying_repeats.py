@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured import MeasuredTables
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import IntArray, operations_of
 from mtu_cli.stats.anova import Cells
 from mtu_cli.stats.least_squares import FloatArray
@@ -32,7 +33,7 @@ class Apart(NamedTuple):
     """
 
     cells: tuple[tuple[int, int], ...]
-    warnings: list[Warned]
+    warnings: list[Finding]
     texts: tuple[str, ...]
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.errors import fault
+from mtu_cli.errors import Warned, fault
+from mtu_cli.findings import Finding
 from mtu_cli.model.blocks import component_blocks, positions_in_group
 from mtu_cli.model.estimates import JointPasses
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.variance import Block, drawable_passes
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.positive_part import covariance_root
@@ -56,7 +56,7 @@ def pass_draws(model: MachineModel) -> PassDraws:
     )
 
 
-def cut_warnings(model: MachineModel) -> list[Warned]:
+def cut_warnings(model: MachineModel) -> list[Finding]:
     """Of components whose passes are drawn to differ by more than predictions take them to."""
     cut: list[str] = []
     for block in _blocks(model):

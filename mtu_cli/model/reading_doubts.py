@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mtu_cli.errors import Warned
 from mtu_cli.files import small_readings
 from mtu_cli.files.reading_cells import (
     NARROW,
@@ -17,8 +18,8 @@ from mtu_cli.files.reading_cells import (
     may_be_narrow,
     seems_narrow,
 )
+from mtu_cli.findings import Finding
 from mtu_cli.model.reading_expected import expected
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.outliers import told_apart
 from mtu_cli.units import LENGTH, UM, UNITS
 
@@ -40,7 +41,7 @@ NAMES = {"m": "metres", "inch": "inches"}
 SHOWN = 6
 
 
-def reading_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
+def reading_doubts(machine: LoadedMachine, readings: Readings) -> list[Finding]:
     """Single readings far off what the others of their component make one expect, errors and
     positions that look like another unit, and positions that are not used.
     """
@@ -57,17 +58,15 @@ def reading_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
     return found
 
 
-def scale_doubts(machine: LoadedMachine, readings: Readings) -> list[Warned]:
+def scale_doubts(machine: LoadedMachine, readings: Readings) -> list[Finding]:
     """Of the same, those of whole columns: a search for effects finds single readings itself."""
-    found = [
-        Warned(code=item.code, message=item.message, about=item.about) for item in readings.notes
-    ]
-    return found + list(_scales(readings, machine.machine.components, machine.machine.travels))
+    scales = _scales(readings, machine.machine.components, machine.machine.travels)
+    return [*readings.notes, *scales]
 
 
 def _scales(
     readings: Readings, components: Mapping[str, Any], travels: Travels
-) -> Iterator[Warned]:
+) -> Iterator[Finding]:
     wide = []
     narrow: dict[str, list[str]] = {}
     for code, name in enumerate(readings.components):
@@ -98,7 +97,9 @@ def _scales(
         yield Warned(code="positions-narrow", message=text)
 
 
-def _large(readings: Readings, components: Mapping[str, Any], travels: Travels) -> Iterator[Warned]:
+def _large(
+    readings: Readings, components: Mapping[str, Any], travels: Travels
+) -> Iterator[Finding]:
     """Components whose errors make one ask about their unit, by the files in which they do."""
     found: dict[str, list[str]] = {}
     for code, name in enumerate(readings.components):
@@ -146,7 +147,7 @@ def _in_inches(
     return False
 
 
-def _small(readings: Readings, components: Mapping[str, Any]) -> Iterator[Warned]:
+def _small(readings: Readings, components: Mapping[str, Any]) -> Iterator[Finding]:
     """Of all lengths together: one component alone may well have hardly any error."""
     units = [UNITS[components[name].unit] for name in readings.components]
     lengths = np.array([unit.dimension == LENGTH for unit in units], bool)[readings.code]

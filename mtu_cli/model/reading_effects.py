@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.language import evaluate, names
 from mtu_cli.language.linear import LinearForm
 from mtu_cli.model.effect_parameters import declared_effects
 from mtu_cli.model.effect_ranges import outside_seen
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS
 
@@ -25,7 +26,7 @@ ELSEWHERE = 1.0
 
 def effects_on_readings(
     machine: LoadedMachine, component: str, places: FloatArray, columns: Mapping[str, np.ndarray]
-) -> tuple[FloatArray, list[Warned]]:
+) -> tuple[FloatArray, list[Finding]]:
     """The sum (n,) of the declared effects that were found in the readings of `component`, in
     its own unit, at `places` (n, 3) mm with the readings' `columns` (n,).
 
@@ -90,7 +91,7 @@ def _needed(pair: tuple[LinearForm, LinearForm]) -> set[str]:
     return {name for node in own.coefficients.values() for name in names(node)}
 
 
-def _left_out(effect: str, component: str, missing: list[str]) -> Warned:
+def _left_out(effect: str, component: str, missing: list[str]) -> Finding:
     why = f"they have no column {', '.join(missing)}" if missing else "no equation holds both"
     text = f"the effect {effect} is not taken off the readings of {component}: {why}"
     return Warned(code="effect-not-removed", message=text)

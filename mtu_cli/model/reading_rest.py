@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.findings import Finding
 from mtu_cli.model.reading_columns import reading_columns, reading_places
 from mtu_cli.model.reading_effects import effects_on_readings
 from mtu_cli.model.reading_layout import reading_layout
-from mtu_cli.model.settings import Warned
 
 if TYPE_CHECKING:
     from mtu_cli.files.machine import LoadedMachine
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def without_effects(
     machine: LoadedMachine, readings: Readings
-) -> tuple[Readings, tuple[Warned, ...]]:
+) -> tuple[Readings, tuple[Finding, ...]]:
     """What is left for the components: an effect that was found in readings of one is in its
     readings still, and would be counted again, as its coefficients or its scatter from pass to
     pass. Warns of effects whose columns the readings lack.
@@ -28,7 +28,7 @@ def without_effects(
     if not own & set(readings.components):
         return readings, ()
     error = readings.error.copy()
-    warned: list[Warned] = []
+    warned: list[Finding] = []
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if name not in own or not len(rows):

@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, Warned, reworded
 from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
+from mtu_cli.findings import Finding
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.design import without_coordinate
 from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
 from mtu_cli.model.measured import MOST_TOLD
 from mtu_cli.model.moments import moment_problem
 from mtu_cli.model.residual_cells import Cells, IntArray
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_cells import cell_problem, no_temperatures
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -44,7 +44,7 @@ def point_columns(points: Points) -> dict[str, np.ndarray]:
 
 def table_covariates(
     columns: Columns, cells: Cells, files: tuple[IntArray, Sequence[Source]]
-) -> tuple[dict[str, FloatArray], tuple[Warned, ...]]:
+) -> tuple[dict[str, FloatArray], tuple[Finding, ...]]:
     """Numeric columns (n,) as tables that broadcast to (parts, columns).
 
     (1, 1) where nothing differs, (parts, 1) where nothing does within a part, (1, columns)
@@ -110,7 +110,7 @@ class Needed:
     """What the model's equations need, by name: one value a measurement (n,), or one for all."""
 
     values: Values
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
 
 
 def needed_covariates(
@@ -132,7 +132,7 @@ def needed_covariates(
     with their rows.
     """
     values: Values = {}
-    problems: list[Problem] = []
+    problems: list[Finding] = []
     for name in used_columns(model):
         if name not in model.covariates() and name in columns:
             problems += no_temperatures(points, name, columns[name])
@@ -156,7 +156,7 @@ def needed_covariates(
 
 def _of_the_points(
     model: MachineModel, columns: Columns, at: Mapping[str, float]
-) -> Iterator[Warned]:
+) -> Iterator[Finding]:
     """Of columns that `at` does not stand in for."""
     for name in used_columns(model):
         if name in columns and name in at:
@@ -170,7 +170,7 @@ def used_columns(model: MachineModel) -> list[str]:
     return list(dict.fromkeys([*model.covariates(), *within]))
 
 
-def _without_place(model: MachineModel, points: Points, *, at_nominal: bool) -> Iterator[Problem]:
+def _without_place(model: MachineModel, points: Points, *, at_nominal: bool) -> Iterator[Finding]:
     """Points without a coordinate that an equation needs, neither measured nor nominal."""
     places = points.nominal
     if not at_nominal:
@@ -181,14 +181,15 @@ def _without_place(model: MachineModel, points: Points, *, at_nominal: bool) -> 
         i = int(lacking[0])
         more = f" (and {len(lacking) - 1} more points)" if len(lacking) > 1 else ""
         yield replace(
-            problem,
-            what=f"{problem.what}, of feature {points.features[points.feature[i]]!r}{more}",
+            reworded(
+                problem, f"{problem.text}, of feature {points.features[points.feature[i]]!r}{more}"
+            ),
             file=points.sources[points.file_index[i]].shown,
             row=int(points.row[i]),
         )
 
 
-def _missing(model: MachineModel, points: Points, name: str, known: Sequence[str]) -> Problem:
+def _missing(model: MachineModel, points: Points, name: str, known: Sequence[str]) -> Finding:
     drifts = sensors_of(model)
     if name in drifts:
         return missing_sensor(points, name, drifts[name], known)
@@ -197,14 +198,14 @@ def _missing(model: MachineModel, points: Points, name: str, known: Sequence[str
 
 def missing_sensor(
     points: Points, name: str, drifts: Sequence[str], known: Sequence[str]
-) -> Problem:
+) -> Finding:
     """The Problem of a sensor that the points, whose columns are `known`, do not have, and that
     the drifts of these components need.
     """
     return _lacks(points, name, known, f"the drift of {', '.join(drifts)} needs the temperature")
 
 
-def _lacks(points: Points, name: str, known: Sequence[str], what: str) -> Problem:
+def _lacks(points: Points, name: str, known: Sequence[str], what: str) -> Finding:
     near = closest_covariate(name, known)
     return Problem(
         what=f"{what} {name!r}",
@@ -219,7 +220,7 @@ def numbers_of(
     points: Points,
     name: str,
     column: np.ndarray,
-    problems: list[Problem],
+    problems: list[Finding],
     rows: IntArray | None = None,
 ) -> FloatArray:
     """The column (n,) as numbers; cells of `rows` (all of them unless given) that are none, or

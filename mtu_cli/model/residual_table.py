@@ -11,8 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import fault
+from mtu_cli.errors import Warned, fault
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.covariate_gaps import without_gaps
 from mtu_cli.model.covariate_texts import texts_told
 from mtu_cli.model.datum import Datum
@@ -42,7 +43,6 @@ from mtu_cli.model.residual_factors import (
 from mtu_cli.model.residual_layout import Layout, layout_of
 from mtu_cli.model.residual_visits import Visited, only_rows, visited_of
 from mtu_cli.model.resolution import resolution
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_cells import check_temperatures
 from mtu_cli.model.visit_scatter import VisitScatter, visit_scatter
 from mtu_cli.model.written_errors import without_written_errors
@@ -123,7 +123,7 @@ def residual_table(
     points: Points,
     covariates: Mapping[str, float] | None = None,
     datum: Datum = "none",
-) -> tuple[ResidualTable, tuple[Warned, ...]]:
+) -> tuple[ResidualTable, tuple[Finding, ...]]:
     """The table of measured points: E = measured - nominal - (J theta + remainder), the model at
     the points' nominal places and own covariates, `covariates` where they have no such column.
 
@@ -149,7 +149,7 @@ def residual_table(
     visited = visited_of(points, layout, axes, datum, table.places)
     lost = visited.lost(layout.cells.column)
     if lost.any():
-        told: list[Warned] = []
+        told: list[Finding] = []
         rest = _without_lost(points, lost, datum, told)
         table, more = residual_table(model, rest, covariates, datum)
         return table, (*written, *gaps, *told, *more)
@@ -163,7 +163,7 @@ def _measured(
     at: Mapping[str, float],
     axes: tuple[int, ...],
     layout: Layout,
-    warned: list[Warned],
+    warned: list[Finding],
 ) -> tuple[ResidualTable, FloatArray]:
     """The table with nothing set free, and the errors (n, A) of the points."""
     cells, columns = layout.cells, point_columns(points)
@@ -214,7 +214,7 @@ def within(
     return cells.squares(errors) / dof, least
 
 
-def _checked(points: Points, datum: Datum) -> list[Warned]:
+def _checked(points: Points, datum: Datum) -> list[Finding]:
     """What is odd about the points; places that differ are used as they are."""
     refuse_mistaken(points, datum)
     check_repeats(points)
@@ -227,7 +227,7 @@ def _checked(points: Points, datum: Datum) -> list[Warned]:
     return found
 
 
-def _axes(model: MachineModel, points: Points, warned: list[Warned]) -> tuple[int, ...]:
+def _axes(model: MachineModel, points: Points, warned: list[Finding]) -> tuple[int, ...]:
     measured = axes_of(points)
     for axis in measured:
         if AXES[axis] not in model.axes:
@@ -275,7 +275,7 @@ def _without_motions(
 
 
 def _without_lost(
-    points: Points, lost: NDArray[np.bool_], datum: Datum, warned: list[Warned]
+    points: Points, lost: NDArray[np.bool_], datum: Datum, warned: list[Finding]
 ) -> Points:
     """The points but those of whose errors the motions take all."""
     if lost.all():

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.datum import Datum
 from mtu_cli.model.measured import visits_of
 from mtu_cli.model.residual_cells import IntArray
 from mtu_cli.model.residual_datum import BoolArray, Motions, freed, motions_of
 from mtu_cli.model.residual_layout import Layout
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -39,7 +40,7 @@ class Visited:
                 found[np.ix_(own.rows, own.columns)] = True
         return np.asarray(found[self.of_point, column])
 
-    def warnings(self, there: BoolArray, operation: IntArray) -> list[Warned]:
+    def warnings(self, there: BoolArray, operation: IntArray) -> list[Finding]:
         """Of measurements that lack some of the columns `there` (P, H) of their part, whose
         operations are `operation` (H,).
         """

@@ -63,17 +63,3 @@ class Settings:
         """JCGM 101:2008, clause 8, with the coverage factor of Welch-Satterthwaite."""
         k = coverage_factor(PROBABILITY, dof)
         return clause8(mean, u, k, result, self.digits, index)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Warned:
-    """A warning of a result: a stable code and a message in plain words.
-
-    One that is `report_only` says what a screen need not: it stands in the report alone. `about`:
-    the names of what it tells of, for who must know without reading the message.
-    """
-
-    code: str
-    message: str
-    report_only: bool = False
-    about: tuple[str, ...] = ()

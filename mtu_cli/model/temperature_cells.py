@@ -14,6 +14,7 @@ from mtu_cli.files.covariates import (
     is_temperature,
 )
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.measured import MOST_TOLD
 from mtu_cli.model.residual_cells import IntArray
@@ -35,7 +36,7 @@ def check_temperatures(measured: Points | Readings) -> None:
 
 def no_temperatures(
     measured: Points | Readings, name: str, column: np.ndarray, rows: IntArray | None = None
-) -> list[Problem]:
+) -> list[Finding]:
     """Cells of `rows` (all of them unless given) in a sensor's column (n,) that are none; texts are
     told elsewhere.
     """
@@ -56,7 +57,7 @@ def no_temperatures(
 
 def cell_problem(
     measured: Points | Readings, i: int, name: str, what: str, value: str | None, expected: str
-) -> Problem:
+) -> Finding:
     """What is wrong with the cell of row i."""
     return Problem(
         what=what,

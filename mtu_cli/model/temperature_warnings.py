@@ -7,10 +7,11 @@ from functools import cache
 
 import numpy as np
 
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.model.basis import TIME, Covariates
 from mtu_cli.model.design import design
 from mtu_cli.model.machine_model import MachineModel, sensors_of
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_noise import temperature_gradients
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
@@ -23,7 +24,7 @@ SLACK = 0.05
 
 def temperature_warnings(
     model: MachineModel, points: FloatArray, covariates: Covariates
-) -> list[Warned]:
+) -> list[Finding]:
     """Temperatures beyond those of the fit, lags without a history, and sensors that stick.
 
     `points` (n, 3) in mm, `covariates` one value for all or one a point.
@@ -51,7 +52,7 @@ Steepest = Callable[[], dict[str, float]]
 
 def _outside(
     drifts: tuple[ThermalEstimate, ...], covariates: Covariates, steepest: Steepest
-) -> list[Warned]:
+) -> list[Finding]:
     """One a sensor and range, for all drifts that were read in it."""
     left: dict[tuple[str, float, float], list[str]] = {}
     for drift in drifts:
@@ -79,7 +80,7 @@ def _outside(
     return found
 
 
-def _settled(drifts: tuple[ThermalEstimate, ...], covariates: Covariates) -> list[Warned]:
+def _settled(drifts: tuple[ThermalEstimate, ...], covariates: Covariates) -> list[Finding]:
     times = covariates.get(TIME)
     lagged = [drift for drift in drifts if drift.time_constants.any()]
     if not lagged or (times is not None and np.ndim(times) > 0 and np.ptp(times) > 0):
@@ -95,7 +96,7 @@ def _settled(drifts: tuple[ThermalEstimate, ...], covariates: Covariates) -> lis
     ]
 
 
-def _stuck(model: MachineModel, covariates: Covariates, steepest: Steepest) -> list[Warned]:
+def _stuck(model: MachineModel, covariates: Covariates, steepest: Steepest) -> list[Finding]:
     """Sensors that stand still while the others move, with what that may cost."""
     sensors = list(sensors_of(model))
     moved = np.array([np.ptp(np.asarray(covariates[sensor], float)) for sensor in sensors])

@@ -10,6 +10,7 @@ from mtu_cli.errors import InputError, Problem, did_you_mean
 from mtu_cli.files.machine import Component, LoadedMachine
 from mtu_cli.files.thermal_contract import Thermal
 from mtu_cli.files.thermal_file import ReportedDrift, ThermalReport
+from mtu_cli.findings import Finding
 from mtu_cli.model.thermal import ThermalEstimate, through_positions
 from mtu_cli.units import UNITS
 
@@ -66,7 +67,7 @@ def thermal_from_report(
     kind of unit, or the reference temperature.
     """
     found = thermal_from_machine_file(machine)
-    problems: list[Problem] = []
+    problems: list[Finding] = []
     for name, item in report.components.items():
         entry = machine.machine.components.get(name)
         if entry is None:
@@ -92,7 +93,7 @@ def _differences(
     name: str,
     entry: Component,
     item: ReportedDrift,
-) -> list[Problem]:
+) -> list[Finding]:
     shown = machine.source.shown
     found = []
     # A drift that is the same everywhere needs no axis.

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem, fault, shorten
+from mtu_cli.errors import InputError, Problem, Warned, fault, shorten
+from mtu_cli.findings import Finding
 from mtu_cli.language import names
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def grid_of(
     return names, points
 
 
-def grid_warnings(machine: LoadedMachine, model: MachineModel, text: str) -> list[Warned]:
+def grid_warnings(machine: LoadedMachine, model: MachineModel, text: str) -> list[Finding]:
     """Of axes that have another count of places than `text` asks for, or one place because it
     gives none.
     """
@@ -85,7 +85,7 @@ def grid_warnings(machine: LoadedMachine, model: MachineModel, text: str) -> lis
     return [Warned(code="grid-of-fewer-axes", message=f"--grid {text}: {item}") for item in found]
 
 
-def _no_travel(machine: LoadedMachine, axis: str) -> Problem:
+def _no_travel(machine: LoadedMachine, axis: str) -> Finding:
     return Problem(
         what=f"--grid: the travel of {axis} is not known",
         file=machine.source.shown,

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import axes_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import display_step
@@ -31,7 +32,7 @@ SCALES = {"mm": 1.0, "um": 1 / UM}
 
 def without_written_errors(
     points: Points, needed: Collection[str]
-) -> tuple[Points, tuple[Warned, ...]]:
+) -> tuple[Points, tuple[Finding, ...]]:
     """The points without the columns that hold their errors or nominal places, and warnings of
     these: an effect proportional to errors would explain everything and mean nothing, one to a
     nominal coordinate is the scale or squareness that is tested by itself. Columns that the model's
@@ -54,7 +55,7 @@ def without_written_errors(
     return replace(points, covariates=left), tuple(_warnings(found))
 
 
-def _warnings(found: Mapping[str, _Written]) -> Iterator[Warned]:
+def _warnings(found: Mapping[str, _Written]) -> Iterator[Finding]:
     for nominal, code, why in (
         (False, "covariate-is-error", "what was measured, and no cause of it"),
         (True, "covariate-is-nominal", "the nominal place, by which effects are tested anyway"),

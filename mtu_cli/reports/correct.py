@@ -16,9 +16,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from mtu_cli.analyses.correct.result import CorrectResult, Size
-from mtu_cli.errors import listed
+from mtu_cli.errors import Warned, listed
+from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.settings import Warned
 from mtu_cli.reports.correct_errors import errors_after
 from mtu_cli.reports.correct_figure import figure
 from mtu_cli.reports.correct_leaning import heights_differ
@@ -166,7 +166,7 @@ def _sides(before: float, after: float, shown: Any) -> dict[str, float | None]:
     return {"before": shown(before), "after": shown(after)}
 
 
-def warnings(result: CorrectResult) -> list[Warned]:
+def warnings(result: CorrectResult) -> list[Finding]:
     """What cannot be had, and why."""
     exact = [f"{item.id} of {item.part}" for item in result.sizes if item.error[0] == 0]
     found = []

@@ -7,8 +7,8 @@ from typing import Literal
 
 from mtu_cli.analyses.correct.result import CorrectResult
 from mtu_cli.analyses.correct.summary import ROUNDING_MM, SizeErrors
-from mtu_cli.errors import listed
-from mtu_cli.model.settings import Warned
+from mtu_cli.errors import Warned, listed
+from mtu_cli.findings import Finding
 from mtu_cli.reports.numbers import significant, told_apart
 from mtu_cli.units import UM
 
@@ -18,7 +18,7 @@ MOST = 0.5
 """Share of an error that heights of the points make, from which on they are its cause."""
 
 
-def errors_after(result: CorrectResult) -> list[Warned]:
+def errors_after(result: CorrectResult) -> list[Finding]:
     """Of errors that the correction makes larger, and of those that it makes smaller, and yet
     leaves.
     """
@@ -58,7 +58,7 @@ def _by_heights(worst: SizeErrors, result: CorrectResult) -> str:
     return f"the points of {worst.id} lie at different heights: a bore is {larger} um larger there"
 
 
-def _grown(items: Items, result: CorrectResult) -> list[Warned]:
+def _grown(items: Items, result: CorrectResult) -> list[Finding]:
     found = []
     for cause, own, worst in _by_cause(items, result, lambda item: item.rms[1] - item.rms[0]):
         before, after = told_apart(worst.rms[0] / UM, worst.rms[1] / UM)
@@ -85,7 +85,7 @@ def _grown(items: Items, result: CorrectResult) -> list[Warned]:
     return found
 
 
-def _left(items: Items, result: CorrectResult) -> list[Warned]:
+def _left(items: Items, result: CorrectResult) -> list[Finding]:
     found = []
     for cause, own, worst in _by_cause(items, result, lambda x: abs(x.mean[1]) - x.half):
         mean, half = (significant(value / UM) for value in (worst.mean[1], worst.half))

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from mtu_cli.analyses.correct.leaning import Leaning
-from mtu_cli.errors import listed
-from mtu_cli.model.settings import Warned
+from mtu_cli.errors import Warned, listed
+from mtu_cli.findings import Finding
 from mtu_cli.reports.numbers import significant
 from mtu_cli.units import UM
 
 
-def heights_differ(leaning: Sequence[Leaning]) -> list[Warned]:
+def heights_differ(leaning: Sequence[Leaning]) -> list[Finding]:
     """A warning for each direction that heights differ along."""
     found = []
     for axis in dict.fromkeys(own.axis for own in leaning):

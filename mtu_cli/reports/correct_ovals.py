@@ -8,8 +8,8 @@ from math import hypot
 from typing import Any
 
 from mtu_cli.analyses.correct.roundness import Oval
-from mtu_cli.errors import listed
-from mtu_cli.model.settings import Warned
+from mtu_cli.errors import Warned, listed
+from mtu_cli.findings import Finding
 from mtu_cli.reports.document import um
 from mtu_cli.reports.numbers import plus_minus
 from mtu_cli.units import PARAMETER_UNITS, UM
@@ -45,7 +45,7 @@ def document_of(own: Oval) -> dict[str, Any]:
     }
 
 
-def ovals_left(ovals: Sequence[Oval]) -> list[Warned]:
+def ovals_left(ovals: Sequence[Oval]) -> list[Finding]:
     """The warning of rings that an ellipse is left of: a squareness does not show in a diameter."""
     if not ovals:
         return []

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mtu_cli import __version__
+from mtu_cli.findings import Finding
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM
@@ -35,26 +36,17 @@ class InputFile(Protocol):
     def rows(self) -> int | None: ...
 
 
-class Coded(Protocol):
-    """A warning: a stable code and a message in plain words."""
-
-    @property
-    def code(self) -> str: ...
-    @property
-    def message(self) -> str: ...
-
-
 def envelope(
     command: str,
     *,
     inputs: Iterable[InputFile],
     settings: Settings,
     results: Mapping[str, Any],
-    warnings: Iterable[Coded] = (),
+    warnings: Iterable[Finding] = (),
     at: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """The whole document of a command, ``mtu/<command>/1``; `at` are the covariates given."""
-    distinct = dict.fromkeys((item.code, item.message) for item in warnings)
+    distinct = {(item.code, item.message): item for item in warnings}
     return {
         "schema": f"mtu/{command}/{SCHEMA_VERSION}",
         "tool": {"name": "mtu", "version": __version__},
@@ -71,7 +63,7 @@ def envelope(
             "at": {name: float(value) for name, value in (at or {}).items()},
         },
         "results": dict(results),
-        "warnings": [{"code": code, "message": message} for code, message in distinct],
+        "warnings": [item.to_dict() for item in distinct.values()],
     }
 
 

@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.errors import listed
+from mtu_cli.errors import Warned, listed
+from mtu_cli.findings import Finding
 from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, Estimates, JointPasses
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
-from mtu_cli.model.settings import Warned
 from mtu_cli.reports.document import finite, matrix
 from mtu_cli.reports.fit_figure import figure
 from mtu_cli.reports.fit_table import table
@@ -223,7 +223,7 @@ def _correlation(fit: MachineFit, group: JointPasses) -> tuple[list[str], FloatA
     return names, (together / size).T @ (together / size)
 
 
-def warnings(fit: MachineFit, estimates: Estimates) -> list[Warned]:
+def warnings(fit: MachineFit, estimates: Estimates) -> list[Finding]:
     """Why fields of the report are null."""
     noted = []
     if found := observability(fit, estimates):
@@ -240,7 +240,7 @@ def warnings(fit: MachineFit, estimates: Estimates) -> list[Warned]:
     return noted + _order_of_files(fit)
 
 
-def _order_of_files(fit: MachineFit) -> list[Warned]:
+def _order_of_files(fit: MachineFit) -> list[Finding]:
     """Of trends through several files without times: the order of the files is their time."""
     names = [
         name

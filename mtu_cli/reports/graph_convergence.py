@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from mtu_cli.analyses.graph.rare_jumps import UNSEEN
-from mtu_cli.model.settings import Warned
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.reports.numbers import plus_minus, significant, with_u
 
 BOUNDS = f"< and >: none or all of n trials are 1, and {UNSEEN:g}/n bounds the chance (95 %)"
 
 
-def not_converged(trials: int, digits: int, what: str) -> Warned:
+def not_converged(trials: int, digits: int, what: str) -> Finding:
     """The warning of so many trials; `what`: of which places, or how far they have come."""
     plural = "s" if digits > 1 else ""
     return Warned(

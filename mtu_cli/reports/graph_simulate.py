@@ -8,7 +8,7 @@ from typing import Any
 
 from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
 from mtu_cli.errors import listed
-from mtu_cli.model.settings import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.graph_convergence import BOUNDS, chance_text, not_converged, one_sided
 from mtu_cli.reports.graph_net import share_percent
@@ -84,7 +84,7 @@ def _validation(item: SimulatedCoordinate) -> dict[str, Any] | None:
     }
 
 
-def warnings(result: GraphSimulation) -> list[Warned]:
+def warnings(result: GraphSimulation) -> list[Finding]:
     """The result's warnings, and what clause 8 and the trials have to say."""
     noted = list(result.warnings)
     for unit, factor, name in (("mm", UM, "um"), ("rad", 1.0, "rad"), ("1", 1.0, "")):
@@ -100,7 +100,7 @@ def warnings(result: GraphSimulation) -> list[Warned]:
     return list(dict.fromkeys(noted + _not_converged(result)))
 
 
-def _not_converged(result: GraphSimulation) -> list[Warned]:
+def _not_converged(result: GraphSimulation) -> list[Finding]:
     """Outputs that ended, as asked or at their largest count, before they had their digits."""
     short = [item for item in result.coordinates if not item.converged]
     return [

@@ -8,7 +8,8 @@ from typing import Any
 
 from mtu_cli.analyses.graph.surface import Formula
 from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
-from mtu_cli.model.settings import Warned
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.graph_convergence import BOUNDS, chance_text, not_converged, one_sided
 from mtu_cli.reports.numbers import (
@@ -74,7 +75,7 @@ def _formula(found: Formula) -> dict[str, Any]:
     }
 
 
-def warnings(result: Sweep) -> list[Warned]:
+def warnings(result: Sweep) -> list[Finding]:
     """No formula; a formula that the Monte Carlo contradicts; an output without first order; what
     is varied for nothing; grid points that have not converged.
     """
@@ -102,7 +103,7 @@ def warnings(result: Sweep) -> list[Warned]:
     return noted
 
 
-def _unrelated(result: Sweep) -> list[Warned]:
+def _unrelated(result: Sweep) -> list[Finding]:
     if not result.without or (result.formula is None and not result.chance):
         return []
     names = ", ".join(result.without)
@@ -112,7 +113,7 @@ def _unrelated(result: Sweep) -> list[Warned]:
     return [Warned(code="unrelated", message=message)]
 
 
-def _not_converged(result: Sweep) -> list[Warned]:
+def _not_converged(result: Sweep) -> list[Finding]:
     short = [item for item in result.grid if not item.converged]
     if not short:
         return []

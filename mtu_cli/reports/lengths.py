@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from mtu_cli.analyses.lengths import Length, LengthsResult
 from mtu_cli.errors import listed
-from mtu_cli.model.settings import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import finite, root, um, um2
 from mtu_cli.reports.labels import folded
@@ -81,7 +81,7 @@ def _length(item: Length) -> dict[str, Any]:
     }
 
 
-def warnings(result: LengthsResult) -> list[Warned]:
+def warnings(result: LengthsResult) -> list[Finding]:
     """The result's warnings, and what clause 8 and the trials have to say."""
     names = [item.id for item in result.lengths]
     found = [item.validation for item in result.lengths]

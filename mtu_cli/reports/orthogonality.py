@@ -18,8 +18,8 @@ from mtu_cli.analyses.orthogonality import (
     OrthogonalityResult,
     first_order_interval,
 )
-from mtu_cli.errors import listed
-from mtu_cli.model.settings import Warned
+from mtu_cli.errors import Warned, listed
+from mtu_cli.findings import Finding
 from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import arcsec, finite
 from mtu_cli.reports.labels import cut
@@ -96,7 +96,7 @@ def _own_uncertainty(run: MonteCarloResult) -> dict[str, Any]:
     }
 
 
-def warnings(result: OrthogonalityResult) -> list[Warned]:
+def warnings(result: OrthogonalityResult) -> list[Finding]:
     """The result's warnings, and what clause 8 and the trials have to say."""
     names = [item.id for item in result.angles]
     found = [item.validation for item in result.angles]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.analyses.predict_points import PointsResult
-from mtu_cli.model.settings import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.reports.document import finite, matrix, root, um, um2
 from mtu_cli.reports.numbers import MISSING, fixed, interval, with_u
 from mtu_cli.reports.outside import components_beyond, mark_notes, marked
@@ -85,7 +85,7 @@ def _scatter(axis: str, variance: float, k: float) -> dict[str, Any]:
     return {f"var_{axis}_um2": um2(variance), f"u_{axis}_um": um(u), f"U_{axis}_um": um(k * u)}
 
 
-def warnings(result: PointsResult) -> list[Warned]:
+def warnings(result: PointsResult) -> list[Finding]:
     """The result's own warnings."""
     return list(result.warnings)
 

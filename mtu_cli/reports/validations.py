@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from mtu_cli.errors import listed
-from mtu_cli.model.settings import Warned
+from mtu_cli.errors import Warned, listed
+from mtu_cli.findings import Finding
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.validation import Validation
@@ -27,7 +27,7 @@ def validation_fields(found: Validation, unit: str, factor: float) -> dict[str, 
 
 def validation_warnings(
     names: Sequence[str], found: Sequence[Validation], unit: str, factor: float
-) -> list[Warned]:
+) -> list[Finding]:
     """Which first-order intervals the Monte Carlo rejects, and which it could not judge."""
     failed = [i for i, item in enumerate(found) if item.passed is False]
     unknown = [i for i, item in enumerate(found) if item.passed is None]
@@ -55,7 +55,7 @@ def validation_warnings(
     return warnings
 
 
-def convergence_warnings(trials: int, converged: bool) -> list[Warned]:
+def convergence_warnings(trials: int, converged: bool) -> list[Finding]:
     """A Monte Carlo that ended, as asked or at its largest count, before its goal."""
     if converged:
         return []

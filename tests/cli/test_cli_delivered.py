@@ -17,8 +17,8 @@ from mtu_cli.cli.fit_components import analyse as fitting
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import InputError
-from mtu_cli.model.settings import Warned
+from mtu_cli.errors import InputError, Warned
+from mtu_cli.findings import Finding
 
 DEFAULTS: dict[str, Any] = {
     "passes": 1, "parts": 1, "repeats": 1, "reverse_every": 0, "cycles": 1, "cmm_u_um": 1.0,
@@ -77,7 +77,7 @@ def _report(folder: Path) -> Path:
     return target
 
 
-def _told(values: Mapping[str, Any]) -> tuple[list[Warned], list[str]]:
+def _told(values: Mapping[str, Any]) -> tuple[list[Finding], list[str]]:
     found = modelled(Inputs(Options("lengths", dict(values)))).warnings
     own = [item for item in found if item.code == "readings-not-used"]
     return own, warning_lines(own)

@@ -535,7 +535,7 @@ def test_choices_of_the_study_and_of_the_call(
     assert chosen(**given) == (0.1, 1, "offset,rotation")
     with pytest.raises(InputError) as caught:
         chosen(alpha=1.0, max_effects=0, fail_if="found,foud")
-    assert [problem.what for problem in caught.value.problems] == [
+    assert [problem.text for problem in caught.value.findings] == [
         "--alpha is out of range",
         "--max-effects is out of range",
         "unknown gate",

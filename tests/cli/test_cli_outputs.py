@@ -42,7 +42,7 @@ def refused(command: str, **values: Any) -> str:
     paths = {name: None if value is None else Path(value) for name, value in values.items()}
     with pytest.raises(InputError) as caught:
         check_outputs(Inputs(Options(command, paths)))
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.findings
     return str(problem)
 
 

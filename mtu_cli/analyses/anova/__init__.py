@@ -30,8 +30,9 @@ from mtu_cli.analyses.anova.parts import (
 from mtu_cli.analyses.anova.tables import METHODS, Analysed, Base, Kind, Method, analysed
 from mtu_cli.analyses.anova.totals import Total, totals_of
 from mtu_cli.analyses.anova.warnings import anova_warnings, missing_entries
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, Warned
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.loose_features import loose_of_tables
 from mtu_cli.model.measured import (
@@ -45,7 +46,7 @@ from mtu_cli.model.measured import (
     visits_of,
 )
 from mtu_cli.model.measured_checks import FAR, check_measured, refuse_mistaken
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ class AnovaResult:
     shown: tuple[tuple[str, str], ...]
     maps: tuple[FeatureMap, ...]
     coverage_factor: float
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
 
     @property
     def kinds(self) -> tuple[Analysed, ...]:
@@ -144,7 +145,7 @@ def _by_label(unusual: Sequence[UnusualPart]) -> dict[Label, list[str]]:
 
 def _bases(
     points: Points, part: LoadedPart | None, datum: Datum
-) -> tuple[list[Base], list[Warned]]:
+) -> tuple[list[Base], list[Finding]]:
     """The tables of all kinds that there are, features first, and what is odd about the data."""
     with ThreadPoolExecutor(1) as pool:
         # Both go through every point and need nothing of each other.
@@ -162,13 +163,13 @@ def _bases(
             kinds |= _of_part(points, part)
         except InputError as error:
             # A place of the part that is mistyped is far from what was measured there.
-            raise InputError([*error.problems, *_hints(warnings)]) from error
+            raise InputError([*error.findings, *_hints(warnings)]) from error
         warnings += missing_entries(part, kinds["length"], kinds["angle"])
         warnings += length_warnings(points, part)
     return [Base(k, tables) for k, tables in kinds.items() if tables is not None], warnings
 
 
-def _hints(warnings: Sequence[Warned]) -> list[Problem]:
+def _hints(warnings: Sequence[Finding]) -> list[Finding]:
     """What the points say of a part that is refused: where its nominal places are not theirs."""
     return [Problem(what=item.message) for item in warnings if item.code == FAR]
 

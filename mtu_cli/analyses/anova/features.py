@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.analyses.anova.parts import FAMILY_RATE, Label
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.model.datum import basis, without
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured import MeasuredTables
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.anova import OneWay
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import deviation_p
@@ -103,7 +104,7 @@ def maps(
     return tuple(found)
 
 
-def set_up_warnings(found: tuple[FeatureMap, ...]) -> list[Warned]:
+def set_up_warnings(found: tuple[FeatureMap, ...]) -> list[Finding]:
     """Mean errors most of which one offset and rotation of all features explain.
 
     By mean squares before and after: the motion's own freedoms count.

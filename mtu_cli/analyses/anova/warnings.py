@@ -9,10 +9,11 @@ import numpy as np
 
 from mtu_cli.analyses.anova.parts import FEWEST_PARTS
 from mtu_cli.analyses.anova.tables import Analysed, Method
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.model.features import FEW_DOF
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.outlying_points import outlying
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.anova import BoolArray
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ PAPER = (
 )
 
 
-def anova_warnings(kinds: Sequence[Analysed], method: Method, points: Points) -> list[Warned]:
+def anova_warnings(kinds: Sequence[Analysed], method: Method, points: Points) -> list[Finding]:
     """Every figure that is missing has its reason here, for each kind of table by name, features
     first; and every reading of the `points` that pulls them.
     """
@@ -83,7 +84,7 @@ def _some(item: Analysed, rows: BoolArray) -> str:
     return f"all {name}" if count == total else f"{count} of {total} {name}"
 
 
-def _empty(item: Analysed) -> list[Warned]:
+def _empty(item: Analysed) -> list[Finding]:
     tables = item.tables
     empty = ~tables.cells.present
     if not empty.any():
@@ -99,7 +100,7 @@ def _empty(item: Analysed) -> list[Warned]:
     return [Warned(code="empty-cells", message=text)]
 
 
-def _few(tables: MeasuredTables) -> list[Warned]:
+def _few(tables: MeasuredTables) -> list[Finding]:
     if len(tables.parts) >= FEWEST_PARTS or len(tables.parts) < 2:
         return []
     text = f"{len(tables.parts)} parts are too few to say which stands out; {FEWEST_PARTS} are"
@@ -108,7 +109,7 @@ def _few(tables: MeasuredTables) -> list[Warned]:
 
 def missing_entries(
     part: LoadedPart, lengths: MeasuredTables | None, angles: MeasuredTables | None
-) -> list[Warned]:
+) -> list[Finding]:
     """Lengths and angles of the part file that no measurement of a part has all features of."""
     found = []
     for what, entries, tables in (

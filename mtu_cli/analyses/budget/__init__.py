@@ -18,9 +18,10 @@ from mtu_cli.analyses.budget.rare_jumps import rare_jumps
 from mtu_cli.analyses.budget.sources import Source, independent_sources
 from mtu_cli.analyses.budget.trials import BudgetTrials
 from mtu_cli.analyses.budget.warnings import budget_warnings
-from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.errors import InputError, Problem, Warned, fault
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.model.settings import PROBABILITY, Settings, Warned
+from mtu_cli.findings import Finding
+from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.stats.block_plan import is_one_block
 from mtu_cli.stats.coverage import numerical_tolerance
 from mtu_cli.stats.distributions import student_quantile
@@ -80,7 +81,7 @@ class BudgetResult:
     probability: float
     run: MonteCarloResult
     converged: bool
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
 
 
 def evaluate_budget(
@@ -131,7 +132,7 @@ def _rare(
     first: Sequence[FirstOrder],
     run: MonteCarloResult,
     digits: int,
-) -> list[Warned]:
+) -> list[Finding]:
     """Of outputs that converged; without that they have a warning."""
     found = rare_jumps(loaded.trees, inputs, sources, first, run.u, run.trials, digits)
     told = [
@@ -242,7 +243,7 @@ def _run(
             return run, _has_errors(run, trials.u_exists)
     except InputError as error:
         # The engine knows no file: the equation's place makes its message one of the file's.
-        raise InputError([_placed(loaded, problem) for problem in error.problems]) from None
+        raise InputError([_placed(loaded, problem) for problem in error.findings]) from None
     return run, run.converged and _has_errors(run, trials.u_exists)
 
 
@@ -269,13 +270,13 @@ def _tolerance_ratio(first: Sequence[FirstOrder], run: MonteCarloResult, digits:
     return min(ratios, default=1.0)
 
 
-def _placed(loaded: LoadedBudget, problem: Problem) -> Problem:
-    name = next((name for name in loaded.trees if f"output '{name}'" in problem.what), None)
+def _placed(loaded: LoadedBudget, problem: Finding) -> Finding:
+    name = next((name for name in loaded.trees if f"output '{name}'" in problem.text), None)
     if name is None:
         return problem
     path = loaded.place(name)
     return Problem(
-        what=problem.what,
+        what=problem.text,
         file=loaded.source.shown,
         line=loaded.line_of(*path),
         path=".".join(str(step) for step in path),

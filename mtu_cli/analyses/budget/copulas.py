@@ -12,6 +12,7 @@ from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.analyses.budget.sources import Source
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
+from mtu_cli.findings import Finding
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -22,7 +23,7 @@ def copula_correlations(
 
     Raises InputError where the stated coefficients cannot be had with these distributions.
     """
-    problems: list[Problem] = []
+    problems: list[Finding] = []
     found = [
         _matrix(source, inputs, loaded, problems) if source.how == "copula" else None
         for source in sources
@@ -36,7 +37,7 @@ def _matrix(
     source: Source,
     inputs: Sequence[InputQuantity],
     loaded: LoadedBudget,
-    problems: list[Problem],
+    problems: list[Finding],
 ) -> FloatArray:
     from mtu_cli.stats.copula import largest_covariance, marginal, normal_correlation
 
@@ -73,7 +74,7 @@ def _matrix(
     return rho
 
 
-def _too_strong(loaded: LoadedBudget, pair: tuple[str, str], wanted: float, most: float) -> Problem:
+def _too_strong(loaded: LoadedBudget, pair: tuple[str, str], wanted: float, most: float) -> Finding:
     # Rounded towards 0, so that what it says can be had.
     shown = math.floor(1e6 * most) / 1e6
     return Problem(

@@ -14,6 +14,7 @@ from mtu_cli.analyses.budget.sources import Source
 from mtu_cli.analyses.budget.tails import Tail, long_tails
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
+from mtu_cli.findings import Finding
 from mtu_cli.language import EquationError, Node, names
 from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.stats.coverage import welch_satterthwaite
@@ -75,7 +76,7 @@ def first_order(
     return tuple(found)
 
 
-def _no_value(loaded: LoadedBudget, name: str, slopes: Derivatives) -> Problem:
+def _no_value(loaded: LoadedBudget, name: str, slopes: Derivatives) -> Finding:
     path = loaded.place(name)
     line = loaded.line_of(*path)
     where = ".".join(str(step) for step in path)

@@ -27,6 +27,7 @@ from mtu_cli.analyses.budget.correlation import clusters
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
+from mtu_cli.findings import Finding
 from mtu_cli.stats.distributions import NORMAL_DOF, Distribution
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -120,7 +121,7 @@ def independent_sources(
     linked = _stated_links(loaded, inputs)
     sources: list[Source] = []
     joined: set[int] = set()
-    problems: list[Problem] = []
+    problems: list[Finding] = []
     for members in clusters(linked):
         if all(inputs[i].u == 0.0 for i in members):
             continue
@@ -202,7 +203,7 @@ def _alone(inputs: Sequence[InputQuantity], joined: set[int]) -> list[Source]:
     ]
 
 
-def _several(loaded: LoadedBudget, members: Sequence[InputQuantity]) -> list[Problem]:
+def _several(loaded: LoadedBudget, members: Sequence[InputQuantity]) -> list[Finding]:
     return [
         Problem(
             what=f"{item.name!r} is correlated and has several contributions, not all normal",

@@ -11,8 +11,9 @@ import numpy as np
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.analyses.budget.sources import Source
 from mtu_cli.analyses.budget.tails import told_source, unsettled
+from mtu_cli.errors import Warned
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.model.settings import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def budget_warnings(
     outputs: Sequence[OutputBudget],
     run: MonteCarloResult,
     converged: bool,
-) -> tuple[Warned, ...]:
+) -> tuple[Finding, ...]:
     """All warnings of a budget, those of the file first."""
     found = [Warned(code=item.code, message=item.message) for item in loaded.warnings]
     found += _inputs(inputs, sources)
@@ -64,7 +65,7 @@ def budget_warnings(
     return tuple(dict.fromkeys(found))
 
 
-def _unsettled(outputs: Sequence[OutputBudget], run: MonteCarloResult) -> list[Warned]:
+def _unsettled(outputs: Sequence[OutputBudget], run: MonteCarloResult) -> list[Finding]:
     """Outputs with trials so far out that their squares or fourth powers are beyond numbers."""
     named = [
         item.first.name
@@ -99,7 +100,7 @@ def has_shortest(run: MonteCarloResult, index: int) -> bool:
     return 0.0 <= width <= SHORTEST * float(run.high[index] - run.low[index])
 
 
-def _shortest(outputs: Sequence[OutputBudget], run: MonteCarloResult) -> list[Warned]:
+def _shortest(outputs: Sequence[OutputBudget], run: MonteCarloResult) -> list[Finding]:
     named = [
         item.first.name
         for index, item in enumerate(outputs)
@@ -118,7 +119,7 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:SHOWN]) + more
 
 
-def _inputs(inputs: Sequence[InputQuantity], sources: Sequence[Source]) -> list[Warned]:
+def _inputs(inputs: Sequence[InputQuantity], sources: Sequence[Source]) -> list[Finding]:
     found = []
     short = [
         part.told(item.name) if len(item.parts) > 1 else item.name
@@ -184,7 +185,7 @@ def _first_order(
     inputs: Sequence[InputQuantity],
     sources: Sequence[Source],
     run: MonteCarloResult,
-) -> list[Warned]:
+) -> list[Finding]:
     first = item.first
     name = first.name
     if first.faults:
@@ -212,7 +213,7 @@ def _first_order(
     return [*found, *_second_order(item)]
 
 
-def _second_order(item: OutputBudget) -> list[Warned]:
+def _second_order(item: OutputBudget) -> list[Finding]:
     first = item.first
     shift, apart = abs(first.second_value - first.value), abs(first.second_u - first.u)
     if not max(shift, apart) > item.validation.tolerance > 0.0:
@@ -226,7 +227,7 @@ def _second_order(item: OutputBudget) -> list[Warned]:
     return [Warned(code="second-order", message=message)]
 
 
-def _without_u(item: OutputBudget, inputs: Sequence[InputQuantity]) -> Warned:
+def _without_u(item: OutputBudget, inputs: Sequence[InputQuantity]) -> Finding:
     first = item.first
     if all(other.u == 0.0 for other in inputs):
         message = f"{first.name}: no input has an uncertainty"
@@ -244,7 +245,7 @@ def _without_u(item: OutputBudget, inputs: Sequence[InputQuantity]) -> Warned:
     return Warned(code="first-order-zero", message=message)
 
 
-def _validation(item: OutputBudget, run: MonteCarloResult, index: int) -> list[Warned]:
+def _validation(item: OutputBudget, run: MonteCarloResult, index: int) -> list[Finding]:
     first, verdict = item.first, item.validation
     if math.isnan(first.u):
         return []

@@ -31,16 +31,17 @@ from mtu_cli.analyses.compare.verdicts import (
     less_pulled,
 )
 from mtu_cli.analyses.compare.warnings import compare_warnings
-from mtu_cli.errors import fault
+from mtu_cli.errors import Warned, fault
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import MeasuredTables, feature_tables, length_tables
 from mtu_cli.model.measured_checks import sound
 from mtu_cli.model.outlying_points import Outlying, farthest_off, outlying
 from mtu_cli.model.prediction import Prediction
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import axes_of, only_features, only_rows, visits_of
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -97,7 +98,7 @@ class CompareResult:
     length_summaries: tuple[Summary, ...]
     datum: Datum
     coverage_factor: float
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
     stands_out: StandsOut | None = None
 
 
@@ -159,7 +160,7 @@ class _Sides(NamedTuple):
     lengths: Evidence | None
     tables: MeasuredTables
     length_tables: MeasuredTables | None
-    warnings: list[Warned]
+    warnings: list[Finding]
 
 
 def _sides(task: _Task, points: Points) -> _Sides:
@@ -194,7 +195,7 @@ def _stands_out(task: _Task, points: Points, odd: Outlying) -> StandsOut:
 
 def _freed_tables(
     points: Points, axes: tuple[int, ...], datum: Datum
-) -> tuple[MeasuredTables, list[Warned]]:
+) -> tuple[MeasuredTables, list[Finding]]:
     """The tables of axes that the machine has an equation for, less the datum's freedoms."""
     loose, complete = freed(points, axes, datum)
     tables, names = feature_tables(loose), {AXES[k] for k in axes}

@@ -9,8 +9,10 @@ import numpy as np
 
 from mtu_cli.analyses.compare.evidence import Evidence, Foretold, paper_length_variance
 from mtu_cli.analyses.compare.together import Joint
+from mtu_cli.errors import Warned
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.datum import Datum, projector
 from mtu_cli.model.design import design, theta
@@ -22,7 +24,6 @@ from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.residual_covariates import needed_covariates, point_columns, used_columns
 from mtu_cli.model.residual_factors import PIECE
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.variance import MeanSquares
 from mtu_cli.model.visits import operations_of
@@ -41,7 +42,7 @@ class Foreseen:
 
     predictions: dict[str, Prediction]
     points: Points
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
 
 
 def predict_operations(model: MachineModel, points: Points, given: Mapping[str, float]) -> Foreseen:
@@ -142,7 +143,7 @@ def _moves(value: FloatArray | float, rows: np.ndarray, place: np.ndarray) -> bo
     return bool((own != first[place]).any())
 
 
-def _overruled(names: list[str]) -> list[Warned]:
+def _overruled(names: list[str]) -> list[Finding]:
     """Columns of the points that --at stands in for: what they say of each part is lost."""
     if not names:
         return []
@@ -160,7 +161,7 @@ def _named(names: list[str]) -> str:
     return ", ".join(names[:MOST_NAMED]) + more
 
 
-def _averaged(names: list[str]) -> list[Warned]:
+def _averaged(names: list[str]) -> list[Finding]:
     """Covariates that differ from part to part."""
     if not names:
         return []

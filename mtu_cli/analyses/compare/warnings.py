@@ -8,15 +8,16 @@ import numpy as np
 
 from mtu_cli.analyses.compare.evidence import FEWEST_PARTS
 from mtu_cli.analyses.compare.verdicts import Compared
+from mtu_cli.errors import Warned
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.drawn_parts import all_on_nominal
 from mtu_cli.model.loose_features import loose_of_tables
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.measured_checks import not_measured
 from mtu_cli.model.resolution import last_digit
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.visits import axes_of
 
 MOST_NAMED = 6
@@ -36,7 +37,7 @@ def compare_warnings(
     tables: MeasuredTables,
     features: Compared,
     lengths: Compared | None,
-) -> list[Warned]:
+) -> list[Finding]:
     """All warnings on the items; `tables` are those of the features."""
     kinds = [features] if lengths is None else [features, lengths]
     return [
@@ -52,7 +53,7 @@ def compare_warnings(
     ]
 
 
-def _sign(kinds: list[Compared]) -> list[Warned]:
+def _sign(kinds: list[Compared]) -> list[Finding]:
     """Means that are those predicted with the other sign: readings or points are nominal minus
     actual. By the sum of squares of all items, each in its own u, before and after.
     """
@@ -79,7 +80,7 @@ def _sign(kinds: list[Compared]) -> list[Warned]:
     return [Warned(code="sign-turned", message=text)]
 
 
-def _axes(model: MachineModel, points: Points) -> list[Warned]:
+def _axes(model: MachineModel, points: Points) -> list[Finding]:
     found = not_measured(model.axes, points)
     for i in axes_of(points):
         if AXES[i] not in model.axes:
@@ -91,7 +92,7 @@ def _axes(model: MachineModel, points: Points) -> list[Warned]:
     return found
 
 
-def _not_measured(part: LoadedPart, points: Points, lengths: Compared | None) -> list[Warned]:
+def _not_measured(part: LoadedPart, points: Points, lengths: Compared | None) -> list[Finding]:
     found = []
     known = set() if lengths is None else {label[1] for label in lengths.labels}
     lost = [entry.id for entry in part.part.lengths if entry.id not in known]
@@ -108,7 +109,7 @@ def _not_measured(part: LoadedPart, points: Points, lengths: Compared | None) ->
     return found
 
 
-def _empty(tables: MeasuredTables) -> list[Warned]:
+def _empty(tables: MeasuredTables) -> list[Finding]:
     """Parts that an operation has, but not at every feature."""
     operations = np.array([label[0] for label in tables.labels])
     present = tables.cells.present
@@ -127,7 +128,7 @@ def _empty(tables: MeasuredTables) -> list[Warned]:
     return [Warned(code="empty-cells", message=text)]
 
 
-def _parts(kinds: list[Compared]) -> list[Warned]:
+def _parts(kinds: list[Compared]) -> list[Finding]:
     parts = np.concatenate([kind.one_way.parts for kind in kinds])
     repeats = np.concatenate([kind.one_way.df_within for kind in kinds])
     total = len(parts)
@@ -156,7 +157,7 @@ def _parts(kinds: list[Compared]) -> list[Warned]:
     ]
 
 
-def _tests(kinds: list[Compared]) -> list[Warned]:
+def _tests(kinds: list[Compared]) -> list[Finding]:
     total = sum(len(kind.labels) for kind in kinds)
     found = []
     untested = sum(kind.verdicts.count(None) for kind in kinds)
@@ -177,7 +178,7 @@ def _tests(kinds: list[Compared]) -> list[Warned]:
     return found
 
 
-def _predictions(kinds: list[Compared]) -> list[Warned]:
+def _predictions(kinds: list[Compared]) -> list[Finding]:
     found = []
     exact = [
         label[1] for kind in kinds for label, u in zip(kind.labels, kind.predicted.u, strict=True)
@@ -203,7 +204,7 @@ def _predictions(kinds: list[Compared]) -> list[Warned]:
     return found
 
 
-def _coarse(points: Points, features: Compared) -> list[Warned]:
+def _coarse(points: Points, features: Compared) -> list[Finding]:
     """A last digit that hides the scatter: parts look alike, or differ by whole digits."""
     found: list[tuple[str, float, float]] = []
     for axis in axes_of(points):

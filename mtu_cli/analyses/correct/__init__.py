@@ -13,15 +13,16 @@ from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, point_scatter
 from mtu_cli.analyses.correct.sizes import Rings, sizes_of
 from mtu_cli.analyses.correct.wanted import tasks_of, wanted_of
-from mtu_cli.errors import fault
+from mtu_cli.errors import Warned, fault
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.effect_columns import guess_warnings
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured_checks import LEFT_OUT, sound
 from mtu_cli.model.residual_covariates import needed_covariates, point_columns
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
 
 __all__ = ["CorrectResult", "Size", "correct", "mean_size"]
@@ -71,7 +72,7 @@ def correct(
 
 def _rows(
     model: MachineModel, points: Points, at: Mapping[str, float], *, independent: bool
-) -> tuple[RowErrors, list[Warned]]:
+) -> tuple[RowErrors, list[Finding]]:
     """The machine at the measured places under the rows' covariates, and what these lack."""
     columns = point_columns(points)
     found = needed_covariates(model, points, columns, at)
@@ -88,7 +89,7 @@ def _rows(
 
 def _sizes(
     part: LoadedPart | None, rows: RowErrors, corrected: FloatArray, at: Mapping[str, float]
-) -> tuple[list[Size], Rings, list[Warned]]:
+) -> tuple[list[Size], Rings, list[Finding]]:
     """Diameters and lengths of the part file by the machine's u alone, the form of its rings, and
     what is to be said of them.
     """
@@ -106,7 +107,7 @@ def _sizes(
     return sizes, rings, warned
 
 
-def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> list[Warned]:
+def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> list[Finding]:
     """Of few degrees of freedom, and of a scatter that nothing tells."""
     names = [f"{size.id} of {size.part}" for size in sizes]
     found = dof_warnings(names, np.array([size.dof for size in sizes]))
@@ -119,7 +120,7 @@ def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> list[Warn
     return found
 
 
-def _checked(model: MachineModel, points: Points) -> list[Warned]:
+def _checked(model: MachineModel, points: Points) -> list[Finding]:
     """What is odd about the points; refuses those that are none, or nothing can be corrected of."""
     checked = sound(points)
     columns = [AXES.index(axis) for axis in model.axes]
@@ -134,7 +135,7 @@ def _checked(model: MachineModel, points: Points) -> list[Warned]:
     return [told for told in checked if told.code != LEFT_OUT]
 
 
-def _axis_warnings(model: MachineModel, points: Points) -> list[Warned]:
+def _axis_warnings(model: MachineModel, points: Points) -> list[Finding]:
     found = []
     for i, axis in enumerate(AXES):
         measured = np.isfinite(points.measured[:, i])

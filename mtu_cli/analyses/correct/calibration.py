@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.analyses.correct.result import Size
-from mtu_cli.errors import InputError, Problem, did_you_mean
+from mtu_cli.errors import InputError, Problem, Warned, did_you_mean
 from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.residual_covariates import numbers_of, point_columns
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
 SLACK_DEGC = 1e-9
@@ -50,14 +50,14 @@ class Calibration:
         low, high = self.diameter[right - 1 : right + 1]
         return float(low + share * (high - low))
 
-    def warnings(self, sizes: Sequence[Size]) -> list[Warned]:
+    def warnings(self, sizes: Sequence[Size]) -> list[Finding]:
         """Of a missing calibration, or one that cannot be that of the `sizes` of single visits."""
         if len(self.degrees) == 0:
             text = f"{self.name} has no calibrated_mm: its errors and their reduction are not known"
             return [Warned(code="not-calibrated", message=text)]
         return [*self._unknown(), *self._beyond(sizes), *self._far(sizes)]
 
-    def _unknown(self) -> list[Warned]:
+    def _unknown(self) -> list[Finding]:
         if not self.missing:
             return []
         span = f"of {self.degrees[0]:g} degC " if self.ranged else ""
@@ -67,7 +67,7 @@ class Calibration:
         )
         return [Warned(code="calibrated-temperature-unknown", message=text)]
 
-    def _beyond(self, sizes: Sequence[Size]) -> list[Warned]:
+    def _beyond(self, sizes: Sequence[Size]) -> list[Finding]:
         known = np.array([size.temperature for size in sizes])
         if not self.ranged or not np.isfinite(known).any():
             return []
@@ -84,7 +84,7 @@ class Calibration:
         )
         return [Warned(code="outside-calibrated-temperature", message=text)]
 
-    def _far(self, sizes: Sequence[Size]) -> list[Warned]:
+    def _far(self, sizes: Sequence[Size]) -> list[Finding]:
         far = [size for size in sizes if abs(size.error[0]) > FAR_MM]
         if not far:
             return []
@@ -145,7 +145,7 @@ def _temperature(
         return unknown
     if column is not None:
         codes = [i for i, feature in enumerate(points.features) if feature in item.features]
-        problems: list[Problem] = []
+        problems: list[Finding] = []
         rows = np.flatnonzero(np.isin(points.feature, codes))
         values = numbers_of(points, name, column, problems, rows)
         if problems:

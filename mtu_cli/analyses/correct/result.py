@@ -18,8 +18,9 @@ from mtu_cli.analyses.correct.summary import (
     size_errors,
 )
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.settings import PROBABILITY, Warned
+from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.stats.coverage import coverage_factor, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -184,7 +185,7 @@ class CorrectResult:
     leaning: tuple[Leaning, ...]
     coverage_factor: float
     independent: bool
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
 
     def of_corrected(self, rows: int | slice = slice(None)) -> tuple[FloatArray, FloatArray]:
         """u and effective degrees of freedom (n, 3) of corrected coordinates, mm; they hold the

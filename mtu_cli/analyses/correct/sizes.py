@@ -17,6 +17,7 @@ from mtu_cli.analyses.correct.scatter import Squares, ring_squares
 from mtu_cli.analyses.correct.strain import levers_of
 from mtu_cli.analyses.correct.wanted import Task
 from mtu_cli.errors import InputError, Problem
+from mtu_cli.findings import Finding
 from mtu_cli.model.geometry import DIMENSIONS, GeometryError, fit_circle, fit_sphere
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
@@ -59,7 +60,7 @@ def sizes_of(
     Raises InputError for points that do not determine a circle or sphere, with their row.
     """
     measures: list[Measure] = []
-    problems: list[Problem] = []
+    problems: list[Finding] = []
     for task in tasks:
         try:
             measures.append(_measure(task, rows, corrected))
@@ -75,7 +76,7 @@ def sizes_of(
     return [mean_size(groups[key]) for key in ordered], rings
 
 
-def _problem(task: Task, rows: RowErrors, error: GeometryError) -> Problem:
+def _problem(task: Task, rows: RowErrors, error: GeometryError) -> Finding:
     points, first = rows.points, int(task.rows[0])
     return Problem(
         what=f"the {task.wanted.kind} {task.wanted.id!r} of part {task.part!r} cannot be had: "

@@ -9,12 +9,12 @@ import numpy as np
 
 from mtu_cli.analyses.correct.calibration import Calibration, calibration_of
 from mtu_cli.analyses.correct.result import Kind
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError, Problem, Warned
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
 from mtu_cli.model.measured import IntArray, only_features, operations_of, visits_of
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
@@ -48,13 +48,13 @@ class Task:
 
 def wanted_of(
     part: LoadedPart, points: Points, at: Mapping[str, float]
-) -> tuple[list[Wanted], list[Warned]]:
+) -> tuple[list[Wanted], list[Finding]]:
     """The sizes of the part file of which at least one feature was measured.
 
     Raises InputError for a temperature that is needed and not known, or features that are drawn
     where no circle or sphere goes through.
     """
-    found, problems = list[Wanted](), list[Problem]()
+    found, problems = list[Wanted](), list[Finding]()
     absent: list[str] = []
     rounds: dict[Kind, Sequence[Circle | Sphere]] = {
         "circle": part.part.circles,
@@ -90,7 +90,7 @@ def wanted_of(
 
 def _drawn(
     part: LoadedPart, kind: Kind, index: int, item: Circle | Sphere, points: Points
-) -> Iterator[Problem]:
+) -> Iterator[Finding]:
     """Of a circle or sphere that the drawn places of its features do not determine: what is
     measured of them bends by chance. As it is measured, without z in the plane of x and y.
     """
@@ -126,7 +126,7 @@ def _undetermined(kind: Kind, places: FloatArray) -> str | None:
     return None
 
 
-def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list[Warned]]:
+def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list[Finding]]:
     """Every size in every visit that measured all its features, visit by visit.
 
     Raises InputError for a feature that stands twice in one repeat of one part.
@@ -165,7 +165,7 @@ def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list
     return tasks, [_partial(name, parts) for name, parts in partial.items()]
 
 
-def _partial(name: str, visited: list[str]) -> Warned:
+def _partial(name: str, visited: list[str]) -> Finding:
     """`visited` names the part of every visit: its repeats are no parts of their own."""
     parts = list(dict.fromkeys(visited))
     more = f" and {len(parts) - 1} more" if len(parts) > 1 else ""

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.settings import Warned
 
 FAR_K = 1.0
 """A machine this far from its reference temperature errs by 10 um in each metre and more."""
 
 
-def unused_warmth(model: MachineModel, points: Points, reference: float) -> list[Warned]:
+def unused_warmth(model: MachineModel, points: Points, reference: float) -> list[Finding]:
     """A warning where sensors of the points were more than `FAR_K` from the `reference` in degC,
     but the model has no thermal component and no effect of a temperature.
     """

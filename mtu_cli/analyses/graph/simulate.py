@@ -10,10 +10,12 @@ import numpy as np
 from mtu_cli.analyses.graph.rare_jumps import rare_jumps
 from mtu_cli.analyses.graph.trial_runs import SIMULATED, TrialRuns
 from mtu_cli.analyses.graph.trials import Errors, Trials
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.model.graph.first_order import FirstOrder, first_order
 from mtu_cli.model.graph.measurement_graph import Evaluation, MeasurementGraph, evaluation
 from mtu_cli.model.graph.outputs import Output
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.rare_jumps import told_jump
 from mtu_cli.stats.validation import Validation
@@ -71,7 +73,7 @@ class GraphSimulation:
     trials: int
     digits: int
     converged: bool
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
 
 
 def simulate_graph(
@@ -105,7 +107,7 @@ def _rare(
     linear: FirstOrder,
     coordinates: Sequence[SimulatedCoordinate],
     digits: int,
-) -> list[Warned]:
+) -> list[Finding]:
     """Of outputs that are called converged; what varies by chance alone is counted otherwise."""
     judged = np.array([item.converged and not (item.fixed or item.chance) for item in coordinates])
     u = np.where(judged, [item.u for item in coordinates], 0.0)
@@ -168,7 +170,7 @@ def _coordinate(
     )
 
 
-def _warnings(coordinates: Sequence[SimulatedCoordinate]) -> list[Warned]:
+def _warnings(coordinates: Sequence[SimulatedCoordinate]) -> list[Finding]:
     nil = [
         str(item.output)
         for item in coordinates

@@ -39,7 +39,7 @@ from mtu_cli.analyses.thermal_fit.warnings import (
     sensor_warnings,
     unit_warnings,
 )
-from mtu_cli.model.settings import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.autocorrelation import effective_number
 from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
@@ -76,7 +76,7 @@ def thermal_fit(
     Raises InputError without sensors, where a temperature is not given, or where the readings
     of a component are not of one kind or not more than what is fitted to them.
     """
-    shares, warnings = [1.0], list[Warned]()
+    shares, warnings = [1.0], list[Finding]()
     others, every = columns_beside(noting(blocks, warnings))
     series, sensors = read_series(every, reference)
     found: dict[str, ComponentDrift] = {}

@@ -7,7 +7,8 @@ import numpy as np
 from mtu_cli.analyses.thermal_fit.columns import Library
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.analyses.thermal_fit.uncertainty import Rest
-from mtu_cli.model.settings import Warned
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.outliers import GROSS, IntArray, told_apart
 from mtu_cli.stats.trimmed import trimmed_fit
@@ -22,7 +23,7 @@ AT_A_PLACE = 20
 """Readings of each place that are among them, or all that it has: those tell its intercept."""
 
 
-def gross_warnings(lib: Library, rest: Rest, drift: ComponentDrift) -> list[Warned]:
+def gross_warnings(lib: Library, rest: Rest, drift: ComponentDrift) -> list[Finding]:
     """Readings far off the temperatures' fit to the others, the farthest first.
 
     The fit to all of them is no measure: gross ones pull it, and choose its sensors.

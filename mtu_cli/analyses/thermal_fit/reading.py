@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.series import Kept, Series
-from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.errors import InputError, Problem, Warned, fault
 from mtu_cli.files.covariates import HOTTEST_DEGC, is_temperature
 from mtu_cli.files.drift_cells import TEMPERATURE_EXPECTED
 from mtu_cli.files.fahrenheit import FAHRENHEIT
 from mtu_cli.files.sensor_names import unused_sensor_notes
-from mtu_cli.model.settings import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.stats.compressed import compress, together
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -61,7 +61,7 @@ def read_series(
     return series, sensors
 
 
-def noting(blocks: Iterable[Readings], warnings: list[Warned]) -> Iterator[Readings]:
+def noting(blocks: Iterable[Readings], warnings: list[Finding]) -> Iterator[Readings]:
     """The blocks as they are; their notes, and those of columns that may be sensors, are put among
     the `warnings`.
     """
@@ -146,7 +146,7 @@ def _refuse(block: Readings, sensors: tuple[str, ...]) -> None:
         raise InputError(problems)
 
 
-def _temperature_problems(block: Readings, sensors: tuple[str, ...]) -> list[Problem]:
+def _temperature_problems(block: Readings, sensors: tuple[str, ...]) -> list[Finding]:
     """Every empty or impossible cell of the sensors."""
     problems = []
     for name in sensors:
@@ -162,7 +162,7 @@ def _temperature_problems(block: Readings, sensors: tuple[str, ...]) -> list[Pro
     return problems
 
 
-def _cell_problems(block: Readings, name: str, values: FloatArray) -> list[Problem]:
+def _cell_problems(block: Readings, name: str, values: FloatArray) -> list[Finding]:
     """Cells of a sensor that are empty or no temperature; of a file without any, one problem."""
     faulty = np.flatnonzero(~(np.abs(values) <= HOTTEST_DEGC))
     of_file = np.asarray(block.file_index)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mtu_cli.model.settings import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import Unit
@@ -120,4 +120,4 @@ class ThermalFit:
     not_used: tuple[str, ...] = ()
     reference: float
     method: str
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]

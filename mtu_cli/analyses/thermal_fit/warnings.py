@@ -12,8 +12,9 @@ from mtu_cli.analyses.thermal_fit.gross import gross_warnings
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, HeldOut
 from mtu_cli.analyses.thermal_fit.series import Series
 from mtu_cli.analyses.thermal_fit.uncertainty import Rest
+from mtu_cli.errors import Warned
 from mtu_cli.files.fahrenheit import FAHRENHEIT, cycles_words, fahrenheit_words
-from mtu_cli.model.settings import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.model.temperature_warnings import OTHERS_MOVE_DEGC
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.residuals import FEWEST_FOR_NORMALITY
@@ -38,7 +39,7 @@ there are apart from this share of what they move in a cycle on.
 
 def component_warnings(
     series: Series, lib: Library, drift: ComponentDrift, method: str
-) -> list[Warned]:
+) -> list[Finding]:
     """Warnings of one component's model."""
     found = [*_of_held_out(lib, drift)]
     if drift.condition > COLLINEAR:
@@ -187,8 +188,8 @@ def _consistent(held: HeldOut) -> bool:
 
 
 def unit_warnings(
-    every: Iterable[Series], sensors: tuple[str, ...], told: Iterable[Warned]
-) -> list[Warned]:
+    every: Iterable[Series], sensors: tuple[str, ...], told: Iterable[Finding]
+) -> list[Finding]:
     """One warning of sensors whose readings of all components seem to be in Fahrenheit, or else
     one of each that is in some cycles, which those `told` by rows do not name.
     """
@@ -214,7 +215,7 @@ def unit_warnings(
 
 def sensor_warnings(
     series: Series, lib: Library, sensors: tuple[str, ...], rest: Rest, drift: ComponentDrift
-) -> list[Warned]:
+) -> list[Finding]:
     """Sensors that do not move, at all or for a time in which the others do, and readings that
     are no part of the others.
     """
@@ -243,7 +244,7 @@ def sensor_warnings(
     return found
 
 
-def _levels(rest: Rest, drift: ComponentDrift) -> list[Warned]:
+def _levels(rest: Rest, drift: ComponentDrift) -> list[Finding]:
     """Cycles that begin apart at one temperature: a probe that was set anew has another zero."""
     kept = rest.kept
     for position in drift.positions or (None,):

@@ -13,7 +13,8 @@ from mtu_cli.cli.options import Options
 from mtu_cli.close_loop_sealed.cli.close_loop_choices import UNEXPLAINED, Choices, read_choices
 from mtu_cli.close_loop_sealed.cli.close_loop_files import FoundOn, Known, written
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
-from mtu_cli.errors import fault, listed
+from mtu_cli.errors import Warned, fault, listed
+from mtu_cli.findings import Finding
 from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
 from mtu_cli.model.effect_ranges import column_ranges, seen_ranges
 from mtu_cli.model.fit import (
@@ -24,7 +25,7 @@ from mtu_cli.model.fit import (
 )
 from mtu_cli.model.reading_doubts import scale_doubts
 from mtu_cli.model.residual_table import ResidualTable, residual_table
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from mtu_cli.close_loop_sealed.analyses.loop import CloseLoopResult
@@ -92,7 +93,7 @@ def _found_on(result: CloseLoopResult) -> list[FoundOn]:
     ]
 
 
-def _doubts(result: CloseLoopResult, written: bool) -> list[Warned]:
+def _doubts(result: CloseLoopResult, written: bool) -> list[Finding]:
     """Of a machine that holds an effect which is one of several, or only a hint. One that stands
     by itself is neither, whatever has no name beside it.
     """
@@ -138,7 +139,7 @@ def _worth(result: CloseLoopResult, results: Mapping[str, Any]) -> list[dict[str
 
 def _tables(
     inputs: Inputs, choices: Choices
-) -> tuple[tuple[ResidualTable, ...], Known, list[Warned]]:
+) -> tuple[tuple[ResidualTable, ...], Known, list[Finding]]:
     """Measured minus predicted, what it was predicted from, and what to warn of.
 
     Where points are measured, readings are what the components are fitted to; else they are
@@ -173,7 +174,7 @@ def _tables(
     return tables, known, [*warnings, *doubts, *odd]
 
 
-def _not_used(inputs: Inputs, choices: Choices) -> list[Warned]:
+def _not_used(inputs: Inputs, choices: Choices) -> list[Finding]:
     """Of what is asked for and means nothing without measured points."""
     asked = {
         "--datum": choices.datum != "none",

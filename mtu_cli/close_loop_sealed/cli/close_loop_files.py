@@ -17,12 +17,14 @@ from mtu_cli.close_loop_sealed.files.machine_write import (
     WrittenEffect,
     extended_machine,
 )
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number
 from mtu_cli.model.effect_parameters import all_together
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS
 
@@ -87,7 +89,7 @@ class Written:
     """What is to be written, by path, and what to warn of."""
 
     files: dict[Path, bytes]
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
 
 
 def written(
@@ -131,7 +133,7 @@ def written(
     return Written(files=files, warnings=tuple(warnings))
 
 
-def _left_out(effects: Sequence[Found]) -> list[Warned]:
+def _left_out(effects: Sequence[Found]) -> list[Finding]:
     if not effects:
         return []
     names = ", ".join(effect.name for effect in effects)
@@ -270,7 +272,7 @@ def _less_effects(inputs: Inputs, known: Known, extended: ExtendedMachine) -> Kn
     return Known(estimates=estimates_from_fit(inputs.machine, fit), fit=fit)
 
 
-def _results(inputs: Inputs, known: Known) -> tuple[dict[str, Any], list[Warned]]:
+def _results(inputs: Inputs, known: Known) -> tuple[dict[str, Any], list[Finding]]:
     """`results` and warnings as fit-components has them, or as the report of -c had them."""
     from mtu_cli.reports import fit_components as report
 

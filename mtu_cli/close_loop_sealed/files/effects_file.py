@@ -14,7 +14,7 @@ from mtu_cli.close_loop_sealed.files.effect_templates import (
     template_of,
 )
 from mtu_cli.close_loop_sealed.files.effects_contract import Effects, Family, MemberTemplate, Search
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError
 from mtu_cli.files.column_dimensions import PLACE, Dimensions
 from mtu_cli.files.contracts import (
     Findings,
@@ -25,6 +25,7 @@ from mtu_cli.files.contracts import (
 )
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
+from mtu_cli.findings import Finding
 from mtu_cli.language import EquationError, names
 from mtu_cli.language import parse as parse_equation
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
@@ -72,7 +73,7 @@ def load_effects(path: Path, taken: Mapping[str, str] | None = None) -> LoadedEf
     try:
         document = read_yaml(path, "effects")
     except InputError as error:
-        raise InputError([_braces_hint(problem, path) for problem in error.problems]) from None
+        raise InputError([_braces_hint(problem, path) for problem in error.findings]) from None
     return effects_from(document, taken)
 
 
@@ -114,9 +115,9 @@ def _with_schema(document: YamlDocument) -> YamlDocument:
     return replace(document, data=data, lines=lines, odd_numbers=odd, starts=starts)
 
 
-def _braces_hint(problem: Problem, path: Path) -> Problem:
+def _braces_hint(problem: Finding, path: Path) -> Finding:
     """YAML takes braces for keys within [...] and {...}: say so."""
-    if problem.line is None or "not readable as YAML" not in problem.what:
+    if problem.line is None or "not readable as YAML" not in problem.text:
         return problem
     lines = path.read_text("utf-8-sig").splitlines()
     text = lines[problem.line - 1] if problem.line <= len(lines) else ""

@@ -14,12 +14,12 @@ import yaml
 
 from mtu_cli.close_loop_sealed.files.yaml_append import NotAppendable, with_appended
 from mtu_cli.close_loop_sealed.files.yaml_dump import block_lines
-from mtu_cli.errors import InputError, Problem
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import InputError, Notice, Problem
 from mtu_cli.files.covariates import COVARIATES, is_covariate
 from mtu_cli.files.machine import LoadedMachine, machine_from
 from mtu_cli.files.machine_equations import POSITIONS
 from mtu_cli.files.yaml_file import parse_yaml
+from mtu_cli.findings import Finding
 from mtu_cli.language import EquationError, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
@@ -62,7 +62,7 @@ class ExtendedMachine:
     content: bytes
     machine: LoadedMachine
     parameters: tuple[str, ...]
-    warnings: tuple[Notice, ...]
+    warnings: tuple[Finding, ...]
 
 
 def extended_machine(machine: LoadedMachine, effects: Sequence[WrittenEffect]) -> ExtendedMachine:
@@ -94,7 +94,7 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[WrittenEffect]) -
 
 def _written(
     machine: LoadedMachine, additions: Mapping[str, Sequence[Any]], data: Mapping[str, Any]
-) -> tuple[bytes, tuple[Notice, ...]]:
+) -> tuple[bytes, tuple[Finding, ...]]:
     old = machine.document.content
     mark = codecs.BOM_UTF8 if old.startswith(codecs.BOM_UTF8) else b""
     try:
@@ -124,13 +124,13 @@ def _read_again(machine: LoadedMachine, content: bytes, data: Mapping[str, Any])
     except InputError as error:
         problems = [
             Problem(
-                what=f"an effect cannot be written into {machine.source.shown}: {problem.what}",
+                what=f"an effect cannot be written into {machine.source.shown}: {problem.text}",
                 path=problem.path,
                 column=problem.column,
                 value=problem.value,
                 expected=problem.expected,
             )
-            for problem in error.problems
+            for problem in error.findings
         ]
         raise InputError(problems) from None
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.language import parse
 from mtu_cli.model.basis import TIME, ThermalBasis
 from mtu_cli.model.covariate_gaps import rows_without_gaps
@@ -21,7 +23,6 @@ from mtu_cli.model.residual_cells import IntArray, filled
 from mtu_cli.model.residual_covariates import table_covariates
 from mtu_cli.model.residual_factors import CellModel, Values, cell_model
 from mtu_cli.model.residual_table import ResidualTable, within
-from mtu_cli.model.settings import Warned
 from mtu_cli.model.temperature_cells import check_temperatures
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.thermal import ThermalEstimate
@@ -36,14 +37,14 @@ if TYPE_CHECKING:
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.readings import Readings
 
-Found = tuple[ResidualTable, list[Warned]]
+Found = tuple[ResidualTable, list[Finding]]
 SHOWN = 3
 """Pairs of passes that are told one by one."""
 
 
 def reading_tables(
     machine: LoadedMachine, known: Estimates | MachineModel | None, readings: Readings
-) -> tuple[tuple[ResidualTable, ...], tuple[Warned, ...]]:
+) -> tuple[tuple[ResidualTable, ...], tuple[Finding, ...]]:
     """One table a component that was read: readings minus what was known of it before them.
 
     `known` are estimates that these readings took no part in, a components report's; None:
@@ -110,7 +111,7 @@ class _Reader:
     rows: IntArray
     layout: ReadingLayout
 
-    def without_gaps(self) -> tuple[_Reader, list[Warned]]:
+    def without_gaps(self) -> tuple[_Reader, list[Finding]]:
         """The readings less those that lack a covariate which nearly all others have; all passes
         stay, and so does their count.
         """
@@ -221,7 +222,7 @@ class _Reader:
 
     def _drift(
         self, drift: ThermalEstimate | None, columns: dict[str, np.ndarray]
-    ) -> tuple[ThermalEstimate | None, list[Warned]]:
+    ) -> tuple[ThermalEstimate | None, list[Finding]]:
         """The known drift if the readings have its temperatures, and its times where it lags."""
         if drift is None:
             return None, []
@@ -241,7 +242,7 @@ class _Reader:
         )
         return None, [Warned(code="drift-not-removed", message=text)]
 
-    def _paired(self) -> list[Warned]:
+    def _paired(self) -> list[Finding]:
         if not self.layout.pairs:
             return []
         pairs = self.layout.pairs
@@ -251,7 +252,7 @@ class _Reader:
         )
         return [Warned(code="passes-paired", message=text)]
 
-    def _instruments(self) -> list[Warned]:
+    def _instruments(self) -> list[Finding]:
         roles = dict.fromkeys(self.readings.roles[i] for i in self.readings.file_index[self.rows])
         if len(roles) < 2:
             return []

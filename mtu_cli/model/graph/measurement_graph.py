@@ -12,6 +12,7 @@ from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.graph_contract import Graph
 from mtu_cli.files.graph_file import LoadedGraph
+from mtu_cli.findings import Finding
 from mtu_cli.model.graph.inputs import Inputs
 from mtu_cli.model.graph.nominal import Computed, Values, named_scalars, nominal_values
 from mtu_cli.model.graph.not_finite import not_finite
@@ -92,7 +93,7 @@ class Evaluation:
             if np.any(bad):
                 raise InputError([self._not_finite(item, values, bad)])
 
-    def _not_finite(self, item: Computed, values: Values, bad: NDArray[np.bool_]) -> Problem:
+    def _not_finite(self, item: Computed, values: Values, bad: NDArray[np.bool_]) -> Finding:
         step, count = item.step, int(np.count_nonzero(bad))
         why = ""
         if step.formula is not None:

@@ -11,8 +11,7 @@ from synthetic_drift import DAY, REFERENCE, ROUNDING, UM, Plan, Run, readings, s
 from mtu_cli.analyses import thermal_fit as module
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
-from mtu_cli.errors import InputError
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import InputError, Notice
 from mtu_cli.files.readings import Readings
 from mtu_cli.stats.least_squares import FloatArray
 

@@ -12,11 +12,10 @@ from mtu_cli.analyses.thermal_fit import reading, thermal_fit
 from mtu_cli.analyses.thermal_fit.columns import library
 from mtu_cli.analyses.thermal_fit.models import Spec, fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
-from mtu_cli.errors import InputError
-from mtu_cli.files.contracts import Notice
+from mtu_cli.errors import InputError, Notice
 from mtu_cli.files.covariates import HOTTEST_DEGC
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.settings import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.stats.lag import first_order_lag
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
@@ -100,7 +99,7 @@ def test_temperatures_that_are_missing() -> None:
     found.covariates["T_02_degC"][5] = np.nan
     with pytest.raises(InputError) as raised:
         fitted(found)
-    (problem,) = raised.value.problems
+    (problem,) = raised.value.findings
     assert (problem.row, problem.column) == (7, "T_02_degC")
     with pytest.raises(InputError, match="no column holds temperatures"):
         fitted(replace(found, covariates={"room": np.zeros(len(found))}))
@@ -121,7 +120,7 @@ def test_temperatures_that_no_sensor_reads(value: float) -> None:
     found.covariates["T_02_degC"][[5, 9]] = value
     with pytest.raises(InputError) as raised:
         fitted(found)
-    found_at = [(p.row, p.column, p.value) for p in raised.value.problems]
+    found_at = [(p.row, p.column, p.value) for p in raised.value.findings]
     assert found_at == [(7, "T_02_degC", f"{value:g}"), (11, "T_02_degC", f"{value:g}")]
 
 
@@ -216,7 +215,7 @@ def test_readings_of_two_kinds_in_one_component() -> None:
     for other, column in ((angle, "unit"), (placed, "position_mm")):
         with pytest.raises(InputError) as raised:
             thermal_fit([first, other], None, reference=REFERENCE, method="ridge")
-        (problem,) = raised.value.problems
+        (problem,) = raised.value.findings
         assert (problem.file, problem.row, problem.column) == ("d.csv", 2, column)
 
 
@@ -277,7 +276,7 @@ def test_what_blocks_note_is_told_once_a_column() -> None:
         )
         for k in range(2)
     ]
-    warnings = list[Warned]()
+    warnings = list[Finding]()
     assert len(list(reading.noting(blocks, warnings))) == 2
     assert [w.message[:16] for w in warnings] == ["d, column 'T': 0", *(d.message for d in doubts),
                                                   "column 'NTC7' is"]  # fmt: skip

@@ -13,7 +13,7 @@ from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.result import HeldOut
 from mtu_cli.analyses.thermal_fit.warnings import _consistent, _of_gain
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.settings import Warned
+from mtu_cli.findings import Finding
 
 PLACES = (0.0, 120.0, 240.0)
 PLAN = Plan(
@@ -21,7 +21,7 @@ PLAN = Plan(
 )
 
 
-def outliers(given: Readings) -> list[Warned]:
+def outliers(given: Readings) -> list[Finding]:
     found = thermal_fit([given], {"p": ("x", "um")}, reference=REFERENCE, method="ridge")
     return [item for item in found.warnings if item.code == "outlier-readings"]
 

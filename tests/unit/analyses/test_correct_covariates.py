@@ -32,7 +32,7 @@ SETTINGS = Settings()
 def refused(model: MachineModel, part: object, points: object, **at: float) -> list[str]:
     with pytest.raises(InputError) as caught:
         correct(model, part, points, SETTINGS, at)  # type: ignore[arg-type]  # as given
-    return [str(problem) for problem in caught.value.problems]
+    return [str(problem) for problem in caught.value.findings]
 
 
 def test_covariates_come_from_the_rows_else_from_the_call(tmp_path: Path) -> None:

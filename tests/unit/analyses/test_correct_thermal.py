@@ -125,9 +125,9 @@ def test_parts_that_each_count_their_times_from_0(tmp_path: Path) -> None:
     model = lagging(machine(tmp_path), (40.0, 0.0))
     with pytest.raises(InputError) as raised:
         correct(model, None, lagging_points([0.0, 0.0], [20.0, 26.0]), SETTINGS)
-    (problem,) = raised.value.problems
+    (problem,) = raised.value.findings
     assert (problem.file, problem.row, problem.column) == ("cmm.csv", 13, "T_a_degC")
-    assert "the same time as in row 2, where T_a_degC reads 20 degC" in problem.what
+    assert "the same time as in row 2, where T_a_degC reads 20 degC" in problem.text
     found = correct(model, None, lagging_points([0.0, 1000.0], [20.0, 26.0]), SETTINGS)
     assert found.error[11:, 1] - found.error[:11, 1] == pytest.approx(
         np.full(11, 0.012), rel=ROUNDING
@@ -168,4 +168,4 @@ def test_temperatures_that_no_sensor_reads(tmp_path: Path, value: float) -> None
     points.covariates["T_a_degC"][[6, 9]] = value
     with pytest.raises(InputError) as raised:
         correct(lagging(machine(tmp_path), (40.0, 0.0)), None, points, SETTINGS)
-    assert [(p.row, p.column) for p in raised.value.problems] == [(8, "T_a_degC"), (11, "T_a_degC")]
+    assert [(p.row, p.column) for p in raised.value.findings] == [(8, "T_a_degC"), (11, "T_a_degC")]

@@ -63,13 +63,13 @@ def test_the_first_step_without_a_value_is_named_with_its_line(tmp_path: Path) -
     graph = graph_of(tmp_path, text)
     with pytest.raises(InputError) as error:
         simulate_graph(graph, Settings())
-    (problem,) = error.value.problems
+    (problem,) = error.value.findings
     assert problem.file is not None
     assert problem.file.endswith("graph.yaml")
     assert (problem.line, problem.path) == (10, "transitions[1]")
-    assert "no finite sqrt: p is -" in problem.what
+    assert "no finite sqrt: p is -" in problem.text
     # P(N(1, 1) < 0) = 0.1587 of 4096 trials, five standard deviations of the binomial.
-    count = int(problem.what.split(" in ")[1].split()[0])
+    count = int(problem.text.split(" in ")[1].split()[0])
     assert count == pytest.approx(0.1587 * 4096, abs=5 * math.sqrt(4096 * 0.1587 * 0.8413))
 
 

@@ -32,7 +32,7 @@ def told(tmp_path: Path, rows: list[list[str]]) -> list[str]:
     try:
         notes = read_readings([(path, "lbb")], MACHINE, for_fit=True).notes
     except InputError as error:
-        return [str(problem) for problem in error.problems]
+        return [str(problem) for problem in error.findings]
     return [note.message for note in notes]
 
 

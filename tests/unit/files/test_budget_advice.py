@@ -76,7 +76,7 @@ def test_advice_leads_to_the_number_that_is_meant(
     path.write_text(text(equation, unit, inputs))
     with pytest.raises(InputError) as caught:
         load_budget(path)
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.findings
     assert advice in str(problem)
     path.write_text(text(followed, unit, inputs))
     loaded = load_budget(path)

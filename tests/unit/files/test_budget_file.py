@@ -21,7 +21,7 @@ SUM = "equation: a + b\ninputs:\n  b: {value: 1, u: 0.1}\n"
 def faults(text: str) -> list[str]:
     with pytest.raises(InputError) as raised:
         loaded(text)
-    return [str(problem) for problem in raised.value.problems]
+    return [str(problem) for problem in raised.value.findings]
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ def test_kelvin_less_celsius_is_refused(
 ) -> None:
     with pytest.raises(InputError) as caught:
         load(tmp_path, equation, INPUTS)
-    (problem,) = [str(own) for own in caught.value.problems]
+    (problem,) = [str(own) for own in caught.value.findings]
     assert problem.startswith(f"b.yaml:{line}: ")
     assert told in problem
 

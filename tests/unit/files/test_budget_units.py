@@ -130,7 +130,7 @@ def faults(tmp_path: Path, equation: str, unit: str, inputs: dict[str, str]) -> 
     try:
         load_budget(path)
     except InputError as error:
-        return [str(problem).removeprefix("b.yaml:") for problem in error.problems]
+        return [str(problem).removeprefix("b.yaml:") for problem in error.findings]
     return []
 
 

@@ -110,7 +110,7 @@ def problems(text: str, model: type[Contract]) -> list[str]:
     try:
         check_contract(parse_yaml(f"schema: mtu/{kind}/1\n{text}", source), model, kind, nothing)
     except InputError as error:
-        return [str(problem) for problem in error.problems]
+        return [str(problem) for problem in error.findings]
     return []
 
 
@@ -255,7 +255,7 @@ def test_thousands_of_faults_take_no_longer_each(text: str, tmp_path: Path) -> N
     with pytest.raises(InputError) as caught:
         load_part(path)
     assert time.process_time() - start < SECONDS
-    assert len(caught.value.problems) >= MANY
+    assert len(caught.value.findings) >= MANY
 
 
 GRAPH_OF_TWO = """
@@ -289,7 +289,7 @@ def test_a_misspelt_list_of_names_is_the_only_fault(
     (tmp_path / "f.yaml").write_text(f"schema: mtu/{kind}/1\n{text}")
     with pytest.raises(InputError) as caught:
         load(tmp_path / "f.yaml")
-    (found,) = caught.value.problems
+    (found,) = caught.value.findings
     assert told in str(found)
 
 

@@ -32,7 +32,7 @@ def told(tmp_path: Path, *contents: str, for_fit: bool = True) -> list[str]:
     try:
         read_readings(files, MACHINE, for_fit=for_fit)
     except InputError as error:
-        return [str(problem) for problem in error.problems]
+        return [str(problem) for problem in error.findings]
     return []
 
 

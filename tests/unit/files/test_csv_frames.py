@@ -97,7 +97,7 @@ def test_a_longer_row_does_not_make_up_for_a_shorter_one(tmp_path: Path, order: 
     longer, shorter = ["P1,f,1,2,1,2,20,21\n", "P2,f,1,2,1,2\n"][::order]
     with pytest.raises(InputError) as caught:
         read(tmp_path, head + longer + "P3,f,1,2,1,2,20\n" + shorter)
-    assert {problem.row for problem in caught.value.problems} == {2, 4}
+    assert {problem.row for problem in caught.value.findings} == {2, 4}
 
 
 @pytest.mark.parametrize("size", [20, 1000])
@@ -152,4 +152,4 @@ def test_numbers_that_are_not_finite(tmp_path: Path, cell: str, column: str, bes
         return
     with pytest.raises(InputError) as caught:
         read(tmp_path, text)
-    assert [(p.row, p.column) for p in caught.value.problems] == [(3, column)]
+    assert [(p.row, p.column) for p in caught.value.findings] == [(3, column)]

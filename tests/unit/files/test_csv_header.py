@@ -552,7 +552,7 @@ def test_bad_columns_are_told_in_the_order_of_the_header(
     (path, role), *_ = drift(tmp_path, ",".join(sensors[1:]), ",".join(["293.1"] * 11))
     with pytest.raises(InputError) as caught:
         read_readings([(path, role)], None, for_fit=False)
-    assert list(dict.fromkeys(item.column for item in caught.value.problems)) == sensors[1:]
+    assert list(dict.fromkeys(item.column for item in caught.value.findings)) == sensors[1:]
 
 
 def test_a_name_of_megabytes_is_looked_at_in_its_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -798,5 +798,5 @@ def test_names_of_errors_are_no_sizes_of_them(column: str, tmp_path: Path) -> No
     path.write_text(f"{column},position_mm,pass,Value,unit\npx,0,1,2.0,um\n", "utf-8")
     with pytest.raises(InputError) as caught:
         read_readings([(path, "lbb")], None, for_fit=True)
-    told = [str(problem.expected) for problem in caught.value.problems]
+    told = [str(problem.expected) for problem in caught.value.findings]
     assert told == [f"{column!r} renamed to 'component'", "'Value' renamed to 'error'"]

@@ -70,7 +70,7 @@ def told(path: Path, components: dict[str, Component] | None, travel: float | No
             read()
             found.append([])
         except InputError as error:
-            found.append([str(problem) for problem in error.problems])
+            found.append([str(problem) for problem in error.findings])
     assert found[0] == found[1]
     return found[0]
 

@@ -34,7 +34,7 @@ def load(tmp_path: Path, text: str) -> LoadedEffects:
 def faults(tmp_path: Path, text: str) -> list[str]:
     with pytest.raises(InputError) as caught:
         load(tmp_path, text)
-    return [str(problem) for problem in caught.value.problems]
+    return [str(problem) for problem in caught.value.findings]
 
 
 def family(

@@ -24,9 +24,9 @@ def told(tmp_path: Path, *places: tuple[float, float]) -> list[str]:
     try:
         check_part_extent(part, TRAVELS)
     except InputError as error:
-        problems = list(error.problems)
+        problems = list(error.findings)
     assert all(problem.line is not None for problem in problems)
-    return [f"{problem.path} {problem.what}" for problem in problems]
+    return [f"{problem.path} {problem.text}" for problem in problems]
 
 
 @pytest.mark.parametrize("x", [0.0, 400.0, 800.0, -800.0])
@@ -57,9 +57,9 @@ def test_the_place_of_one_row_alone_may_be_wrong(row: int, tmp_path: Path) -> No
     points = read_points([(tmp_path / "cmm.csv", "cmm")], None)
     with pytest.raises(InputError) as caught:
         check_points_extent(points, TRAVELS)
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.findings
     assert (problem.row, problem.column) == (row + 2, "nominal_x_mm")
-    assert "far from the others" in problem.what
+    assert "far from the others" in problem.text
 
 
 @pytest.mark.parametrize("many", [1, 2, 4])

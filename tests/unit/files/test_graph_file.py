@@ -26,7 +26,7 @@ def load(folder: Path, text: str) -> LoadedGraph:
 def faults(folder: Path, text: str) -> list[str]:
     with pytest.raises(InputError) as caught:
         load(folder, text)
-    return [str(problem).removeprefix("graph.yaml:") for problem in caught.value.problems]
+    return [str(problem).removeprefix("graph.yaml:") for problem in caught.value.findings]
 
 
 def step(index: int, inputs: str, outputs: str) -> Step:

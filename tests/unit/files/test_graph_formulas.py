@@ -32,7 +32,7 @@ def fault_of(folder: Path, formula: str) -> str:
     path.write_text(TEXT.replace("FORMULA", formula), "utf-8")
     with pytest.raises(InputError) as caught:
         load_graph(path)
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.findings
     assert problem.line == 12
     return str(problem).partition("formula: ")[2]
 
@@ -101,7 +101,7 @@ report: [M]
     path.write_text(text, "utf-8")
     with pytest.raises(InputError) as caught:
         load_graph(path)
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.findings
     assert problem.expected == (
         "an input of a transition, or `report: [M, r]`; or without the radius: `out: M`"
     )

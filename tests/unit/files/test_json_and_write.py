@@ -157,7 +157,7 @@ def test_targets_that_are_refused(tmp_path: Path) -> None:
     targets.append(tmp_path / "sub" / ".." / "ok")
     with pytest.raises(InputError) as caught:
         write_files(dict.fromkeys(targets, b"x"), inputs=[tmp_path / "in.csv"])
-    found = [problem.what for problem in caught.value.problems]
+    found = [problem.text for problem in caught.value.findings]
     assert found == [
         "is an input of this run and is not overwritten",
         "is a folder",
@@ -179,7 +179,7 @@ def test_a_name_that_no_system_takes_is_told(tmp_path: Path) -> None:
     long = tmp_path / f"{'a' * 300}.json"
     with pytest.raises(InputError) as caught:
         write_files({long: b"x", tmp_path: b"y"})
-    found = [(problem.file, problem.what) for problem in caught.value.problems]
+    found = [(problem.file, problem.text) for problem in caught.value.findings]
     assert found == [
         (str(long), "cannot be written: file name too long"),
         (str(tmp_path), "is a folder"),

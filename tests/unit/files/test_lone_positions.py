@@ -19,7 +19,7 @@ def test_a_mistyped_position(tmp_path: Path) -> None:
         "of this pass at 300 mm, where the others do: look whether the position is mistyped"
     ]
     (note,) = read_readings([(tmp_path / "r.csv", "lbb")], MACHINE, for_fit=True).notes
-    assert note.about == ("dx_x",)
+    assert note.facts.get("about", ()) == ("dx_x",)
     rows[11][1] = "7"
     assert len(told(tmp_path, rows)) == 2
 

@@ -45,7 +45,7 @@ def load(tmp_path: Path, text: str) -> LoadedMachine:
 def faults(tmp_path: Path, text: str) -> list[str]:
     with pytest.raises(InputError) as caught:
         load(tmp_path, text)
-    return [str(problem) for problem in caught.value.problems]
+    return [str(problem) for problem in caught.value.findings]
 
 
 def machine(
@@ -352,7 +352,7 @@ def test_a_singular_covariance_of_printed_digits_is_one(tmp_path: Path) -> None:
         ("{}", "equations: wrong value: '{}'; expected at least 1 of them"),
         ("{Exx: a}", "equations.Exx: unknown key: 'Exx'; did you mean 'Ex'?"),
         ("{Ex: a + }", "equations.Ex: the equation ends too early at column 4"),
-        ("{Ex: a + ab}", "equations.Ex: unknown name 'ab' at column 5; expected one of: x, y, "),
+        ("{Ex: a + ab}", "equations.Ex: unknown name 'ab' at column 5; did you mean 'a'?"),
         ("{Ex: a*a}", "equations.Ex: product of the components 'a' and 'a' at column 2"),
         ("{Ex: sin(a)}", "a component stands inside sin(): 'a' at column 5"),
         ("{Ex: a*x}", "equations.Ex: this term is mm^2, its equation is a length (mm)"),

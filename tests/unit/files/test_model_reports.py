@@ -44,7 +44,7 @@ def written(tmp_path: Path, name: str, kind: str, component: dict[str, Any]) -> 
 def told(path: Path) -> list[str]:
     with pytest.raises(InputError) as caught:
         read_report(path)
-    return [str(problem) for problem in caught.value.problems]
+    return [str(problem) for problem in caught.value.findings]
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_two_of_a_kind_and_neither_kind(tmp_path: Path, monkeypatch: pytest.Monk
         "expected 'mtu/fit-components/1' or 'mtu/thermal-fit/1', as `mtu fit-components -o "
         "FILE.json` or `mtu thermal-fit -o FILE.json` writes it"
     )
-    assert [str(problem) for problem in caught.value.problems] == [
+    assert [str(problem) for problem in caught.value.findings] == [
         "c2.json: a second fit-components report, beside c1.json; expected at most one of each "
         "kind",
         "t2.json: a second thermal-fit report, beside t1.json; expected at most one of each kind",

@@ -27,7 +27,7 @@ def part(tmp_path: Path, text: str) -> LoadedPart:
 def part_faults(tmp_path: Path, text: str) -> list[str]:
     with pytest.raises(InputError) as caught:
         part(tmp_path, text)
-    return [str(problem) for problem in caught.value.problems]
+    return [str(problem) for problem in caught.value.findings]
 
 
 def test_a_part(tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_all_faults_of_a_study(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError) as caught:
         study(tmp_path, text)
-    assert [str(problem) for problem in caught.value.problems] == [
+    assert [str(problem) for problem in caught.value.findings] == [
         f"mtu.yaml:2: machine: no such file: 'qqq.txt'; {FROM}",
         "mtu.yaml:3: part: no such file: 'prt.yaml'; did you mean 'part.yaml'?",
         "mtu.yaml:4: lbb: is a folder: '.'; expected a file",
@@ -201,7 +201,7 @@ def test_a_study_names_one_components_report_or_several(tmp_path: Path) -> None:
     path.write_text(head + "components: [c.json, c.json, u.json]\n")
     with pytest.raises(InputError) as caught:
         load_study(path)
-    assert [str(problem) for problem in caught.value.problems] == [
+    assert [str(problem) for problem in caught.value.findings] == [
         f"mtu.yaml:3: components[2]: no such file: 'u.json'; {FROM}",
         "mtu.yaml:3: components[1]: the file is listed twice: 'c.json'",
     ]

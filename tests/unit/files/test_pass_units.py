@@ -40,7 +40,7 @@ def told(path: Path, errors: np.ndarray, unit: str = "um", name: str = "dx_x") -
     try:
         found = read_readings([(path, "lbb")], MACHINE, for_fit=True)
     except InputError as error:
-        return [str(problem) for problem in error.problems]
+        return [str(problem) for problem in error.findings]
     return [f"{note.code} {note.message}" for note in found.notes]
 
 

@@ -46,7 +46,7 @@ def told(
     try:
         found = points_of(folder, values, minutes)
     except InputError as error:
-        return [problem.row or 0 for problem in error.problems], []
+        return [problem.row or 0 for problem in error.findings], []
     return [], [note.code for note in found.notes]
 
 
@@ -96,7 +96,7 @@ def test_a_lone_zero_between_temperatures_is_told(
 def test_a_code_is_told_with_its_place_and_what_the_sensor_shows_else(tmp_path: Path) -> None:
     with pytest.raises(InputError) as found:
         points_of(tmp_path, by_part({5: 85.0}), files=PARTS)
-    first, *rest = found.value.problems
+    first, *rest = found.value.findings
     assert str(first).endswith(
         "p5.csv, row 2, column 'T_02_degC': a fault of the sensor, no temperature: '85'; expected "
         "a temperature in degC, 20 to 24 as in other rows: 85 degC exactly is what a DS18B20 gives "
@@ -175,7 +175,7 @@ def test_a_column_of_numbers_that_seems_to_be_a_sensor_is_refused(
 ) -> None:
     with pytest.raises(InputError) as found:
         points_of(tmp_path, np.linspace(20.0, 21.0, 8), sensor=name)
-    (problem,) = found.value.problems
+    (problem,) = found.value.findings
     assert (problem.row, problem.column) == (1, name)
     assert words in str(problem)
     assert points_of(tmp_path, ["new", "old"] * 4, sensor="T_slot").notes == ()

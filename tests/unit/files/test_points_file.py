@@ -28,7 +28,7 @@ def read(tmp_path: Path, *contents: str, features: dict[str, Place] | None = PAR
 def faults(tmp_path: Path, *contents: str, features: dict[str, Place] | None = PART) -> list[str]:
     with pytest.raises(InputError) as caught:
         read(tmp_path, *contents, features=features)
-    return [str(problem) for problem in caught.value.problems]
+    return [str(problem) for problem in caught.value.findings]
 
 
 def test_points_of_two_files(tmp_path: Path) -> None:

@@ -203,7 +203,7 @@ def test_a_mistake_is_one_message(tmp_path: Path, mistake: str) -> None:
     change, words = MISTAKES[mistake]
     with pytest.raises(InputError) as caught:
         read(tmp_path, table(change), TRAVELS)
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.findings
     assert words in str(problem)
     assert problem.file is not None
     assert problem.row is not None
@@ -223,7 +223,7 @@ def test_the_cell_that_is_told_is_beyond_the_limit_that_is_told(
     text = HEAD + "".join(f"{name},{x:.6f},1,{error:.6f},mm\n" for name, x, error in cells)
     with pytest.raises(InputError) as caught:
         read(tmp_path, text, {"x": (0.0, 2000.0)})
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.findings
     name, x, error = cells[(problem.row or 0) - 2]
     share = 0.001 if "0.1 %" in str(problem) else 0.01
     assert abs(error) > share * max(x, 2000 - x)
@@ -310,7 +310,7 @@ def test_a_bad_cell_makes_no_drift_readings(
     text = head + "".join(",".join(row) + "\n" for row in rows)
     with pytest.raises(InputError) as caught:
         read(tmp_path, text, TRAVELS)
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.findings
     assert told in str(problem)
 
 

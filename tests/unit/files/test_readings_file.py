@@ -43,7 +43,7 @@ def faults(
 ) -> list[str]:
     with pytest.raises(InputError) as caught:
         read(tmp_path, *contents, for_fit=for_fit, machine=machine)
-    return [str(problem) for problem in caught.value.problems]
+    return [str(problem) for problem in caught.value.findings]
 
 
 def test_readings_of_two_files(tmp_path: Path) -> None:

@@ -224,7 +224,7 @@ def problems(blocks: Iterator[Readings]) -> list[str]:
     with pytest.raises(InputError) as caught:
         for _ in blocks:
             pass
-    return [str(problem) for problem in caught.value.problems]
+    return [str(problem) for problem in caught.value.findings]
 
 
 @pytest.mark.parametrize("case", FAULTY)
@@ -232,7 +232,7 @@ def test_faults_are_told_in_the_same_words(tmp_path: Path, case: str, small_bloc
     files = written(tmp_path, FAULTY[case])
     with pytest.raises(InputError) as caught:
         read_readings(files, MACHINE, for_fit=False)
-    expected = [str(problem) for problem in caught.value.problems]
+    expected = [str(problem) for problem in caught.value.findings]
     assert problems(stream_readings(files, MACHINE)) == expected
 
 

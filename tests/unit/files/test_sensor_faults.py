@@ -49,7 +49,7 @@ def _told(read: Callable[[], object]) -> list[tuple[int, str]]:
     try:
         read()
     except InputError as error:
-        return [(problem.row or 0, str(problem.column)) for problem in error.problems]
+        return [(problem.row or 0, str(problem.column)) for problem in error.findings]
     return []
 
 
@@ -168,7 +168,7 @@ def test_the_message_says_what_was_expected(tmp_path: Path) -> None:
     refused(tmp_path, values)
     with pytest.raises(InputError) as caught:
         read_readings([(path, "drift")], None, for_fit=False)
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.findings
     assert str(problem).endswith(
         "drift.csv, row 9, column 'T_02_degC': a fault of the sensor, no temperature: '85'; "
         "expected a temperature in degC near 21.54 and 22.05: 85 degC exactly is what a DS18B20 "

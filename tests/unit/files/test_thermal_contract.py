@@ -85,7 +85,7 @@ def test_positions_that_the_axis_does_not_reach(tmp_path: Path, travel: str) -> 
         load_machine(path)
     high = travel.split(", ")[1].removesuffix("]")
     outside = [(0, "0")] + [(1, "75")] * (float(high) < 75)
-    assert [str(problem) for problem in caught.value.problems] == [
+    assert [str(problem) for problem in caught.value.findings] == [
         f"m.yaml:6: components.a.thermal.positions_mm[{index}]: outside the travel of x: '{value}';"
         f" expected from 10 to {high} mm"
         for index, value in outside
@@ -176,7 +176,7 @@ FAULTS = [
 def test_a_faulty_drift(tmp_path: Path, component: str, words: str) -> None:
     with pytest.raises(InputError) as caught:
         load(tmp_path, f"{{{component}}}")
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.findings
     assert str(problem).startswith("m.yaml:5: components.a.thermal")
     assert words in str(problem)
 
@@ -191,7 +191,7 @@ def test_every_fault_of_every_drift_at_once(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError) as caught:
         load_machine(path)
-    assert [str(problem).split(": ")[0] for problem in caught.value.problems] == [
+    assert [str(problem).split(": ")[0] for problem in caught.value.findings] == [
         f"m.yaml:{line}" for line in (9, 10, 12, 13, 14, 15)
     ]
 

@@ -58,7 +58,7 @@ def test_every_contract_refuses_it_where_numbers_are_listed(tmp_path: Path) -> N
     path.write_text(f"{budget}  a: {{readings: [50,0021, 50,0024]}}\n  b: {{value: x}}\n")
     with pytest.raises(InputError) as caught:
         load_budget(path)
-    first, other = caught.value.problems
+    first, other = caught.value.findings
     assert str(first).endswith(
         "f.yaml:5: inputs.a.readings[0]: a comma ends a number of a list: '50,0021'; expected "
         "50.0021 with a decimal point"

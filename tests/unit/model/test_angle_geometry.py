@@ -56,7 +56,7 @@ def test_all_that_lean_are_told(tmp_path: Path) -> None:
     found = part(tmp_path, 1)
     with pytest.raises(InputError) as caught:
         check_square(found, [1, 1])
-    assert len(caught.value.problems) == 2
+    assert len(caught.value.findings) == 2
 
 
 def test_slopes_of_jittered_lines_stand_for_their_angle() -> None:

@@ -26,8 +26,8 @@ def test_a_part_written_from_the_drawing_is_refused() -> None:
     assert drawn_parts(found, PLANE) == []
     with pytest.raises(InputError) as caught:
         check_measured(drawn(drawn(found, 2), 4))
-    assert [item.row for item in caught.value.problems] == [14, 26]
-    (what,) = {item.what.replace("P4", "P2") for item in caught.value.problems}
+    assert [item.row for item in caught.value.findings] == [14, 26]
+    (what,) = {item.text.replace("P4", "P2") for item in caught.value.findings}
     assert what.startswith("part 'P2' is on its nominal in all of 6 values, to the last digit")
 
 
@@ -131,7 +131,7 @@ def refused(found: list[Row]) -> list[str]:
     try:
         assert drawn_parts(points(found), PLANE) == []
     except InputError as error:
-        return [item.what.split()[1] for item in error.problems]
+        return [item.text.split()[1] for item in error.findings]
     return []
 
 

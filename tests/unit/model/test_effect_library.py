@@ -874,7 +874,7 @@ def test_excluded_by_candidate_and_by_family(library: EffectLibrary) -> None:
         ("drift", "did you mean 'thermal-drift'?"),
         (
             "Thermal",
-            "did you mean 'thermal-drift', 'thermal-growth' or 'thermal-squareness'?",
+            "did you mean 'thermal-drift' or 'thermal-growth' or 'thermal-squareness'?",
         ),
         ("", "operation-scatter) or one of its effects, such as backlash-x;"),
         ("nonsense", "operation-scatter) or one of its effects, such as backlash-x;"),
@@ -960,11 +960,11 @@ def test_columns_stay_small() -> None:
 
 
 def test_the_built_in_file_is_part_of_the_package() -> None:
-    pyproject = (BUILT_IN.parents[2] / "pyproject.toml").read_text("utf-8")
+    pyproject = (BUILT_IN.parents[3] / "pyproject.toml").read_text("utf-8")
     import tomllib
 
     patterns = tomllib.loads(pyproject)["tool"]["setuptools"]["package-data"]["mtu_cli"]
-    assert any(BUILT_IN.relative_to(BUILT_IN.parents[1]).match(pattern) for pattern in patterns)
+    assert any(BUILT_IN.relative_to(BUILT_IN.parents[2]).match(pattern) for pattern in patterns)
 
 
 @pytest.mark.parametrize("off", [0, 1])

@@ -17,9 +17,10 @@ from mtu_cli.analyses.anova import analyse_variance
 from mtu_cli.analyses.compare import compare
 from mtu_cli.close_loop_sealed.analyses.loop import close_loop
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.loose_features import CODE, loose_features, loose_of_tables
 from mtu_cli.model.measured import feature_tables
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Settings
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ def loose(seed: int, s_mm: float) -> Points:
     return replace(points, measured=measured)
 
 
-def told(found: tuple[Warned, ...] | list[Warned]) -> list[str]:
+def told(found: tuple[Finding, ...] | list[Finding]) -> list[str]:
     return [own.message for own in found if own.code == CODE]
 
 

@@ -290,9 +290,9 @@ def test_parts_in_another_unit_than_the_others_are_refused(
     for datum in datums:
         with pytest.raises(InputError) as caught:
             refuse_mistaken(with_measured(found, measured), datum)
-        (problem,) = caught.value.problems
+        (problem,) = caught.value.findings
         assert (problem.file, problem.row) == ("cmm.csv", 14)
-        assert "parts 'P2', 'P4' do not fit the other parts, of which there are 4" in problem.what
+        assert "parts 'P2', 'P4' do not fit the other parts, of which there are 4" in problem.text
         assert str(problem.expected).endswith(f"this looks like {unit}")
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from measured_examples import points, study
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.errors import InputError
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.datum import Datum
 from mtu_cli.model.measured_checks import refuse_mistaken
 from mtu_cli.model.measured_reach import reach_problems
@@ -25,10 +26,10 @@ def slipped(found: Points, value: float, row: int = ROW) -> Points:
     return replace(found, measured=measured)
 
 
-def refused(found: Points, datum: Datum | None = None) -> tuple[Problem, ...]:
+def refused(found: Points, datum: Datum | None = None) -> tuple[Finding, ...]:
     with pytest.raises(InputError) as caught:
         refuse_mistaken(found, datum)
-    return tuple(caught.value.problems)
+    return tuple(caught.value.findings)
 
 
 @pytest.mark.parametrize("datum", [None, "none", "offset", "offset,rotation"])
@@ -46,7 +47,7 @@ def test_a_reading_off_the_part_is_refused(datum: Datum | None, value: float, hi
     (problem,) = refused(slipped(study(6, 2, 3), value), datum)
     assert (problem.file, problem.row, problem.column) == ("cmm.csv", ROW + 2, "x_mm")
     assert problem.value == f"{value:.9g}"
-    assert problem.what.startswith("feature 'a' of part 'P1' is farther from its nominal than")
+    assert problem.text.startswith("feature 'a' of part 'P1' is farther from its nominal than")
     assert problem.expected == f"about 10, not 223.6 mm or more from it{hint}"
 
 

@@ -12,10 +12,10 @@ from machine_trials import COMPONENTS, Drift, machine, read_machine
 from model_examples import Segment, loaded, readings
 from scipy import stats
 
+from mtu_cli.errors import Warned
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
 from mtu_cli.model.fit_warnings import LIMITS, fit_warnings, limit_warnings, limits_of
-from mtu_cli.model.settings import Warned
 from mtu_cli.reports.observability import observability
 from mtu_cli.stats.family import significant
 

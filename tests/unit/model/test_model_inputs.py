@@ -41,7 +41,7 @@ def test_a_missing_covariate_is_named(tmp_path: Path) -> None:
     text = str(error.value)
     assert "need the covariate 'dir_x'" in text
     assert "--at T_spindle_degC=VALUE; given: T_spindel_degC" in text
-    assert len(error.value.problems) == 2
+    assert len(error.value.findings) == 2
 
 
 def test_what_a_sequence_is_is_told(tmp_path: Path) -> None:

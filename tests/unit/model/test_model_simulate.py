@@ -217,7 +217,7 @@ def test_equations_without_a_value(what: str, equation: str, words: str) -> None
     with pytest.raises(InputError) as error:
         simulate(plan, model=quiet())
     assert words in str(error.value)
-    assert len(error.value.problems) == 1
+    assert len(error.value.findings) == 1
 
 
 def test_equations_at_their_bounds() -> None:

@@ -110,7 +110,7 @@ def test_missing_sensors_are_named_with_their_component(tmp_path: Path) -> None:
     assert sensors_of(model)["T_b_degC"] == ("px", "yaw")
     with pytest.raises(InputError) as raised:
         predict(model, IDS, POINTS, {"T_a_degC": 21.0})
-    told = [str(problem) for problem in raised.value.problems]
+    told = [str(problem) for problem in raised.value.findings]
     assert len(told) == 2
     assert "the drift of px, yaw needs the temperature 'T_b_degC'" in told[0]
     assert "the drift of yaw needs the temperature 'T_c_degC'" in told[1]
@@ -215,7 +215,7 @@ def test_many_missing_sensors_are_one_problem(tmp_path: Path) -> None:
     model = machine(tmp_path, drift("px", "x", sensors, np.ones((1, 7))))
     with pytest.raises(InputError) as raised:
         predict(model, IDS, POINTS, {"T_02_degC": 21.0})
-    (told,) = (str(problem) for problem in raised.value.problems)
+    (told,) = (str(problem) for problem in raised.value.findings)
     assert told == (
         "the drift of px needs the temperatures T_01_degC, T_03_degC, T_04_degC, T_05_degC and 2 "
         "more; expected --at T_01_degC=VALUE and so on, or --at 'T_*_degC=VALUE' for all of them; "

@@ -167,7 +167,7 @@ def test_a_report_of_another_machine(tmp_path: Path, machine: LoadedMachine) -> 
     )
     with pytest.raises(InputError) as caught:
         thermal_from_report(machine, found)
-    assert [str(problem) for problem in caught.value.problems] == [
+    assert [str(problem) for problem in caught.value.findings] == [
         "t.json: results.components.pos_z: machine.yaml has no component 'pos_z'; did you mean "
         "'pos_y'?",
         "t.json: results.components.pos_y: 'pos_y' is of x in um in the thermal-fit report; "

@@ -14,9 +14,10 @@ from measured_examples import study as three_holes
 from mtu_cli.analyses.anova import analyse_variance
 from mtu_cli.analyses.compare import compare
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
 from mtu_cli.model.measured import feature_tables, length_tables
 from mtu_cli.model.outlying_points import farthest_off, outlying
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import only_rows, visits_of
 from mtu_cli.reports.compare import document, table
 from mtu_cli.reports.compare_words import parts_that_stand_out, verdict_text
@@ -27,7 +28,7 @@ from mtu_cli.stats.outliers import outlying_p
 SLIP_MM = -0.15
 
 
-def told(found: Points) -> list[Warned]:
+def told(found: Points) -> list[Finding]:
     return outlying(feature_tables(found), found).warnings
 
 

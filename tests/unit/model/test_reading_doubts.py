@@ -70,7 +70,7 @@ def test_a_slip_is_told_with_its_row_and_what_was_expected(
     found = reading_doubts(known, mistyped(given, np.array([slip]), 40 * 0.8e-3))
     (warning,) = found
     assert warning.code == "reading-stands-out"
-    assert warning.about == (given.components[name],)
+    assert warning.facts.get("about", ()) == (given.components[name],)
     assert f", row {given.row[slip]}, column 'error': dx_x at " in warning.message
     assert f"is {1e3 * given.error[slip] + 32:.4g} um where the others" in warning.message
 

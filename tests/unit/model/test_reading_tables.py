@@ -228,7 +228,7 @@ def test_sensors_that_read_no_temperature(tmp_path: Path, value: float) -> None:
     found = replace(found, covariates={"T_bed_degC": column, "load": np.full(len(found), 999.0)})
     with pytest.raises(InputError) as raised:
         reading_tables(machine(tmp_path), None, found)
-    told = [(p.row, p.column, p.value) for p in raised.value.problems]
+    told = [(p.row, p.column, p.value) for p in raised.value.findings]
     assert told == [(found.row[i], "T_bed_degC", f"{value:g}") for i in (1, 4)]
 
 

@@ -111,7 +111,7 @@ def test_covariates_that_are_missing_or_not_numbers(tmp_path: Path) -> None:
     texts[4], texts[5] = "warm", ""
     with pytest.raises(InputError) as found:
         residual_table(model, replace(points, covariates={"T_bed_degC": texts}), {})
-    told = [(problem.what, problem.row) for problem in found.value.problems]
+    told = [(problem.text, problem.row) for problem in found.value.findings]
     wanted = [("not a number", points.row[4]), ("the cell is empty", points.row[5])]
     assert told == sorted(wanted, key=lambda one: one[1])
     # Numbers beside texts in other rows are numbers, where all the rows that count are.
@@ -129,9 +129,9 @@ def test_sensors_that_read_no_temperature(tmp_path: Path, value: float) -> None:
     for model in (stated(tmp_path, MACHINE), stated(tmp_path, GROWING)):
         with pytest.raises(InputError) as raised:
             residual_table(model, far, {})
-        told = [(p.row, p.column, p.value) for p in raised.value.problems]
+        told = [(p.row, p.column, p.value) for p in raised.value.findings]
         assert told == [(row, "T_bed_degC", f"{value:g}") for row in sorted(points.row[[3, 7]])]
-    (first, _) = raised.value.problems
+    (first, _) = raised.value.findings
     kelvin = "in kelvin it would be 20 degC" in str(first)
     assert kelvin == (value > 0)
 
@@ -147,7 +147,7 @@ def test_a_sensor_in_kelvin_is_one_fault_where_all_its_cells_may_be(
         residual_table(
             stated(tmp_path, MACHINE), replace(points, covariates={"T_bed_degC": column}), {}
         )
-    told = [problem.what for problem in raised.value.problems]
+    told = [problem.text for problem in raised.value.findings]
     whole = [f"5 of {len(points)} cells are no temperatures"]
     assert told == (whole if one_fault else ["no temperature"] * 5)
 

@@ -60,7 +60,7 @@ def test_all_axes_without_travel_are_told_at_once(tmp_path: Path) -> None:
     bare = "\n".join(SPACE.splitlines()[1:])
     with pytest.raises(InputError) as raised:
         grid(tmp_path, "3", bare)
-    assert [item.what for item in raised.value.problems] == [
+    assert [item.text for item in raised.value.findings] == [
         "--grid: the travel of x is not known",
         "--grid: the travel of y is not known",
     ]

@@ -17,8 +17,8 @@ from mtu_cli.analyses.compare import Compared, CompareResult, StandsOut, Verdict
 from mtu_cli.analyses.compare.evidence import Foretold, evidence
 from mtu_cli.analyses.compare.summary import summarised
 from mtu_cli.analyses.compare.verdicts import judged
+from mtu_cli.errors import Warned
 from mtu_cli.model.measured import MeasuredTables
-from mtu_cli.model.settings import Warned
 from mtu_cli.reports import arrows
 from mtu_cli.reports.compare import csv_rows, document, figure, table
 from mtu_cli.reports.compare_figure import ITEMS

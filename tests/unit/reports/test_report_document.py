@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtu_cli.errors import InputError, listed
+from mtu_cli.errors import InputError, Warned, listed
 from mtu_cli.files.json_file import report_bytes
 from mtu_cli.files.source import Source
-from mtu_cli.model.settings import Settings, Warned
+from mtu_cli.model.settings import Settings
 from mtu_cli.reports.csv_text import csv_text
 from mtu_cli.reports.document import arcsec, envelope, finite, matrix, um, um2
 from mtu_cli.reports.figures import blank, figure_bytes, styled

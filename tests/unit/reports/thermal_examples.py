@@ -16,7 +16,7 @@ from mtu_cli.analyses.thermal_fit.result import (
     Residuals,
     ThermalFit,
 )
-from mtu_cli.model.settings import Warned
+from mtu_cli.errors import Warned
 from mtu_cli.model.thermal import ThermalEstimate, through_positions
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS

@@ -6,14 +6,15 @@ import numpy as np
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import TableResult
 from mtu_cli.close_loop_sealed.stats.group_shifts import group_shift
+from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.model.place_lines import smooth_of
-from mtu_cli.model.settings import Warned
 from mtu_cli.units import p_text, um_text
 
 CODE = "operation-shifts"
 
 
-def shift_warnings(result: TableResult) -> list[Warned]:
+def shift_warnings(result: TableResult) -> list[Finding]:
     """Of what the effects leave, without gross entries; of readings none, nor of a datum that
     every operation has for itself.
     """

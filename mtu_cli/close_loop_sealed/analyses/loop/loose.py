@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import TableResult
+from mtu_cli.findings import Finding
 from mtu_cli.model.loose_features import loose_features
-from mtu_cli.model.settings import Warned
 
 
-def loose_warnings(result: TableResult) -> list[Warned]:
+def loose_warnings(result: TableResult) -> list[Finding]:
     """Without gross entries, which are single ones. Of readings none: their places are not looked
     at for themselves.
 

@@ -8,8 +8,8 @@ from typing import Literal
 from mtu_cli.close_loop_sealed.analyses.loop.cancelling import FixedPoint, NeutralPoint
 from mtu_cli.close_loop_sealed.analyses.loop.found_scatter import ScatterSize
 from mtu_cli.close_loop_sealed.analyses.loop.gross import Gross
+from mtu_cli.findings import Finding
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 
 Verdict = Literal["none", "named", "class", "unexplained"]
@@ -250,7 +250,7 @@ class CloseLoopResult:
     alpha: float
     datum: str
     covariance: FloatArray
-    warnings: tuple[Warned, ...] = field(default=())
+    warnings: tuple[Finding, ...] = field(default=())
 
     @property
     def effects(self) -> tuple[FoundEffect, ...]:

@@ -9,13 +9,13 @@ import numpy as np
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect, TableResult
 from mtu_cli.close_loop_sealed.analyses.loop.shown import entry_text
-from mtu_cli.errors import fault
+from mtu_cli.errors import Warned, fault
 from mtu_cli.files.contracts import is_identifier
 from mtu_cli.files.covariates import looks_like_temperature
+from mtu_cli.findings import Finding
 from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.model.settings import Warned
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS, p_text
 
@@ -45,7 +45,7 @@ FREES = {
 
 def judged_tables(
     tables: Sequence[ResidualTable],
-) -> tuple[list[ResidualTable], list[Warned]]:
+) -> tuple[list[ResidualTable], list[Finding]]:
     """The tables with enough to tell an effect from scatter, and a warning on each other one.
 
     Raises InputError where none has.
@@ -81,9 +81,9 @@ def _lacking(table: ResidualTable) -> tuple[str, str] | None:
     return None
 
 
-def loop_warnings(tables: Sequence[TableResult], most: int) -> tuple[Warned, ...]:
+def loop_warnings(tables: Sequence[TableResult], most: int) -> tuple[Finding, ...]:
     """Warnings on all tables, that were searched for `most` causes each."""
-    found: list[Warned] = []
+    found: list[Finding] = []
     for table in tables:
         found += _of_table(table)
         if table.stopped:
@@ -101,7 +101,7 @@ def loop_warnings(tables: Sequence[TableResult], most: int) -> tuple[Warned, ...
     return tuple(dict.fromkeys(found))
 
 
-def _of_table(result: TableResult) -> list[Warned]:
+def _of_table(result: TableResult) -> list[Finding]:
     table, found = result.table, []
     parts, of = len(table.parts), "" if table.component is None else f" of {table.component}"
     what = "part" if table.component is None else "pass"
@@ -139,7 +139,7 @@ def _of_table(result: TableResult) -> list[Warned]:
     return found
 
 
-def _unlike(result: TableResult) -> list[Warned]:
+def _unlike(result: TableResult) -> list[Finding]:
     """Of parts that would turn, or grow, along one axis by more than along the other."""
     found = []
     for effect in result.effects:
@@ -160,7 +160,7 @@ def _unlike(result: TableResult) -> list[Warned]:
     return found
 
 
-def _likelier(result: TableResult) -> list[Warned]:
+def _likelier(result: TableResult) -> list[Finding]:
     """Of a mean candidate that fits far better than what was found and does not pass: where cells
     are missing, what would be far out by its fit may yet be chance.
     """
@@ -181,7 +181,7 @@ def _likelier(result: TableResult) -> list[Warned]:
     return found
 
 
-def _passes_apart(result: TableResult) -> list[Warned]:
+def _passes_apart(result: TableResult) -> list[Finding]:
     """That passes of readings stand far apart, which no check holds against the model: scatter
     from pass to pass is part of it, however large.
     """
@@ -205,7 +205,7 @@ def _passes_apart(result: TableResult) -> list[Warned]:
     return [Warned(code="passes-apart", message=text)]
 
 
-def _scatter_beyond(result: TableResult) -> list[Warned]:
+def _scatter_beyond(result: TableResult) -> list[Finding]:
     """That single features scatter from part to part by more than the machine's repeatability and
     the CMM make of them: what does is no effect with an equation, and would go for repeatability.
 
@@ -244,7 +244,7 @@ def _of_levels(left: FloatArray, noise: float) -> float:
     return float(np.var(levels, ddof=1) - noise**2 * np.mean(1 / count[count > 0]))
 
 
-def _odd_names(tables: Sequence[ResidualTable]) -> list[Warned]:
+def _odd_names(tables: Sequence[ResidualTable]) -> list[Finding]:
     """Columns that no equation can name, once for all tables; who reads them tells of sensors."""
     every = dict.fromkeys(name for table in tables for name in table.covariates)
     odd = [name for name in every if not is_identifier(name) and not looks_like_temperature(name)]
@@ -273,7 +273,7 @@ def _alike(effect: FoundEffect, of: str) -> str:
     )
 
 
-def _few_places(effect: FoundEffect, table: ResidualTable) -> list[Warned]:
+def _few_places(effect: FoundEffect, table: ResidualTable) -> list[Finding]:
     """That there are hardly more places along an axis than the effect has free figures: its
     parameters, a level, and what was searched."""
     taken = len(effect.parameters) + 1 + len(effect.searched)

@@ -1,0 +1,308 @@
+"""What is wrong or odd about an input: one form for every file, check and command.
+
+A `Finding` is one entry of the `CATALOGUE` with the place where it stands and the facts of the
+case. Errors travel in an `InputError`, all of a file at once; warnings and notes travel in results.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from string import Formatter
+from typing import Any
+
+from mtu_cli.catalogue import CATALOGUE, Kind, Severity
+
+EXIT_INPUT = 2
+EXIT_GATE = 3
+
+MOST_SHOWN = 20
+"""Findings of an error that are shown; the rest is counted."""
+SHOWN_ALIKE = 3
+"""Findings that differ in their row alone are shown one by one up to so many, else by the first."""
+SHOWN_RUNS = 6
+"""Runs of rows that a finding names."""
+SHOWN_NAMES = 6
+LONGEST_VALUE = 60
+LONGEST_NAME = 200
+LONGEST_TEXT = 500
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One finding: a `code` of the catalogue, its place, and the facts that its template names.
+
+    `line` is a line of a YAML file, `row` a row of a CSV file, both counted as a text editor does;
+    `path` a place inside a document (``components.dx_x.unit``); `column` the name of a CSV column,
+    or the character of an equation counted from 1. `value` is what stands there, `expected` what
+    should, `meant` the known names that are nearest to it.
+    """
+
+    code: str
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    file: str | None = None
+    line: int | None = None
+    row: int | None = None
+    column: str | int | None = None
+    path: str | None = None
+    value: str | None = None
+    expected: str | None = None
+    meant: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> Kind:
+        """Its entry of the catalogue."""
+        return CATALOGUE[self.code]
+
+    @property
+    def severity(self) -> Severity:
+        """``error``, ``warning`` or ``note``."""
+        return self.kind.severity
+
+    @property
+    def text(self) -> str:
+        """What is wrong, without its place.
+
+        >>> Finding(code="unused-component", facts={"component": "dx_x"}).text
+        "the component 'dx_x' is in no equation"
+        """
+        return _WORDS.vformat(self.kind.template, (), self.facts)
+
+    @cached_property
+    def message(self) -> str:
+        """The whole sentence: place, text, value, expectation.
+
+        >>> print(Finding(code="not-a-number", file="a.csv", row=3, column="error",
+        ...               value="1.2.3", expected="a number").message)
+        a.csv, row 3, column 'error': not a number: '1.2.3'; expected a number
+        """
+        text = self.text
+        if isinstance(self.column, int):
+            text += f" at column {self.column}"
+        if self.path:
+            text = f"{shorten(self.path, LONGEST_NAME)}: {text}"
+        if place := self._place():
+            text = f"{place}: {text}"
+        if self.value is not None:
+            text += f": {shorten(self.value)!r}"
+        if self.meant:
+            text += f"; did you mean {' or '.join(map(repr, self.meant))}?"
+        elif self.expected:
+            text += f"; expected {shorten(self.expected, LONGEST_TEXT)}"
+        return printable(text)
+
+    def __str__(self) -> str:
+        return self.message
+
+    def __hash__(self) -> int:
+        return hash((self.code, self.file, self.line, self.row, self.column, self.value))
+
+    def _place(self) -> str:
+        steps = (
+            [f"{self.file or 'line '}{':' if self.file else ''}{self.line}"] if self.line else []
+        )
+        if not steps and self.file:
+            steps = [self.file]
+        if self.row is not None:
+            steps.append(f"row {self.row}")
+        if isinstance(self.column, str):
+            steps.append(f"column {shorten(self.column)!r}")
+        return ", ".join(steps)
+
+    def at(self, **place: Any) -> Finding:
+        """The same finding with what its place lacks (file, line, row, column, path) filled in."""
+        missing = {name: to for name, to in place.items() if getattr(self, name) in (None, ())}
+        return replace(self, **missing)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As reports list it: `file`, `line`, `row` and `column` where they apply."""
+        found = {"code": self.code, "severity": self.severity, "message": self.message}
+        facts = {name: _plain(value) for name, value in self.facts.items()}
+        place = {"file": self.file, "line": self.line, "row": self.row, "column": self.column}
+        return {**found, "facts": facts, **{k: v for k, v in place.items() if v is not None}}
+
+
+class MtuError(Exception):
+    """Base of every error that is reported to the user without a traceback."""
+
+
+class InputError(MtuError):
+    """The input or the call is at fault (exit code 2); carries every finding.
+
+    `uncounted`: how many more there are that were not listed, such as the bad cells of a file
+    beyond the first thousands.
+    """
+
+    def __init__(self, findings: Finding | Iterable[Finding], uncounted: int = 0) -> None:
+        listed = [findings] if isinstance(findings, Finding) else in_file_order(findings)
+        self.findings = tuple(listed)
+        self.uncounted = uncounted
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        groups = together(self.findings)
+        lines = [f"{own[0].message}{also_in(own[1:])}" for own in groups[:MOST_SHOWN]]
+        left = self.uncounted + sum(len(own) for own in groups[MOST_SHOWN:])
+        return "\n".join([*lines, *([f"... and {left} more"] if left else [])])
+
+
+def error(code: str, **place_and_facts: Any) -> InputError:
+    """An InputError of one finding; names that are no fields of a Finding are its facts.
+
+    >>> print(error("no-such-file", file="a.csv", meant=("b.csv",)))
+    a.csv: no such file; did you mean 'b.csv'?
+    """
+    return InputError(finding(code, **place_and_facts))
+
+
+def finding(code: str, **place_and_facts: Any) -> Finding:
+    """A Finding whose facts are given by name beside its place."""
+    fields = Finding.__dataclass_fields__
+    own = {name: value for name, value in place_and_facts.items() if name in fields}
+    facts = {name: value for name, value in place_and_facts.items() if name not in fields}
+    return Finding(code=code, **{**own, "facts": {**facts, **own.get("facts", {})}})
+
+
+def in_file_order(findings: Iterable[Finding]) -> list[Finding]:
+    """Findings of one file by line or row, files in the order in which they come."""
+    listed = list(findings)
+    files = {name: i for i, name in enumerate(dict.fromkeys(each.file for each in listed))}
+    return sorted(listed, key=lambda each: (files[each.file], each.line or 0, each.row or 0))
+
+
+def together(findings: Sequence[Finding]) -> list[list[Finding]]:
+    """Findings that differ in the row, or in the entry of a document, alone: one fault of a whole
+    column is one line. Few of them stand each by itself.
+    """
+    alike: dict[tuple[object, ...], list[Finding]] = {}
+    for each in findings:
+        path = tuple((each.path or "").split("."))
+        entry = (path[:1], path[2:]) if len(path) > 1 else (path, each.line)
+        own = (each.code, each.file, each.column, each.value, each.expected, each.meant)
+        alike.setdefault((*own, entry, repr(each.facts)), []).append(each)
+    apart = ([[one] for one in own] if len(own) <= SHOWN_ALIKE else [own] for own in alike.values())
+    order = {id(each): i for i, each in enumerate(findings)}
+    return sorted((own for group in apart for own in group), key=lambda own: order[id(own[0])])
+
+
+def also_in(others: Sequence[Finding]) -> str:
+    """Where the same stands again: `` (and rows 3 to 91)``."""
+    rows = [each.row or each.line for each in others]
+    known = [row for row in rows if row is not None]
+    if not others or len(known) < len(rows):
+        return f" (and {len(others)} more)" if others else ""
+    name = "row" if others[0].row is not None else "line"
+    return f" (and {name}{'s' if len(known) > 1 else ''} {runs(known)})"
+
+
+def runs(numbers: Sequence[int]) -> str:
+    """Whole numbers as runs.
+
+    >>> runs([3, 4, 5, 9])
+    '3 to 5, 9'
+    """
+    known = sorted(set(numbers))
+    starts = [i for i, n in enumerate(known) if i == 0 or n != known[i - 1] + 1]
+    spans = [known[a:b] for a, b in pairwise([*starts, len(known)])]
+    texts = [f"{own[0]} to {own[-1]}" if len(own) > 1 else f"{own[0]}" for own in spans]
+    more = f" and {sum(map(len, spans[SHOWN_RUNS:]))} more" if len(spans) > SHOWN_RUNS else ""
+    return ", ".join(texts[:SHOWN_RUNS]) + more
+
+
+def listed(names: Iterable[object], most: int = SHOWN_NAMES) -> str:
+    """Names for a sentence: the first few and how many more.
+
+    >>> listed("abcdefgh", 3)
+    'a, b, c and 5 more'
+    """
+    known = list(dict.fromkeys(map(str, names)))
+    more = f" and {len(known) - most} more" if len(known) > most else ""
+    return ", ".join(known[:most]) + more
+
+
+def counted(number: int, noun: str, several: str = "") -> str:
+    """``1 row``, ``2 rows``; ``1 entry``, and of `several` ``2 entries``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {several or noun + 's'}"
+
+
+def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
+    """The known names that `name` was probably meant to be: up to three that are equally near.
+
+    >>> nearest("dx_y", ["dx_x", "dy_y", "ez_x"])
+    ('dx_x', 'dy_y')
+    """
+    known = {str(each).casefold(): str(each) for each in names}
+    own = name.casefold()[:LONGEST_NAME]
+    # Letters in another order ('azx' for 'axz') are likelier than other letters.
+    found = [each for each in known if sorted(each) == sorted(own)]
+    if not found and (close := difflib.get_close_matches(own, known, n=4, cutoff=0.65)):
+        ratios = [difflib.SequenceMatcher(None, each, own).ratio() for each in close]
+        found = [each for each, ratio in zip(close, ratios, strict=True) if ratio == ratios[0]]
+    if not found and len(own) > 1:
+        found = [each for each in known if each.startswith(own)]
+    return tuple(known[each] for each in known if each in found) if len(found) <= 3 else ()
+
+
+def closest(name: str, names: Iterable[str]) -> str | None:
+    """The known name that `name` was probably meant to be, or None.
+
+    >>> closest("coverge_factor", ["seed", "coverage_factor"])
+    'coverage_factor'
+    """
+    return next(iter(nearest(name, names)), None)
+
+
+def suggestion(name: str, names: Iterable[str]) -> dict[str, Any]:
+    """What a Finding of an unknown name says beside it: `meant`, else the known ones `expected`."""
+    known = list(names)
+    if near := nearest(name, known):
+        return {"meant": near}
+    shown = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
+    return {"expected": f"one of: {shown}" if known else "no such name: none is known here"}
+
+
+def shorten(text: str, width: int = LONGEST_VALUE) -> str:
+    """Text cut to `width` characters, so that one message stays one line."""
+    return text if len(text) <= width else text[: width - 3] + "..."
+
+
+def printable(text: str) -> str:
+    """Text in which control characters (of a file name, say) are escaped: no terminal obeys it."""
+    if text.isprintable():
+        return text
+    return "".join(
+        sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text
+    )
+
+
+def _plain(value: Any) -> Any:
+    """A fact as JSON can hold it."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # numbers and arrays of numpy, which is not imported here
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, (bool, int, str)) else str(value)
+
+
+class _Words(Formatter):
+    """Facts in a sentence: names are listed, numbers have four digits unless the template asks."""
+
+    def format_field(self, value: Any, format_spec: str) -> Any:
+        if isinstance(value, (list, tuple, set, frozenset)):
+            return listed(sorted(value) if isinstance(value, (set, frozenset)) else value)
+        if isinstance(value, float) and not format_spec:
+            return f"{value:.4g}"
+        return format(
+            shorten(value, LONGEST_NAME) if isinstance(value, str) else value, format_spec
+        )
+
+
+_WORDS = _Words()
