@@ -45,6 +45,7 @@ from mtu_cli.findings import (
 
 SHOWN_ALIKE = 3
 SHOWN_ROWS = 6
+_ALL = re.compile(r"did you mean '[^']*'(?:(?:,| or) '[^']*')*\?")
 _MEANT = re.compile(r"'([^']*)'")
 _ENDINGS = re.compile(r"(?<=.)(?:\.[a-z]{1,5}){1,2}$")
 
@@ -59,7 +60,7 @@ class Bridged(Finding):
         own = {name: given.pop(name) for name in names if name in given}
         if "message" in own:
             own["told"] = own.pop("message")
-        if expected and expected.startswith("did you mean"):
+        if expected and _ALL.fullmatch(expected):
             given, expected = {**given, "meant": tuple(_MEANT.findall(expected))}, None
         super().__init__(code=code, facts={**(facts or {}), **own}, expected=expected, **given)
 
@@ -68,6 +69,12 @@ class Bridged(Finding):
         """What is wrong, without its place."""
         words = self.facts.get("what", self.facts.get("told"))
         return super().text if words is None else str(words)
+
+    @property
+    def message(self) -> str:  # type: ignore[override]
+        """The whole sentence."""
+        whole = str(Finding.message.func(self))
+        return whole.replace("; expected did you mean", "; did you mean")
 
     @property
     def kind(self) -> Kind:

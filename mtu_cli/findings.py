@@ -102,11 +102,10 @@ class Finding:
         return hash((self.code, self.file, self.line, self.row, self.column, self.value))
 
     def _place(self) -> str:
-        steps = (
-            [f"{self.file or 'line '}{':' if self.file else ''}{self.line}"] if self.line else []
-        )
-        if not steps and self.file:
-            steps = [self.file]
+        file = shorten(self.file, LONGEST_NAME) if self.file else ""
+        steps = [file] if file else []
+        if self.line is not None:
+            steps = [f"{file}:{self.line}" if file else f"line {self.line}"]
         if self.row is not None:
             steps.append(f"row {self.row}")
         if isinstance(self.column, str):

@@ -218,7 +218,7 @@ def _literal(item: ErrorDetails) -> tuple[str, str]:
     if item["loc"][-1:] == ("distribution",):
         # Another name is no slip of the most alike: `uniform` is not meant to be `normal`.
         own = _distribution(str(item["input"]))
-        near = near if own is None else [own] if own in allowed else []
+        near = near if own is None else (own,) if own in allowed else ()
     return what, question(near) or f"one of: {', '.join(allowed)}"
 
 

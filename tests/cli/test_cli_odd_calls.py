@@ -70,7 +70,9 @@ def test_an_equation_that_grows_beyond_numbers_is_told(work: Path) -> None:
 def test_a_name_that_no_system_takes_is_told_and_cut(
     call: list[str], what: str, work: Path
 ) -> None:
-    assert refused(work, *call) == f"mtu: {'a' * 57}...: {what}: file name too long\n"
+    message = refused(work, *call)
+    assert len(message) < 300
+    assert message.endswith(f"a...: {what}: file name too long\n")
 
 
 def test_a_study_beside_a_machine_of_its_own_is_told_of(work: Path) -> None:

@@ -153,7 +153,7 @@ def test_temperatures_that_nobody_gives(folder: Path) -> None:
         (("--interval-min", "0"), "--interval-min is out of range"),
         (("--cycle-minutes", "inf"), "--cycle-minutes is out of range"),
         (("--interval-min", "1e-6"), "the drift test is too long"),
-        (("--settled-drift", "aa: 3"), "thermal model: 'aa'; expected one of: a, t"),
+        (("--settled-drift", "aa: 3"), "thermal model: 'aa'; did you mean 'a'?"),
         (("--settled-drift", "a: 3 4"), "--settled-drift gives 2 values of a"),
         (("--settled-drift", "a: 3 x"), "--settled-drift a: not a number: 'x'; expected a num"),
         (("--settled-drift", "a:"), "--settled-drift is not NAME: NUMBERS"),

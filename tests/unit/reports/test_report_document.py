@@ -47,7 +47,9 @@ def test_envelope_has_the_contract_fields_and_each_warning_once() -> None:
         "trials": None,
         "at": {"dir_x": 1.0},
     }
-    assert document["warnings"] == [{"code": "a-code", "message": "a message"}]
+    (listed,) = document["warnings"]
+    assert listed["code"] == "a-code"
+    assert listed["message"] == "a message"
     assert b"secret" not in report_bytes(document)
 
 
