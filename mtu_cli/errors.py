@@ -71,9 +71,9 @@ class Bridged(Finding):
         return super().text if words is None else str(words)
 
     @property
-    def message(self) -> str:  # type: ignore[override]
+    def message(self) -> str:
         """The whole sentence."""
-        whole = str(Finding.message.func(self))
+        whole = super().message
         return whole.replace("; expected did you mean", "; did you mean")
 
     @property

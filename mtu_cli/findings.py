@@ -10,7 +10,6 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import pairwise
 from string import Formatter
 from typing import Any
@@ -72,7 +71,7 @@ class Finding:
         """
         return _WORDS.vformat(self.kind.template, (), self.facts)
 
-    @cached_property
+    @property
     def message(self) -> str:
         """The whole sentence: place, text, value, expectation.
 
